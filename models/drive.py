@@ -1,0 +1,66 @@
+"""What the drive can do: acceleration and sustained speed within force and power.
+
+Newton's second law along the slope, with the resistances of motion and turning as one share of the
+normal load. Validity: wheels do not spin. Omits: the inertia of rotating parts, losses between
+motor and wheel, limits of a single side in a turn, drag of the air. Source: Braking (2) with
+thrust in place of braking force; Slip (12).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.elementwise import Elementwise
+from models.quantity import GRAVITY
+
+_LEAST_SPEED = 1e-6
+_LEAST_RESISTANCE = 1e-6
+
+
+def powered_accel_limit(
+    speed: Elementwise,
+    grade: Elementwise,
+    roll: Elementwise,
+    mass: Elementwise,
+    max_drive_force: Elementwise,
+    max_drive_power: Elementwise,
+    resistance_ratio: Elementwise,
+) -> Elementwise:
+    """Highest forward acceleration [m/s²] the drive gives at a speed.
+
+    min(F, P/v)/m − g (sin θ + f cos θ cos φ). Negative where the vehicle slows at full drive.
+
+    Args:
+        speed: v [m/s], >= 0.
+        grade: θ [rad], uphill positive.
+        roll: φ [rad].
+        mass: m [kg].
+        max_drive_force: F, highest thrust of all wheels together [N].
+        max_drive_power: P, highest power of all wheels together [W].
+        resistance_ratio: f, motion and turning resistance as a share of the normal load [1].
+    """
+    thrust = np.fmin(max_drive_force, max_drive_power / np.fmax(speed, _LEAST_SPEED))
+    resistance = np.sin(grade) + resistance_ratio * np.cos(grade) * np.cos(roll)
+    return thrust / mass - GRAVITY * resistance
+
+
+def sustained_speed(
+    grade: Elementwise,
+    mass: Elementwise,
+    max_drive_power: Elementwise,
+    resistance_ratio: Elementwise,
+) -> Elementwise:
+    """Speed [m/s] at which the power just holds the grade, P / (W (sin θ + f cos θ)).
+
+    Downhill, where nothing has to be held, the denominator is taken as 10⁻⁶ W and the result is
+    huge but finite. Holds where the drive force suffices: :func:`powered_accel_limit` says so.
+    Roll is left out, which errs to the slow side.
+
+    Args:
+        grade: θ [rad], uphill positive.
+        mass: m [kg].
+        max_drive_power: P, highest power of all wheels together [W].
+        resistance_ratio: f, motion and turning resistance as a share of the normal load [1].
+    """
+    resistance = np.sin(grade) + resistance_ratio * np.cos(grade)
+    return max_drive_power / (mass * GRAVITY * np.fmax(resistance, _LEAST_RESISTANCE))

@@ -1,0 +1,16 @@
+"""The type of what laws take and give."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+Elementwise: TypeAlias = Any
+"""A float, an ndarray or a scalar casadi symbol alike.
+
+A law with such arguments works entry by entry and keeps no state. Arrays broadcast against each
+other by numpy's rules: stations (N,), batches of candidates (N, M), vehicle constants as floats.
+The result is a float, an array or a symbol as the arguments are. To keep it so, a law uses
+arithmetic and numpy's elementwise functions (``sqrt``, ``cos``, ``fmax``, …) only, never a branch
+on a value, ``where``, ``clip`` or ``maximum``, and calls no other law: then casadi can
+differentiate it and numba can compile it as it stands.
+"""

@@ -1,0 +1,78 @@
+"""Motion resistance: what rolling costs, learned from motor currents.
+
+Validity: straight driving at constant speed; a brushed motor, torque proportional to current.
+Omits: dependence on speed, losses of the gear under load, and gravity: on a grade the motors also
+hold W sin θ. Source: Slip (12), (13).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.elementwise import Elementwise
+
+
+def motion_resistance(
+    current: Elementwise,
+    idle_current: Elementwise,
+    torque_constant: Elementwise,
+    gear_ratio: Elementwise,
+    wheel_radius: Elementwise,
+    side_load: Elementwise,
+) -> Elementwise:
+    """Coefficient of motion resistance f_r = τ k_t (I − I_idle) / (r F_z) [1] of one side.
+
+    One motor drives the wheels of a side, so F_z is the load of that side. The print has no idle
+    current: its I₀ is the mean current on straights; with ``idle_current`` 0 this is the print's.
+    Source: Slip (12), (13).
+
+    Args:
+        current: I of the side's motor [A].
+        idle_current: current with the wheels lifted [A].
+        torque_constant: k_t [N m/A].
+        gear_ratio: τ, motor turns a wheel turn [1].
+        wheel_radius: r [m].
+        side_load: F_z > 0, normal load of the side [N].
+    """
+    torque = gear_ratio * torque_constant * (current - idle_current)
+    return torque / (wheel_radius * side_load)
+
+
+def current_of_motion_resistance(
+    motion_resistance: Elementwise,
+    idle_current: Elementwise,
+    torque_constant: Elementwise,
+    gear_ratio: Elementwise,
+    wheel_radius: Elementwise,
+    side_load: Elementwise,
+) -> Elementwise:
+    """Motor current [A] of one side rolling straight at constant speed on level ground.
+
+    The inverse of :func:`motion_resistance`. Source: Slip (12), (13).
+
+    Args:
+        motion_resistance: f_r [1].
+        idle_current: current with the wheels lifted [A].
+        torque_constant: k_t [N m/A].
+        gear_ratio: τ [1].
+        wheel_radius: r [m].
+        side_load: F_z, normal load of the side [N].
+    """
+    torque = motion_resistance * wheel_radius * side_load
+    return idle_current + torque / (gear_ratio * torque_constant)
+
+
+def resistance_force(
+    motion_resistance: Elementwise, weight: Elementwise, grade: Elementwise, roll: Elementwise
+) -> Elementwise:
+    """Force of motion resistance of the whole vehicle, f_r W cos θ cos φ [N].
+
+    Source: Slip (12), summed over the wheel loads (18)–(21), sign of (21) corrected.
+
+    Args:
+        motion_resistance: f_r [1].
+        weight: W [N].
+        grade: θ [rad].
+        roll: φ [rad].
+    """
+    return motion_resistance * weight * np.cos(grade) * np.cos(roll)

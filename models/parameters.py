@@ -1,0 +1,205 @@
+"""Everything one model file holds: vehicle, braking, terrain, limits and named effects.
+
+Frozen and validated once at the door, so that no law has to check again. Optional keys are marked
+by a default; physical constants of a vehicle have none.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from models.errors import ParameterError
+from models.quantity import quantity, validate_quantities
+from models.vehicle import Vehicle
+
+Matrix = tuple[tuple[float, ...], ...]
+
+
+def _validate_range(name: str, bounds: tuple[float, float]) -> None:
+    low, high = bounds
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise ParameterError(name, f"two finite numbers, low < high, got [{low:g}, {high:g}]")
+
+
+def _validate_covariance(name: str, covariance: Matrix | None, size: int) -> None:
+    if covariance is None:
+        return
+    if len(covariance) != size or any(len(row) != size for row in covariance):
+        raise ParameterError(name, f"a {size} x {size} matrix")
+    matrix = np.asarray(covariance)
+    scale = float(np.max(np.abs(matrix)))
+    if not (np.isfinite(scale) and np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * scale)):
+        raise ParameterError(name, "a finite symmetric matrix")
+    if np.linalg.eigvalsh(matrix)[0] < -1e-9 * scale:
+        raise ParameterError(name, "a positive semidefinite matrix, got a negative eigenvalue")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UphillBraking:
+    """Slope coefficients that replace ``m_m`` and ``b_m`` uphill. Source: Braking, Sec. 2."""
+
+    m_m: float = quantity("s/m", "Change of the uphill slope coefficient with speed.")
+    b_m: float = quantity("1", "Uphill slope coefficient at rest.")
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurfaceBraking:
+    """What differs on one named surface; every key left out is that of ``[braking]``."""
+
+    m_m: float | None = quantity("s/m", "See [braking].", default=None)
+    b_m: float | None = quantity("1", "See [braking].", default=None)
+    m_b: float | None = quantity("s/m", "See [braking].", default=None)
+    b_b: float | None = quantity("1", "See [braking].", default=None)
+    dead_time: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
+    distance_offset: float | None = quantity("m", "See [braking].", default=None, at_least=0.0)
+    time_offset: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
+    covariance: Matrix | None = None
+    speed_range: tuple[float, float] | None = None
+    grade_range: tuple[float, float] | None = None
+    sliding_friction: float | None = quantity("1", "See [braking].", default=None, above=0.0)
+    uphill: UphillBraking | None = None
+    class_id: int | None = None
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Braking:
+    """The empirical braking model of one vehicle. Source: Braking (7), (8), (11), (12).
+
+    F_b/W = (m_m v_i + b_m) θ + (m_b v_i + b_b), dimensionless, with θ the grade (uphill positive)
+    and v_i the speed at brake onset. The sign of the slope coefficients is learned, not assumed.
+    """
+
+    m_m: float = quantity("s/m", "Change of the slope coefficient with speed at onset.")
+    b_m: float = quantity("1", "Slope coefficient at rest.")
+    m_b: float = quantity("s/m", "Change of the level-ground force with speed at onset.")
+    b_b: float = quantity("1", "Force on level ground at rest, as a share of the weight.")
+    dead_time: float = quantity("s", "From stop command to onset.", at_least=0.0, at_most=10.0)
+    distance_offset: float = quantity("m", "Safety offset s_offset.", default=0.0, at_least=0.0)
+    time_offset: float = quantity("s", "Safety offset t_offset.", default=0.0, at_least=0.0)
+    speed_range: tuple[float, float]
+    grade_range: tuple[float, float]
+    covariance: Matrix | None = None
+    sliding_friction: float | None = quantity(
+        "1", "Friction of locked wheels; caps the force.", default=None, above=0.0
+    )
+    level: float = quantity(
+        "1", "Share of full brake application.", default=1.0, above=0.0, at_most=1.0
+    )
+    uphill: UphillBraking | None = None
+    extrapolate: bool = False
+    extrapolation_margin: float = quantity(
+        "1", "Share of the force given up where it extrapolates.", default=0.3, at_least=0.0,
+        at_most=1.0,
+    )  # fmt: skip
+    terrain: MappingProxyType[str, SurfaceBraking] | dict[str, SurfaceBraking] = field(
+        default_factory=dict
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+        _validate_range("speed_range", self.speed_range)
+        _validate_range("grade_range", self.grade_range)
+        if self.speed_range[0] < 0.0:
+            raise ParameterError("speed_range", f"speeds >= 0, got {self.speed_range[0]:g}")
+        _validate_covariance("covariance", self.covariance, 4)
+        if not self.level_force(self.speed_range[0]) > 0.0:
+            raise ParameterError(
+                "b_b", "brakes that slow the vehicle on level ground, m_b v + b_b > 0"
+            )
+        object.__setattr__(self, "terrain", MappingProxyType(dict(self.terrain)))
+        for name in self.terrain:
+            try:
+                self.on(name)
+            except ParameterError as error:
+                raise ParameterError(f"terrain.{name}.{error.field}", error.expected) from None
+
+    def level_force(self, onset_speed: float) -> float:
+        """F_b/W on level ground, without brake level or effects."""
+        return self.m_b * onset_speed + self.b_b
+
+    def on(self, surface: str) -> Braking:
+        """The braking model on a named surface; one without a table of its own is the base."""
+        table = self.terrain.get(surface)
+        changes = {} if table is None else _given(table)
+        changes.pop("class_id", None)
+        return dataclasses.replace(self, terrain={}, **changes)
+
+
+def _given(table: SurfaceBraking) -> dict[str, Any]:
+    values = {f.name: getattr(table, f.name) for f in dataclasses.fields(table)}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Terrain:
+    """Wheel-terrain interaction on the ground driven now. Source: Slip, Table 2."""
+
+    motion_resistance: float = quantity("1", "Coefficient f_r.", at_least=0.0)
+    lateral_resistance: float = quantity("1", "Coefficient μ_t.", at_least=0.0)
+    slip_track: float = quantity("m", "Slip track B_s, at least the track width.", above=0.0)
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What a plan may ask of the vehicle and its load."""
+
+    speed: float = quantity("m/s", "Highest planned speed.", above=0.0)
+    accel: float = quantity("m/s²", "Highest planned acceleration.", above=0.0)
+    decel: float = quantity("m/s²", "Highest planned (service) deceleration.", above=0.0)
+    jerk: float = quantity("m/s³", "Highest planned change of acceleration.", above=0.0)
+    lateral_accel: float = quantity("m/s²", "Highest v² κ in turns.", above=0.0)
+    min_load: float = quantity(
+        "1", "Share of its level static load every axle and side must keep.", above=0.0, at_most=0.9
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """One named effect with its parameters; :mod:`models.effects` knows what they mean."""
+
+    name: str
+    parameters: dict[str, float]
+    covariance: Matrix | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        _validate_covariance("covariance", self.covariance, len(self.parameters))
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Model:
+    """One model file: what the planner needs to know of one vehicle on its ground."""
+
+    name: str
+    vehicle: Vehicle
+    braking: Braking
+    terrain: Terrain
+    limits: Limits
+    effect: tuple[Effect, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.terrain.slip_track < self.vehicle.track_width:
+            raise ParameterError(
+                "terrain.slip_track",
+                f"at least the track width of {self.vehicle.track_width:g} m, "
+                f"got {self.terrain.slip_track:g}",
+            )

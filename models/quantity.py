@@ -1,0 +1,84 @@
+"""Physical quantities: the one constant of nature used here, and fields that know unit and range.
+
+A parameter is a dataclass field made by :func:`quantity`. Its metadata carries unit, range and a
+sentence, so that validation, error messages and the parameter reference come from one place.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from models.errors import ParameterError
+
+GRAVITY = 9.80665
+"""Standard gravity g [m/s²]."""
+
+_REQUIRED = dataclasses.MISSING
+
+
+def quantity(
+    unit: str,
+    text: str,
+    *,
+    default: Any = _REQUIRED,
+    above: float = -math.inf,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+) -> Any:
+    """A dataclass field that holds a physical quantity.
+
+    Args:
+        unit: SI unit as shown to people ("kg", "m/s", "1" for dimensionless).
+        text: one sentence that says what it is.
+        default: left out, the field is required.
+        above: exclusive lower bound.
+        at_least: inclusive lower bound.
+        at_most: inclusive upper bound.
+    """
+    metadata = {
+        "unit": unit,
+        "text": text,
+        "above": above,
+        "at_least": at_least,
+        "at_most": at_most,
+    }
+    if default is _REQUIRED:
+        return dataclasses.field(metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def describe_range(metadata: Any) -> str:
+    """The allowed range of a quantity in words, e.g. ``a number > 0 [kg]``."""
+    words = []
+    if metadata["above"] > -math.inf:
+        words.append(f"> {metadata['above']:g}")
+    if metadata["at_least"] > -math.inf:
+        words.append(f">= {metadata['at_least']:g}")
+    if metadata["at_most"] < math.inf:
+        words.append(f"<= {metadata['at_most']:g}")
+    return f"a finite number {' and '.join(words)}".rstrip() + f" [{metadata['unit']}]"
+
+
+def validate_quantities(instance: Any) -> None:
+    """Check every quantity of a dataclass instance against its range.
+
+    Raises:
+        ParameterError: names the field and what was expected.
+    """
+    for field in dataclasses.fields(instance):
+        if "unit" not in field.metadata:
+            continue
+        value = getattr(instance, field.name)
+        if value is None and field.default is None:
+            continue
+        metadata = field.metadata
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (
+            number
+            and math.isfinite(value)
+            and value > metadata["above"]
+            and metadata["at_least"] <= value <= metadata["at_most"]
+        ):
+            raise ParameterError(field.name, f"{describe_range(metadata)}, got {value!r}")

@@ -1,0 +1,50 @@
+"""Slip track: the width a skid-steered vehicle seems to have when its wheels slip in a turn.
+
+Validity: steady turning on one kind of ground. Omits: the difference between the slip of the two
+sides, and dependence on speed. Source: Slip (1)–(3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.elementwise import Elementwise
+
+
+def slip_track(v_right: Elementwise, v_left: Elementwise, yaw_rate: Elementwise) -> Elementwise:
+    """Slip track B_s = (V_R − V_L)/ω_z [m], at least the track width. Source: Slip (3).
+
+    Args:
+        v_right: speed at the rim of the right wheels [m/s].
+        v_left: speed at the rim of the left wheels [m/s].
+        yaw_rate: ω_z [rad/s], counter-clockwise positive, not 0.
+    """
+    return (v_right - v_left) / yaw_rate
+
+
+def wheel_speeds(
+    speed: Elementwise, yaw_rate: Elementwise, slip_track: Elementwise
+) -> tuple[Elementwise, Elementwise]:
+    """Rim speeds (left, right) [m/s] that move the body as wanted, v ∓ ω_z B_s/2.
+
+    Both sides are taken to slip alike, their poles of turning placed evenly. Source: Slip (3).
+
+    Args:
+        speed: v of the body [m/s].
+        yaw_rate: ω_z [rad/s], counter-clockwise positive.
+        slip_track: B_s [m].
+    """
+    half = 0.5 * yaw_rate * slip_track
+    return speed - half, speed + half
+
+
+def outer_wheel_speed_ratio(curvature: Elementwise, slip_track: Elementwise) -> Elementwise:
+    """Rim speed of the outer wheels over the speed of the body, 1 + |κ| B_s/2 [1].
+
+    Source: Slip (3) with ω_z = κ v.
+
+    Args:
+        curvature: κ [1/m], either sign.
+        slip_track: B_s [m].
+    """
+    return 1.0 + 0.5 * np.fabs(curvature) * slip_track

@@ -1,0 +1,113 @@
+"""Wheel lock-up: an axle locks when its part of the braking force exceeds its friction.
+
+The braking force F_b is divided between the axles by the fixed share ``front_brake_share``. The
+loads move with F_b: with a_x = g (F_b/W + sin θ) the axle loads are
+W_f L/W = cg_x c + cg_z F_b/W and W_r L/W = (L − cg_x) c − cg_z F_b/W, c = cos θ cos φ.
+
+Validity: straight braking. Omits: friction used up sideways (turns, cross slopes), peak friction
+above the sliding one, and that locked wheels change the division. Source: Braking Sec. 1.2 and
+5.2, which name lock-up and give no formula; derived here from (2), (5) corrected.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.elementwise import Elementwise
+
+_LEAST_LEVER = 1e-9
+
+
+def front_lockup_force_ratio(
+    grade: Elementwise,
+    roll: Elementwise,
+    front_brake_share: Elementwise,
+    sliding_friction: Elementwise,
+    wheelbase: Elementwise,
+    cg_x: Elementwise,
+    cg_z: Elementwise,
+) -> Elementwise:
+    """F_b/W [1] at which the front axle locks: μ_s cg_x c / (β L − μ_s cg_z).
+
+    Braking loads the front: with β L <= μ_s cg_z its friction grows faster than its part of the
+    force and it never locks; a number above 10⁶ stands for that.
+
+    Args:
+        grade: θ [rad], uphill positive.
+        roll: φ [rad], left side up positive.
+        front_brake_share: β, front axle's part of the braking force [1], 0 to 1.
+        sliding_friction: μ_s [1].
+        wheelbase: L [m].
+        cg_x: centre of gravity ahead of the rear axle [m].
+        cg_z: height of the centre of gravity [m].
+    """
+    c = np.cos(grade) * np.cos(roll)
+    lever = np.fmax(front_brake_share * wheelbase - sliding_friction * cg_z, _LEAST_LEVER)
+    return sliding_friction * cg_x * c / lever
+
+
+def rear_lockup_force_ratio(
+    grade: Elementwise,
+    roll: Elementwise,
+    front_brake_share: Elementwise,
+    sliding_friction: Elementwise,
+    wheelbase: Elementwise,
+    cg_x: Elementwise,
+    cg_z: Elementwise,
+) -> Elementwise:
+    """F_b/W [1] at which the rear axle locks: μ_s (L − cg_x) c / ((1 − β) L + μ_s cg_z).
+
+    Args:
+        grade: θ [rad], uphill positive.
+        roll: φ [rad], left side up positive.
+        front_brake_share: β, front axle's part of the braking force [1], 0 to 1.
+        sliding_friction: μ_s [1].
+        wheelbase: L [m].
+        cg_x: centre of gravity ahead of the rear axle [m].
+        cg_z: height of the centre of gravity [m].
+    """
+    c = np.cos(grade) * np.cos(roll)
+    lever = (1.0 - front_brake_share) * wheelbase + sliding_friction * cg_z
+    return sliding_friction * (wheelbase - cg_x) * c / lever
+
+
+def lockup_force_ratio(
+    grade: Elementwise,
+    roll: Elementwise,
+    front_brake_share: Elementwise,
+    sliding_friction: Elementwise,
+    wheelbase: Elementwise,
+    cg_x: Elementwise,
+    cg_z: Elementwise,
+) -> Elementwise:
+    """F_b/W [1] at which the first axle locks, the lower one of front and rear.
+
+    Never above :func:`friction_cap`; equal to it for the ideal share β = (cg_x + μ_s cg_z)/L.
+
+    Args:
+        grade: θ [rad], uphill positive.
+        roll: φ [rad], left side up positive.
+        front_brake_share: β, front axle's part of the braking force [1], 0 to 1.
+        sliding_friction: μ_s [1].
+        wheelbase: L [m].
+        cg_x: centre of gravity ahead of the rear axle [m].
+        cg_z: height of the centre of gravity [m].
+    """
+    c = np.cos(grade) * np.cos(roll)
+    transfer = sliding_friction * cg_z
+    front = cg_x / np.fmax(front_brake_share * wheelbase - transfer, _LEAST_LEVER)
+    rear = (wheelbase - cg_x) / ((1.0 - front_brake_share) * wheelbase + transfer)
+    return sliding_friction * c * np.fmin(front, rear)
+
+
+def friction_cap(
+    grade: Elementwise, roll: Elementwise, sliding_friction: Elementwise
+) -> Elementwise:
+    """F_b/W [1] with all wheels sliding, μ_s cos θ cos φ: no division of the force gives more.
+
+    Args:
+        grade: θ [rad], uphill positive.
+        roll: φ [rad], left side up positive.
+        sliding_friction: μ_s [1].
+    """
+    return sliding_friction * np.cos(grade) * np.cos(roll)

@@ -1,0 +1,1 @@
+"""From an elevation map and candidate paths to verified speed plans."""

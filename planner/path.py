@@ -1,0 +1,222 @@
+"""Candidate paths: from a polyline as somebody drew it to even stations with a usable curvature.
+
+A polyline may be noisy, hold duplicate points or kinks between distant vertices; differentiated
+twice it would be useless. A parametric smoothing spline is drawn through it, as stiff as the noise
+of the points asks for. Cusps (the vehicle would have to turn round) are refused: a plan is driven
+forward.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import splev, splprep
+
+from models.errors import ParameterError
+from planner.compiled import Floats, Ints, read_only
+
+MAX_STATIONS = 200_000
+"""Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""
+
+_DUPLICATE = 1e-3  # [m] points closer than that are one
+_CUSP = np.deg2rad(120.0)  # a turn sharper than that from one segment to the next is a cusp
+_STRAY = 0.25  # [m] noise up to which a polyline is still a path
+_ROUNDING = 0.03  # [m] how far a corner may be rounded off a polyline without noise
+_DENSE = 0.5  # [m] between distant vertices the polyline counts at least this often
+_FEWEST = 3
+
+
+@dataclass(frozen=True, slots=True)
+class CandidatePath:
+    """One polyline to be driven forward from its first point, in map coordinates.
+
+    Attributes:
+        name: how plans and reports call it.
+        points: (n, 2) positions of the middle of the wheelbase [m], at least 2.
+        speed_limit: (n,) highest speed at each point [m/s], None if there is none.
+        yaw: (n,) heading of the vehicle [rad]; only checked against the direction of travel.
+    """
+
+    name: str
+    points: Floats
+    speed_limit: Floats | None = None
+    yaw: Floats | None = None
+
+    def __post_init__(self) -> None:
+        points = np.ascontiguousarray(self.points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise ParameterError("points", f"an array (n, 2) of x, y, got shape {points.shape}")
+        if len(points) < 2:
+            raise ParameterError("points", f"at least 2 points, got {len(points)}")
+        if not np.all(np.isfinite(points)):
+            bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+            raise ParameterError(f"points[{bad}]", "finite coordinates [m]")
+        object.__setattr__(self, "points", read_only(points))
+        for name in ("speed_limit", "yaw"):
+            values = getattr(self, name)
+            if values is None:
+                continue
+            values = np.ascontiguousarray(values, dtype=np.float64)
+            if values.shape != (len(points),) or not np.all(np.isfinite(values)):
+                raise ParameterError(name, f"{len(points)} finite numbers, one for each point")
+            object.__setattr__(self, name, read_only(values))
+        if self.speed_limit is not None and np.any(self.speed_limit < 0.0):
+            raise ParameterError("speed_limit", "speeds >= 0 [m/s]")
+
+
+@dataclass(frozen=True, slots=True)
+class PathBatch:
+    """M candidates on even stations, station-major and padded with their last point.
+
+    Attributes:
+        names: (M,) of the candidates.
+        x, y: (N, M) positions [m].
+        count: (M,) stations of each candidate.
+        speed_limit: (N, M) [m/s], inf where there is none; None if no candidate has any.
+    """
+
+    names: tuple[str, ...]
+    x: Floats
+    y: Floats
+    count: Ints
+    speed_limit: Floats | None
+
+
+def clean(path: CandidatePath) -> tuple[Floats, Floats | None]:
+    """Points and speed limits without duplicates.
+
+    Raises:
+        ParameterError: too short, a cusp, or driven backwards.
+    """
+    points = path.points
+    keep = np.ones(len(points), np.bool_)
+    last = 0
+    for i in range(1, len(points)):
+        if np.hypot(*(points[i] - points[last])) < _DUPLICATE:
+            keep[i] = False
+        else:
+            last = i
+    limit = path.speed_limit
+    if limit is not None and not keep.all():
+        groups = np.cumsum(keep) - 1
+        lowest = np.full(groups[-1] + 1, np.inf)
+        np.minimum.at(lowest, groups, limit)
+        limit = lowest
+    points = points[keep]
+    if len(points) < 2:
+        raise ParameterError("points", "at least 2 distinct points, all are the same place")
+    steps = np.diff(points, axis=0)
+    headings = np.arctan2(steps[:, 1], steps[:, 0])
+    turns = np.abs(np.angle(np.exp(1j * np.diff(headings))))
+    # Noise makes short segments point anywhere; a cusp is one that survives at vehicle scale.
+    long_enough = np.minimum(np.hypot(*steps[:-1].T), np.hypot(*steps[1:].T)) > _STRAY
+    if np.any(cusp := (turns > _CUSP) & long_enough):
+        i = int(np.flatnonzero(cusp)[0]) + 1
+        raise ParameterError(
+            f"points[{i}]",
+            f"a path without cusps: it turns by {np.rad2deg(turns[i - 1]):.0f}° at "
+            f"({points[i, 0]:.2f}, {points[i, 1]:.2f}); split it there",
+        )
+    if path.yaw is not None:
+        yaw = path.yaw[keep][:-1]
+        backwards = np.cos(yaw - headings) < 0.0
+        if np.mean(backwards) > 0.5:
+            raise ParameterError("yaw", "the direction of travel: this path is driven backwards")
+    return points, limit
+
+
+def resample(path: CandidatePath, spacing: float) -> tuple[Floats, Floats | None]:
+    """Even stations along a smoothed path.
+
+    Args:
+        path: polyline.
+        spacing: wanted distance between stations in the plan view [m].
+
+    Returns:
+        (N, 2) points, N >= 3, first and last those of the polyline; and (N,) speed limits, each the
+        lowest of the polyline's limits around the station.
+    """
+    points, limit = clean(path)
+    share = _arc(points) / _arc(points)[-1]
+    points = _average_noise(points)
+    along = _arc(points)
+    length = float(along[-1])
+    count = max(int(np.ceil(length / spacing)) + 1, _FEWEST)
+    if count > MAX_STATIONS:
+        raise ParameterError(
+            "points", f"a path of at most {MAX_STATIONS} stations, got {length:.0f} m"
+        )
+    wanted = np.linspace(0.0, length, count)
+    if len(points) == 2:
+        even = points[0] + (wanted / length)[:, None] * (points[1] - points[0])
+    else:
+        even = _smooth(points, along, wanted)
+    return even, None if limit is None else _lowest_around(wanted / length, share, limit)
+
+
+def batch(paths: list[CandidatePath], spacing: float) -> PathBatch:
+    """Resample paths and lay them side by side."""
+    resampled = [resample(path, spacing) for path in paths]
+    count = np.array([len(points) for points, _ in resampled], np.int64)
+    shape = (int(count.max()), len(paths))
+    x, y = np.empty(shape), np.empty(shape)
+    limits = np.full(shape, np.inf)
+    for j, (points, limit) in enumerate(resampled):
+        n = len(points)
+        x[:n, j], y[:n, j] = points.T
+        x[n:, j], y[n:, j] = points[-1]
+        if limit is not None:
+            limits[:n, j] = limit
+    any_limit = any(limit is not None for _, limit in resampled)
+    names = tuple(path.name for path in paths)
+    return PathBatch(names, x, y, count, limits if any_limit else None)
+
+
+def noise(points: Floats) -> float:
+    """Noise of the points [m], robust: third differences of a smooth path nearly vanish."""
+    if len(points) < 8:
+        return 0.0
+    third = np.diff(points, n=3, axis=0)
+    return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0))
+
+
+def _arc(points: Floats) -> Floats:
+    return np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+
+
+def _average_noise(points: Floats) -> Floats:
+    """Average neighbours until the noise no longer decides where a segment points."""
+    while len(points) > 16 and noise(points) > 0.1 * np.median(np.diff(_arc(points))):
+        inner = points[1 : 1 + (len(points) - 2) // 2 * 2]
+        points = np.concatenate((points[:1], 0.5 * (inner[::2] + inner[1::2]), points[-1:]))
+    return points
+
+
+def _smooth(points: Floats, along: Floats, wanted: Floats) -> Floats:
+    # Between distant vertices a spline would swing out: pin it to the polyline in between.
+    dense_along = np.union1d(along, np.arange(0.0, along[-1], _DENSE))
+    dense = np.stack([np.interp(dense_along, along, points[:, i]) for i in range(2)], axis=1)
+    stray = np.clip(noise(points), _ROUNDING, _STRAY)
+    weights = np.full(len(dense), 1.0 / stray)
+    weights[[0, -1]] *= 100.0
+    spline, _ = splprep(dense.T, w=weights, u=dense_along, s=len(dense), k=min(3, len(dense) - 1))
+    # The spline's own length differs a little from the polyline's: even out once more.
+    fine = np.linspace(0.0, along[-1], 4 * len(wanted) + 1)
+    drawn = np.stack(splev(fine, spline), axis=1)
+    arc = _arc(drawn)
+    parameter = np.interp(np.linspace(0.0, arc[-1], len(wanted)), arc, fine)
+    even: Floats = np.stack(splev(parameter, spline), axis=1)
+    even[0], even[-1] = points[0], points[-1]
+    return even
+
+
+def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:
+    """The lower limit of the two points around each station: a limit holds up to the next point."""
+    right = np.clip(np.searchsorted(along, wanted, side="left"), 1, len(along) - 1)
+    lowest = np.minimum(limit[right], limit[right - 1])
+    # A point between two stations counts for both of them.
+    station = np.clip(np.searchsorted(wanted, along, side="right") - 1, 0, len(wanted) - 1)
+    np.minimum.at(lowest, station, limit)
+    np.minimum.at(lowest, np.minimum(station + 1, len(wanted) - 1), limit)
+    return lowest

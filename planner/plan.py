@@ -1,0 +1,129 @@
+"""The answer for one candidate: a verified speed profile and everything that explains it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from planner.compiled import Floats, Ints
+from planner.limiting import Limiting
+
+
+class Status(Enum):
+    """How a plan may be used.
+
+    OK reaches the end of its path. BLOCKED is as valid, but stops before some station. DEGRADED is
+    safe, but a fallback was used. INFEASIBLE cannot be made safe: even full braking from the start
+    is not enough, and the plan is that braking.
+    """
+
+    OK = "ok"
+    BLOCKED = "blocked"
+    INFEASIBLE = "infeasible"
+    DEGRADED = "degraded"
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedPlan:
+    """Speed along one candidate of N stations; every array is (N,) and SI.
+
+    Attributes:
+        candidate: name of the path.
+        status, reason: verdict in a word, and what, where, by how much in a sentence.
+        station: metres along the ground, three-dimensional.
+        x, y, z: position; z repeats the last known height where the ground is unknown.
+        grade, roll: of the ground under the wheels [rad], uphill and left side up positive.
+        curvature: in the plan view, left positive [1/m].
+        speed: v; v² is linear between stations [m/s].
+        accel: holds from its station to the next [m/s²].
+        time: since the start; stays at the time of the stop beyond it [s].
+        speed_bound: highest speed that the bounds allow [m/s].
+        limiting: what holds at each station, as :class:`Limiting`.
+        stop_distance: emergency stop from each station [m].
+        clear_distance: station before which every stop ends [m], one number.
+        rear_load, side_load: least loads on that stop as shares of their level static load.
+    """
+
+    candidate: str
+    status: Status
+    reason: str
+    station: Floats
+    x: Floats
+    y: Floats
+    z: Floats
+    grade: Floats
+    roll: Floats
+    curvature: Floats
+    speed: Floats
+    accel: Floats
+    time: Floats
+    speed_bound: Floats
+    limiting: Ints
+    stop_distance: Floats
+    clear_distance: float
+    rear_load: Floats
+    side_load: Floats
+
+    @property
+    def travel_time(self) -> float:
+        """Time until the plan's last movement ends [s]."""
+        return float(self.time[-1])
+
+    @property
+    def progress(self) -> float:
+        """Station at which the plan comes to rest [m]."""
+        moving = np.flatnonzero(self.speed > 0.0)
+        if len(moving) == 0:
+            return 0.0
+        return float(self.station[min(int(moving[-1]) + 1, len(self.station) - 1)])
+
+    @property
+    def admissible(self) -> bool:
+        """It may be driven and leads somewhere."""
+        return self.status is not Status.INFEASIBLE and self.progress > 0.0
+
+    def columns(self) -> dict[str, list[str] | Floats]:
+        """The columns of a plan file, in order."""
+        n = len(self.station)
+        return {
+            "candidate": [self.candidate] * n,
+            "station": self.station,
+            "x": self.x,
+            "y": self.y,
+            "z": self.z,
+            "grade": self.grade,
+            "roll": self.roll,
+            "curvature": self.curvature,
+            "speed": self.speed,
+            "accel": self.accel,
+            "time": self.time,
+            "speed_bound": self.speed_bound,
+            "limiting": [Limiting(int(code)).label for code in self.limiting],
+            "stop_distance": self.stop_distance,
+            "clear_distance": np.full(n, self.clear_distance),
+            "rear_load": self.rear_load,
+            "status": [self.status.value] * n,
+            "reason": [self.reason] * n,
+            "side_load": self.side_load,
+        }
+
+
+def motion_of(station: Floats, speed_sq: Floats) -> tuple[Floats, Floats]:
+    """Acceleration and time of a profile.
+
+    Args:
+        station: (N,) increasing [m].
+        speed_sq: (N,) v², linear between stations [m²/s²].
+
+    Returns:
+        accel (N,), 0 at the last station [m/s²]; time (N,), constant once the profile rests [s].
+    """
+    ds = np.diff(station)
+    speed = np.sqrt(speed_sq)
+    accel = np.zeros_like(station)
+    accel[:-1] = np.diff(speed_sq) / (2.0 * ds)
+    both = speed[1:] + speed[:-1]
+    step = np.divide(2.0 * ds, both, out=np.zeros_like(ds), where=both > 0.0)
+    return accel, np.concatenate(([0.0], np.cumsum(step)))

@@ -1,0 +1,30 @@
+"""How the planner works, as opposed to what the vehicle can do; one place for every such number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from models.quantity import quantity, validate_quantities
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerSettings:
+    """Resolution of plans, and weights of the ranking."""
+
+    spacing: float = quantity(
+        "m", "Distance between stations; at most two cells of the map.", default=0.25, above=0.0
+    )
+    smooth: bool = True
+    horizon_penalty: float = quantity(
+        "s/m",
+        "Ranking: time charged for each metre of path not reached.",
+        default=2.0,
+        at_least=0.0,
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+    def spacing_on(self, resolution: float) -> float:
+        """Spacing on a map: no cell is stepped over, for each station sees two cells abreast."""
+        return min(self.spacing, 2.0 * resolution)

@@ -1,0 +1,183 @@
+"""The stopping path: from which speed can the vehicle still stop before the clear distance?
+
+Two ways to the same answer. Where nothing but the grade acts, the energy that the brakes take out
+from onset to the target is an integral that is summed once along the path, and the speed follows
+from a quadratic. Where an effect acts on the motion itself, or a load may run short on the way, a
+stop is marched along the path and the speed found by bisection.
+
+Source: Braking (7), (8), (12), with v dv = −a(θ(s), v_i) ds along the varying slope; the dead time
+at held speed comes first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.effects import Motion
+from models.quantity import GRAVITY
+from planner.compiled import Floats, inlined, kernel
+
+STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)
+"""How a marched stop ends."""
+
+_BISECTIONS = 40
+_SUBSTEPS = 2
+
+
+@inlined
+def onset_speed(speed_part: float, rest_part: float, slowest: float) -> float:
+    """Highest speed at onset that the brakes take out over a stretch.
+
+    Args:
+        speed_part: integral of the part of F_b/W that grows with v_i, over the stretch [s].
+        rest_part: integral of the other part plus sin θ [m].
+        slowest: below it the coefficients no longer change [m/s].
+
+    Returns:
+        v with v²/2 = g (max(v, slowest) * speed_part + rest_part), 0 where there is none [m/s].
+    """
+    half = GRAVITY * speed_part
+    root = half * half + 2.0 * GRAVITY * rest_part
+    speed = half + np.sqrt(root) if root > 0.0 else 0.0
+    if speed < slowest:
+        energy = 2.0 * GRAVITY * (slowest * speed_part + rest_part)
+        speed = min(np.sqrt(energy), slowest) if energy > 0.0 else 0.0
+    return float(speed)
+
+
+@inlined
+def march_stop(
+    k: int, speed: float, target: float, count: int,
+    station: Floats, grade: Floats, sin_grade: Floats, weak_speed: Floats, weak_rest: Floats,
+    strong_speed: Floats, strong_rest: Floats, upright: Floats, side_speed_sq: Floats,
+    curvature: Floats, yaw: Floats, slowest: float, dead_time: float,
+    motion: Motion, rear_lever: float, min_load: float,
+) -> tuple[int, float, float]:  # fmt: skip
+    """March one emergency stop from station k along a path.
+
+    Within a step the deceleration is that of its middle, so v² is linear: exact for forces that are
+    linear in station, second order for the motion terms.
+
+    Args:
+        k: station of the stop command.
+        speed: speed there [m/s].
+        target: the vehicle must stand here [m].
+        count: stations of the path; the other arrays are (N,) along it.
+        upright: cos(roll) cos(grade).
+        side_speed_sq: highest v² that keeps both sides loaded.
+        rear_lever: cg_z / (L − cg_x).
+        min_load: share of its static load that the rear axle must keep.
+
+    Returns:
+        How it ends, where [m], and the least rear load share on the way.
+    """
+    onset = station[k] + speed * dead_time
+    v_i = max(speed, slowest)
+    energy = speed * speed
+    least = np.inf
+    i = k
+    while i + 1 < count and station[i + 1] <= onset:
+        if energy > side_speed_sq[i] or energy > side_speed_sq[i + 1]:
+            return SIDE_LOAD, station[i], least
+        least = min(least, upright[i] + rear_lever * sin_grade[i])
+        i += 1
+    if energy > side_speed_sq[i]:
+        return SIDE_LOAD, station[i], least
+    s = onset
+    lagged = motion.lag > 0.0
+    force = 0.0
+    heat = motion.heat
+    previous = 0.0
+    while i + 1 < count:
+        length = station[i + 1] - station[i]
+        turn = grade[i + 1] - grade[i]
+        while s < station[i + 1]:
+            piece = min(station[i + 1] - s, max(length / _SUBSTEPS, 1e-3))
+            if lagged:
+                piece = min(piece, max(0.2 * motion.lag * np.sqrt(energy), 1e-3))
+            u = (s + 0.5 * piece - station[i]) / length
+            w = 1.0 - u
+            wanted = v_i * (w * weak_speed[i] + u * weak_speed[i + 1])
+            wanted += w * weak_rest[i] + u * weak_rest[i + 1]
+            sine = (w * sin_grade[i] + u * sin_grade[i + 1]) * (1.0 + 0.5 * u * w * turn * turn)
+            up = w * upright[i] + u * upright[i + 1]
+            middle_sq = max(energy - previous * piece, 0.0)
+            middle = np.sqrt(middle_sq)
+            if motion.fade > 0.0:
+                wanted /= 1.0 + motion.fade * heat
+            wanted = min(wanted, motion.friction * up)
+            applied = wanted
+            seconds = piece / max(middle, 1e-3)
+            if lagged:
+                decay = np.exp(-0.5 * seconds / motion.lag)
+                applied = wanted + (force - wanted) * decay
+                force = wanted + (force - wanted) * decay * decay
+            if motion.fade > 0.0:
+                heat += GRAVITY * max(applied, 0.0) * piece - heat * min(
+                    seconds / motion.fade_tau, 1.0
+                )
+            bend = w * abs(curvature[i]) + u * abs(curvature[i + 1])
+            a = GRAVITY * (applied + sine)
+            a += GRAVITY * (motion.viscous + motion.turning * bend) * middle
+            a += motion.drag * middle_sq
+            if motion.wind_drag > 0.0:
+                heading = yaw[i]
+                relative = middle + motion.wind * np.cos(heading - motion.wind_direction)
+                a += motion.wind_drag * (abs(relative) * relative - middle_sq)
+            strong = v_i * (w * strong_speed[i] + u * strong_speed[i + 1])
+            strong += w * strong_rest[i] + u * strong_rest[i + 1]
+            least = min(least, up - rear_lever * min(strong, motion.friction * up))
+            if least < min_load:
+                return REAR_LOAD, s, least
+            after = energy - 2.0 * a * piece
+            if after <= 0.0 and a > 0.0:
+                s += energy / (2.0 * a)
+                return (STOPPED if s <= target else OVERRUN), s, least
+            energy = after
+            previous = a
+            s = s + piece if piece < station[i + 1] - s else station[i + 1]
+        if s > target:
+            return OVERRUN, s, least
+        if energy > side_speed_sq[i + 1]:
+            return SIDE_LOAD, s, least
+        i += 1
+    return OVERRUN, s, least
+
+
+@kernel
+def marched_bound(
+    target: float, count: int,
+    station: Floats, grade: Floats, sin_grade: Floats, weak_speed: Floats, weak_rest: Floats,
+    strong_speed: Floats, strong_rest: Floats, upright: Floats, side_speed_sq: Floats,
+    curvature: Floats, yaw: Floats, slowest: Floats, dead_time: Floats,
+    motion: Motion, rear_lever: float, min_load: float,
+    speed_sq_max: Floats, ending: Floats,
+) -> None:  # fmt: skip
+    """Lower ``speed_sq_max`` to speeds whose marched stop ends well; ``ending`` says what failed.
+
+    Arrays are (N,) along one path. Stations at or beyond the target, or already at zero, stay.
+    """
+    for k in range(count):
+        ending[k] = STOPPED
+        if speed_sq_max[k] <= 0.0:
+            continue
+        high = np.sqrt(speed_sq_max[k])
+        low = 0.0
+        trial = high
+        for step in range(_BISECTIONS):
+            how, _, _ = march_stop(
+                k, trial, target, count, station, grade, sin_grade, weak_speed, weak_rest,
+                strong_speed, strong_rest, upright, side_speed_sq, curvature, yaw,
+                slowest[k], dead_time[k], motion, rear_lever, min_load,
+            )  # fmt: skip
+            if how == STOPPED:
+                low = trial
+                if step == 0:
+                    break
+            else:
+                high = trial
+                ending[k] = how
+            if high - low < 1e-6:
+                break
+            trial = 0.5 * (low + high)
+        speed_sq_max[k] = low * low

@@ -1,0 +1,1 @@
+"""Files, command line and reports around the planner."""

@@ -1,0 +1,93 @@
+"""Elevation maps from GeoTIFF or .npz files, whole or only around where they are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from models.errors import ParameterError
+from planner.compiled import Ints
+from planner.elevation_map import ElevationMap
+from services.files import geotiff_file, npz_map_file
+from services.files.access import fault
+from services.files.grid import MAX_CELLS, Around, MapInfo, in_words
+from services.files.npz_map_file import write_map_npz
+
+__all__ = ["MapInfo", "map_info", "read_map", "write_map_npz"]
+
+_GEOTIFF = (".tif", ".tiff", ".gtiff")
+_BAGS = (".mcap", ".db3", ".bag")
+
+
+def map_info(path: Path) -> MapInfo:
+    """Grid of a map file, without reading its heights.
+
+    Raises:
+        InputError: not a map in metres.
+    """
+    return _reader(path)(path)
+
+
+def read_map(path: Path, *, around: Around | None = None) -> ElevationMap:
+    """An elevation map, or the part of it that holds all heights within ``around``.
+
+    Args:
+        path: GeoTIFF or .npz file.
+        around: (x_min, x_max, y_min, y_max) [m] with the margin that the caller needs, such as the
+            vehicle's footprint. Of a GeoTIFF only that part is read.
+
+    Raises:
+        InputError: not a map in metres, ``around`` is off the map, or no cell is known.
+    """
+    info = map_info(path)
+    cells: tuple[slice, slice] | None = slice(0, info.rows), slice(0, info.columns)
+    if around is not None:
+        cells = info.cells_around(around)
+    if cells is None:
+        assert around is not None
+        found = f"the map at {in_words(info.extent)}"
+        raise fault(path, "extent", f"expected ground at {in_words(around)}, got {found}")
+    part = info.part(*cells)
+    if part.rows * part.columns > MAX_CELLS:
+        size = f"{part.rows} x {part.columns}"
+        raise fault(path, "", f"expected at most {MAX_CELLS} cells at once, got {size}")
+    classes: Ints | None = None
+    names: tuple[str, ...] = ("",)
+    if _is_geotiff(path):
+        heights = geotiff_file.read_elevation(path, *cells)
+    else:
+        heights, classes, names = npz_map_file.read_layers(path)
+        heights = heights[cells]
+        classes = None if classes is None else classes[cells]
+    if not np.isfinite(heights).any():
+        where = "" if around is None else f" at {in_words(around)}"
+        raise fault(path, "elevation", f"expected a known cell{where}, got unknown ones only")
+    try:
+        return ElevationMap(
+            elevation=heights,
+            resolution=part.resolution,
+            origin=part.origin,
+            terrain_class=classes,
+            class_names=names,
+        )
+    except ParameterError as error:
+        raise fault(path, error.field, f"expected {error.expected}") from None
+
+
+def _is_geotiff(path: Path) -> bool:
+    return path.suffix.lower() in _GEOTIFF
+
+
+def _reader(path: Path) -> Callable[[Path], MapInfo]:
+    suffix = path.suffix.lower()
+    if suffix in _BAGS or (path.is_dir() and any(path.glob("metadata.yaml"))):
+        later = "bags are read by an extra that is not available yet"
+        raise fault(path, "", f"expected a GeoTIFF or .npz file, got a bag: {later}")
+    if _is_geotiff(path):
+        return geotiff_file.read_info
+    if suffix == ".npz":
+        return npz_map_file.read_info
+    found = "a directory" if path.is_dir() else f"the name {path.name!r}"
+    raise fault(path, "", f"expected a GeoTIFF (.tif) or .npz file, got {found}")

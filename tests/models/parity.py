@@ -1,0 +1,65 @@
+"""One check for every law: floats, arrays, casadi symbols and numba give the same numbers."""
+
+import inspect
+import warnings
+from collections.abc import Callable
+
+import casadi
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from models.quantity import GRAVITY
+
+SAMPLES = 12
+G = GRAVITY
+
+
+def check_parity(law: Callable, **ranges: tuple[float, float]) -> None:
+    """Compare a law in its four forms on random arguments within ranges.
+
+    The ranges have to name every argument of the law. Scalars through plain Python are the
+    reference; an array of shape (N, M) must give them entry by entry.
+    """
+    names = list(inspect.signature(law).parameters)
+    assert set(ranges) == set(names), f"ranges must name {names}"
+    random = np.random.default_rng(20240611)
+    columns = [random.uniform(*ranges[name], SAMPLES) for name in names]
+    reference = np.array([_flat(law(*map(float, row))) for row in zip(*columns, strict=True)])
+    assert np.all(np.isfinite(reference))
+    assert np.all(np.ptp(reference, axis=0) > 0.0), "a constant law would hide a lost argument"
+
+    grid = [column.reshape(3, SAMPLES // 3) for column in columns]
+    arrays = _outputs(law(*grid))
+    assert all(array.shape == grid[0].shape for array in arrays)
+    _assert_same(np.stack([array.ravel() for array in arrays], axis=-1), reference)
+    by_keyword = _outputs(law(**dict(zip(names, columns, strict=True))))
+    _assert_same(np.stack(by_keyword, axis=-1), reference)
+
+    symbols = [casadi.SX.sym(name) for name in names]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)  # casadi announces another numpy mode
+        outputs = list(_outputs(law(*symbols)))
+    assert all(isinstance(output, casadi.SX) and output.is_scalar() for output in outputs)
+    function = casadi.Function("law", symbols, outputs).map(SAMPLES)
+    values = _outputs(function(*[column.reshape(1, -1) for column in columns]))
+    _assert_same(np.stack([np.array(value).ravel() for value in values], axis=-1), reference)
+    gradient = casadi.jacobian(casadi.vertcat(*outputs), casadi.vertcat(*symbols))
+    slopes = casadi.Function("slopes", symbols, [gradient]).map(SAMPLES)
+    assert np.all(np.isfinite(np.array(slopes(*[column.reshape(1, -1) for column in columns]))))
+
+    compiled = numba.njit(law)
+    rows = [_flat(compiled(*map(float, row))) for row in zip(*columns, strict=True)]
+    _assert_same(np.array(rows), reference)
+
+
+def _outputs(value: object) -> tuple:
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _flat(value: object) -> list[float]:
+    return [float(entry) for entry in _outputs(value)]
+
+
+def _assert_same(actual: NDArray, expected: NDArray) -> None:
+    np.testing.assert_allclose(actual, expected, rtol=1e-11, atol=1e-12)
