@@ -104,6 +104,18 @@ def ranking_cost(station: Floats, speed_sq: Floats, settings: PlannerSettings) -
     return total
 
 
+def rank(plans: Sequence[SpeedPlan], settings: PlannerSettings) -> list[SpeedPlan]:
+    """Plans best first: what may be driven, then the cheapest, then the wider margin."""
+
+    def key(plan: SpeedPlan) -> tuple[bool, bool, float, float]:
+        missed = float(plan.station[-1]) - plan.progress
+        cost = plan.travel_time + settings.horizon_penalty * missed
+        fallback = plan.status is Status.DEGRADED
+        return not plan.admissible, fallback, cost, -plan.least_margin
+
+    return sorted(plans, key=key)
+
+
 class CandidatePlanner:
     """Plans candidates with one model; keeps its solvers from call to call."""
 

@@ -207,17 +207,19 @@ def _rates(
 def _shares(
     track: Track, body: Body, motion: Motion, s: float, v: float, v_i: float, i: int, braking: bool
 ) -> tuple[float, float]:
-    """Least axle share and least side share where the vehicle is, braking or holding its speed."""
+    """Least axle share and least side share at s, braking or holding the speed."""
     i = _segment(track.station, s, i)
     u = min((s - track.station[i]) / (track.station[i + 1] - track.station[i]), 1.0)
     grade, roll = _at(track.grade, i, u), _at(track.roll, i, u)
+    bend = _at(track.curvature, i, u)
     decel = 0.0
     if braking:
         strong = v_i * _at(track.strong_speed, i, u) + _at(track.strong_rest, i, u)
         strong = min(strong, motion.friction * np.cos(grade) * np.cos(roll))
         decel = GRAVITY * (strong + np.sin(grade))
+        decel += max(_motion_deceleration(max(v, 0.0), bend, track.yaw[i], motion), 0.0)
     rear = _rear_share(grade, roll, decel, body.wheelbase, body.cg_x, body.cg_z)
-    lateral = v * v * _at(track.curvature, i, u) / np.cos(roll)
+    lateral = v * v * bend / np.cos(roll)
     left = _left_share(grade, roll, lateral, body.track_width, body.cg_z)
     right = _right_share(grade, roll, lateral, body.track_width, body.cg_z)
     return rear, min(left, right)
@@ -228,17 +230,23 @@ def _stop(
     track: Track, body: Body, motion: Motion, s: float, v: float, dead: float, slowest: float,
     i: int, limit: float, h: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Where an emergency stop ends, and the least shares on its way. Gives up beyond the limit."""
+    """Where an emergency stop ends, and the least shares on its way. Gives up beyond the limit.
+
+    Grade is linear between stations, so loads are taken at every station on the way, and at every
+    step between them for the sake of the sides, which depend on speed.
+    """
+    station = track.station
     v_i = max(v, slowest)
     onset = s + v * dead
     rear, side = _shares(track, body, motion, s, v, v_i, i, False)
-    steps = int(np.ceil(dead / h))
-    for step in range(1, steps + 1):
-        r, d = _shares(track, body, motion, s + v * dead * step / steps, v, v_i, i, False)
+    while station[i + 1] < onset and i + 2 < station.shape[0]:
+        i += 1
+        r, d = _shares(track, body, motion, station[i], v, v_i, i, False)
         rear, side = min(rear, r), min(side, d)
+    r, d = _shares(track, body, motion, onset, v, v_i, i, False)
+    rear, side = min(rear, r), min(side, d)
     f, q = 0.0, motion.heat
     s = onset
-    i = _segment(track.station, s, i)
     while s <= limit:
         r, d = _shares(track, body, motion, s, v, v_i, i, True)
         rear, side = min(rear, r), min(side, d)
@@ -256,12 +264,19 @@ def _stop(
         if after <= 0.0:
             # Within the last step the deceleration is as good as constant.
             s += 0.5 * v * h * v / (v - after)
-            break
-        s += h * (v + 2.0 * v2 + 2.0 * v3 + v4) / 6.0
-        f += h * (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0
-        q += h * (q1 + 2.0 * q2 + 2.0 * q3 + q4) / 6.0
+        else:
+            s += h * (v + 2.0 * v2 + 2.0 * v3 + v4) / 6.0
+            f += h * (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0
+            q += h * (q1 + 2.0 * q2 + 2.0 * q3 + q4) / 6.0
+        while station[i + 1] < s and i + 2 < station.shape[0]:
+            i += 1
+            r, d = _shares(track, body, motion, station[i], v, v_i, i, True)
+            rear, side = min(rear, r), min(side, d)
         v = after
-        i = _segment(track.station, s, i)
+        if v <= 0.0:
+            r, d = _shares(track, body, motion, s, 0.0, v_i, i, True)
+            rear, side = min(rear, r), min(side, d)
+            break
     return s, rear, side
 
 

@@ -80,6 +80,13 @@ class SpeedPlan:
         return float(self.station[min(int(moving[-1]) + 1, len(self.station) - 1)])
 
     @property
+    def least_margin(self) -> float:
+        """What the tightest emergency stop leaves of the clear distance [m]; inf if at rest."""
+        moving = self.speed > 0.0
+        left = self.clear_distance - (self.station + self.stop_distance)
+        return float(left[moving].min()) if moving.any() else float("inf")
+
+    @property
     def admissible(self) -> bool:
         """It may be driven and leads somewhere."""
         return self.status is not Status.INFEASIBLE and self.progress > 0.0

@@ -475,7 +475,7 @@ def _finish(
     least = np.where(stands, np.minimum(least, at_rest), least)
     _, offset = law.at_start(start)
     distance = rest - start + np.where(speed > 0.0, offset, 0.0)
-    return Stops(rest, distance, *least, stopped=rest <= law.ground.end + 1e-6)
+    return Stops(rest, distance, *least, rest <= law.ground.end + 1e-6)
 
 
 def _onset(law: Law, start: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -529,9 +529,9 @@ def _brake_ivp(law: Law, s_0: float, v_0: float, shortest: float) -> tuple[float
     y = run.sol(t)
     y[1] = np.maximum(y[1], 0.0)
     inside = law.breaks[(law.breaks > y[0, 0]) & (law.breaks < y[0, -1])]
-    for side in (-1e-9, 1e-9):
-        there = run.sol(np.interp(inside, y[0], t))
-        y = np.column_stack([y, np.vstack([inside + side, there[1:]])])
+    if len(inside):
+        there = run.sol(np.interp(inside, y[0], t))[1:]
+        y = np.column_stack([y, *(np.vstack([inside + side, there]) for side in (-1e-9, 1e-9))])
     least = law.braking_loads(y, np.full(y.shape[1], v_0)).min(axis=1)
     return (float(run.y[0, -1]) if len(run.t_events[0]) else math.inf), least
 
@@ -680,7 +680,8 @@ def _check_columns(book: _Book, columns: Columns) -> np.ndarray | None:
         return None
     number = {name: np.asarray(columns[name], float) for name in NUMBER_COLUMNS}
     s, v, a, t = (number[name] for name in ("station", "speed", "accel", "time"))
-    if len({len(column) for column in number.values()}) != 1 or len(s) < 2:
+    lengths = {len(columns["status"]), *(len(column) for column in number.values())}
+    if len(lengths) != 1 or len(s) < 2:
         book.add(0.0, "bookkeeping", len(s), "columns differ in length, or fewer than two rows")
         return None
     statuses = {str(status) for status in columns["status"]}

@@ -479,9 +479,9 @@ def test_fixed_steps_agree_with_error_control(effects):
     for i, (station, speed) in enumerate(zip(stations, speeds, strict=True)):
         sure = emergency_stop(station, speed, columns, model)
         assert sure.stopped == fast.stopped[i]
-        assert sure.rear_load == pytest.approx(fast.rear_load[i], abs=2e-5)
         if sure.stopped:
             assert sure.distance == pytest.approx(fast.distance[i], abs=1e-5)
+            assert sure.rear_load == pytest.approx(fast.rear_load[i], abs=2e-5)
             assert sure.side_load == pytest.approx(fast.side_load[i], abs=2e-5)
             assert sure.front_load == pytest.approx(fast.front_load[i], abs=2e-5)
 
@@ -794,7 +794,7 @@ def test_moving_on_beyond_a_standstill():
 
 
 def test_weaker_surfaces_are_found_out():
-    model = model_with(braking={"terrain": {"ice": {"b_b": 0.02}}})
+    model = model_with(braking={"terrain": {"ice": {"b_b": 0.005}}})
     good = slow(model)
     assert verify(good, model) == []
     names = ["ice" if s > 26.0 else "grass" for s in good["station"]]

@@ -22,7 +22,6 @@ from services.files.grid import MapInfo
 
 _SQUARE = 1e-6  # relative difference of edges, and share of shear, that is still rounding
 _METRES = ("metre", "meter", "metres", "meters", "m", "")
-_HIGHEST = 1e5  # [m] beyond that it is a marker for missing data that nobody declared
 _SMALLEST_CELL = 2e-3  # [m] without a coordinate system, smaller cells are degrees
 
 
@@ -43,8 +42,6 @@ def read_elevation(path: Path, rows: slice, columns: slice) -> Floats:
         window = Window(columns.start, top, columns.stop - columns.start, rows.stop - rows.start)
         band = dataset.read(1, window=window, masked=True, out_dtype="float64")
         heights: Floats = np.ma.filled(band, np.nan) * dataset.scales[0] + dataset.offsets[0]
-    with np.errstate(invalid="ignore"):
-        heights[~(np.abs(heights) <= _HIGHEST)] = np.nan
     return np.ascontiguousarray(heights[::-1] if flipped else heights)
 
 

@@ -19,6 +19,7 @@ __all__ = ["MapInfo", "map_info", "read_map", "write_map_npz"]
 
 _GEOTIFF = (".tif", ".tiff", ".gtiff")
 _BAGS = (".mcap", ".db3", ".bag")
+_HIGHEST = 1e5  # [m] beyond that it is a marker for missing data that nobody declared
 
 
 def map_info(path: Path) -> MapInfo:
@@ -61,6 +62,7 @@ def read_map(path: Path, *, around: Around | None = None) -> ElevationMap:
         heights, classes, names = npz_map_file.read_layers(path)
         heights = heights[cells]
         classes = None if classes is None else classes[cells]
+    heights = np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
     if not np.isfinite(heights).any():
         where = "" if around is None else f" at {in_words(around)}"
         raise fault(path, "elevation", f"expected a known cell{where}, got unknown ones only")

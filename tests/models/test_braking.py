@@ -76,6 +76,8 @@ def test_stopping_by_hand():
     assert braking.stopping_distance(4.0, 3.2, 0.3, 0.5) == pytest.approx(4.2)
     # as printed: t_s = 1.55 s, ½*3.2*1.55² = 3.844, + 1.2 + 0.5
     assert braking.stopping_distance_as_printed(4.0, 3.2, 0.3, 0.0, 0.5) == pytest.approx(5.544)
+    # with t_offset = 0.1 s: t_s = 1.65 s, ½*3.2*1.65² = 4.356
+    assert braking.stopping_distance_as_printed(4.0, 3.2, 0.3, 0.1, 0.5) == pytest.approx(6.056)
 
 
 @given(speeds, decels, delays)

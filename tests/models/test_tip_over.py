@@ -140,6 +140,16 @@ def test_downhill_limit_without_a_root():
     assert always == -math.pi / 2
 
 
+def test_downhill_limit_where_the_slope_term_outweighs_the_cosine():
+    # cg_z = L - cg_x and |m| > 1: the load is monotone in θ. cos θ + 1.5 θ = 0.9 + 0.1 at θ = 0;
+    # cos θ - 1.5 θ = 3.1 nowhere above -π/2, where it is 2.356
+    vehicle = {"wheelbase": 1.0, "cg_x": 0.5, "cg_z": 0.5, "min_rear_share": 0.1}
+    rising = tip_over.downhill_limit_under_braking(2.0, 0.0, -1.5, 0.0, 0.9, **vehicle)
+    assert rising == pytest.approx(0.0, abs=1e-9)
+    falling = tip_over.downhill_limit_under_braking(2.0, 0.0, 1.5, 0.0, 3.0, **vehicle)
+    assert falling == math.pi / 2
+
+
 def test_tall_body_may_only_stop_uphill_if_the_force_falls_there():
     # cg_z = L - cg_x: level needs b <= 0.9; b = 0.95 with m = -0.5 suffices on a climb only
     limit = tip_over.downhill_limit_under_braking(0.0, 0.0, -0.5, 0.0, 0.95, 1.0, 0.5, 0.5, 0.1)

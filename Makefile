@@ -1,0 +1,44 @@
+# Two commands do everything: `make demo` and `make test`. The rest are parts of them.
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+JOBS ?= 2
+
+.PHONY: demo test lint nightly bench format clean
+
+demo: $(VENV)/.installed  ## plan a dozen candidates over a generated hill, and say where the page is
+	$(BIN)/slopewise demo --out out/demo
+
+test: lint  ## everything that has to hold: style, types, import contracts, tests
+	$(BIN)/python -m pytest -n $(JOBS) -m "not nightly"
+
+lint: $(VENV)/.installed-dev  ## style, types, import contracts
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terrain
+	$(BIN)/python -m pytest -n $(JOBS) -m nightly --timeout 7200
+
+bench: $(VENV)/.installed-dev  ## the planner beside its peers
+	$(BIN)/slopewise bench --json out/bench.json --plot out/bench.html
+
+format: $(VENV)/.installed-dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) out build dist *.egg-info
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(PIP) install -e . -c constraints.txt
+	touch $@
+
+$(VENV)/.installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(PIP) install -e ".[dev]" -c constraints.txt
+	touch $@ $(VENV)/.installed

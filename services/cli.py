@@ -1,0 +1,229 @@
+"""The command line. Each command reads its words here and does its work in `services.commands`.
+
+Exit status: 0 done; 2 bad input, one line on standard error; 3 no admissible candidate; 1 a fault
+of the program.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from models.errors import SlopewiseError
+
+NO_ADMISSIBLE = 3
+BAD_INPUT = 2
+FAULT = 1
+
+# Recent versions of typer bring a click of their own, so its classes are taken from typer.
+_UsageError: Any = typer.BadParameter.__base__
+
+app = typer.Typer(
+    name="slopewise",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    rich_markup_mode="rich",
+    help="How fast may the robot go here, so that it can always still stop?\n\n"
+    "Plans the fastest speed along each candidate path over an elevation map from which the "
+    "vehicle can stop on ground that is known, without tipping.\n\n"
+    "[bold]Try[/]  slopewise demo",
+)
+
+MapFile = Annotated[
+    Path, typer.Argument(metavar="MAP", help="Elevation map: GeoTIFF in metres, or .npz.")
+]
+PathFile = Annotated[
+    Path,
+    typer.Argument(metavar="PATHS", help="Candidates: CSV with x,y[,candidate] or GeoJSON lines."),
+]
+LogFiles = Annotated[
+    list[Path],
+    typer.Argument(metavar="LOG…", help="Drive logs: CSV or Parquet, run,t,v,v_cmd,pitch."),
+]
+ModelFile = Annotated[
+    str,
+    typer.Option(
+        "--model", "-m", metavar="M.toml", help="Model file, or the name of a shipped vehicle."
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if version:
+        from importlib.metadata import version as installed
+
+        typer.echo(f"slopewise {installed('slopewise')}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@app.command()
+def plan(
+    map_file: MapFile,
+    path_file: PathFile,
+    model: ModelFile,
+    speed: Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")] = 0.0,
+    clear: Annotated[
+        float | None,
+        typer.Option(
+            metavar="METRES",
+            help="Station up to which the way is known free; the whole path if left out.",
+        ),
+    ] = None,
+    spacing: Annotated[
+        float | None, typer.Option(metavar="METRES", help="Distance between stations.")
+    ] = None,
+    smooth: Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")] = True,
+    out: Annotated[
+        Path | None, typer.Option(metavar="plan.csv", help="Write all plans, a row a station.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fastest safe speed along candidate paths over an elevation map.
+
+    Every plan is checked after the solver: from each station, and between them, an emergency stop
+    ends before the clear distance with every axle and side loaded. Status 3: no candidate may be
+    driven.
+
+    [bold]Example[/]  slopewise plan hill.tif paths.csv --model atv --speed 2 --report plan.html
+    """
+    import math
+
+    from planner.settings import PlannerSettings
+    from services.commands import plan as command
+
+    settings = PlannerSettings(smooth=smooth)
+    job = command.PlanJob(
+        map_file,
+        path_file,
+        model,
+        speed,
+        math.inf if clear is None else clear,
+        command.with_spacing(settings, spacing),
+    )
+    result = command.run(job, quiet=as_json)
+    if out is not None:
+        command.write_csv(result, out)
+    if report is not None:
+        command.write_page(result, job, report)
+    _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    if not as_json:
+        for written in (out, report):
+            if written is not None:
+                typer.echo(f"wrote {written}")
+    if not result.admissible:
+        raise typer.Exit(NO_ADMISSIBLE)
+
+
+@app.command()
+def simulate(
+    logs: LogFiles,
+    model: ModelFile,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="sim.csv", help="Write run,t,v_measured,v_simulated,residual."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Replay the stops of a drive log through the model.
+
+    From each stop command on, the model drives: dead time at held speed, then braking along the
+    logged grade. Before it the simulation follows the measurement.
+
+    [bold]Example[/]  slopewise simulate drive.csv --model atv --out sim.csv
+    """
+    from services.commands import simulate as command
+
+    result = command.run(logs, model, quiet=as_json)
+    if out is not None:
+        command.write(result, out)
+    _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    if out is not None and not as_json:
+        typer.echo(f"wrote {out}")
+
+
+@app.command()
+def demo(
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where map, paths, plans and report go.")
+    ] = Path("out/demo"),
+) -> None:
+    """Plan a dozen candidates over a generated hill, and write a page to look at."""
+    from services.commands import demo as command
+
+    page = command.run(out)
+    typer.echo(f"\nLook at {page}")
+
+
+@app.command()
+def bench(
+    quick: Annotated[bool, typer.Option(help="Fewer repetitions, half a minute.")] = False,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write all figures as JSON.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="out.html", help="Write the growth plots as a page.")
+    ] = None,
+) -> None:
+    """Benchmark the planner beside its peers, in one run on one thread.
+
+    Times depend on the machine, so ratios are the result. Peers that are not installed are said to
+    be missing; `pip install slopewise[bench]` brings them.
+    """
+    from services.commands import bench as command
+
+    command.run(quick=quick, json_file=json_file, plot=plot)
+
+
+def _print(as_json: bool, data: Any, show: Any) -> None:
+    if as_json:
+        typer.echo(json.dumps(data(), allow_nan=False))
+        return
+    from rich.console import Console
+
+    show(Console())
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit with its status."""
+    try:
+        status = app(args=arguments, prog_name="slopewise", standalone_mode=False)
+    except _UsageError as error:
+        _fail(f"{error.format_message()} (see slopewise --help)", BAD_INPUT)
+    except SlopewiseError as error:
+        _fail(" ".join(str(error).split()), BAD_INPUT)
+    except OSError as error:
+        _fail(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT)
+    except typer.Abort:
+        _fail("stopped", 130)
+    except Exception as error:
+        if os.environ.get("SLOPEWISE_DEBUG"):
+            raise
+        text = f"fault of slopewise, not of your input: {type(error).__name__}: {error}"
+        _fail(f"{text} (SLOPEWISE_DEBUG=1 shows where)", FAULT)
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fail(line: str, status: int) -> None:
+    sys.stdout.flush()
+    print(f"slopewise: {line}", file=sys.stderr)
+    sys.exit(status)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,223 @@
+"""`slopewise plan`: candidate paths over an elevation map to ranked, verified speed plans."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from models.errors import InputError, ParameterError
+from models.parameters import Model
+from planner.candidates import CandidatePlanner, rank
+from planner.elevation_map import ElevationMap
+from planner.limiting import Limiting
+from planner.path import CandidatePath
+from planner.plan import SpeedPlan, Status
+from planner.settings import PlannerSettings
+from services.files.map_file import map_info, read_map
+from services.files.model_file import find_model, read_model
+from services.files.path_file import check_paths_on_map, read_paths
+from services.files.plan_file import write_plan_csv
+from services.screen import progress_bar
+
+STATUS_STYLE = {
+    Status.OK: "green",
+    Status.BLOCKED: "yellow",
+    Status.DEGRADED: "magenta",
+    Status.INFEASIBLE: "red",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PlanJob:
+    """What to plan, as the command line gives it. Speeds in m/s, lengths in m."""
+
+    map_file: Path
+    path_file: Path
+    model_file: str
+    start_speed: float = 0.0
+    clear: float = np.inf
+    settings: PlannerSettings = field(default_factory=PlannerSettings)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanResult:
+    """Plans best first, and what they were made from."""
+
+    plans: list[SpeedPlan]
+    elevation_map: ElevationMap
+    model: Model
+    seconds: float
+
+    @property
+    def admissible(self) -> bool:
+        """At least one plan may be driven and leads somewhere."""
+        return any(plan.admissible for plan in self.plans)
+
+
+def run(job: PlanJob, *, quiet: bool = False) -> PlanResult:
+    """Read, plan, rank.
+
+    Raises:
+        InputError: names file and field.
+    """
+    model = read_model(find_model(job.model_file))
+    paths = read_paths(job.path_file)
+    info = map_info(job.map_file)
+    check_paths_on_map(paths, info.extent, str(job.path_file), str(job.map_file))
+    margin = model.vehicle.wheelbase + model.vehicle.track_width + 2.0 * info.resolution
+    elevation_map = read_map(job.map_file, around=_around(paths, margin))
+    return plan_on(elevation_map, paths, model, job, source=str(job.path_file), quiet=quiet)
+
+
+def plan_on(
+    elevation_map: ElevationMap,
+    paths: list[CandidatePath],
+    model: Model,
+    job: PlanJob,
+    *,
+    source: str,
+    quiet: bool = False,
+) -> PlanResult:
+    """Plan and rank on ground that is in memory already; the job gives speed, clear, settings."""
+    begin = time.perf_counter()
+    planner = CandidatePlanner(model, job.settings)
+    with progress_bar("planning", len(paths), quiet=quiet) as advance:
+        try:
+            plans = planner.plan(
+                elevation_map, paths, start_speed=job.start_speed, clear=job.clear,
+                progress=advance,
+            )  # fmt: skip
+        except ParameterError as error:
+            option = error.field in ("speed", "clear")
+            where = (f"--{error.field}", "") if option else (source, error.field)
+            raise InputError(*where, f"expected {error.expected}") from None
+    seconds = time.perf_counter() - begin
+    return PlanResult(rank(plans, job.settings), elevation_map, model, seconds)
+
+
+def _around(paths: list[CandidatePath], margin: float) -> tuple[float, float, float, float]:
+    points = np.concatenate([path.points for path in paths])
+    (x_min, y_min), (x_max, y_max) = points.min(axis=0) - margin, points.max(axis=0) + margin
+    return float(x_min), float(x_max), float(y_min), float(y_max)
+
+
+def write_csv(result: PlanResult, path: Path) -> None:
+    """All plans in one file, best first."""
+    parts = [plan.columns() for plan in result.plans]
+    joined: dict[str, Any] = {}
+    for name in parts[0]:
+        values = [part[name] for part in parts]
+        texts = isinstance(values[0], list)
+        joined[name] = list(itertools.chain(*values)) if texts else np.concatenate(values)
+    write_plan_csv(joined, path)
+
+
+def write_page(result: PlanResult, job: PlanJob, path: Path) -> None:
+    """A page that shows map, plans and bounds; works without a network."""
+    from services.report.plan_page import write_report
+
+    clear = "whole path" if np.isinf(job.clear) else f"{job.clear:g} m"
+    facts = {
+        "map": str(job.map_file),
+        "paths": str(job.path_file),
+        "model": f"{result.model.name} ({job.model_file})",
+        "start speed": f"{job.start_speed:g} m/s",
+        "way known free": clear,
+        "stations every": f"{job.settings.spacing_on(result.elevation_map.resolution):g} m",
+        "planned in": f"{result.seconds:.2f} s",
+        "date": time.strftime("%Y-%m-%d %H:%M"),
+    }
+    title = f"{job.path_file.stem} on {job.map_file.stem}"
+    write_report(
+        path, result.elevation_map, result.plans, result.model, title=title, provenance=facts
+    )
+
+
+def as_json(result: PlanResult) -> dict[str, Any]:
+    """Plans for machines: a summary and the columns of each, best first."""
+    return {
+        "model": result.model.name,
+        "admissible": result.admissible,
+        "seconds": result.seconds,
+        "plans": [{**_summary(plan), "columns": _columns(plan)} for plan in result.plans],
+    }
+
+
+def _summary(plan: SpeedPlan) -> dict[str, Any]:
+    return {
+        "candidate": plan.candidate,
+        "status": plan.status.value,
+        "reason": plan.reason,
+        "travel_time": plan.travel_time,
+        "progress": plan.progress,
+        "length": float(plan.station[-1]),
+        "max_speed": float(plan.speed.max()),
+        "clear_distance": plan.clear_distance,
+        "least_margin": plan.least_margin,
+        "least_rear_load": float(plan.rear_load.min()),
+    }
+
+
+def _columns(plan: SpeedPlan) -> dict[str, Any]:
+    repeated = ("candidate", "status", "reason")
+    return {
+        name: values if isinstance(values, list) else values.tolist()
+        for name, values in plan.columns().items()
+        if name not in repeated
+    }
+
+
+def show(result: PlanResult, console: Console, most: int = 30) -> None:
+    """The table of candidates, best first."""
+    table = Table(
+        title=f"{result.model.name}: {len(result.plans)} candidates, best first",
+        box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True,
+    )  # fmt: skip
+    table.add_column("#", justify="right", no_wrap=True, min_width=2)
+    table.add_column("candidate", no_wrap=True)
+    table.add_column("status", no_wrap=True)
+    for title in ("time\ns", "to … of\nm", "top\nm/s", "margin\nm", "rear\nload"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("limited most by", no_wrap=True)
+    for number, plan in enumerate(result.plans[:most], start=1):
+        style = STATUS_STYLE[plan.status]
+        table.add_row(
+            str(number),
+            Text(plan.candidate),
+            f"[{style}]{plan.status.value}[/]",
+            f"{plan.travel_time:.2f}",
+            f"{plan.progress:.1f} … {plan.station[-1]:.1f}",
+            f"{plan.speed.max():.2f}",
+            f"{plan.least_margin:.2f}",
+            f"{plan.rear_load.min():.0%}",
+            _limited_most(plan),
+        )
+    console.print(table)
+    if len(result.plans) > most:
+        console.print(f"… and {len(result.plans) - most} more; --out or --json gives all")
+    for plan in result.plans[:most]:
+        if plan.reason:
+            line = Text.assemble((plan.candidate, "bold"), f": {plan.reason}")
+            console.print(Padding(line, (0, 0, 0, 2)))
+
+
+def _limited_most(plan: SpeedPlan) -> str:
+    moving = plan.limiting[plan.speed > 0.0]
+    if len(moving) == 0:
+        return "–"
+    return Limiting(int(np.bincount(moving).argmax())).label
+
+
+def with_spacing(settings: PlannerSettings, spacing: float | None) -> PlannerSettings:
+    """Settings with another spacing of stations, if one is given [m]."""
+    return settings if spacing is None else replace(settings, spacing=spacing)

@@ -1,0 +1,229 @@
+"""What the planner's tests are made of: models as tables, ground, paths, and the judge's word.
+
+Models are kept as the tables of a model file, because that is what the oracle reads; `model_of`
+turns them into the planner's parameters.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from models.parameters import (
+    Braking,
+    Effect,
+    Limits,
+    Model,
+    SurfaceBraking,
+    Terrain,
+    UphillBraking,
+)
+from models.vehicle import Vehicle
+from planner.candidates import CandidatePlanner
+from planner.elevation_map import ElevationMap
+from planner.limiting import Limiting
+from planner.path import CandidatePath
+from planner.plan import SpeedPlan, Status
+from planner.settings import PlannerSettings
+from tests import oracle
+
+G = 9.80665
+Tables = dict[str, Any]
+
+ATV: Tables = {
+    "name": "atv",
+    "vehicle": {
+        "mass": 500.0,
+        "wheelbase": 1.2,
+        "track_width": 1.0,
+        "cg_x": 0.6,
+        "cg_z": 0.55,
+        "wheel_radius": 0.28,
+        "drive": "skid_steer",
+        "max_wheel_speed": 6.0,
+        "max_drive_force": 2500.0,
+        "max_drive_power": 6000.0,
+    },
+    "braking": {
+        "m_m": -0.03,
+        "b_m": -0.35,
+        "m_b": 0.015,
+        "b_b": 0.40,
+        "dead_time": 0.30,
+        "distance_offset": 0.20,
+        "speed_range": [1.0, 4.0],
+        "grade_range": [-0.26, 0.26],
+    },
+    "terrain": {"motion_resistance": 0.13, "lateral_resistance": 0.20, "slip_track": 1.15},
+    "limits": {
+        "speed": 4.0,
+        "accel": 1.0,
+        "decel": 1.5,
+        "jerk": 2.0,
+        "lateral_accel": 2.0,
+        "min_load": 0.10,
+    },
+}
+"""A quad of 500 kg: every limit can be made to hold by changing one number."""
+
+SMALL: dict[str, dict[str, Any]] = {
+    "vehicle": {
+        "mass": 50.0,
+        "wheelbase": 0.5,
+        "track_width": 0.45,
+        "cg_x": 0.25,
+        "cg_z": 0.2,
+        "wheel_radius": 0.15,
+        "max_wheel_speed": 2.0,
+        "max_drive_force": 350.0,
+        "max_drive_power": 350.0,
+    },
+    "braking": {"speed_range": [0.3, 1.5], "dead_time": 0.2, "distance_offset": 0.05},
+    "terrain": {"motion_resistance": 0.08, "slip_track": 0.7},
+    "limits": {"speed": 1.5},
+}
+"""What a robot of 50 kg has instead."""
+
+
+def tables_with(*effects: tuple[str, Mapping[str, float]], **changes: Mapping[str, Any]) -> Tables:
+    """The quad with some keys changed, by table, and with effects."""
+    tables = copy.deepcopy(ATV)
+    for table, values in changes.items():
+        tables[table].update(values)
+    if effects:
+        tables["effect"] = [{"name": name, "parameters": dict(p)} for name, p in effects]
+    return tables
+
+
+def model_of(tables: Mapping[str, Any]) -> Model:
+    """The planner's parameters out of the tables of a model file."""
+
+    def uphill(values: dict[str, Any]) -> dict[str, Any]:
+        return values | {"uphill": UphillBraking(**values["uphill"])} if "uphill" in values else values
+
+    def ranges(values: Mapping[str, Any]) -> dict[str, Any]:
+        named = ("speed_range", "grade_range")
+        return uphill({k: tuple(v) if k in named else v for k, v in values.items()})
+
+    braking = dict(tables["braking"])
+    surfaces = {
+        name: SurfaceBraking(**ranges(values))
+        for name, values in braking.pop("terrain", {}).items()
+    }
+    return Model(
+        name=tables["name"],
+        vehicle=Vehicle(**tables["vehicle"]),
+        braking=Braking(**ranges(braking), terrain=surfaces),
+        terrain=Terrain(**tables["terrain"]),
+        limits=Limits(**tables["limits"]),
+        effect=tuple(Effect(**effect) for effect in tables.get("effect", ())),
+    )
+
+
+# ---------------------------------------------------------------------------------- ground
+
+
+def ground_map(
+    height: Callable[[np.ndarray, np.ndarray], Any],
+    *,
+    x: tuple[float, float] = (-3.0, 45.0),
+    y: tuple[float, float] = (-6.0, 6.0),
+    resolution: float = 0.25,
+    unknown: Callable[[np.ndarray, np.ndarray], Any] | None = None,
+    classes: Callable[[np.ndarray, np.ndarray], Any] | None = None,
+    class_names: tuple[str, ...] = ("",),
+) -> ElevationMap:
+    """A map out of functions of x and y [m]."""
+    columns = round((x[1] - x[0]) / resolution) + 1
+    rows = round((y[1] - y[0]) / resolution) + 1
+    east, north = np.meshgrid(
+        x[0] + resolution * np.arange(columns), y[0] + resolution * np.arange(rows)
+    )
+    elevation = np.broadcast_to(np.asarray(height(east, north), float), east.shape).copy()
+    if unknown is not None:
+        elevation[np.asarray(unknown(east, north), bool)] = np.nan
+    return ElevationMap(
+        elevation=elevation,
+        resolution=resolution,
+        origin=(x[0], y[0]),
+        terrain_class=None if classes is None else np.asarray(classes(east, north), np.int64),
+        class_names=class_names,
+    )
+
+
+def plane(rise: float = 0.0, lean: float = 0.0, **options: Any) -> ElevationMap:
+    """z = rise x + lean y."""
+    return ground_map(lambda x, y: rise * x + lean * y, **options)
+
+
+# ----------------------------------------------------------------------------------- paths
+
+
+def straight(length: float, heading: float = 0.0, **options: Any) -> CandidatePath:
+    """From the origin."""
+    along = np.array([0.0, length])
+    return CandidatePath(
+        options.pop("name", "straight"),
+        np.stack([along * np.cos(heading), along * np.sin(heading)], axis=1),
+        **options,
+    )
+
+
+def arc(length: float, curvature: float, heading: float = 0.0, **options: Any) -> CandidatePath:
+    """A circle from the origin, left turns positive."""
+    along = np.linspace(0.0, length, max(int(length / 0.1), 20))
+    yaw = heading + curvature * along
+    x = (np.sin(yaw) - np.sin(heading)) / curvature
+    y = (np.cos(heading) - np.cos(yaw)) / curvature
+    return CandidatePath(options.pop("name", "arc"), np.stack([x, y], axis=1), **options)
+
+
+# ------------------------------------------------------------------------------------ plans
+
+
+def plan_one(
+    tables: Mapping[str, Any],
+    elevation_map: ElevationMap,
+    path: CandidatePath,
+    settings: PlannerSettings | None = None,
+    **options: Any,
+) -> SpeedPlan:
+    """One plan from a new planner."""
+    (plan,) = CandidatePlanner(model_of(tables), settings).plan(elevation_map, [path], **options)
+    return plan
+
+
+def columns_of(plan: SpeedPlan) -> dict[str, np.ndarray]:
+    """A plan as the oracle reads it."""
+    return {
+        name: np.array(values, dtype=object) if isinstance(values, list) else np.asarray(values)
+        for name, values in plan.columns().items()
+    }
+
+
+def violations(
+    plan: SpeedPlan, tables: Mapping[str, Any], **options: Any
+) -> list[oracle.Violation]:
+    """What the oracle has against a plan. The jerk limit is asked of smoothed plans only."""
+    smoothed = plan.status in (Status.OK, Status.BLOCKED) and int(Limiting.JERK) in plan.limiting
+    options.setdefault("jerk", smoothed)
+    return oracle.verify(columns_of(plan), tables, **options)
+
+
+def assert_sound(plan: SpeedPlan, tables: Mapping[str, Any], **options: Any) -> None:
+    """No violation."""
+    found = violations(plan, tables, **options)
+    assert not found, f"{plan.status.value} {plan.reason}\n{oracle.describe(found)}"
+
+
+def labels(plan: SpeedPlan) -> list[str]:
+    """What holds at each station, in words."""
+    return [Limiting(int(code)).label for code in plan.limiting]
+
+
+def at(plan: SpeedPlan, station: float, values: np.ndarray | Sequence[float]) -> float:
+    """A column of a plan at a station."""
+    return float(np.interp(station, plan.station, np.asarray(values)))

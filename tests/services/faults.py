@@ -1,0 +1,38 @@
+"""What every fault of a file has to be: one line that names the file and the field."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from models.errors import InputError
+
+DATA = Path(os.environ.get("SLOPEWISE_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+
+def real_data(name: str) -> Path:
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"{name} is not here: set SLOPEWISE_DATA to the folder of the real recordings")
+    return path
+
+
+@contextlib.contextmanager
+def fault_in(source: Path | str, field: str, *words: str) -> Iterator[None]:
+    """The block must raise an InputError of that source and field, with these words in it."""
+    with pytest.raises(InputError) as caught:
+        yield
+    error = caught.value
+    message = str(error)
+    assert error.field == field, message
+    assert error.source == str(source), message
+    assert len(message.splitlines()) == 1, message
+    assert message.isprintable(), message
+    assert message.startswith(f"{source}: {field}" if field else str(source)), message
+    for word in words:
+        assert word in message, message
+    assert error.__suppress_context__ or error.__context__ is None
