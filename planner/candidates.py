@@ -276,15 +276,14 @@ class _Candidate:
 
     def standing(self) -> tuple[Status, str]:
         """Status by what ends the clear distance, if nothing goes wrong."""
-        length = float(self.track.station[-1])
-        if self._barrier_station >= len(self.track.station) and self._clear >= length:
+        station = self.track.station
+        length = float(station[-1])
+        k = self._barrier_station
+        if k >= len(station) and self._clear >= length:
             return Status.OK, ""
         where = f"stops before {self._clear:.2f} m of {length:.2f} m"
-        if self._barrier is Limiting.STOPPING_PATH and self._barrier_station >= len(
-            self.track.station
-        ):
+        if k >= len(station) or (k > 0 and self._clear < station[k - 1]):
             return Status.BLOCKED, f"{where}: the way is known free up to there"
-        k = min(self._barrier_station, len(self.track.station) - 1)
         return Status.BLOCKED, f"{where}: {self._why_barred(k)}"
 
     def _why_barred(self, k: int) -> str:
@@ -343,52 +342,74 @@ class _Candidate:
     def brake_hard(
         self, start_sq: float, status: Status, reason: str
     ) -> tuple[Floats, Verdict, Status, str]:
-        """The start is faster than service braking can bring down."""
+        """The start is faster than service braking can bring down: brake fully until it can."""
+        station, track = self.track.station, self.track
         speed = np.sqrt(start_sq)
-        answer, reachable = self._profile(start_sq, decel=1e3)
-        if reachable >= start_sq - 1e-9:
-            verdict = self.judge(answer, decel=1e3)
-            if verdict.valid:
-                hardest = -motion_of(self.track.station, answer)[0].min()
-                text = f"start speed {speed:.2f} m/s takes braking at {hardest:.2f} m/s²"
-                text += f"; {reason}" if status is Status.BLOCKED else ""
-                return answer, verdict, Status.DEGRADED, text
-        return self._emergency(start_sq)
+        answer, _ = self._profile(start_sq)
+        reachable = answer[0]
+        answer[0] = start_sq
+        for k in range(len(station) - 1):
+            ds = station[k + 1] - station[k]
+            braking = min(self._braking(k, answer[k]), self._braking(k + 1, answer[k]))
+            after = max(answer[k] - 2.0 * ds * max(braking, 0.0), 0.0)
+            if after <= answer[k + 1]:
+                break
+            answer[k + 1] = after
+        verdict = self.judge(answer, decel=np.inf)
+        breach = verdict.offence
+        if max(breach.overrun, breach.axle_load, breach.side_load, breach.decel) > 0.0:
+            return self._emergency(start_sq)
+        if self._bound[0] < start_sq:
+            label = Limiting(int(self._label[0])).label
+            allowed = f"{np.sqrt(self._bound[0]):.2f} m/s ({label})"
+        else:
+            allowed = f"{np.sqrt(reachable):.2f} m/s, what service braking can bring down"
+        hardest = -motion_of(track.station, answer)[0].min()
+        text = f"starts at {speed:.2f} m/s, above {allowed}: brakes at {hardest:.2f} m/s²"
+        text += f"; {reason}" if status is Status.BLOCKED else ""
+        return answer, verdict, Status.DEGRADED, text
+
+    def _braking(self, k: int, speed_sq: float) -> float:
+        """Least deceleration of full braking at station k from this v² down [m/s²]."""
+        track = self.track
+        slow = float(track.slowest[k])
+        fast = max(float(np.sqrt(speed_sq)), slow)
+        force = min(slow * track.weak_speed[k], fast * track.weak_speed[k]) + track.weak_rest[k]
+        return float(GRAVITY * (force + self._sine[k]))
 
     def _emergency(self, start_sq: float) -> tuple[Floats, Verdict, Status, str]:
+        """Full braking from the start, and why even that is not enough."""
         station = self.track.station
         speed = np.sqrt(start_sq)
         only_start = np.zeros_like(station)
         only_start[0] = start_sq
         verdict = self.judge(only_start, decel=np.inf)
         stop = float(verdict.stop_distance[0])
-        braking = max(stop - self._offset - speed * self.track.dead_time[0], 1e-6)
         onset = speed * self.track.dead_time[0]
-        share = np.clip(1.0 - (station - onset) / braking, 0.0, 1.0)
-        speed_sq = start_sq * share
-        # Braking already, so what is left is what is left: no second dead time.
-        left = np.where(speed_sq > 0.0, np.maximum(stop - station, 0.0), 0.0)
+        braking = max(stop - self._offset - onset, 1e-6)
+        speed_sq = start_sq * np.clip(1.0 - (station - onset) / braking, 0.0, 1.0)
+        moving = speed_sq > 0.0
+        # It brakes already: what is left of this one stop, and its least loads.
         verdict = Verdict(
-            left, verdict.rear_load, verdict.side_load, verdict.offence, verdict.where
+            np.where(moving, np.maximum(stop - station, 0.0), 0.0),
+            np.where(moving, verdict.rear_load[0], verdict.rear_load),
+            np.where(moving, verdict.side_load[0], verdict.side_load),
+            verdict.offence,
+            verdict.where,
         )
         over = stop - self._clear
-        lightest = min(verdict.rear_load[0], verdict.side_load[0])
-        least = self._scalars.min_load
         if over > 0.0:
             text = (
                 f"even full braking from {speed:.2f} m/s takes {stop:.2f} m, "
                 f"{over:.2f} m beyond the clear distance of {self._clear:.2f} m"
             )
-            return speed_sq, verdict, Status.INFEASIBLE, text
-        if lightest < least:
+        else:
+            lightest = min(verdict.rear_load[0], verdict.side_load[0])
             text = (
                 f"braking from {speed:.2f} m/s leaves an axle or side {lightest:.1%} of its load, "
-                f"less than {least:.0%}"
+                f"{self._scalars.min_load:.0%} is wanted"
             )
-            return speed_sq, verdict, Status.INFEASIBLE, text
-        bound, label = np.sqrt(self._bound[0]), Limiting(int(self._label[0])).label
-        text = f"emergency stop: start speed {speed:.2f} m/s is above {bound:.2f} m/s ({label})"
-        return speed_sq, verdict, Status.DEGRADED, text
+        return speed_sq, verdict, Status.INFEASIBLE, text
 
     def _profile(self, start_sq: float, decel: float | None = None) -> tuple[Floats, float]:
         def column(array: Floats) -> Floats:

@@ -304,8 +304,10 @@ def _check(
             s = station[k] if point == 0 else _at(station, k, u)
             dead = track.dead_time[k]
             slowest = track.slowest[k]
+            top = track.speed_limit[k]
             if point > 0:
                 dead = max(dead, track.dead_time[k + 1])
+                top = max(top, track.speed_limit[k + 1])
             end, rear, side = _stop(track, body, motion, s, v, dead, slowest, i, limit, h)
             if point == 0:
                 stop_distance[k] = end - s + distance_offset
@@ -319,7 +321,7 @@ def _check(
                 end + distance_offset - clear_distance,
                 n.min_load - rear,
                 n.min_load - side,
-                v - min(n.speed, track.speed_limit[k]),
+                v - min(n.speed, top),
                 lateral / lean - n.lateral_accel,
                 rim - n.max_wheel_speed,
             )

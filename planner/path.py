@@ -212,11 +212,16 @@ def _smooth(points: Floats, along: Floats, wanted: Floats) -> Floats:
 
 
 def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:
-    """The lower limit of the two points around each station: a limit holds up to the next point."""
-    right = np.clip(np.searchsorted(along, wanted, side="left"), 1, len(along) - 1)
-    lowest = np.minimum(limit[right], limit[right - 1])
-    # A point between two stations counts for both of them.
-    station = np.clip(np.searchsorted(wanted, along, side="right") - 1, 0, len(wanted) - 1)
-    np.minimum.at(lowest, station, limit)
-    np.minimum.at(lowest, np.minimum(station + 1, len(wanted) - 1), limit)
+    """The lowest limit between the neighbours of each station, (N,).
+
+    A limit holds from its point to the next and from the one before; a plan that is linear in v²
+    between two stations then keeps what holds anywhere between them.
+    """
+    piece = np.append(np.minimum(limit[1:], limit[:-1]), np.inf)
+    last = len(along) - 2
+    before = np.concatenate((wanted[:1], wanted[:-1]))
+    after = np.concatenate((wanted[1:], wanted[-1:]))
+    first = np.clip(np.searchsorted(along, before, side="right") - 1, 0, last)
+    end = np.clip(np.searchsorted(along, after, side="left"), first + 1, last + 1)
+    lowest: Floats = np.minimum.reduceat(piece, np.stack((first, end), axis=1).ravel())[::2]
     return lowest

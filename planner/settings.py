@@ -12,7 +12,7 @@ class PlannerSettings:
     """Resolution of plans, and weights of the ranking."""
 
     spacing: float = quantity(
-        "m", "Distance between stations; at most two cells of the map.", default=0.25, above=0.0
+        "m", "Distance between stations; at most one cell of the map.", default=0.25, above=0.0
     )
     smooth: bool = True
     horizon_penalty: float = quantity(
@@ -26,5 +26,5 @@ class PlannerSettings:
         validate_quantities(self)
 
     def spacing_on(self, resolution: float) -> float:
-        """Spacing on a map: no cell is stepped over, for each station sees two cells abreast."""
-        return min(self.spacing, 2.0 * resolution)
+        """Spacing on a map: a wheel sees two cells abreast, and steps over none even in a turn."""
+        return min(self.spacing, resolution)

@@ -18,7 +18,7 @@ import osqp
 from scipy import sparse
 
 from planner.compiled import Floats
-from planner.symbolic import time_model
+from planner.symbolic import nearest_exactly, time_model
 
 _TOLERANCE = 1e-4
 _TIGHTER = 1.5e-4
@@ -66,14 +66,16 @@ class Smoothed:
 class Smoother:
     """OSQP for one number of stations, warm from call to call."""
 
-    def __init__(self, stations: int, *, max_iterations: int = 4000) -> None:
+    def __init__(self, stations: int, *, max_iterations: int = 1500, exact: bool = True) -> None:
         """Set the sparsity up.
 
         Args:
             stations: N, at least 4.
             max_iterations: of OSQP before it gives up.
+            exact: then solve the program once more by an active-set method.
         """
         self._n = stations
+        self._exact = exact
         self._last: tuple[Floats, Floats] | None = None
         rows, n = self._pattern(), stations
         self._a = sparse.csc_matrix(
@@ -128,13 +130,19 @@ class Smoother:
         self._solver.warm_start(x=around, y=dual)
         result = self._solver.solve(raise_error=False)
         used = int(result.info.iter)
-        if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
-            return Smoothed(None, used, f"OSQP: {result.info.status} after {used} iterations")
         top = problem.speed_sq_max
-        solution = np.clip(result.x, 0.0, top)
+        solved = result.info.status_val == osqp.SolverStatus.OSQP_SOLVED
+        answer = np.asarray(result.x) if solved else None
+        if answer is None and self._exact:
+            # Long stretches at the jerk limit are what first-order methods are worst at.
+            answer = nearest_exactly(self._a, lower, upper, top)
+        if answer is None:
+            return Smoothed(None, used, f"OSQP: {result.info.status} after {used} iterations")
+        solution = np.clip(answer, 0.0, top)
         solution[0] = top[0]
         solution[top <= _REST] = 0.0
-        self._last = (solution, np.array(result.y))
+        if solved:
+            self._last = (solution, np.array(result.y))
         return Smoothed(solution, used)
 
     def _linearise(self, problem: SmoothingProblem, around: Floats) -> tuple[Floats, Floats]:
@@ -171,7 +179,8 @@ class Smoother:
             reach = problem.jerk * ds[0] / max(np.sqrt(top[0]), 0.05)
             upper[n] = min(upper[n], problem.start_accel + reach)
             lower[n] = max(lower[n], problem.start_accel - reach)
-        self._solver.update(q=-top, l=lower, u=upper, Ax=data[self._slot])
+        self._a.data = data[self._slot]
+        self._solver.update(q=-top, l=lower, u=upper, Ax=self._a.data)
         return lower, upper
 
 

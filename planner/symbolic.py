@@ -1,7 +1,8 @@
-"""Derivatives of what is nonlinear in v², from CasADi: the time between segments.
+"""What the smoothing needs of CasADi: the time between segments with its derivatives, and a solver
+that is exact where OSQP gives up.
 
-It is convex in v², so a tangent never overestimates it: a limit written with the tangent is on the
-safe side wherever the solution goes, and exact where it touches.
+The time is convex in v², so a tangent never overestimates it: a limit written with the tangent is
+on the safe side wherever the solution goes, and exact where it touches.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy import sparse
 
 from planner.compiled import Floats
 
@@ -57,3 +59,39 @@ def time_model(speed_sq: Floats, ds: Floats) -> TimeModel:
     for i in range(3):
         value += tangent[i] * (speed_sq[i : stations - 2 + i] - y[i : stations - 2 + i])
     return TimeModel(value, tangent)
+
+
+@lru_cache(maxsize=16)
+def _exact_solver(sparsity: tuple[int, int, tuple[int, ...], tuple[int, ...]]) -> Any:
+    rows, columns, starts, indices = sparsity
+    shape = ca.Sparsity(rows, columns, list(starts), list(indices))
+    options: dict[str, Any] = {"error_on_fail": False, "highs": {"output_flag": False}}
+    pattern: dict[str, Any] = {"h": ca.Sparsity.diag(columns), "a": shape}
+    return ca.conic("exact", "highs", pattern, options)
+
+
+def nearest_exactly(
+    constraints: sparse.csc_matrix, lower: Floats, upper: Floats, wanted: Floats
+) -> Floats | None:
+    """The point nearest to another under linear constraints, by an active-set method.
+
+    Args:
+        constraints: (rows, N) matrix A; lower, upper: (rows,) limits of A x, ±1e6 or more is none.
+        wanted: (N,) the other point.
+
+    Returns:
+        (N,) x, None if there is none. Slower than OSQP on easy programs, but never in doubt.
+    """
+    a = constraints
+    rows, columns = a.shape
+    solver = _exact_solver((rows, columns, tuple(a.indptr.tolist()), tuple(a.indices.tolist())))
+    result = solver(
+        h=ca.DM.eye(columns),
+        a=ca.DM(solver.sparsity_in("a"), a.data),
+        g=-wanted,
+        lba=np.where(lower <= -1e6, -np.inf, lower),
+        uba=np.where(upper >= 1e6, np.inf, upper),
+    )
+    if not solver.stats()["success"]:
+        return None
+    return np.asarray(result["x"]).ravel()

@@ -59,7 +59,7 @@ def _opened(path: Path) -> Iterator[Any]:
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             with rasterio.open(path, driver="GTiff") as dataset:
                 yield dataset
-    except (RasterioError, OSError, MemoryError) as error:
+    except (RasterioError, OSError, MemoryError, ValueError) as error:
         found = "unreadable data inside" if "Read" in str(error) else "something else"
         raise fault(path, "", f"expected an intact GeoTIFF, got {found}") from None
     finally:

@@ -148,11 +148,13 @@ def write_csv(columns: dict[str, Sequence[str] | Floats], path: Path) -> None:
     Floats are written with as many digits as they need to come back the same.
     """
     texts = [
-        [cell if isinstance(cell, str) else repr(float(cell)) for cell in column]
+        [_quoted(cell) if isinstance(cell, str) else repr(float(cell)) for cell in column]
         for column in columns.values()
     ]
-    buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*texts, strict=True))
-    write_atomic(path, buffer.getvalue().encode())
+    lines = [",".join(map(_quoted, columns)), *map(",".join, zip(*texts, strict=True))]
+    write_atomic(path, "".join(f"{line}\n" for line in lines).encode())
+
+
+def _quoted(cell: str) -> str:
+    # The csv module of Python 3.11 leaves a lone carriage return without quotes.
+    return '"' + cell.replace('"', '""') + '"' if any(c in cell for c in '",\r\n') else cell

@@ -7,7 +7,9 @@ turns them into the planner's parameters.
 from __future__ import annotations
 
 import copy
+import os
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,6 +33,7 @@ from planner.settings import PlannerSettings
 from tests import oracle
 
 G = 9.80665
+ROOT = Path(__file__).parents[2]
 Tables = dict[str, Any]
 
 ATV: Tables = {
@@ -121,6 +124,11 @@ def model_of(tables: Mapping[str, Any]) -> Model:
         limits=Limits(**tables["limits"]),
         effect=tuple(Effect(**effect) for effect in tables.get("effect", ())),
     )
+
+
+def data_folder() -> Path:
+    """Where the public recordings are, if they are."""
+    return Path(os.environ.get("SLOPEWISE_DATA", ROOT.parent / "shared" / "data"))
 
 
 # ---------------------------------------------------------------------------------- ground

@@ -277,7 +277,7 @@ def test_a_path_has_to_begin_on_the_map() -> None:
         "candidate off, point 1",
         "expected a point on the map m.tif (x 429252.8 … 429651.8, y 5150485.9 … 5150884.9 m)",
         "got x 429300, y 5150400.25",
-    ) as _:
+    ):
         check_paths_on_map([on, off], EXTENT, "p.csv", "m.tif")
 
 
@@ -296,6 +296,6 @@ def test_a_path_off_a_real_map() -> None:
     x_min, x_max, y_min, y_max = info.extent
     inside = np.array([[x_min, y_max], [x_max, y_min]])
     check_paths_on_map([CandidatePath("a", inside)], info.extent, "p.csv", str(source))
-    beside = inside + (-1.0, 0.0)
+    beside = inside - np.array([1.0, 0.0])
     with fault_in("p.csv", "candidate b, point 1", str(source)):
         check_paths_on_map([CandidatePath("b", beside)], info.extent, "p.csv", str(source))

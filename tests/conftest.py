@@ -1,0 +1,59 @@
+"""What all tests share: how hypothesis searches, what runs at night, and a model to plan with.
+
+`HYPOTHESIS_PROFILE=nightly` searches longer and with other seeds every time. Tests marked `nightly`
+run only when the marker is asked for: `pytest -m nightly`.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from models.parameters import Model
+from planner.elevation_map import ElevationMap
+from tests.planner import scenes
+
+_CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("default", derandomize=True, database=None, **_CALM)
+settings.register_profile("nightly", max_examples=2000, print_blob=True, **_CALM)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave the nightly tests out unless the marker expression speaks of them."""
+    if "nightly" in config.getoption("markexpr"):
+        return
+    nightly = [item for item in items if item.get_closest_marker("nightly")]
+    if nightly:
+        config.hook.pytest_deselected(items=nightly)
+        items[:] = [item for item in items if not item.get_closest_marker("nightly")]
+
+
+@pytest.fixture
+def tables() -> scenes.Tables:
+    """The quad as the tables of a model file; a copy to change."""
+    return scenes.tables_with()
+
+
+@pytest.fixture
+def model() -> Model:
+    """The quad."""
+    return scenes.model_of(scenes.ATV)
+
+
+@pytest.fixture
+def level_map() -> ElevationMap:
+    """Level ground around the origin."""
+    return scenes.plane()
+
+
+@pytest.fixture
+def data() -> Path:
+    """Folder of the public recordings; skips where it is absent."""
+    folder = scenes.data_folder()
+    if not folder.is_dir():
+        pytest.skip(f"no recordings at {folder}: set SLOPEWISE_DATA to their folder")
+    return folder

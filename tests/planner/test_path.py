@@ -1,0 +1,305 @@
+"""From drawn polylines to even stations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.errors import ParameterError
+from planner.path import MAX_STATIONS, CandidatePath, batch, clean, noise, resample
+from tests.planner.scenes import arc, straight
+
+
+def path_of(*points: tuple[float, float], **options: np.ndarray) -> CandidatePath:
+    return CandidatePath("p", np.array(points, float), **options)
+
+
+def circle(radius: float, step: float, sweep: float, sigma: float = 0.0, seed: int = 0):
+    """Points on a circle around the origin, and noise on top."""
+    angle = np.arange(0.0, sweep, step / radius)
+    points = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return points + sigma * np.random.default_rng(seed).normal(size=points.shape)
+
+
+def steps_of(points: np.ndarray) -> np.ndarray:
+    return np.hypot(*np.diff(points, axis=0).T)
+
+
+def curvature_of(points: np.ndarray) -> np.ndarray:
+    """Menger's curvature of inner points."""
+    a, b = np.diff(points[:-1], axis=0), np.diff(points[1:], axis=0)
+    cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return 2.0 * cross / (np.hypot(*a.T) * np.hypot(*b.T) * np.hypot(*(a + b).T))
+
+
+def distance_to(polyline: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Of each point from the nearest segment."""
+    start, along = polyline[:-1], np.diff(polyline, axis=0)
+    share = ((points[:, None] - start) * along).sum(-1) / (along**2).sum(-1)
+    foot = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.hypot(*(points[:, None] - foot).transpose(2, 0, 1)).min(axis=1)
+
+
+# ------------------------------------------------------------------------------- resampling
+
+
+@given(
+    length=st.floats(0.5, 60.0), heading=st.floats(-3.2, 3.2), spacing=st.sampled_from([0.1, 0.25])
+)
+def test_two_points_become_even_stations_on_their_line(
+    length: float, heading: float, spacing: float
+) -> None:
+    even, limit = resample(straight(length, heading), spacing)
+    along = even @ (np.cos(heading), np.sin(heading))
+    across = even @ (-np.sin(heading), np.cos(heading))
+    assert limit is None
+    assert len(even) >= 3
+    np.testing.assert_allclose(across, 0.0, atol=1e-9)
+    np.testing.assert_allclose(along, np.linspace(0.0, length, len(even)), atol=1e-9)
+    assert steps_of(even).max() <= spacing + 1e-9
+    # Not wastefully fine either.
+    assert len(even) <= max(int(length / spacing) + 2, 3)
+
+
+def test_three_distinct_points_in_a_row_stay_in_their_row() -> None:
+    even, _ = resample(path_of((0, 0), (1, 0), (5, 0)), 0.25)
+    np.testing.assert_allclose(even[:, 1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(even[[0, -1], 0], (0.0, 5.0), atol=1e-12)
+
+
+@pytest.mark.parametrize("curvature", [-1.0, -0.2, 0.05, 0.5, 1.0])
+def test_arcs_keep_their_curvature_and_even_spacing(curvature: float) -> None:
+    path = arc(min(20.0, 5.0 / abs(curvature)), curvature)
+    even, _ = resample(path, 0.1)
+    steps = steps_of(even)
+    assert steps.max() / steps.min() < 1.001
+    np.testing.assert_allclose(curvature_of(even)[1:-1], curvature, rtol=0.1)
+    np.testing.assert_array_equal(even[[0, -1]], path.points[[0, -1]])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_of_centimetres_does_not_become_curvature(seed: int) -> None:
+    points = circle(10.0, 0.1, 2.0, sigma=0.03, seed=seed)
+    # Differentiated twice the points themselves would be useless.
+    assert np.abs(curvature_of(points)).max() > 3.0
+    even, _ = resample(CandidatePath("noisy", points), 0.25)
+    inner = even[8:-8]
+    assert np.abs(np.hypot(*inner.T) - 10.0).max() < 0.06
+    assert np.abs(curvature_of(inner) - 0.1).max() < 0.02
+
+
+def test_distant_vertices_round_the_corner_but_the_path_stays_near_the_polyline() -> None:
+    corner = np.array([(0.0, 0.0), (10.0, 0.0), (17.0, 7.0), (27.0, 7.0)])
+    even, _ = resample(CandidatePath("corner", corner), 0.25)
+    assert distance_to(corner, even).max() < 0.15
+    assert np.abs(curvature_of(even)).max() < 1.0
+
+
+def test_drawn_points_without_noise_are_kept_within_centimetres() -> None:
+    x = np.arange(0.0, 20.0, 0.5)
+    points = np.stack([x, np.sin(x / 3.0)], axis=1)
+    even, _ = resample(CandidatePath("sine", points), 0.1)
+    assert np.abs(even[:, 1] - np.sin(even[:, 0] / 3.0)).max() < 0.06
+
+
+def test_closed_loops_come_back_to_their_start() -> None:
+    points = circle(5.0, 0.25, 2.0 * np.pi)
+    points = np.concatenate([points, points[:1]])
+    even, _ = resample(CandidatePath("loop", points), 0.25)
+    np.testing.assert_array_equal(even[0], even[-1])
+    assert np.abs(np.hypot(*even.T) - 5.0).max() < 0.07
+    assert steps_of(even).sum() == pytest.approx(2.0 * np.pi * 5.0, rel=0.01)
+
+
+def test_a_figure_eight_crosses_itself_freely() -> None:
+    t = np.linspace(0.0, 2.0 * np.pi, 120)
+    points = np.stack([6.0 * np.sin(t), 3.0 * np.sin(2.0 * t)], axis=1)
+    even, _ = resample(CandidatePath("eight", points), 0.2)
+    assert distance_to(points, even).max() < 0.08
+
+
+def test_a_u_turn_of_one_metre_radius_is_fine() -> None:
+    angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, 30)
+    turn = np.stack([4.0 + np.cos(angle), 1.0 + np.sin(angle)], axis=1)
+    points = np.concatenate([[(0.0, 0.0)], turn, [(0.0, 2.0)]])
+    even, _ = resample(CandidatePath("u", points), 0.1)
+    assert distance_to(points, even).max() < 0.1
+    assert curvature_of(even).max() == pytest.approx(1.0, rel=0.35)
+
+
+@pytest.mark.parametrize("copies", [2, 5])
+def test_duplicate_points_change_nothing(copies: int) -> None:
+    path = arc(12.0, 0.1)
+    twice = CandidatePath("twice", np.repeat(path.points, copies, axis=0))
+    np.testing.assert_allclose(resample(twice, 0.25)[0], resample(path, 0.25)[0], atol=1e-12)
+
+
+def test_the_lowest_limit_of_duplicates_holds() -> None:
+    points = np.array([(0.0, 0.0), (5.0, 0.0), (5.0, 0.0), (5.0, 0.0), (9.0, 0.0)])
+    kept, limit = clean(CandidatePath("d", points, speed_limit=np.array([3.0, 2.0, 1.0, 4.0, 3.0])))
+    np.testing.assert_array_equal(kept[:, 0], (0.0, 5.0, 9.0))
+    np.testing.assert_array_equal(limit, (3.0, 1.0, 3.0))
+
+
+def test_points_creeping_by_less_than_a_millimetre_are_not_all_dropped() -> None:
+    points = np.stack([np.arange(20_000) * 2e-4, np.zeros(20_000)], axis=1)
+    kept, _ = clean(CandidatePath("creep", points))
+    assert kept[-1, 0] > 3.99
+    assert steps_of(kept).min() >= 1e-3 - 1e-12
+
+
+# ---------------------------------------------------------------------------------- refusal
+
+
+def refusal(path: CandidatePath) -> ParameterError:
+    with pytest.raises(ParameterError) as caught:
+        resample(path, 0.25)
+    return caught.value
+
+
+def test_a_cusp_is_refused_with_its_place_and_angle() -> None:
+    error = refusal(path_of((0, 0), (4, 0), (8, 0), (5, 0.5), (0, 1)))
+    assert error.field == "points[2]"
+    assert "171°" in error.expected
+    assert "(8.00, 0.00)" in error.expected
+    assert "split it" in error.expected
+
+
+def test_a_right_angle_is_no_cusp() -> None:
+    even, _ = resample(path_of((0, 0), (8, 0), (8, 8)), 0.25)
+    assert distance_to(np.array([(0, 0), (8, 0), (8, 8)], float), even).max() < 0.15
+
+
+def test_centimetres_of_noise_are_no_cusps() -> None:
+    points = circle(10.0, 0.02, 1.0, sigma=0.03, seed=3)
+    even, _ = resample(CandidatePath("noisy", points), 0.25)
+    assert np.abs(np.hypot(*even[4:-4].T) - 10.0).max() < 0.05
+
+
+def test_driven_backwards_is_refused_by_its_yaw() -> None:
+    path = arc(10.0, 0.1)
+    forward = 0.1 * np.linspace(0.0, 10.0, len(path.points))
+    even, _ = resample(CandidatePath("forward", path.points, yaw=forward), 0.25)
+    assert len(even) > 3
+    error = refusal(CandidatePath("back", path.points, yaw=forward + np.pi))
+    assert error.field == "yaw"
+    assert "backwards" in error.expected
+
+
+def test_a_path_of_one_place_is_refused() -> None:
+    error = refusal(path_of((2, 3), (2, 3), (2, 3.0005)))
+    assert error.field == "points"
+    assert "2 distinct points" in error.expected
+
+
+def test_a_path_in_the_wrong_unit_is_refused() -> None:
+    error = refusal(straight(0.25 * MAX_STATIONS * 1.01))
+    assert str(MAX_STATIONS) in error.expected
+
+
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"points": np.zeros((1, 2))}, "points"),
+        ({"points": np.zeros((4, 3))}, "points"),
+        ({"points": np.zeros(4)}, "points"),
+        ({"points": np.array([(0.0, 0.0), (1.0, np.nan), (2.0, 0.0)])}, "points[1]"),
+        ({"points": np.array([(0.0, 0.0), (1.0, 0.0), (np.inf, 0.0)])}, "points[2]"),
+        ({"speed_limit": np.ones(3)}, "speed_limit"),
+        ({"speed_limit": np.array([1.0, np.nan])}, "speed_limit"),
+        ({"speed_limit": np.array([1.0, -0.1])}, "speed_limit"),
+        ({"yaw": np.array([1.0, np.inf])}, "yaw"),
+    ],
+)
+def test_malformed_paths_name_what_is_wrong(options: dict[str, np.ndarray], field: str) -> None:
+    options = {"points": np.array([(0.0, 0.0), (1.0, 0.0)])} | options
+    with pytest.raises(ParameterError) as caught:
+        CandidatePath("bad", **options)
+    assert caught.value.field == field
+
+
+# ----------------------------------------------------------------------------- speed limits
+
+
+@given(
+    gaps=st.lists(st.floats(0.01, 3.0), min_size=1, max_size=40),
+    limits=st.lists(st.sampled_from([0.5, 1.0, 2.0, 3.0]), min_size=41, max_size=41),
+    spacing=st.sampled_from([0.1, 0.25, 0.5]),
+)
+def test_resampling_never_raises_a_speed_limit(
+    gaps: list[float], limits: list[float], spacing: float
+) -> None:
+    along = np.concatenate([[0.0], np.cumsum(gaps)])
+    limit = np.array(limits[: len(along)])
+    points = np.stack([along, np.zeros_like(along)], axis=1)
+    even, out = resample(CandidatePath("l", points, speed_limit=limit), spacing)
+    assert out is not None
+    share, place = even[:, 0] / even[-1, 0], along / along[-1]
+    for k, s in enumerate(share):
+        ahead = np.clip(np.searchsorted(place, s), 1, len(place) - 1)
+        assert out[k] <= max(limit[ahead - 1 : ahead + 1])
+        # What held when the station was reached still holds: a limit is up to the next point.
+        held = limit[np.clip(np.searchsorted(place, s - 1e-9, side="right") - 1, 0, len(place) - 1)]
+        assert out[k] <= held
+    # v² linear between two stations keeps to a point in between only if both of them do.
+    for s, value in zip(place, limit, strict=True):
+        k = np.clip(np.searchsorted(share, s, side="right") - 1, 0, len(share) - 2)
+        assert max(out[k], out[k + 1]) <= value
+    # And nothing is made up.
+    assert set(out) <= set(limit)
+
+
+def test_limits_are_not_spread_over_the_whole_path() -> None:
+    points = np.stack([np.linspace(0.0, 20.0, 11), np.zeros(11)], axis=1)
+    limit = np.where(np.arange(11) == 5, 1.0, 3.0)
+    even, out = resample(CandidatePath("l", points, speed_limit=limit), 0.25)
+    assert out is not None
+    low = even[out == 1.0, 0]
+    assert 7.5 <= low.min() <= 10.0
+    assert 10.0 <= low.max() <= 12.5
+    assert set(out) == {1.0, 3.0}
+
+
+# ------------------------------------------------------------------------------------ batch
+
+
+def test_a_batch_is_its_paths_side_by_side_padded_with_their_ends() -> None:
+    paths = [straight(3.0, name="a"), arc(10.0, 0.1, name="b")]
+    side_by_side = batch(paths, 0.25)
+    assert side_by_side.names == ("a", "b")
+    assert side_by_side.speed_limit is None
+    assert side_by_side.x.shape == (side_by_side.count.max(), 2)
+    for j, path in enumerate(paths):
+        alone, _ = resample(path, 0.25)
+        n = side_by_side.count[j]
+        assert n == len(alone)
+        np.testing.assert_array_equal(side_by_side.x[:n, j], alone[:, 0])
+        np.testing.assert_array_equal(side_by_side.y[:n, j], alone[:, 1])
+        assert np.all(side_by_side.x[n:, j] == alone[-1, 0])
+
+
+def test_paths_without_limits_are_free_beside_those_that_have_some() -> None:
+    limited = straight(3.0, speed_limit=np.array([1.0, 2.0]))
+    limits = batch([straight(3.0), limited], 0.25).speed_limit
+    assert limits is not None
+    assert np.all(np.isinf(limits[:, 0]))
+    assert np.all(limits[:, 1] == 1.0)
+
+
+# ------------------------------------------------------------------------------------ noise
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.05, 0.2])
+def test_the_noise_of_a_path_is_estimated(sigma: float) -> None:
+    points = circle(30.0, 0.1, 1.5, sigma=sigma, seed=1)
+    assert noise(points) == pytest.approx(sigma, rel=0.15)
+
+
+def test_smooth_paths_have_no_noise_even_with_one_outlier() -> None:
+    points = circle(30.0, 0.1, 1.5)
+    assert noise(points) < 1e-5
+    points[200] += 0.5
+    assert noise(points) < 1e-5
+    assert noise(points[:7]) == 0.0
