@@ -28,7 +28,7 @@ def _validate_range(name: str, bounds: tuple[float, float]) -> None:
 
 
 def _validate_covariance(name: str, covariance: Matrix | None, size: int) -> None:
-    if covariance is None:
+    if covariance is None or (size == 0 and len(covariance) == 0):
         return
     if len(covariance) != size or any(len(row) != size for row in covariance):
         raise ParameterError(name, f"a {size} x {size} matrix")

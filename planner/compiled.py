@@ -37,6 +37,13 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     return cast(Callable[P, R], compiled)
 
 
+def fused(function: Callable[P, R]) -> Callable[P, R]:
+    """As :func:`inlined`, with a product and its sum in one instruction and one rounding."""
+    options: Any = {"contract"}
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", fastmath=options)(function)
+    return cast(Callable[P, R], compiled)
+
+
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, closed for writing: value objects share it without fear."""
     array.flags.writeable = False

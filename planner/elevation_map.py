@@ -35,7 +35,7 @@ class ElevationMap:
     class_names: tuple[str, ...] = field(default=("",))
 
     def __post_init__(self) -> None:
-        elevation = np.ascontiguousarray(self.elevation, dtype=np.float64)
+        elevation = np.array(self.elevation, dtype=np.float64, order="C")
         if elevation.ndim != 2 or min(elevation.shape) < _FEWEST_CELLS:
             raise ParameterError(
                 "elevation", f"at least 2 x 2 cells (rows, cols), got shape {elevation.shape}"
@@ -46,11 +46,10 @@ class ElevationMap:
             raise ParameterError("origin", f"two finite coordinates [m], got {self.origin!r}")
         if not np.any(np.isfinite(elevation)):
             raise ParameterError("elevation", "at least one known cell, all are unknown")
-        if np.any(np.isinf(elevation)):
-            elevation = np.where(np.isinf(elevation), np.nan, elevation)
+        elevation[np.isinf(elevation)] = np.nan
         object.__setattr__(self, "elevation", read_only(elevation))
         if self.terrain_class is not None:
-            classes = np.ascontiguousarray(self.terrain_class, dtype=np.int64)
+            classes = np.array(self.terrain_class, dtype=np.int64, order="C")
             if classes.shape != elevation.shape:
                 raise ParameterError(
                     "terrain_class",

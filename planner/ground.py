@@ -8,12 +8,13 @@ is linear in the speed at brake onset: F_b/W = speed_part * v_i + rest_part.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from models import effects
 from models.parameters import Braking, Model
-from planner.compiled import Bools, Floats, Ints, kernel
+from planner.compiled import Bools, Floats, Ints, inlined, kernel
 from planner.terrain_profile import TerrainProfile
 
 _M_M, _B_M, _M_B, _B_B, _UP_M_M, _UP_B_M, _DEAD, _OFFSET = range(8)
@@ -125,35 +126,70 @@ def ground_along(
         conditions: session time and brake heat; both zero if left out.
     """
     now = conditions or Conditions()
-    table, class_bits = _surface_table(model, class_names)
-    shape = profile.grade.shape
-    weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest = np.empty(
-        (7, *shape)
-    )
-    trained = np.empty(shape, np.bool_)
-    distance_offset = np.zeros(shape[1])
     braking = model.braking
+    table, class_bits = _surface_table(model, class_names)
     margin = braking.extrapolation_margin if braking.extrapolate else -1.0
-    _forces(
-        profile.grade, profile.surfaces, profile.count, table, class_bits, margin,
-        weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest, trained,
-        distance_offset,
-    )  # fmt: skip
+    if len(table) == 1:
+        forces = _on_one_surface(profile.grade, table[0], margin)
+    else:
+        forces = _on_many_surfaces(profile, table, class_bits, margin)
     if model.effect:
         yaw = np.arctan2(profile.heading_y, profile.heading_x)
         extra = effects.ground_term(
             model.effect, profile.grade, profile.roll, profile.x, profile.y, yaw, now.session_time
         )
         lowest, highest = _spread_to_neighbours(extra)
-        weak_rest += lowest
-        strong_rest += highest
+        forces = forces._replace(
+            weak_rest=forces.weak_rest + lowest, strong_rest=forces.strong_rest + highest
+        )
     motion = effects.motion(model.effect, braking.sliding_friction, now.brake_heat)
     at_rest = effects.motion((), None)
     closed_form = motion._replace(heat=0.0) == at_rest and bool(np.ptp(table[:, _SLOWEST]) == 0.0)
-    return Ground(
+    return Ground(*forces, motion, closed_form)
+
+
+class _Forces(NamedTuple):
+    """The arrays of :class:`Ground`, in its order."""
+
+    weak_speed: Floats
+    weak_rest: Floats
+    strong_speed: Floats
+    strong_rest: Floats
+    dead_time: Floats
+    slowest: Floats
+    fastest: Floats
+    trained: Bools
+    distance_offset: Floats
+
+
+def _on_one_surface(grade: Floats, surface: Floats, margin: float) -> _Forces:
+    """Where it does not extrapolate either, the stronger force *is* the weaker one."""
+    weak_speed, weak_rest = np.empty_like(grade), np.empty_like(grade)
+    strong_speed, strong_rest = weak_speed, weak_rest
+    if margin > 0.0:
+        strong_speed, strong_rest = np.empty_like(grade), np.empty_like(grade)
+    trained = np.empty(grade.shape, np.bool_)
+    _forces_on_one_surface(
+        grade, surface, margin, strong_speed, strong_rest, weak_speed, weak_rest, trained
+    )
+    dead_time, slowest, fastest = (
+        np.full(grade.shape, surface[column]) for column in (_DEAD, _SLOWEST, _FASTEST)
+    )
+    offset = np.full(grade.shape[1], surface[_OFFSET])
+    return _Forces(
         weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest, trained,
-        distance_offset, motion, closed_form,
+        offset,
     )  # fmt: skip
+
+
+def _on_many_surfaces(
+    profile: TerrainProfile, table: Floats, class_bits: Ints, margin: float
+) -> _Forces:
+    shape = profile.grade.shape
+    arrays = [np.empty(shape) for _ in range(7)]
+    forces = _Forces(*arrays, np.empty(shape, np.bool_), np.zeros(shape[1]))
+    _forces(profile.grade, profile.surfaces, profile.count, table, class_bits, margin, *forces)
+    return forces
 
 
 def _spread_to_neighbours(term: Floats) -> tuple[Floats, Floats]:
@@ -161,6 +197,42 @@ def _spread_to_neighbours(term: Floats) -> tuple[Floats, Floats]:
     padded = np.pad(term, ((1, 1), (0, 0)), mode="edge")
     stack = np.stack((padded[:-2], term, padded[2:]))
     return stack.min(axis=0), stack.max(axis=0)
+
+
+@kernel
+def _forces_on_one_surface(
+    grade: Floats, surface: Floats, margin: float, strong_speed: Floats, strong_rest: Floats,
+    weak_speed: Floats, weak_rest: Floats, trained: Bools,
+) -> None:  # fmt: skip
+    """The weaker force is written last: both may share their arrays."""
+    for k in range(grade.shape[0]):
+        _force_row(grade[k], surface, max(margin, 0.0), strong_speed[k], strong_rest[k])
+        _force_row(grade[k], surface, -max(margin, 0.0), weak_speed[k], weak_rest[k])
+        _trained_row(grade[k], surface, margin, trained[k])
+
+
+@inlined
+def _force_row(
+    grade: Floats, surface: Floats, extra: float, speed_part: Floats, rest_part: Floats
+) -> None:
+    """Force of one surface, with an extra share of it where the model extrapolates."""
+    m_m, b_m, m_b, b_b = surface[_M_M], surface[_B_M], surface[_M_B], surface[_B_B]
+    up_m_m, up_b_m = surface[_UP_M_M], surface[_UP_B_M]
+    down, up = surface[_STEEPEST_DOWN], surface[_STEEPEST_UP]
+    for j in range(grade.shape[0]):
+        theta = grade[j]
+        speed = (up_m_m if theta > 0.0 else m_m) * theta + m_b
+        rest = (up_b_m if theta > 0.0 else b_m) * theta + b_b
+        share = extra if (theta < down) | (theta > up) else 0.0
+        speed_part[j] = speed + share * abs(speed)
+        rest_part[j] = rest + share * abs(rest)
+
+
+@inlined
+def _trained_row(grade: Floats, surface: Floats, margin: float, trained: Bools) -> None:
+    down, up = surface[_STEEPEST_DOWN], surface[_STEEPEST_UP]
+    for j in range(grade.shape[0]):
+        trained[j] = ((grade[j] >= down) & (grade[j] <= up)) | (margin >= 0.0)
 
 
 @kernel

@@ -22,7 +22,10 @@ MAX_STATIONS = 200_000
 _DUPLICATE = 1e-3  # [m] points closer than that are one
 _CUSP = np.deg2rad(120.0)  # a turn sharper than that from one segment to the next is a cusp
 _STRAY = 0.25  # [m] noise up to which a polyline is still a path
-_ROUNDING = 0.03  # [m] how far a corner may be rounded off a polyline without noise
+_ROUNDING = 0.03  # [m] how far a corner between distant vertices may be rounded off
+_ROUNDING_SHARE = 0.02  # the same as a share of the distance between vertices
+_SHARP = 0.5  # [rad] corners that turn less are rounded off less
+_FINEST = 2e-4  # [m] a polyline is never taken to be more exact than this
 _DENSE = 0.5  # [m] between distant vertices the polyline counts at least this often
 _FEWEST = 3
 
@@ -44,7 +47,7 @@ class CandidatePath:
     yaw: Floats | None = None
 
     def __post_init__(self) -> None:
-        points = np.ascontiguousarray(self.points, dtype=np.float64)
+        points = np.array(self.points, dtype=np.float64, order="C")
         if points.ndim != 2 or points.shape[1] != 2:
             raise ParameterError("points", f"an array (n, 2) of x, y, got shape {points.shape}")
         if len(points) < 2:
@@ -57,7 +60,7 @@ class CandidatePath:
             values = getattr(self, name)
             if values is None:
                 continue
-            values = np.ascontiguousarray(values, dtype=np.float64)
+            values = np.array(values, dtype=np.float64, order="C")
             if values.shape != (len(points),) or not np.all(np.isfinite(values)):
                 raise ParameterError(name, f"{len(points)} finite numbers, one for each point")
             object.__setattr__(self, name, read_only(values))
@@ -139,7 +142,7 @@ def resample(path: CandidatePath, spacing: float) -> tuple[Floats, Floats | None
     """
     points, limit = clean(path)
     share = _arc(points) / _arc(points)[-1]
-    points = _average_noise(points)
+    points, stray = _average_noise(points)
     along = _arc(points)
     length = float(along[-1])
     count = max(int(np.ceil(length / spacing)) + 1, _FEWEST)
@@ -151,7 +154,7 @@ def resample(path: CandidatePath, spacing: float) -> tuple[Floats, Floats | None
     if len(points) == 2:
         even = points[0] + (wanted / length)[:, None] * (points[1] - points[0])
     else:
-        even = _smooth(points, along, wanted)
+        even = _smooth(points, along, wanted, stray)
     return even, None if limit is None else _lowest_around(wanted / length, share, limit)
 
 
@@ -185,20 +188,32 @@ def _arc(points: Floats) -> Floats:
     return np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
 
 
-def _average_noise(points: Floats) -> Floats:
-    """Average neighbours until the noise no longer decides where a segment points."""
-    while len(points) > 16 and noise(points) > 0.1 * np.median(np.diff(_arc(points))):
+def _average_noise(points: Floats) -> tuple[Floats, float]:
+    """Average neighbours until noise no longer decides where a segment points.
+
+    Returns:
+        Points, and the noise that is left in them [m].
+    """
+    stray = noise(points)
+    while len(points) > 16 and stray > 0.1 * np.median(np.diff(_arc(points))):
         inner = points[1 : 1 + (len(points) - 2) // 2 * 2]
         points = np.concatenate((points[:1], 0.5 * (inner[::2] + inner[1::2]), points[-1:]))
-    return points
+        stray = max(stray / np.sqrt(2.0), noise(points))
+    return points, min(stray, _STRAY)
 
 
-def _smooth(points: Floats, along: Floats, wanted: Floats) -> Floats:
+def _smooth(points: Floats, along: Floats, wanted: Floats, noise_left: float) -> Floats:
     # Between distant vertices a spline would swing out: pin it to the polyline in between.
     dense_along = np.union1d(along, np.arange(0.0, along[-1], _DENSE))
     dense = np.stack([np.interp(dense_along, along, points[:, i]) for i in range(2)], axis=1)
-    stray = np.clip(noise(points), _ROUNDING, _STRAY)
-    weights = np.full(len(dense), 1.0 / stray)
+    # The farther apart and the sharper its corners, the less a polyline says how they are meant.
+    headings = np.unwrap(np.arctan2(*np.diff(points, axis=0).T[::-1]))
+    turns = np.abs(np.diff(headings, prepend=headings[0], append=headings[-1]))
+    sharpness = np.minimum(np.maximum(turns[:-1], turns[1:]) / _SHARP, 1.0)
+    piece = np.clip(np.searchsorted(along, dense_along, side="right") - 1, 0, len(along) - 2)
+    rounding = np.minimum(_ROUNDING_SHARE * np.diff(along) * sharpness, _ROUNDING)[piece]
+    stray = np.maximum(noise_left, np.maximum(rounding, _FINEST))
+    weights = 1.0 / stray
     weights[[0, -1]] *= 100.0
     spline, _ = splprep(dense.T, w=weights, u=dense_along, s=len(dense), k=min(3, len(dense) - 1))
     # The spline's own length differs a little from the polyline's: even out once more.

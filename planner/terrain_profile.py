@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.compiled import Bools, Floats, Ints, inlined, kernel
+from planner.compiled import Bools, Floats, Ints, fused, inlined, kernel
 from planner.elevation_map import ElevationMap
 
 MAX_CLASSES = 62
@@ -103,9 +103,9 @@ def _sample(
     Lanes beyond the last station of their candidate repeat it, and count as unknown.
     """
     stations, candidates = x.shape
-    step_x, step_y, step = np.empty((3, candidates))
+    step_x, step_y, step = np.empty(candidates), np.empty(candidates), np.empty(candidates)
+    across, up = np.empty(candidates), np.empty(candidates)
     heights = np.empty((5, candidates))
-    across, up = np.empty((2, candidates))
     cell = np.empty(candidates, np.int64)
     _first_step(x[0], y[0], x[1], y[1], step_x, step_y, step)
     for k in range(stations):
@@ -124,7 +124,7 @@ def _sample(
             )  # fmt: skip
             _interpolate(elevation, cell, across, up, heights[point])
         _tilt(
-            k, last, heights, 4.0 * half_length, 4.0 * half_width, z[before],
+            k, last, heights, 0.25 / half_length, 0.25 / half_width, z[before],
             z[k], grade[k], sin_grade[k], sin_roll[k], known[k],
         )  # fmt: skip
         if k == 0:
@@ -163,10 +163,10 @@ def _turn(
         by = next_y[j] - y[j] if inside else ay
         b = np.sqrt(bx * bx + by * by)
         cx, cy = ax + bx, ay + by
-        chord = np.sqrt(cx * cx + cy * cy)
-        heading_x[j] = cx / chord
-        heading_y[j] = cy / chord
-        bend = 2.0 * (ax * by - ay * bx) / (a * b * chord)
+        per_chord = 1.0 / np.sqrt(cx * cx + cy * cy)
+        heading_x[j] = cx * per_chord
+        heading_y[j] = cy * per_chord
+        bend = 2.0 * (ax * by - ay * bx) / (a * b) * per_chord
         at_end = bend_before[j] if k == last[j] else 0.0
         curvature[j] = bend if inside else at_end
         step_x[j], step_y[j], step[j] = bx, by, b
@@ -212,14 +212,15 @@ def _interpolate(
 
 @inlined
 def _tilt(
-    k: int, last: Ints, heights: Floats, length: float, width: float, z_before: Floats,
+    k: int, last: Ints, heights: Floats, per_length: float, per_width: float, z_before: Floats,
     z: Floats, grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools,
 ) -> None:  # fmt: skip
-    """Grade and roll of the plane through the wheels; ``length`` and ``width`` four times half."""
-    front_left, front_right, rear_left, rear_right, centre = heights
+    """Grade and roll of the plane nearest to the wheels."""
+    front_left, front_right, rear_left = heights[0], heights[1], heights[2]
+    rear_right, centre = heights[3], heights[4]
     for j in range(z.shape[0]):
-        rise = (front_left[j] + front_right[j] - rear_left[j] - rear_right[j]) / length
-        lean = (front_left[j] + rear_left[j] - front_right[j] - rear_right[j]) / width
+        rise = (front_left[j] + front_right[j] - rear_left[j] - rear_right[j]) * per_length
+        lean = (front_left[j] + rear_left[j] - front_right[j] - rear_right[j]) * per_width
         inside = k <= last[j]
         seen = np.isfinite(rise) & np.isfinite(lean) & np.isfinite(centre[j]) & inside
         known[j] = seen
@@ -229,13 +230,14 @@ def _tilt(
         lean = lean if seen else 0.0
         # tan(roll) = q cos(grade): roll turns about the body's own, inclined x axis.
         secant = np.sqrt(1.0 + rise * rise)
-        tan_roll = lean / secant
+        cosine = 1.0 / secant
+        tan_roll = lean * cosine
         grade[j] = arctan_of(rise, secant)
-        sin_grade[j] = rise / secant
+        sin_grade[j] = rise * cosine
         sin_roll[j] = tan_roll / np.sqrt(1.0 + tan_roll * tan_roll)
 
 
-@inlined
+@fused
 def arctan_of(tangent: float, secant: float) -> float:
     """arctan(tangent) with secant = √(1 + tangent²), to 1e-13, without a branch or a call.
 

@@ -220,4 +220,9 @@ def _limited_most(plan: SpeedPlan) -> str:
 
 def with_spacing(settings: PlannerSettings, spacing: float | None) -> PlannerSettings:
     """Settings with another spacing of stations, if one is given [m]."""
-    return settings if spacing is None else replace(settings, spacing=spacing)
+    if spacing is None:
+        return settings
+    try:
+        return replace(settings, spacing=spacing)
+    except ParameterError as error:
+        raise InputError("--spacing", "", f"expected {error.expected}") from None

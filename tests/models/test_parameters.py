@@ -1,0 +1,78 @@
+"""What a model refuses, and what it derives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from models.effects import LAWS, motion, validate
+from models.errors import ParameterError
+from models.parameters import Effect, SurfaceBraking
+from tests.models.models_for_tests import BASE
+
+NEGATIVE = tuple(tuple(-1.0 * (i == j) for j in range(4)) for i in range(4))
+
+
+@pytest.mark.parametrize(
+    ("part", "changes", "field"),
+    [
+        ("vehicle", {"mass": -5.0}, "mass"),
+        ("vehicle", {"mass": float("nan")}, "mass"),
+        ("vehicle", {"cg_x": 1.3}, "cg_x"),
+        ("vehicle", {"track_width": 0.0}, "track_width"),
+        ("braking", {"dead_time": -0.1}, "dead_time"),
+        ("braking", {"speed_range": (4.0, 1.0)}, "speed_range"),
+        ("braking", {"grade_range": (0.1, 0.1)}, "grade_range"),
+        ("braking", {"b_b": -0.2}, "b_b"),
+        ("braking", {"covariance": ((1.0,),)}, "covariance"),
+        ("braking", {"covariance": NEGATIVE}, "covariance"),
+        ("braking", {"level": 0.0}, "level"),
+        ("braking", {"terrain": {"ice": SurfaceBraking(b_b=-1.0)}}, "terrain.ice.b_b"),
+        ("limits", {"min_load": 0.0}, "min_load"),
+        ("limits", {"jerk": 0.0}, "jerk"),
+        ("terrain", {"motion_resistance": -0.1}, "motion_resistance"),
+    ],
+)  # fmt: skip
+def test_refused(part: str, changes: dict[str, Any], field: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        replace(getattr(BASE, part), **changes)
+    assert caught.value.field == field
+    assert "\n" not in str(caught.value)
+
+
+def test_slip_track_is_at_least_the_track_width() -> None:
+    with pytest.raises(ParameterError, match=r"terrain\.slip_track"):
+        replace(BASE, terrain=replace(BASE.terrain, slip_track=0.9))
+
+
+def test_a_surface_changes_only_what_its_table_names() -> None:
+    braking = replace(BASE.braking, terrain={"ice": SurfaceBraking(b_b=0.1, dead_time=0.4)})
+    ice = braking.on("ice")
+    assert (ice.b_b, ice.dead_time, ice.m_b) == (0.1, 0.4, 0.015)
+    assert braking.on("nowhere") == replace(braking, terrain={})
+
+
+@pytest.mark.parametrize("name", list(LAWS))
+def test_every_effect_refuses_what_it_does_not_know(name: str) -> None:
+    with pytest.raises(ParameterError, match=r"parameters\.nonsense"):
+        validate(Effect(name=name, parameters={"nonsense": 1.0}))
+
+
+def test_unknown_effects_and_unphysical_signs_are_refused() -> None:
+    with pytest.raises(ParameterError, match="name"):
+        validate(Effect(name="gremlins", parameters={}))
+    with pytest.raises(ParameterError, match=r"parameters\.c"):
+        validate(Effect(name="aerodynamic_drag", parameters={"c": -0.1}))
+    with pytest.raises(ParameterError, match=r"parameters\.tau"):
+        validate(Effect(name="brake_lag", parameters={}))
+
+
+def test_motion_terms_add_up_and_states_stand_alone() -> None:
+    drag = Effect(name="aerodynamic_drag", parameters={"c": 0.1})
+    lag = Effect(name="brake_lag", parameters={"tau": 0.2})
+    assert motion([drag, drag]).drag == pytest.approx(0.2)
+    with pytest.raises(ParameterError, match="at most once"):
+        motion([lag, lag])
+    assert motion([Effect(name="wheel_lockup", parameters={"mu": 0.7})], 0.5).friction == 0.5
