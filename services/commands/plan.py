@@ -184,11 +184,11 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
         box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True,
     )  # fmt: skip
     table.add_column("#", justify="right", no_wrap=True, min_width=2)
-    table.add_column("candidate", no_wrap=True)
+    table.add_column("candidate", no_wrap=True, max_width=18)
     table.add_column("status", no_wrap=True)
-    for title in ("time\ns", "to … of\nm", "top\nm/s", "margin\nm", "rear\nload"):
+    for title in ("time\ns", "reaches\nm", "top\nm/s", "margin\nm", "rear\nload"):
         table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("limited most by", no_wrap=True)
+    table.add_column("limited by", no_wrap=True)
     for number, plan in enumerate(result.plans[:most], start=1):
         style = STATUS_STYLE[plan.status]
         table.add_row(
@@ -196,7 +196,7 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
             Text(plan.candidate),
             f"[{style}]{plan.status.value}[/]",
             f"{plan.travel_time:.2f}",
-            f"{plan.progress:.1f} … {plan.station[-1]:.1f}",
+            f"{plan.progress:.1f}/{plan.station[-1]:.1f}",
             f"{plan.speed.max():.2f}",
             f"{plan.least_margin:.2f}",
             f"{plan.rear_load.min():.0%}",

@@ -245,7 +245,7 @@ def stopping_bound(distance: float, grade: float, tables: Tables, surface: str =
             braking.stopping_distance(v, a, b["dead_time"], b.get("distance_offset", 0.0))
         )
 
-    low, high = 0.0, 50.0
+    low, high = 0.0, 6.0
     for _ in range(100):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if needed(middle) <= distance else (low, middle)
@@ -265,7 +265,9 @@ def test_the_stopping_bound_on_a_plane_is_the_closed_form(
     station = profile.station[:, 0]
     clear = bounds.clear_distance[0]
     assert clear == station[-1]
-    limited = np.flatnonzero(bounds.limiting[:, 0] == Limiting.STOPPING_PATH)
+    # The last stations are given up: v² between them has to stay below the bound, too.
+    ahead = clear - tables["braking"]["distance_offset"] - station > 0.06
+    limited = np.flatnonzero((bounds.limiting[:, 0] == Limiting.STOPPING_PATH) & ahead)
     assert len(limited) > 20
     for k in limited[::7]:
         exact = stopping_bound(clear - station[k], grade, tables)
@@ -277,7 +279,7 @@ def test_the_stopping_bound_on_a_plane_is_the_closed_form(
 
 
 def test_below_the_slowest_trained_speed_its_coefficients_hold() -> None:
-    tables = tables_with(braking={"m_b": 0.05, "speed_range": [1.5, 4.0], "m_m": 0.1})
+    tables = tables_with(braking={"m_b": 0.10, "speed_range": [2.0, 4.0], "m_m": 0.1})
     profile, _, bounds = bounds_of(model_of(tables), plane(rise=-0.1), straight(6.0), spacing=0.02)
     speed = np.sqrt(bounds.speed_sq_max[:, 0])
     k = int(np.argmin(np.abs(speed - 0.7)))

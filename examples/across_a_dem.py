@@ -1,0 +1,48 @@
+"""Draw a fan of paths from the middle of a map, plan them, and write a page.
+
+python examples/across_a_dem.py dem.tif [--model atv] [--length 40] [--out out/across]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from planner.path import CandidatePath
+from services.cli import main
+from services.files.map_file import map_info
+from services.files.path_file import write_paths_csv
+
+
+def fan(x: float, y: float, length: float, count: int = 8) -> list[CandidatePath]:
+    """Gently bending paths from one place into all directions."""
+    along = np.arange(0.0, length, 0.5)
+    paths = []
+    for number, first in enumerate(np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)):
+        heading = first + 0.4 * np.sin(2.0 * np.pi * along / length)
+        steps = 0.5 * np.stack((np.cos(heading), np.sin(heading)), axis=1)
+        points = np.array((x, y)) + np.cumsum(steps, axis=0)
+        paths.append(CandidatePath(f"towards {np.rad2deg(first):.0f}°", points))
+    return paths
+
+
+def run() -> None:
+    """Read the words, write the paths, hand both to `slopewise plan`."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("map", type=Path)
+    parser.add_argument("--model", default="atv")
+    parser.add_argument("--length", type=float, default=40.0)
+    parser.add_argument("--out", type=Path, default=Path("out/across"))
+    words = parser.parse_args()
+    x_min, x_max, y_min, y_max = map_info(words.map).extent
+    words.out.mkdir(parents=True, exist_ok=True)
+    paths = words.out / "paths.csv"
+    write_paths_csv(fan(0.5 * (x_min + x_max), 0.5 * (y_min + y_max), words.length), paths)
+    out = ["--out", str(words.out / "plan.csv"), "--report", str(words.out / "report.html")]
+    main(["plan", str(words.map), str(paths), "--model", words.model, *out])
+
+
+if __name__ == "__main__":
+    run()

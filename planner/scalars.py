@@ -1,0 +1,57 @@
+"""The model's scalars in the form that compiled code wants them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from models.parameters import Model
+from models.quantity import GRAVITY
+
+
+class Numbers(NamedTuple):
+    """Vehicle, terrain and limits as plain numbers; SI.
+
+    Attributes:
+        rear_lever: cg_z / (L − cg_x). front_lever: cg_z / cg_x. side_lever: 2 cg_z / B.
+        resistance: f_r. turning_drag: μ_t L / 2 of a skid-steer vehicle, else 0 [m].
+        half_slip_track: B_s / 2 of a skid-steer vehicle, else B / 2 [m].
+        specific_force: max drive force / weight. specific_power: max drive power / weight [m/s].
+    """
+
+    rear_lever: float
+    front_lever: float
+    side_lever: float
+    min_load: float
+    resistance: float
+    turning_drag: float
+    half_slip_track: float
+    max_wheel_speed: float
+    specific_force: float
+    specific_power: float
+    speed: float
+    accel: float
+    decel: float
+    lateral_accel: float
+
+
+def numbers(model: Model) -> Numbers:
+    """Collect the scalars of a model."""
+    vehicle, limits, terrain = model.vehicle, model.limits, model.terrain
+    weight = vehicle.mass * GRAVITY
+    skid_steer = vehicle.drive == "skid_steer"
+    return Numbers(
+        rear_lever=vehicle.cg_z / (vehicle.wheelbase - vehicle.cg_x),
+        front_lever=vehicle.cg_z / vehicle.cg_x,
+        side_lever=2.0 * vehicle.cg_z / vehicle.track_width,
+        min_load=float(limits.min_load),
+        resistance=float(terrain.motion_resistance),
+        turning_drag=0.5 * terrain.lateral_resistance * vehicle.wheelbase if skid_steer else 0.0,
+        half_slip_track=0.5 * (terrain.slip_track if skid_steer else vehicle.track_width),
+        max_wheel_speed=float(vehicle.max_wheel_speed),
+        specific_force=vehicle.max_drive_force / weight,
+        specific_power=vehicle.max_drive_power / weight,
+        speed=float(limits.speed),
+        accel=float(limits.accel),
+        decel=float(limits.decel),
+        lateral_accel=float(limits.lateral_accel),
+    )
