@@ -40,7 +40,6 @@ _CHORD = 1.0 / 6.0
 """Share of the second difference given up, so that v² linear between stations stays below a convex
 bound: 1/8 for a parabola, the rest for bounds that are not quite one."""
 
-_STOPPED, _STOPS_HERE = 1, 2
 _STOPPING_PATH = int(Limiting.STOPPING_PATH)
 _TIP_OVER = int(Limiting.TIP_OVER)
 _ROLLOVER = int(Limiting.ROLLOVER)
@@ -181,27 +180,26 @@ def _keep_chords_below(speed_sq_max: Floats, limiting: Ints, barrier: Ints) -> N
     stations, candidates = speed_sq_max.shape
     previous = speed_sq_max[0].copy()
     bend_before = np.zeros(candidates)
-    stopped = np.zeros(candidates, np.int64)
+    stop = np.full(candidates, stations)
     for k in range(stations):
         ahead, beyond = min(k + 1, stations - 1), min(k + 2, stations - 1)
         stops = _lower_row(
-            k + 1 < stations, speed_sq_max[ahead], speed_sq_max[beyond], barrier, stopped,
+            k, k + 1 < stations, speed_sq_max[ahead], speed_sq_max[beyond], barrier, stop,
             previous, bend_before, speed_sq_max[k], limiting[k],
         )  # fmt: skip
         if stops > 0 and k > 0:
-            _stop_before(stopped, barrier, speed_sq_max[k - 1], limiting[k - 1])
-        stopped[:] = np.minimum(stopped, _STOPPED)
+            _stop_before(k, stop, barrier, speed_sq_max[k - 1], limiting[k - 1])
 
 
 @inlined
 def _lower_row(
-    has_ahead: bool, row_ahead: Floats, row_beyond: Floats, barrier: Ints, stopped: Ints,
+    k: int, has_ahead: bool, row_ahead: Floats, row_beyond: Floats, barrier: Ints, stop: Ints,
     previous: Floats, bend_before: Floats, speed_sq_max: Floats, limiting: Ints,
 ) -> int:  # fmt: skip
-    """Lower one row; marks and counts the candidates that come to their stop in it."""
+    """Lower one row; notes in ``stop`` and counts which candidates come to their stop in it."""
     stops = 0
     for j in range(speed_sq_max.shape[0]):
-        here = speed_sq_max[j]
+        here, label, end = speed_sq_max[j], limiting[j], barrier[j]
         ahead = max(row_ahead[j], 0.0) if has_ahead else here
         beyond = max(row_beyond[j], 0.0) if has_ahead else here
         bend = max(previous[j] - 2.0 * here + ahead, 0.0)
@@ -209,18 +207,21 @@ def _lower_row(
         lowered = here - _CHORD * max(max(bend_before[j], bend), bend_ahead)
         previous[j] = here
         bend_before[j] = bend
-        stays = (stopped[j] == 0) & (lowered > 0.0)
-        comes = (stopped[j] == 0) & (lowered <= 0.0)
+        before = stop[j] > k
+        stays = before & (lowered > 0.0)
+        comes = before & (lowered <= 0.0)
         speed_sq_max[j] = lowered if stays else 0.0
-        limiting[j] = limiting[j] if stays else barrier[j]
-        stopped[j] = _STOPS_HERE if comes else stopped[j]
+        limiting[j] = label if stays else end
+        stop[j] = k if comes else stop[j]
         stops += 1 if comes else 0
     return stops
 
 
 @inlined
-def _stop_before(stopped: Ints, barrier: Ints, speed_sq_max: Floats, limiting: Ints) -> None:
-    for j in range(stopped.shape[0]):
-        here = stopped[j] == _STOPS_HERE
-        speed_sq_max[j] = 0.0 if here else speed_sq_max[j]
-        limiting[j] = barrier[j] if here else limiting[j]
+def _stop_before(
+    k: int, stop: Ints, barrier: Ints, speed_sq_max: Floats, limiting: Ints
+) -> None:
+    for j in range(stop.shape[0]):
+        bound, label, end = speed_sq_max[j], limiting[j], barrier[j]
+        speed_sq_max[j] = 0.0 if stop[j] == k else bound
+        limiting[j] = end if stop[j] == k else label

@@ -85,7 +85,7 @@ def time_optimal_batch(
     bounds = speed_bounds(profile, ground, model, np.full(candidates, clear), speed_limit)
     speed_sq, reachable = time_optimal_profile(
         profile.station, bounds.speed_sq_max, profile.sin_grade, ground.weak_speed,
-        ground.weak_rest, ground.slowest, bounds.accel_max, bounds.demand,
+        ground.braking_rest, ground.slowest, bounds.accel_max, bounds.demand,
         np.full(candidates, start_speed**2), numbers(model),
     )  # fmt: skip
     cost = ranking_cost(profile.station, speed_sq, settings or PlannerSettings())
@@ -267,6 +267,7 @@ class _Candidate:
         self._accel_max = bounds.accel_max[:n, j]
         self._demand = bounds.demand[:n, j]
         self._sine = np.sin(track.grade)
+        self._braking_rest = ground.braking_rest[:n, j]
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Verdict:
         """Exact constraints of the plan."""
@@ -374,7 +375,8 @@ class _Candidate:
         track = self.track
         slow = float(track.slowest[k])
         fast = max(float(np.sqrt(speed_sq)), slow)
-        force = min(slow * track.weak_speed[k], fast * track.weak_speed[k]) + track.weak_rest[k]
+        force = min(slow * track.weak_speed[k], fast * track.weak_speed[k])
+        force += self._braking_rest[k]
         return float(GRAVITY * (force + self._sine[k]))
 
     def _emergency(self, start_sq: float) -> tuple[Floats, Verdict, Status, str]:
@@ -418,7 +420,7 @@ class _Candidate:
         track = self.track
         answer, reachable = time_optimal_profile(
             column(track.station), column(self._bound), column(self._sine),
-            column(track.weak_speed), column(track.weak_rest), column(track.slowest),
+            column(track.weak_speed), column(self._braking_rest), column(track.slowest),
             column(self._accel_max), column(self._demand), np.array([start_sq]),
             self._scalars, decel=decel,
         )  # fmt: skip
@@ -433,7 +435,7 @@ class _Candidate:
         powered = GRAVITY * n.specific_power / np.maximum(fast[:-1], fast[1:]) - hold
         slow_force = track.slowest * track.weak_speed
         fast_force = np.maximum(fast, track.slowest) * track.weak_speed
-        braking = np.minimum(slow_force, fast_force) + track.weak_rest + self._sine
+        braking = np.minimum(slow_force, fast_force) + self._braking_rest + self._sine
         decel = GRAVITY * np.minimum(braking[:-1], braking[1:])
         return (
             np.clip(np.minimum(accel, powered), 0.0, None),

@@ -117,7 +117,7 @@ def track_of(
     return Track(
         column(profile.station), column(profile.grade), np.arcsin(column(profile.sin_roll)),
         column(profile.curvature),
-        np.arctan2(column(profile.heading_y), column(profile.heading_x)),
+        np.unwrap(np.arctan2(column(profile.heading_y), column(profile.heading_x))),
         column(ground.weak_speed), column(ground.weak_rest),
         column(ground.strong_speed), column(ground.strong_rest),
         column(ground.dead_time), column(ground.slowest), limit,
@@ -197,7 +197,7 @@ def _rates(
     wanted = min(wanted / (1.0 + motion.fade * max(q, 0.0)), motion.friction * upright)
     force = f if motion.lag > 0.0 else wanted
     speed = max(v, 0.0)
-    extra = _motion_deceleration(speed, _at(track.curvature, i, u), track.yaw[i], motion)
+    extra = _motion_deceleration(speed, _at(track.curvature, i, u), _at(track.yaw, i, u), motion)
     growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0
     heating = GRAVITY * max(force, 0.0) * speed - q / motion.fade_tau
     return GRAVITY * (force + np.sin(grade)) + extra, growth, heating
@@ -217,7 +217,7 @@ def _shares(
         strong = v_i * _at(track.strong_speed, i, u) + _at(track.strong_rest, i, u)
         strong = min(strong, motion.friction * np.cos(grade) * np.cos(roll))
         decel = GRAVITY * (strong + np.sin(grade))
-        decel += max(_motion_deceleration(max(v, 0.0), bend, track.yaw[i], motion), 0.0)
+        decel += max(_motion_deceleration(max(v, 0.0), bend, _at(track.yaw, i, u), motion), 0.0)
     rear = _rear_share(grade, roll, decel, body.wheelbase, body.cg_x, body.cg_z)
     lateral = v * v * bend / np.cos(roll)
     left = _left_share(grade, roll, lateral, body.track_width, body.cg_z)
@@ -348,7 +348,12 @@ def _check(
                     )
                     + track.weak_rest[m]
                 )
-                braking = GRAVITY * (weak + np.sin(grade))
+                # Drag and turning help to slow down, which is not counted on; wind may push.
+                pushed = min(
+                    _motion_deceleration(slow, track.curvature[m], track.yaw[m], motion),
+                    _motion_deceleration(fast, track.curvature[m], track.yaw[m], motion),
+                )
+                braking = GRAVITY * (weak + np.sin(grade)) + min(pushed, 0.0)
                 holding = np.sin(grade) + lean * (
                     n.resistance + n.turning_drag * abs(track.curvature[m])
                 )

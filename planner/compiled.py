@@ -33,7 +33,7 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a law of `models` so that a kernel can call it at no cost."""
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", inline="never")(function)
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
     return cast(Callable[P, R], compiled)
 
 

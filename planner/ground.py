@@ -2,23 +2,25 @@
 
 Two forces are kept. Where surfaces meet, or where the model extrapolates, the *weaker* one decides
 where the vehicle stops and the *stronger* one whether it tips; elsewhere they are the same. Either
-is linear in the speed at brake onset: F_b/W = speed_part * v_i + rest_part.
+is linear in the speed at brake onset: F_b/W = speed_part * v_i + rest_part. Where friction caps the
+force at some trained speed, both are constants: the least and the most that it can then be.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from models import effects
 from models.parameters import Braking, Model
+from models.quantity import GRAVITY
 from planner.compiled import Bools, Floats, Ints, inlined, kernel
 from planner.terrain_profile import TerrainProfile
 
 _M_M, _B_M, _M_B, _B_B, _UP_M_M, _UP_B_M, _DEAD, _OFFSET = range(8)
-_SLOWEST, _FASTEST, _STEEPEST_DOWN, _STEEPEST_UP, _COLUMNS = range(8, 13)
+_SLOWEST, _FASTEST, _STEEPEST_DOWN, _STEEPEST_UP, _FRICTION, _COLUMNS = range(8, 14)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,8 @@ class Ground:
         fastest: highest trained speed [m/s].
         trained: the grade lies in the trained range, or extrapolation is allowed.
         distance_offset: (M,) safety offset added to every stop [m].
-        motion: terms that act on the motion itself.
+        push: what wind takes away from planned braking, <= 0, as a share of the weight.
+        motion: terms that act on the motion itself; friction is in the forces already.
         closed_form: the stopping path has one: nothing acts on the motion, one slowest speed.
     """
 
@@ -59,8 +62,14 @@ class Ground:
     fastest: Floats
     trained: Bools
     distance_offset: Floats
+    push: Floats
     motion: effects.Motion
     closed_form: bool
+
+    @property
+    def braking_rest(self) -> Floats:
+        """Rest part of the force that planned braking may count on, (N, M)."""
+        return self.weak_rest + self.push if self.motion.wind_drag > 0.0 else self.weak_rest
 
 
 def resolve_surface(braking: Braking, name: str) -> tuple[str, ...]:
@@ -89,6 +98,7 @@ def _surface_table(model: Model, class_names: tuple[str, ...]) -> tuple[Floats, 
     names = ["", *model.braking.terrain]
     table = np.empty((len(names), _COLUMNS))
     scale = effects.force_scale(model.effect)
+    lockup = effects.motion(model.effect).friction
     for row, name in zip(table, names, strict=True):
         braking = model.braking.on(name) if name else model.braking
         level, resistance = braking.level, model.terrain.motion_resistance
@@ -103,7 +113,8 @@ def _surface_table(model: Model, class_names: tuple[str, ...]) -> tuple[Floats, 
             braking.dead_time,
             braking.distance_offset,
         )
-        row[_SLOWEST:] = (*braking.speed_range, *braking.grade_range)
+        sliding = np.inf if braking.sliding_friction is None else braking.sliding_friction
+        row[_SLOWEST:] = (*braking.speed_range, *braking.grade_range, min(sliding, lockup))
     bits = np.zeros(len(class_names), np.int64)
     for index, name in enumerate(class_names):
         for surface in resolve_surface(model.braking, name):
@@ -129,23 +140,103 @@ def ground_along(
     braking = model.braking
     table, class_bits = _surface_table(model, class_names)
     margin = braking.extrapolation_margin if braking.extrapolate else -1.0
+    bits = _surface_bits(profile, class_bits)
     if len(table) == 1:
         forces = _on_one_surface(profile.grade, table[0], margin)
     else:
-        forces = _on_many_surfaces(profile, table, class_bits, margin)
+        forces = _on_many_surfaces(profile.grade, bits, table, margin)
+    motion = effects.motion(model.effect, None, now.brake_heat)._replace(friction=np.inf)
+    push = forces.weak_rest
     if model.effect:
         yaw = np.arctan2(profile.heading_y, profile.heading_x)
-        extra = effects.ground_term(
-            model.effect, profile.grade, profile.roll, profile.x, profile.y, yaw, now.session_time
-        )
-        lowest, highest = _spread_to_neighbours(extra)
+        lowest, highest = _ground_terms(model, profile, yaw, now.session_time)
         forces = forces._replace(
             weak_rest=forces.weak_rest + lowest, strong_rest=forces.strong_rest + highest
         )
-    motion = effects.motion(model.effect, braking.sliding_friction, now.brake_heat)
-    at_rest = effects.motion((), None)
-    closed_form = motion._replace(heat=0.0) == at_rest and bool(np.ptp(table[:, _SLOWEST]) == 0.0)
-    return Ground(*forces, motion, closed_form)
+        pushes = [
+            effects.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
+            for speed in (0.0, model.limits.speed)
+        ]
+        push = np.minimum(0.0, np.minimum(*pushes))
+    if np.isfinite(table[:, _FRICTION]).any():
+        forces = _capped(forces, profile, bits, table)
+    closed_form = motion == effects.motion(())._replace(heat=now.brake_heat)
+    one_slowest = bool(np.ptp(table[:, _SLOWEST]) == 0.0)
+    return Ground(*forces, push, motion, closed_form and one_slowest)
+
+
+def _surface_bits(profile: TerrainProfile, class_bits: Ints) -> Ints:
+    """Surfaces that each station may be on, (N, M) as bits.
+
+    A surface may begin anywhere between two stations: it counts for both.
+    """
+    if len(class_bits) == 1:
+        return np.broadcast_to(class_bits, profile.grade.shape)
+    classes = profile.surfaces.copy()
+    inside = np.arange(len(classes))[:, None] < profile.count
+    own = np.where(inside, profile.surfaces, 0)
+    classes[1:] |= own[:-1]
+    classes[:-1] |= own[1:]
+    bits = np.zeros_like(classes)
+    for index, surfaces in enumerate(class_bits):
+        bits |= np.where((classes >> index) & 1, surfaces, 0)
+    return np.where(bits == 0, 1, bits)
+
+
+def _capped(forces: _Forces, profile: TerrainProfile, bits: Ints, table: Floats) -> _Forces:
+    """Cap both forces by friction times the share of the weight that presses on the ground."""
+    on = [((bits >> i) & 1).astype(np.bool_) for i in range(len(table))]
+    friction = table[:, _FRICTION]
+    least = np.min([np.where(m, f, np.inf) for m, f in zip(on, friction, strict=True)], axis=0)
+    most = np.max([np.where(m, f, 0.0) for m, f in zip(on, friction, strict=True)], axis=0)
+    upright = np.sqrt((1.0 - profile.sin_grade**2) * (1.0 - profile.sin_roll**2))
+    slow, fast = forces.slowest, forces.fastest
+
+    def extremes(speed_part: Floats, rest_part: Floats) -> tuple[Floats, Floats]:
+        ends = slow * speed_part + rest_part, fast * speed_part + rest_part
+        return np.minimum(*ends), np.maximum(*ends)
+
+    low, high = extremes(forces.weak_speed, forces.weak_rest)
+    slides = high > least * upright
+    _, highest = extremes(forces.strong_speed, forces.strong_rest)
+    may_slide = highest > most * upright
+    return forces._replace(
+        weak_speed=np.where(slides, 0.0, forces.weak_speed),
+        weak_rest=np.where(slides, np.minimum(low, least * upright), forces.weak_rest),
+        strong_speed=np.where(may_slide, 0.0, forces.strong_speed),
+        strong_rest=np.where(may_slide, most * upright, forces.strong_rest),
+    )
+
+
+def _ground_terms(
+    model: Model, profile: TerrainProfile, yaw: Floats, session_time: float
+) -> tuple[Floats, Floats]:
+    """Least and most that the ground terms can be around each station, (N, M).
+
+    A patch has a sharp edge and may lie between two stations: it counts as larger by a step where
+    that is the safe side, and for the neighbours as well.
+    """
+    smooth = [e for e in model.effect if e.name != "surface_patch"]
+    patches = [e for e in model.effect if e.name == "surface_patch"]
+    place = (profile.grade, profile.roll, profile.x, profile.y, yaw)
+    base = effects.ground_term(smooth, *place, session_time)
+    if not patches:
+        return base, base
+    step = float(np.max(np.diff(profile.station, axis=0)))
+
+    def grown(sign: float) -> Floats:
+        larger = [
+            replace(e, parameters={**e.parameters, "radius": e.parameters["radius"] + step})
+            if e.parameters["delta"] * sign > 0.0
+            else e
+            for e in patches
+        ]
+        term: Floats = effects.ground_term(larger, *place)
+        return term
+
+    lowest, _ = _spread_to_neighbours(grown(-1.0))
+    _, highest = _spread_to_neighbours(grown(1.0))
+    return base + lowest, base + highest
 
 
 class _Forces(NamedTuple):
@@ -182,18 +273,21 @@ def _on_one_surface(grade: Floats, surface: Floats, margin: float) -> _Forces:
     )  # fmt: skip
 
 
-def _on_many_surfaces(
-    profile: TerrainProfile, table: Floats, class_bits: Ints, margin: float
-) -> _Forces:
-    shape = profile.grade.shape
-    arrays = [np.empty(shape) for _ in range(7)]
-    forces = _Forces(*arrays, np.empty(shape, np.bool_), np.zeros(shape[1]))
-    _forces(profile.grade, profile.surfaces, profile.count, table, class_bits, margin, *forces)
+def _on_many_surfaces(grade: Floats, bits: Ints, table: Floats, margin: float) -> _Forces:
+    weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest = (
+        np.empty(grade.shape) for _ in range(7)
+    )
+    trained, distance_offset = np.empty(grade.shape, np.bool_), np.zeros(grade.shape[1])
+    forces = _Forces(
+        weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest, trained,
+        distance_offset,
+    )  # fmt: skip
+    _forces(grade, bits, table, margin, *forces)
     return forces
 
 
 def _spread_to_neighbours(term: Floats) -> tuple[Floats, Floats]:
-    """Lowest and highest value among each station and its neighbours: patches have sharp edges."""
+    """Lowest and highest value among each station and its neighbours."""
     padded = np.pad(term, ((1, 1), (0, 0)), mode="edge")
     stack = np.stack((padded[:-2], term, padded[2:]))
     return stack.min(axis=0), stack.max(axis=0)
@@ -205,17 +299,23 @@ def _forces_on_one_surface(
     weak_speed: Floats, weak_rest: Floats, trained: Bools,
 ) -> None:  # fmt: skip
     """The weaker force is written last: both may share their arrays."""
+    extra = max(margin, 0.0)
     for k in range(grade.shape[0]):
-        _force_row(grade[k], surface, max(margin, 0.0), strong_speed[k], strong_rest[k])
-        _force_row(grade[k], surface, -max(margin, 0.0), weak_speed[k], weak_rest[k])
+        before, after = grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)]
+        _force_row(grade[k], before, after, surface, extra, strong_speed[k], strong_rest[k])
+        _force_row(grade[k], before, after, surface, -extra, weak_speed[k], weak_rest[k])
         _trained_row(grade[k], surface, margin, trained[k])
 
 
 @inlined
 def _force_row(
-    grade: Floats, surface: Floats, extra: float, speed_part: Floats, rest_part: Floats
-) -> None:
-    """Force of one surface, with an extra share of it where the model extrapolates."""
+    grade: Floats, before: Floats, after: Floats, surface: Floats, extra: float,
+    speed_part: Floats, rest_part: Floats,
+) -> None:  # fmt: skip
+    """Force of one surface, with an extra share of it where the model extrapolates.
+
+    Where a neighbour is out of range the ground between may be as well.
+    """
     m_m, b_m, m_b, b_b = surface[_M_M], surface[_B_M], surface[_M_B], surface[_B_B]
     up_m_m, up_b_m = surface[_UP_M_M], surface[_UP_B_M]
     down, up = surface[_STEEPEST_DOWN], surface[_STEEPEST_UP]
@@ -223,7 +323,9 @@ def _force_row(
         theta = grade[j]
         speed = (up_m_m if theta > 0.0 else m_m) * theta + m_b
         rest = (up_b_m if theta > 0.0 else b_m) * theta + b_b
-        share = extra if (theta < down) | (theta > up) else 0.0
+        steepest_down = min(theta, min(before[j], after[j]))
+        steepest_up = max(theta, max(before[j], after[j]))
+        share = extra if (steepest_down < down) | (steepest_up > up) else 0.0
         speed_part[j] = speed + share * abs(speed)
         rest_part[j] = rest + share * abs(rest)
 
@@ -237,34 +339,23 @@ def _trained_row(grade: Floats, surface: Floats, margin: float, trained: Bools) 
 
 @kernel
 def _forces(
-    grade: Floats, surfaces: Ints, count: Ints, table: Floats, class_bits: Ints, margin: float,
+    grade: Floats, surfaces: Ints, table: Floats, margin: float,
     weak_speed: Floats, weak_rest: Floats, strong_speed: Floats, strong_rest: Floats,
     dead_time: Floats, slowest: Floats, fastest: Floats, trained: Bools, distance_offset: Floats,
 ) -> None:  # fmt: skip
     stations, candidates = grade.shape
-    one_surface = table.shape[0] == 1
     for k in range(stations):
         for j in range(candidates):
             theta = grade[k, j]
-            bits = 1
-            if not one_surface:
-                # A surface may begin anywhere between two stations: it counts for both.
-                classes = surfaces[k, j]
-                if k > 0:
-                    classes |= surfaces[k - 1, j]
-                if k + 1 < count[j]:
-                    classes |= surfaces[k + 1, j]
-                bits = 0
-                for c in range(class_bits.shape[0]):
-                    if (classes >> c) & 1:
-                        bits |= class_bits[c]
-                if bits == 0:
-                    bits = 1
+            before, after = grade[max(k - 1, 0), j], grade[min(k + 1, stations - 1), j]
+            steepest_down = min(theta, min(before, after))
+            steepest_up = max(theta, max(before, after))
+            bits = surfaces[k, j]
             low_speed, low_rest = np.inf, np.inf
             high_speed, high_rest = -np.inf, -np.inf
             dead, offset, fast = 0.0, 0.0, np.inf
             least_slow, most_slow = np.inf, 0.0
-            inside = True
+            inside, near_inside = True, True
             for i in range(table.shape[0]):
                 if (bits >> i) & 1 == 0:
                     continue
@@ -284,7 +375,9 @@ def _forces(
                 fast = min(fast, table[i, _FASTEST])
                 if theta < table[i, _STEEPEST_DOWN] or theta > table[i, _STEEPEST_UP]:
                     inside = False
-            if not inside and margin >= 0.0:
+                if steepest_down < table[i, _STEEPEST_DOWN] or steepest_up > table[i, _STEEPEST_UP]:
+                    near_inside = False
+            if not near_inside and margin >= 0.0:
                 low_speed -= margin * abs(low_speed)
                 low_rest -= margin * abs(low_rest)
                 high_speed += margin * abs(high_speed)

@@ -11,8 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from models.quantity import GRAVITY
-from planner.bounds import Numbers
-from planner.compiled import TILE, Floats, kernel
+from planner.compiled import TILE, Floats, inlined, kernel
+from planner.scalars import Numbers
+
+_SURELY = 1.0 + 1e-9
 
 
 @kernel
@@ -39,41 +41,99 @@ def time_optimal(
     stations, candidates = speed_sq_max.shape
     for first in range(0, candidates, TILE):
         end = min(first + TILE, candidates)
-        for j in range(first, end):
-            speed_sq[stations - 1, j] = speed_sq_max[stations - 1, j]
+        speed_sq[stations - 1, first:end] = speed_sq_max[stations - 1, first:end]
         for k in range(stations - 2, -1, -1):
-            for j in range(first, end):
-                ds = station[k + 1, j] - station[k, j]
-                after = speed_sq[k + 1, j]
-                speed_part = min(weak_speed[k, j], weak_speed[k + 1, j])
-                rest_part = min(
-                    weak_rest[k, j] + sin_grade[k, j], weak_rest[k + 1, j] + sin_grade[k + 1, j]
-                )
-                # The brakes' least force on the segment: at its slower end where force grows with
-                # speed, else at its faster end, which is the root of a quadratic.
-                slow = slowest[k, j]
-                growing = max(speed_part, 0.0) * max(np.sqrt(after), slow)
-                half = GRAVITY * ds * min(speed_part, 0.0)
-                reach = after + 2.0 * GRAVITY * ds * (rest_part + growing)
-                speed = half + np.sqrt(max(half * half + reach, 0.0))
-                braked = min(speed * speed, reach + 2.0 * slow * half)
-                braked = max(braked, 0.0)
-                comfortable = after + 2.0 * ds * decel
-                speed_sq[k, j] = min(speed_sq_max[k, j], min(braked, comfortable))
+            weak = _slow_down(
+                station[k, first:end], station[k + 1, first:end], speed_sq_max[k, first:end],
+                decel, sin_grade[k, first:end], sin_grade[k + 1, first:end],
+                weak_speed[k, first:end], weak_speed[k + 1, first:end],
+                weak_rest[k, first:end], weak_rest[k + 1, first:end], slowest[k, first:end],
+                speed_sq[k + 1, first:end], speed_sq[k, first:end],
+            )  # fmt: skip
+            if weak > 0:
+                _brake(
+                    station[k, first:end], station[k + 1, first:end],
+                    sin_grade[k, first:end], sin_grade[k + 1, first:end],
+                    weak_speed[k, first:end], weak_speed[k + 1, first:end],
+                    weak_rest[k, first:end], weak_rest[k + 1, first:end], slowest[k, first:end],
+                    speed_sq[k + 1, first:end], speed_sq[k, first:end],
+                )  # fmt: skip
         for j in range(first, end):
             reachable_start_sq[j] = speed_sq[0, j]
             speed_sq[0, j] = min(speed_sq[0, j], start_sq[j])
         for k in range(stations - 1):
-            for j in range(first, end):
-                ds = station[k + 1, j] - station[k, j]
-                here = speed_sq[k, j]
-                accel = min(accel_max[k, j], accel_max[k + 1, j])
-                top = min(speed_sq[k + 1, j], here + 2.0 * ds * accel)
-                # Power at the segment's end, where it is scarcest; holding speed is always possible
-                # because no bound is above what power sustains.
-                hold = GRAVITY * max(demand[k, j], demand[k + 1, j])
-                powered = GRAVITY * specific_power / np.sqrt(max(top, 1e-6)) - hold
-                speed_sq[k + 1, j] = min(top, here + 2.0 * ds * max(powered, 0.0))
+            _speed_up(
+                station[k, first:end], station[k + 1, first:end],
+                accel_max[k, first:end], accel_max[k + 1, first:end],
+                demand[k, first:end], demand[k + 1, first:end], specific_power,
+                speed_sq[k, first:end], speed_sq[k + 1, first:end],
+            )  # fmt: skip
+
+
+@inlined
+def _slow_down(
+    station: Floats, station_2: Floats, speed_sq_max: Floats, decel: float,
+    sin_grade: Floats, sin_grade_2: Floats, weak_speed: Floats, weak_speed_2: Floats,
+    weak_rest: Floats, weak_rest_2: Floats, slowest: Floats,
+    speed_sq_2: Floats, speed_sq: Floats,
+) -> int:  # fmt: skip
+    """One row back at service deceleration; counts where the brakes may be too weak for it."""
+    count = 0
+    wanted = decel / GRAVITY * _SURELY
+    for j in range(station.shape[0]):
+        top = speed_sq_max[j]
+        ds = station_2[j] - station[j]
+        speed_sq[j] = min(top, speed_sq_2[j] + 2.0 * ds * decel)
+        speed_part = min(weak_speed[j], weak_speed_2[j])
+        rest_part = min(weak_rest[j] + sin_grade[j], weak_rest_2[j] + sin_grade_2[j])
+        spare = rest_part - wanted
+        weak = spare + speed_part * slowest[j] < 0.0
+        weak |= (speed_part < 0.0) & (spare * spare < speed_part * speed_part * top)
+        count += 1 if weak & (top > 0.0) else 0
+    return count
+
+
+@inlined
+def _brake(
+    station: Floats, station_2: Floats, sin_grade: Floats, sin_grade_2: Floats,
+    weak_speed: Floats, weak_speed_2: Floats, weak_rest: Floats, weak_rest_2: Floats,
+    slowest: Floats, speed_sq_2: Floats, speed_sq: Floats,
+) -> None:  # fmt: skip
+    """Lower a row to what the brakes can slow down from.
+
+    Their least force on a segment is at its slower end where force grows with speed, else at its
+    faster end, which is the root of a quadratic: one square root serves either.
+    """
+    for j in range(station.shape[0]):
+        ds = station_2[j] - station[j]
+        after = speed_sq_2[j]
+        speed_part = min(weak_speed[j], weak_speed_2[j])
+        rest_part = min(weak_rest[j] + sin_grade[j], weak_rest_2[j] + sin_grade_2[j])
+        half = GRAVITY * ds * speed_part
+        reach = after + 2.0 * GRAVITY * ds * rest_part
+        root = np.sqrt(max(after if half > 0.0 else half * half + reach, 0.0))
+        speed = max(root, slowest[j]) if half > 0.0 else half + root
+        braked = reach + 2.0 * half * max(speed, slowest[j])
+        braked = braked if half > 0.0 else min(speed * speed, braked)
+        speed_sq[j] = min(speed_sq[j], max(braked, 0.0))
+
+
+@inlined
+def _speed_up(
+    station: Floats, station_2: Floats, accel_max: Floats, accel_max_2: Floats,
+    demand: Floats, demand_2: Floats, specific_power: float,
+    speed_sq: Floats, speed_sq_2: Floats,
+) -> None:  # fmt: skip
+    """One row on under acceleration and power."""
+    for j in range(station.shape[0]):
+        twice = 2.0 * (station_2[j] - station[j])
+        here = speed_sq[j]
+        top = min(speed_sq_2[j], here + twice * min(accel_max[j], accel_max_2[j]))
+        # Power at the segment's end, where it is scarcest; holding speed is always possible
+        # because no bound is above what power sustains.
+        hold = GRAVITY * max(demand[j], demand_2[j])
+        powered = GRAVITY * specific_power / np.sqrt(max(top, 1e-6)) - hold
+        speed_sq_2[j] = min(top, here + twice * max(powered, 0.0))
 
 
 def time_optimal_profile(

@@ -139,10 +139,12 @@ def _speeds(
         cap = min(cap, fastest[j])
         bound = cap * cap
         bend = abs(curvature[j])
-        turning = n.lateral_accel * cos_lean[j] / bend if bend > 0.0 else np.inf
+        per_bend = 1.0 / bend
+        turning = n.lateral_accel * cos_lean[j] * per_bend if bend > 0.0 else np.inf
         why = _LATERAL if turning < bound else why
         bound = min(bound, turning)
-        rolling = rolling_speed_sq(curvature[j], sin_roll[j], cosine[j], cos_lean[j], n)
+        reach = side_reach(curvature[j], sin_roll[j], cosine[j], cos_lean[j], n)
+        rolling = reach * per_bend if bend > 0.0 else np.inf
         why = _ROLLOVER if rolling < bound else why
         bound = min(bound, rolling)
         rim = n.max_wheel_speed / (1.0 + bend * n.half_slip_track)
@@ -155,13 +157,13 @@ def _speeds(
 
 
 @inlined
-def rolling_speed_sq(
+def side_reach(
     curvature: float, sin_roll: float, cosine: float, cos_lean: float, n: Numbers
 ) -> float:
-    """Highest v² that keeps both sides loaded; inf on a straight."""
+    """Highest v² |κ| that keeps both sides loaded [m/s²]."""
     outward = cosine * sin_roll if curvature > 0.0 else -cosine * sin_roll
-    reach = GRAVITY * ((cosine * cos_lean - n.min_load) / n.side_lever - outward)
-    return max(reach, 0.0) * cos_lean / abs(curvature) if curvature != 0.0 else np.inf
+    spare = (cosine * cos_lean - n.min_load) * (1.0 / n.side_lever)
+    return max(GRAVITY * (spare - outward), 0.0) * cos_lean
 
 
 @inlined
@@ -174,12 +176,11 @@ def _risks(
     for j in range(sin_roll.shape[0]):
         slow = slowest[j]
         cap = min(min(n.speed, limit[j]), fastest[j])
-        rolling = rolling_speed_sq(curvature[j], sin_roll[j], cosine[j], cos_lean[j], n)
-        strong = strong_rest[j] + max(
-            slow * strong_speed[j], max(cap, slow) * strong_speed[j]
-        )
+        reach = side_reach(curvature[j], sin_roll[j], cosine[j], cos_lean[j], n)
+        fast = max(cap, slow)
+        strong = strong_rest[j] + max(slow * strong_speed[j], fast * strong_speed[j])
         rear = cosine[j] * cos_lean[j] - n.rear_lever * strong
-        risk = (rolling < cap * cap) | (rear < n.min_load)
+        risk = (reach < cap * cap * abs(curvature[j])) | (rear < n.min_load)
         loads_at_risk[j] |= 1 if risk & (k < barrier_station[j]) else 0
 
 
@@ -190,12 +191,15 @@ def _close(
 ) -> None:  # fmt: skip
     """The first station that is barred closes the way for good."""
     for j in range(barred.shape[0]):
-        before = k < barrier_station[j]
-        closes = before & (barred[j] != _OPEN)
-        barrier[j] = barred[j] if closes else barrier[j]
-        barrier_station[j] = k if closes else barrier_station[j]
-        passed = before & (barred[j] == _OPEN)
-        speed_sq_max[j] = speed_sq_max[j] if passed else 0.0
-        limiting[j] = limiting[j] if passed else barrier[j]
-        accel_max[j] = accel_max[j] if before else 0.0
-        demand[j] = demand[j] if before else 0.0
+        why, end, first = barred[j], barrier[j], barrier_station[j]
+        bound, label, accel, holding = speed_sq_max[j], limiting[j], accel_max[j], demand[j]
+        before = k < first
+        closes = before & (why != _OPEN)
+        passed = before & (why == _OPEN)
+        end = why if closes else end
+        barrier[j] = end
+        barrier_station[j] = k if closes else first
+        speed_sq_max[j] = bound if passed else 0.0
+        limiting[j] = label if passed else end
+        accel_max[j] = accel if before else 0.0
+        demand[j] = holding if before else 0.0

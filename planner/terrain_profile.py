@@ -24,7 +24,8 @@ class TerrainProfile:
 
     Attributes:
         count: (M,) stations that each candidate has; rows beyond are padding.
-        x, y, z: position and ground height of the path [m]; unknown heights repeat the last known.
+        x, y, z: position and ground height of the path [m]; unknown heights repeat the last known,
+            or the first.
         station: distance along the ground, three-dimensional [m].
         heading_x, heading_y: unit vector of travel in the plan view.
         curvature: plan-view curvature, left turns positive [1/m].
@@ -79,6 +80,10 @@ def terrain_profile(
         elevation_map.elevation, *grid, x, y, count - 1, 0.5 * wheelbase, 0.5 * track_width,
         z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, known,
     )  # fmt: skip
+    for j in np.flatnonzero(np.isnan(z[0])):
+        seen = np.flatnonzero(np.isfinite(z[:, j]))
+        first = int(seen[0]) if len(seen) else stations
+        z[:first, j] = z[first, j] if len(seen) else 0.0
     surfaces = np.ones((stations, candidates), np.int64)
     if elevation_map.terrain_class is not None:
         _surfaces_under_wheels(
@@ -131,7 +136,7 @@ def _sample(
             station[0] = 0.0
         else:
             _advance(
-                k, last, x[before], y[before], z[before], known[before], station[before],
+                k, last, x[before], y[before], z[before], station[before],
                 x[k], y[k], z[k], station[k],
             )  # fmt: skip
     # The first station has no step before it: it borrows the circle of the second.
@@ -196,9 +201,7 @@ def _locate(
 
 
 @inlined
-def _interpolate(
-    elevation: Floats, cell: Ints, across: Floats, up: Floats, height: Floats
-) -> None:
+def _interpolate(elevation: Floats, cell: Ints, across: Floats, up: Floats, height: Floats) -> None:
     """Bilinear heights, NaN beside unknown cells."""
     flat = elevation.reshape(elevation.size)
     one, row = np.uint64(1), np.uint64(elevation.shape[1])
@@ -224,7 +227,7 @@ def _tilt(
         inside = k <= last[j]
         seen = np.isfinite(rise) & np.isfinite(lean) & np.isfinite(centre[j]) & inside
         known[j] = seen
-        unseen = z_before[j] if k > 0 else 0.0
+        unseen = z_before[j] if k > 0 else np.nan
         z[j] = centre[j] if inside & np.isfinite(centre[j]) else unseen
         rise = rise if seen else 0.0
         lean = lean if seen else 0.0
@@ -249,18 +252,19 @@ def arctan_of(tangent: float, secant: float) -> float:
     series = 0.0
     for n in range(15, -1, -1):
         series = 1.0 / (2.0 * n + 1.0) - square * series
-    return 4.0 * quarter * series
+    return float(4.0 * quarter * series)
 
 
 @inlined
 def _advance(
-    k: int, last: Ints, x_before: Floats, y_before: Floats, z_before: Floats, known_before: Bools,
+    k: int, last: Ints, x_before: Floats, y_before: Floats, z_before: Floats,
     station_before: Floats, x: Floats, y: Floats, z: Floats, station: Floats,
 ) -> None:  # fmt: skip
     for j in range(x.shape[0]):
         dx, dy = x[j] - x_before[j], y[j] - y_before[j]
-        # A height that was never seen is no step.
-        dz = z[j] - z_before[j] if (k > 1) | known_before[j] else 0.0
+        # From a height that was never seen there is no step.
+        dz = z[j] - z_before[j]
+        dz = dz if np.isfinite(dz) else 0.0
         step = np.sqrt(dx * dx + dy * dy + dz * dz)
         station[j] = station_before[j] + (step if k <= last[j] else 0.0)
 
@@ -282,8 +286,10 @@ def _surfaces_under_wheels(
                 across = half_width * (0.0 if wheel == 4 else (1.0 if wheel % 2 == 0 else -1.0))
                 px = x[k, j] + along * hx - across * hy
                 py = y[k, j] + along * hy + across * hx
-                column = int(np.floor((px - origin_x) * per_metre + 0.5))
-                row = int(np.floor((py - origin_y) * per_metre + 0.5))
-                if 0 <= row < rows and 0 <= column < columns:
-                    bits |= 1 << terrain_class[row, column]
+                # The same four cells that its height is taken from: no strip is stepped over.
+                column = int(np.floor((px - origin_x) * per_metre))
+                row = int(np.floor((py - origin_y) * per_metre))
+                for i in range(max(row, 0), min(row + 2, rows)):
+                    for c in range(max(column, 0), min(column + 2, columns)):
+                        bits |= 1 << terrain_class[i, c]
             surfaces[k, j] = bits

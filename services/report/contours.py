@@ -57,12 +57,13 @@ def smoothed(elevation: Floats) -> Floats:
     return np.divide(total, count, out=np.full((rows, columns), np.nan), where=known)
 
 
-def contour_path(elevation: Floats, level: float) -> str:
+def contour_path(elevation: Floats, level: float, shift: float = 0.0) -> str:
     """Where the height crosses a level, as SVG path data in tenths of a cell.
 
     Args:
         elevation: (rows, cols) heights; lines end where it is not finite.
         level: height of the line, in the unit of the elevation.
+        shift: cells added to columns and rows.
 
     Returns:
         ``M…l…`` with x to the right (columns) and y with the rows; empty if nothing crosses.
@@ -70,13 +71,18 @@ def contour_path(elevation: Floats, level: float) -> str:
     lines = _joined(*_segments(elevation, level))
     parts = []
     for x, y in lines:
-        u, v = np.rint(_DIGITS * x).astype(np.int64), np.rint(_DIGITS * y).astype(np.int64)
+        u, v = (np.rint(_DIGITS * (w + shift)).astype(np.int64) for w in (x, y))
         du, dv = np.diff(u), np.diff(v)
         moved = (du != 0) | (dv != 0)
         if moved.any():
             steps = " ".join(f"{a} {b}" for a, b in zip(du[moved], dv[moved], strict=True))
             parts.append(f"M{u[0]} {v[0]}l{steps}")
     return "".join(parts)
+
+
+def outline_path(mask: NDArray[np.bool_]) -> str:
+    """The edge of a region of cells as closed SVG paths, like :func:`contour_path`."""
+    return contour_path(np.pad(mask.astype(np.float64), 1), 0.5, shift=-1.0)
 
 
 def _segments(elevation: Floats, level: float) -> tuple[Ints, Ints, Floats, Floats]:

@@ -1,0 +1,67 @@
+"""The shell of every page: one HTML file that runs its own script only and loads nothing."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+from collections.abc import Sequence
+from importlib import resources
+from string import Template
+from typing import Any
+
+
+def asset(name: str) -> str:
+    """Text of a file that comes with this package."""
+    return (resources.files("services.report") / "assets" / name).read_text(encoding="utf-8")
+
+
+def escaped(text: object) -> str:
+    """Text for HTML, between tags or in a quoted attribute."""
+    return html.escape(str(text), quote=True)
+
+
+def script_json(value: Any) -> str:
+    """JSON that may stand inside a script element: no character there can end it.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    for character in "<>&":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def page(
+    template: str,
+    fields: dict[str, str],
+    *,
+    title: str,
+    styles: Sequence[str],
+    scripts: Sequence[str],
+    data: Any,
+) -> str:
+    """A whole page.
+
+    Args:
+        template: name of the asset that holds the body, with ``$field`` places.
+        fields: HTML for the places; not escaped here.
+        title: of the window, as text.
+        styles, scripts: names of assets, put in one after the other.
+        data: what the script reads, as JSON holds it.
+    """
+    script = '"use strict";\n(() => {\n' + "\n".join(map(asset, scripts)) + "})();\n"
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+    body = Template(asset(template)).substitute(fields)
+    return Template(asset("page.html")).substitute(
+        title=escaped(title),
+        # Whatever a name may hold: nothing but this very script runs, and nothing is fetched.
+        policy=f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+        f"script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'",
+        style="\n".join(map(asset, styles)),
+        body=body,
+        data=script_json(data),
+        script=script,
+    )

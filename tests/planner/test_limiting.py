@@ -1,0 +1,316 @@
+"""Every bound has a scene in which it bites, and one that differs in one thing in which it must not.
+
+Both plans have to stand before the oracle, and the one that is bitten is slower or ends earlier.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.elevation_map import ElevationMap
+from planner.limiting import Limiting
+from planner.path import CandidatePath
+from planner.plan import SpeedPlan, Status
+from planner.settings import PlannerSettings
+from tests.planner.scenes import (
+    Tables,
+    arc,
+    assert_sound,
+    at,
+    ground_map,
+    labels,
+    plan_one,
+    plane,
+    straight,
+    tables_with,
+)
+
+LONG = {"x": (-3.0, 65.0)}
+BRISK = {"accel": 3.0, "decel": 3.0, "jerk": 30.0}
+STRONG = {"max_drive_force": 9000.0, "max_drive_power": 90_000.0, "max_wheel_speed": 20.0}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is planned, and the one thing that takes the bound away."""
+
+    label: str
+    tables: Tables
+    free_tables: Tables
+    ground: ElevationMap = field(default_factory=plane)
+    free_ground: ElevationMap | None = None
+    path: CandidatePath = field(default_factory=lambda: straight(35.0))
+    free_path: CandidatePath | None = None
+    options: dict[str, Any] = field(default_factory=dict)
+    free_options: dict[str, Any] | None = None
+    share: float = 0.1
+    status: Status = Status.OK
+    says: str = ""
+
+    def bitten(self) -> SpeedPlan:
+        return plan_one(self.tables, self.ground, self.path, **self.options)
+
+    def free(self) -> SpeedPlan:
+        options = self.options if self.free_options is None else self.free_options
+        ground = self.ground if self.free_ground is None else self.free_ground
+        return plan_one(self.free_tables, ground, self.free_path or self.path, **options)
+
+
+def same(tables: Tables) -> dict[str, Tables]:
+    return {"tables": tables, "free_tables": tables}
+
+
+def limits(**values: float) -> Tables:
+    return tables_with(limits=values)
+
+
+FAST = {"speed_range": [1.0, 30.0], "m_b": 0.0}
+LONG_BASE = {"wheelbase": 3.0, "cg_x": 1.5}
+TIPPY = {"cg_z": 0.72, **STRONG}
+GROWING = {"m_b": 0.08, "b_b": 0.42, "m_m": 0.0, "b_m": 0.0, "speed_range": [0.5, 6.0]}
+TIPPY_LIMITS = BRISK | {"min_load": 0.2, "speed": 6.0, "lateral_accel": 20.0}
+
+SCENES: dict[str, Scene] = {
+    "speed limit of the model": Scene(
+        "speed_limit", tables_with(limits={"speed": 1.5}, braking=FAST),
+        tables_with(limits={"speed": 30.0}, braking=FAST), share=0.5,
+    ),
+    "speed limit of the path": Scene(
+        "speed_limit", **same(tables_with(limits={"speed": 30.0}, braking=FAST)),
+        path=straight(35.0, speed_limit=np.array([1.5, 1.5])), free_path=straight(35.0), share=0.5,
+    ),
+    "stopping path before unknown ground": Scene(
+        "stopping_path", **same(limits(decel=9.0, jerk=100.0)),
+        ground=plane(unknown=lambda x, y: x > 20.0), free_ground=plane(),
+        share=0.03, status=Status.BLOCKED,
+    ),
+    "stopping path before the end of the way known free": Scene(
+        "stopping_path", **same(limits(decel=9.0, jerk=100.0)),
+        options={"clear": 12.0}, free_options={}, share=0.03, status=Status.BLOCKED,
+        says="the way is known free up to there",
+    ),
+    "tip-over by the speed at brake onset": Scene(
+        "tip_over",
+        tables_with(vehicle=TIPPY, braking=GROWING, limits=TIPPY_LIMITS),
+        tables_with(vehicle=TIPPY | {"cg_z": 0.5}, braking=GROWING, limits=TIPPY_LIMITS),
+        ground=plane(rise=-0.2, **LONG), path=straight(55.0), share=0.5,
+    ),
+    "tip-over downhill, standing": Scene(
+        "tip_over", **same(tables_with(vehicle={"cg_z": 0.8}, limits={"min_load": 0.3},
+                                       braking={"b_m": 0.0, "m_m": 0.0, "m_b": 0.0, "b_b": 0.515})),
+        ground=ground_map(lambda x, y: -0.22 * np.maximum(x - 15.0, 0.0)), free_ground=plane(),
+        share=0.01, status=Status.BLOCKED, says="an axle keeps too little load on grade -",
+    ),
+    "tip-over uphill, standing": Scene(
+        "tip_over", **same(tables_with(vehicle={"cg_z": 1.1, "cg_x": 0.4} | STRONG,
+                                       limits={"min_load": 0.45},
+                                       braking={"b_b": 0.3, "m_b": 0.0})),
+        ground=ground_map(lambda x, y: 0.22 * np.maximum(x - 15.0, 0.0)), free_ground=plane(),
+        share=0.01, status=Status.BLOCKED, says="an axle keeps too little load on grade",
+    ),
+    "rollover in a turn": Scene(
+        "rollover",
+        tables_with(vehicle=LONG_BASE | STRONG | {"cg_z": 1.4},
+                    limits=BRISK | {"min_load": 0.4, "lateral_accel": 20.0}),
+        tables_with(vehicle=LONG_BASE | STRONG | {"cg_z": 0.3},
+                    limits=BRISK | {"min_load": 0.4, "lateral_accel": 20.0}),
+        path=arc(6.5, 0.4), share=0.2,
+    ),
+    "rollover standing across a slope": Scene(
+        "rollover", **same(tables_with(vehicle=LONG_BASE | {"cg_z": 0.9}, limits={"min_load": 0.4})),
+        ground=ground_map(lambda x, y: 0.4 * y * np.clip((x - 15.0) / 5.0, 0.0, 1.0)),
+        free_ground=plane(), share=0.01, status=Status.BLOCKED,
+        says="a side keeps too little load on roll",
+    ),
+    "lateral acceleration": Scene(
+        "lateral", limits(lateral_accel=0.4), limits(lateral_accel=20.0),
+        path=arc(7.0, 0.3), share=0.3,
+    ),
+    "wheel speed, straight on": Scene(
+        "wheel_speed", tables_with(vehicle={"max_wheel_speed": 2.0}),
+        tables_with(vehicle={"max_wheel_speed": 9.0}), share=0.5,
+    ),
+    "wheel speed by the slip track of a skid-steer": Scene(
+        "wheel_speed",
+        tables_with(vehicle={"max_wheel_speed": 1.5}, terrain={"slip_track": 3.0},
+                    limits={"lateral_accel": 20.0, "speed": 1.2}),
+        tables_with(vehicle={"max_wheel_speed": 1.5, "drive": "ackermann"},
+                    terrain={"slip_track": 3.0}, limits={"lateral_accel": 20.0, "speed": 1.2}),
+        path=arc(8.0, 0.4), share=0.5,
+    ),
+    "power on a grade": Scene(
+        "traction", tables_with(vehicle={"max_drive_power": 2500.0}),
+        tables_with(vehicle={"max_drive_power": 90_000.0}),
+        ground=plane(rise=0.15), share=0.3,
+    ),
+    "thrust that leaves little to accelerate": Scene(
+        "traction", tables_with(vehicle=STRONG | {"max_drive_force": 1500.0}),
+        tables_with(vehicle=STRONG), ground=plane(rise=0.12), share=0.1,
+    ),
+    "a hill the drive cannot climb": Scene(
+        "traction", **same(tables_with(vehicle={"max_drive_force": 1200.0})),
+        ground=ground_map(lambda x, y: 0.2 * np.maximum(x - 15.0, 0.0)), free_ground=plane(),
+        share=0.01, status=Status.BLOCKED, says="N of thrust, the drive has 1200 N",
+    ),
+    "turning resistance no drive overcomes": Scene(
+        "traction",
+        tables_with(vehicle={"max_drive_force": 1500.0}, terrain={"lateral_resistance": 1.0}),
+        tables_with(vehicle={"max_drive_force": 1500.0, "drive": "ackermann"},
+                    terrain={"lateral_resistance": 1.0}),
+        path=arc(8.0, 0.5), share=0.01, status=Status.BLOCKED, says="N of thrust",
+    ),
+    "acceleration": Scene(
+        "accel", tables_with(vehicle=STRONG, limits={"accel": 0.4, "jerk": 50.0}),
+        tables_with(vehicle=STRONG, limits={"accel": 30.0, "jerk": 1e4}),
+        path=straight(10.0), share=0.3,
+    ),
+    "front axle lifting under drive uphill": Scene(
+        "traction",
+        tables_with(vehicle=STRONG | {"cg_z": 0.8, "cg_x": 0.45},
+                    limits={"accel": 4.0, "min_load": 0.4, "jerk": 100.0}),
+        tables_with(vehicle=STRONG | {"cg_z": 0.3},
+                    limits={"accel": 4.0, "min_load": 0.4, "jerk": 100.0}),
+        ground=plane(rise=0.15), share=0.1,
+    ),
+    "service braking": Scene(
+        "decel", limits(decel=0.5, jerk=30.0, accel=3.0),
+        limits(decel=30.0, jerk=1e4, accel=3.0), path=straight(15.0), share=0.3,
+    ),
+    "brakes on a steep downhill": Scene(
+        "decel",
+        tables_with(braking={"b_b": 0.3, "b_m": 0.0}, limits={"decel": 1.5, "jerk": 50.0}),
+        tables_with(braking={"b_b": 0.6, "b_m": 0.0}, limits={"decel": 30.0, "jerk": 1e4}),
+        ground=plane(rise=-0.22), share=0.1,
+    ),
+    "jerk": Scene(
+        "jerk", limits(jerk=0.5), limits(jerk=1e4), share=0.1,
+    ),
+    "unknown ground across the way": Scene(
+        "unknown_terrain", **same(tables_with()),
+        ground=plane(unknown=lambda x, y: np.abs(x - 20.0) < 0.3), free_ground=plane(),
+        share=0.1, status=Status.BLOCKED, says="unknown ground under the wheels",
+    ),
+    "unknown ground under one wheel only": Scene(
+        "unknown_terrain", **same(tables_with()),
+        ground=plane(resolution=0.1, unknown=lambda x, y: np.hypot(x - 20.0, y - 0.5) < 0.12),
+        free_ground=plane(
+            resolution=0.1, unknown=lambda x, y: np.hypot(x - 20.0, y - 0.75) < 0.12
+        ),
+        share=0.1, status=Status.BLOCKED, says="unknown ground under the wheels",
+    ),
+    "the edge of the map": Scene(
+        "unknown_terrain", **same(tables_with()),
+        ground=plane(x=(-3.0, 20.0)), free_ground=plane(),
+        share=0.1, status=Status.BLOCKED, says="unknown ground under the wheels",
+    ),
+    "trained speeds": Scene(
+        "model_validity", tables_with(braking={"speed_range": [0.5, 1.5]}),
+        tables_with(braking={"speed_range": [0.5, 4.0]}), share=0.5,
+    ),
+    "ground steeper than trained": Scene(
+        "model_validity", **same(tables_with(braking={"grade_range": [-0.05, 0.05]})),
+        ground=ground_map(lambda x, y: 0.1 * np.maximum(x - 15.0, 0.0)), free_ground=plane(),
+        share=0.1, status=Status.BLOCKED, says="is outside the trained -2.9° … 2.9°",
+    ),
+}  # fmt: skip
+
+
+def test_no_bound_is_left_out() -> None:
+    assert {scene.label for scene in SCENES.values()} == {bound.label for bound in Limiting}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_each_bound_bites(name: str) -> None:
+    scene = SCENES[name]
+    plan = scene.bitten()
+    assert plan.status is scene.status, plan.reason
+    assert scene.says in plan.reason
+    assert_sound(plan, scene.tables)
+    assert np.mean([label == scene.label for label in labels(plan)]) >= scene.share, labels(plan)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_each_bound_lets_go(name: str) -> None:
+    scene = SCENES[name]
+    plan, free = scene.bitten(), scene.free()
+    assert free.status is Status.OK, free.reason
+    assert free.reason == ""
+    assert_sound(free, scene.free_tables)
+    # Stopping at the end of the way is a stopping path, and changes of acceleration take time.
+    moving = free.speed > 0.5
+    if scene.label not in ("stopping_path", "accel", "decel", "jerk"):
+        assert scene.label not in np.array(labels(free))[moving]
+    if scene.status is Status.BLOCKED:
+        assert plan.progress < free.progress - 0.5
+    else:
+        assert plan.travel_time > 1.01 * free.travel_time
+    # Where the bound bites the vehicle is slower than without it.
+    bitten = np.flatnonzero([label == scene.label for label in labels(plan)])
+    slower = [plan.speed[k] <= at(free, plan.station[k], free.speed) + 0.02 for k in bitten]
+    assert np.mean(slower) > 0.8
+
+
+def test_extrapolation_goes_on_where_training_ends_but_slower() -> None:
+    steep = ground_map(lambda x, y: -0.15 * np.maximum(x - 10.0, 0.0))
+    wide = tables_with(limits={"decel": 9.0, "jerk": 50.0})
+    narrow = tables_with(braking={"grade_range": [-0.05, 0.05]}, limits={"decel": 9.0, "jerk": 50.0})
+    brave = tables_with(
+        braking={"grade_range": [-0.05, 0.05], "extrapolate": True, "extrapolation_margin": 0.3},
+        limits={"decel": 9.0, "jerk": 50.0},
+    )
+    path = straight(25.0)
+    trained, stopped, going = (plan_one(t, steep, path) for t in (wide, narrow, brave))
+    assert (trained.status, stopped.status, going.status) == (
+        Status.OK, Status.BLOCKED, Status.OK,
+    )  # fmt: skip
+    assert stopped.progress < 10.0
+    assert going.travel_time > 1.02 * trained.travel_time
+    moving = (going.speed > 0.0) & (trained.speed > 0.0) & (going.station > 11.0)
+    assert np.all(going.stop_distance[moving] > 0.0)
+    assert_sound(going, brave, exact=False)
+    # The margin is the named one: the same brakes at 70 % stop in the same distance.
+    k = int(np.flatnonzero(moving & (going.station > 13.0))[0])
+    theta = np.arctan(-0.15)
+    v = going.speed[k]
+    force = 0.7 * ((-0.03 * v - 0.35) * theta + 0.015 * v + 0.40)
+    stop = v * 0.3 + v**2 / (2.0 * 9.80665 * (force + np.sin(theta))) + 0.2
+    assert going.stop_distance[k] == pytest.approx(stop, abs=2e-3)
+
+
+def test_a_patch_of_ice_is_braked_for_ahead_and_an_unknown_class_like_the_worst() -> None:
+    tables = limits(decel=9.0, jerk=100.0)
+    tables["braking"]["terrain"] = {
+        "ice": {"b_b": 0.12, "m_b": 0.0, "b_m": 0.0, "m_m": 0.0},
+        "sand": {"b_b": 0.5},
+    }
+
+    def crossing(name: str) -> ElevationMap:
+        return plane(
+            classes=lambda x, y: (x > 20.0) & (x < 24.0), class_names=("", name), resolution=0.1
+        )
+
+    path = straight(24.0)
+    dry, ice, sand, strange = (
+        plan_one(tables, crossing(name), path) for name in ("", "ice", "sand", "moon dust")
+    )
+    assert at(ice, 18.0, ice.speed) < 0.9 * at(dry, 18.0, dry.speed)
+    assert at(ice, 8.0, ice.speed) == pytest.approx(at(dry, 8.0, dry.speed), abs=1e-2)
+    assert at(sand, 18.0, sand.speed) == pytest.approx(at(dry, 18.0, dry.speed), abs=0.05)
+    np.testing.assert_allclose(strange.speed, ice.speed, atol=1e-3)
+    # On surfaces with two answers the oracle takes the worse one, too.
+    for plan, name in ((ice, "ice"), (strange, "ice")):
+        front = plan.x + 0.6
+        surface = [name if 20.04 < f < 25.26 else "" for f in front]
+        assert_sound(plan, tables, surface=surface)
+
+
+def test_the_order_of_the_names_breaks_ties() -> None:
+    """Two bounds of the same height: the earlier name is told, every time."""
+    tables = tables_with(vehicle={"max_wheel_speed": 2.0}, limits={"speed": 2.0})
+    plan = plan_one(tables, plane(), straight(30.0), PlannerSettings(smooth=False))
+    k = int(np.argmin(np.abs(plan.station - 15.0)))
+    assert labels(plan)[k] == "speed_limit"
