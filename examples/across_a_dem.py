@@ -20,7 +20,7 @@ def fan(x: float, y: float, length: float, count: int = 8) -> list[CandidatePath
     """Gently bending paths from one place into all directions."""
     along = np.arange(0.0, length, 0.5)
     paths = []
-    for number, first in enumerate(np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)):
+    for first in np.linspace(0.0, 2.0 * np.pi, count, endpoint=False):
         heading = first + 0.4 * np.sin(2.0 * np.pi * along / length)
         steps = 0.5 * np.stack((np.cos(heading), np.sin(heading)), axis=1)
         points = np.array((x, y)) + np.cumsum(steps, axis=0)

@@ -5,8 +5,8 @@ the model was trained on, a slope on which an axle or a side is too light, that 
 hold or the drive cannot climb. The clear distance ends at the last station before it, and the
 stopping path must end before the clear distance. All other bounds are speeds.
 
-The laws stand in `models` with their sources; they are written out here in sines and cosines that
-the terrain profile already has, and tests hold both against each other.
+What a station says by itself is in :mod:`planner.standing`; the stopping path, which looks ahead,
+in :mod:`planner.stopping_bound` and, stop by stop, in :mod:`planner.marched_bound`.
 """
 
 from __future__ import annotations
@@ -16,33 +16,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.parameters import Model
-from models.quantity import GRAVITY
-from planner.compiled import Floats, Ints, inlined, kernel
+from planner.compiled import Floats, Ints, kernel, row_pass
 from planner.ground import Ground
 from planner.limiting import Limiting
+from planner.marched_bound import marched_bound
 from planner.scalars import Numbers as Numbers
 from planner.scalars import numbers as numbers
 from planner.standing import HOLDING as HOLDING
 from planner.standing import standing_bounds
 from planner.stopping_bound import stopping_bound
-from planner.stopping_path import (
-    OVERRUN,
-    REAR_LOAD,
-    SIDE_LOAD,
-    marched_bound,
-)
 from planner.terrain_profile import TerrainProfile
+from planner.workspace import empty
 
 STOP_GUARD = 2e-3
 """Kept free between stopping path and clear distance, above all errors of integration [m]."""
+
+_SHARE_KEPT = 0.5
+"""Least share of a bound that is left where the next station may be passed as well."""
 
 _CHORD = 1.0 / 6.0
 """Share of the second difference given up, so that v² linear between stations stays below a convex
 bound: 1/8 for a parabola, the rest for bounds that are not quite one."""
 
 _STOPPING_PATH = int(Limiting.STOPPING_PATH)
-_TIP_OVER = int(Limiting.TIP_OVER)
-_ROLLOVER = int(Limiting.ROLLOVER)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +82,8 @@ def speed_bounds(
         speed_limit: (N, M) limits of the path itself [m/s].
     """
     shape = profile.grade.shape
-    speed_sq_max, accel_max, demand = np.empty(shape), np.empty(shape), np.empty(shape)
-    limiting = np.empty(shape, np.int64)
+    speed_sq_max, accel_max, demand, codes = empty(4, *shape)
+    limiting = codes.view(np.int64)
     barrier, barrier_station, loads_at_risk = (np.empty(shape[1], np.int64) for _ in range(3))
     scalars = numbers(model)
     standing_bounds(
@@ -102,11 +98,17 @@ def speed_bounds(
     stopping_bound(
         profile.station, profile.grade, profile.sin_grade, profile.known, profile.count,
         ground.weak_speed, ground.weak_rest, ground.dead_time, ground.slowest,
-        target, barrier, barrier_station, scalars.speed, speed_sq_max, limiting,
+        target, barrier, barrier_station, scalars.speed, float(ground.dead_time.max()),
+        speed_sq_max, limiting,
     )  # fmt: skip
-    march = loads_at_risk.astype(np.bool_) | (not ground.closed_form)
-    for j in np.flatnonzero(march):
-        _march(int(j), profile, ground, scalars, speed_sq_max, limiting, clear_distance)
+    marched = np.flatnonzero(loads_at_risk if ground.closed_form else np.ones(shape[1]))
+    if len(marched) > 0:
+        marched_bound(
+            marched, target, profile.count, profile.station, profile.grade, profile.sin_grade,
+            profile.sin_roll, profile.curvature, profile.heading_x, profile.heading_y,
+            ground.weak_speed, ground.weak_rest, ground.strong_speed, ground.strong_rest,
+            ground.slowest, ground.dead_time, ground.motion, scalars, speed_sq_max, limiting,
+        )  # fmt: skip
     _keep_chords_below(speed_sq_max, limiting, barrier)
     return SpeedBounds(
         speed_sq_max, limiting, accel_max, demand, clear_distance, barrier, barrier_station
@@ -121,54 +123,6 @@ def _clear_distance(
     reach = np.where(barrier_station > 0, profile.station[last, np.arange(len(last))], 0.0)
     barrier[clear < reach] = _STOPPING_PATH
     return np.minimum(reach, clear)
-
-
-def _march(
-    j: int,
-    profile: TerrainProfile,
-    ground: Ground,
-    scalars: Numbers,
-    speed_sq_max: Floats,
-    limiting: Ints,
-    clear_distance: Floats,
-) -> None:
-    """Bounds of one candidate whose stopping path has no closed form."""
-
-    def column(array: Floats) -> Floats:
-        return np.ascontiguousarray(array[:, j])
-
-    sin_grade, sin_roll = column(profile.sin_grade), column(profile.sin_roll)
-    cos_grade, cos_roll = np.sqrt(1.0 - sin_grade**2), np.sqrt(1.0 - sin_roll**2)
-    bound = column(speed_sq_max)
-    before = bound.copy()
-    ending = np.empty(bound.shape)
-    curvature = column(profile.curvature)
-    side = _side_speed_sq(curvature, cos_grade, cos_roll, sin_roll, scalars)
-    marched_bound(
-        clear_distance[j] - ground.distance_offset[j] - STOP_GUARD, int(profile.count[j]),
-        column(profile.station), column(profile.grade), sin_grade,
-        column(ground.weak_speed), column(ground.weak_rest),
-        column(ground.strong_speed), column(ground.strong_rest),
-        cos_grade * cos_roll, side, curvature,
-        np.arctan2(column(profile.heading_y), column(profile.heading_x)),
-        column(ground.slowest), column(ground.dead_time), ground.motion,
-        scalars.rear_lever, scalars.min_load, bound, ending,
-    )  # fmt: skip
-    names = {OVERRUN: _STOPPING_PATH, REAR_LOAD: _TIP_OVER, SIDE_LOAD: _ROLLOVER}
-    for how, name in names.items():
-        limiting[(bound < before) & (ending == how), j] = name
-    speed_sq_max[:, j] = bound
-
-
-def _side_speed_sq(
-    curvature: Floats, cos_grade: Floats, cos_roll: Floats, sin_roll: Floats, n: Numbers
-) -> Floats:
-    """Highest v² that keeps both sides loaded, (N,) like its arguments; inf on a straight."""
-    lean = np.sign(curvature) * cos_grade * sin_roll
-    reach = GRAVITY * ((cos_grade * cos_roll - n.min_load) / n.side_lever - lean)
-    with np.errstate(divide="ignore"):
-        bound: Floats = reach * cos_roll / np.abs(curvature)
-    return np.where(np.abs(curvature) > 0.0, np.maximum(bound, 0.0), np.inf)
 
 
 @kernel
@@ -191,7 +145,7 @@ def _keep_chords_below(speed_sq_max: Floats, limiting: Ints, barrier: Ints) -> N
             _stop_before(k, stop, barrier, speed_sq_max[k - 1], limiting[k - 1])
 
 
-@inlined
+@row_pass
 def _lower_row(
     k: int, has_ahead: bool, row_ahead: Floats, row_beyond: Floats, barrier: Ints, stop: Ints,
     previous: Floats, bend_before: Floats, speed_sq_max: Floats, limiting: Ints,
@@ -205,6 +159,9 @@ def _lower_row(
         bend = max(previous[j] - 2.0 * here + ahead, 0.0)
         bend_ahead = max(here - 2.0 * ahead + beyond, 0.0)
         lowered = here - _CHORD * max(max(bend_before[j], bend), bend_ahead)
+        # A step of the bound is not the stop at its end: the judge sees to what a share leaves.
+        smooth = (ahead <= 0.0) | (here <= 0.0)
+        lowered = lowered if smooth else max(lowered, _SHARE_KEPT * here)
         previous[j] = here
         bend_before[j] = bend
         before = stop[j] > k
@@ -217,10 +174,8 @@ def _lower_row(
     return stops
 
 
-@inlined
-def _stop_before(
-    k: int, stop: Ints, barrier: Ints, speed_sq_max: Floats, limiting: Ints
-) -> None:
+@row_pass
+def _stop_before(k: int, stop: Ints, barrier: Ints, speed_sq_max: Floats, limiting: Ints) -> None:
     for j in range(stop.shape[0]):
         bound, label, end = speed_sq_max[j], limiting[j], barrier[j]
         speed_sq_max[j] = 0.0 if stop[j] == k else bound

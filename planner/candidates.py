@@ -206,6 +206,7 @@ class CandidatePlanner:
                 else:
                     status = Status.DEGRADED
                     reason = f"not smoothed, so faster changes of acceleration than wanted: {why}"
+        status, reason = work.stands_early(speed_sq, status, reason)
         accel, time = motion_of(track.station, speed_sq)
         bound = np.sqrt(np.maximum(bounds.speed_sq_max[:n, j], speed_sq))
         return SpeedPlan(
@@ -286,6 +287,17 @@ class _Candidate:
         if k >= len(station) or (k > 0 and self._clear < station[k - 1]):
             return Status.BLOCKED, f"{where}: the way is known free up to there"
         return Status.BLOCKED, f"{where}: {self._why_barred(k)}"
+
+    def stands_early(self, speed_sq: Floats, status: Status, reason: str) -> tuple[Status, str]:
+        """A plan that rests well before the end of its path is not ok, whatever the cause."""
+        station = self.track.station
+        moving = np.flatnonzero(speed_sq > 0.0)
+        k = min(int(moving[-1]) + 1, len(station) - 1) if len(moving) else 0
+        short = float(station[-1] - station[k])
+        if status is not Status.OK or short <= self._offset + 1.0:
+            return status, reason
+        label = Limiting(int(self._label[k])).label
+        return Status.BLOCKED, f"stops at {station[k]:.2f} m of {station[-1]:.2f} m: {label}"
 
     def _why_barred(self, k: int) -> str:
         station = self.track.station[k]

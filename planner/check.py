@@ -190,7 +190,8 @@ def _rates(
 ) -> tuple[float, float, float]:
     """Deceleration, growth of the built-up force and of the heat."""
     i = _segment(track.station, s, i)
-    u = (s - track.station[i]) / (track.station[i + 1] - track.station[i])
+    # Beyond the last station the ground stays as it was there.
+    u = min((s - track.station[i]) / (track.station[i + 1] - track.station[i]), 1.0)
     grade = _at(track.grade, i, u)
     upright = np.cos(grade) * np.cos(_at(track.roll, i, u))
     wanted = v_i * _at(track.weak_speed, i, u) + _at(track.weak_rest, i, u)
@@ -326,9 +327,11 @@ def _check(
                 rim - n.max_wheel_speed,
             )
             for kind in range(6):
-                if breach[kind] > _TOLERANCE:
+                # What is not a number is a breach as well.
+                if not (breach[kind] <= _TOLERANCE):
                     bad[i] = True
-                    worst[kind] = max(worst[kind], breach[kind])
+                    amount = breach[kind] if np.isfinite(breach[kind]) else np.inf
+                    worst[kind] = max(worst[kind], amount)
         if k < last and (speed_sq[k] > 0.0 or speed_sq[k + 1] > 0.0):
             ds = station[k + 1] - station[k]
             accel = 0.5 * (speed_sq[k + 1] - speed_sq[k]) / ds

@@ -32,15 +32,21 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a law of `models` so that a kernel can call it at no cost."""
+    """Compile a function, or a law of `models`, so that a kernel can call it at no cost."""
     compiled: Any = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
     return cast(Callable[P, R], compiled)
 
 
-def fused(function: Callable[P, R]) -> Callable[P, R]:
-    """As :func:`inlined`, with a product and its sum in one instruction and one rounding."""
-    options: Any = {"contract"}
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", fastmath=options)(function)
+def row_pass(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile one pass along a row, a lane for each candidate, to run on many lanes at once.
+
+    For that its loop has no branch, reads all it needs before it chooses, and takes rows as they
+    lie in memory: `a = rows[0]`, where `a, b = rows` would give strided ones. A product and its sum
+    are one instruction with one rounding; NaN keeps its meaning.
+    """
+    compiled: Any = numba.njit(
+        nogil=True, error_model="numpy", forceinline=True, fastmath={"contract"}
+    )(function)
     return cast(Callable[P, R], compiled)
 
 

@@ -16,8 +16,9 @@ import numpy as np
 from models import effects
 from models.parameters import Braking, Model
 from models.quantity import GRAVITY
-from planner.compiled import Bools, Floats, Ints, inlined, kernel
+from planner.compiled import Bools, Floats, Ints, kernel, row_pass
 from planner.terrain_profile import TerrainProfile
+from planner.workspace import empty
 
 _M_M, _B_M, _M_B, _B_B, _UP_M_M, _UP_B_M, _DEAD, _OFFSET = range(8)
 _SLOWEST, _FASTEST, _STEEPEST_DOWN, _STEEPEST_UP, _FRICTION, _COLUMNS = range(8, 14)
@@ -255,17 +256,15 @@ class _Forces(NamedTuple):
 
 def _on_one_surface(grade: Floats, surface: Floats, margin: float) -> _Forces:
     """Where it does not extrapolate either, the stronger force *is* the weaker one."""
-    weak_speed, weak_rest = np.empty_like(grade), np.empty_like(grade)
+    weak_speed, weak_rest, dead_time, slowest, fastest = empty(5, *grade.shape)
     strong_speed, strong_rest = weak_speed, weak_rest
     if margin > 0.0:
-        strong_speed, strong_rest = np.empty_like(grade), np.empty_like(grade)
+        strong_speed, strong_rest = empty(2, *grade.shape)
     trained = np.empty(grade.shape, np.bool_)
     _forces_on_one_surface(
         grade, surface, margin, strong_speed, strong_rest, weak_speed, weak_rest, trained
     )
-    dead_time, slowest, fastest = (
-        np.full(grade.shape, surface[column]) for column in (_DEAD, _SLOWEST, _FASTEST)
-    )
+    dead_time[:], slowest[:], fastest[:] = surface[_DEAD], surface[_SLOWEST], surface[_FASTEST]
     offset = np.full(grade.shape[1], surface[_OFFSET])
     return _Forces(
         weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest, trained,
@@ -298,16 +297,17 @@ def _forces_on_one_surface(
     grade: Floats, surface: Floats, margin: float, strong_speed: Floats, strong_rest: Floats,
     weak_speed: Floats, weak_rest: Floats, trained: Bools,
 ) -> None:  # fmt: skip
-    """The weaker force is written last: both may share their arrays."""
+    """Both forces, of which the stronger one is written only where it differs."""
     extra = max(margin, 0.0)
     for k in range(grade.shape[0]):
         before, after = grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)]
-        _force_row(grade[k], before, after, surface, extra, strong_speed[k], strong_rest[k])
+        if extra > 0.0:
+            _force_row(grade[k], before, after, surface, extra, strong_speed[k], strong_rest[k])
         _force_row(grade[k], before, after, surface, -extra, weak_speed[k], weak_rest[k])
         _trained_row(grade[k], surface, margin, trained[k])
 
 
-@inlined
+@row_pass
 def _force_row(
     grade: Floats, before: Floats, after: Floats, surface: Floats, extra: float,
     speed_part: Floats, rest_part: Floats,
@@ -330,7 +330,7 @@ def _force_row(
         rest_part[j] = rest + share * abs(rest)
 
 
-@inlined
+@row_pass
 def _trained_row(grade: Floats, surface: Floats, margin: float, trained: Bools) -> None:
     down, up = surface[_STEEPEST_DOWN], surface[_STEEPEST_UP]
     for j in range(grade.shape[0]):

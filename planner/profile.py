@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from models.quantity import GRAVITY
-from planner.compiled import TILE, Floats, inlined, kernel
+from planner.compiled import TILE, Floats, kernel, row_pass
 from planner.scalars import Numbers
+from planner.workspace import empty
 
 _SURELY = 1.0 + 1e-9
 
@@ -70,7 +71,7 @@ def time_optimal(
             )  # fmt: skip
 
 
-@inlined
+@row_pass
 def _slow_down(
     station: Floats, station_2: Floats, speed_sq_max: Floats, decel: float,
     sin_grade: Floats, sin_grade_2: Floats, weak_speed: Floats, weak_speed_2: Floats,
@@ -93,7 +94,7 @@ def _slow_down(
     return count
 
 
-@inlined
+@row_pass
 def _brake(
     station: Floats, station_2: Floats, sin_grade: Floats, sin_grade_2: Floats,
     weak_speed: Floats, weak_speed_2: Floats, weak_rest: Floats, weak_rest_2: Floats,
@@ -118,7 +119,7 @@ def _brake(
         speed_sq[j] = min(speed_sq[j], max(braked, 0.0))
 
 
-@inlined
+@row_pass
 def _speed_up(
     station: Floats, station_2: Floats, accel_max: Floats, accel_max_2: Floats,
     demand: Floats, demand_2: Floats, specific_power: float,
@@ -151,7 +152,7 @@ def time_optimal_profile(
     decel: float | None = None,
 ) -> tuple[Floats, Floats]:
     """:func:`time_optimal` into new arrays: v² (N, M), and the reachable v² at the start (M,)."""
-    speed_sq = np.empty_like(speed_sq_max)
+    speed_sq = empty(*speed_sq_max.shape)
     reachable = np.empty(speed_sq_max.shape[1])
     time_optimal(
         station, speed_sq_max, sin_grade, weak_speed, weak_rest, slowest, accel_max, demand,
@@ -159,3 +160,37 @@ def time_optimal_profile(
         speed_sq, reachable,
     )  # fmt: skip
     return speed_sq, reachable
+
+
+def travel_cost(station: Floats, speed_sq: Floats, horizon_penalty: float) -> Floats:
+    """Travel time plus a charge for each metre not reached, (M,) [s].
+
+    Args:
+        station: (N, M) [m].
+        speed_sq: (N, M) v², linear between stations [m²/s²].
+        horizon_penalty: time charged for each metre on which the vehicle does not move [s/m].
+    """
+    cost = np.zeros(station.shape[1])
+    _add_times(station, speed_sq, horizon_penalty, cost)
+    return cost
+
+
+@kernel
+def _add_times(station: Floats, speed_sq: Floats, penalty: float, cost: Floats) -> None:
+    speed = np.sqrt(speed_sq[0])
+    for k in range(station.shape[0] - 1):
+        _add_time(station[k], station[k + 1], speed_sq[k + 1], penalty, speed, cost)
+
+
+@row_pass
+def _add_time(
+    station: Floats, station_2: Floats, speed_sq_2: Floats, penalty: float,
+    speed: Floats, cost: Floats,
+) -> None:  # fmt: skip
+    """One row on; ``speed`` is that of this row before and of the next one after."""
+    for j in range(station.shape[0]):
+        ds = station_2[j] - station[j]
+        speed_2 = np.sqrt(speed_sq_2[j])
+        both = speed[j] + speed_2
+        cost[j] += 2.0 * ds / both if both > 0.0 else penalty * ds
+        speed[j] = speed_2

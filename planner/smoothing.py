@@ -26,6 +26,7 @@ _TIGHTER = 1.5e-4
 
 _REST = 1e-9
 _FREE = 1e6
+_STEP = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ class Smoother:
             sparse.eye(n, format="csc"), np.zeros(n), self._a, -np.ones(count), np.ones(count),
             verbose=False, eps_abs=_TOLERANCE, eps_rel=0.0, max_iter=max_iterations,
             check_termination=10, polishing=False, adaptive_rho=True, adaptive_rho_interval=50,
-            scaling=0,
+            scaling=0, rho=_STEP,
         )  # fmt: skip
 
     def _pattern(self) -> tuple[np.ndarray, np.ndarray]:
@@ -118,6 +119,8 @@ class Smoother:
         if shift is None or self._last is None:
             around = problem.speed_sq_max
             dual = np.zeros(self._a.shape[0])
+            # What it adapted to before must not show in the answer.
+            self._solver.update_settings(rho=_STEP)
         else:
             ends = np.cumsum([0, self._n, self._n - 1, self._n - 2, self._n - 2])
             blocks = [self._last[1][i:j] for i, j in pairwise(ends)]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.quantity import GRAVITY
-from planner.compiled import Bools, Floats, Ints, inlined, kernel
+from planner.compiled import Bools, Floats, Ints, kernel, row_pass
 from planner.limiting import Limiting
 from planner.scalars import Numbers
 
@@ -79,14 +79,14 @@ def standing_bounds(
         )  # fmt: skip
 
 
-@inlined
+@row_pass
 def _cosines(sin_grade: Floats, sin_roll: Floats, cosine: Floats, cos_lean: Floats) -> None:
     for j in range(sin_grade.shape[0]):
         cosine[j] = np.sqrt(1.0 - sin_grade[j] * sin_grade[j])
         cos_lean[j] = np.sqrt(1.0 - sin_roll[j] * sin_roll[j])
 
 
-@inlined
+@row_pass
 def _drive(
     sin_grade: Floats, cosine: Floats, cos_lean: Floats, curvature: Floats, n: Numbers,
     accel_max: Floats, demand: Floats,
@@ -102,7 +102,7 @@ def _drive(
         demand[j] = holding
 
 
-@inlined
+@row_pass
 def _bars(
     sin_grade: Floats, sin_roll: Floats, cosine: Floats, cos_lean: Floats, demand: Floats,
     known: Bools, trained: Bools, limit: Floats, fastest: Floats, slowest: Floats,
@@ -127,7 +127,7 @@ def _bars(
         barred[j] = why if known[j] else _UNKNOWN_TERRAIN
 
 
-@inlined
+@row_pass
 def _speeds(
     sin_roll: Floats, cosine: Floats, cos_lean: Floats, curvature: Floats, demand: Floats,
     limit: Floats, fastest: Floats, n: Numbers, speed_sq_max: Floats, limiting: Ints,
@@ -156,7 +156,7 @@ def _speeds(
         limiting[j] = why
 
 
-@inlined
+@row_pass
 def side_reach(
     curvature: float, sin_roll: float, cosine: float, cos_lean: float, n: Numbers
 ) -> float:
@@ -166,7 +166,7 @@ def side_reach(
     return max(GRAVITY * (spare - outward), 0.0) * cos_lean
 
 
-@inlined
+@row_pass
 def _risks(
     k: int, sin_roll: Floats, cosine: Floats, cos_lean: Floats, curvature: Floats, limit: Floats,
     fastest: Floats, slowest: Floats, strong_speed: Floats, strong_rest: Floats,
@@ -184,7 +184,7 @@ def _risks(
         loads_at_risk[j] |= 1 if risk & (k < barrier_station[j]) else 0
 
 
-@inlined
+@row_pass
 def _close(
     k: int, barred: Ints, barrier: Ints, barrier_station: Ints,
     speed_sq_max: Floats, limiting: Ints, accel_max: Floats, demand: Floats,

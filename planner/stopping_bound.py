@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.compiled import Bools, Floats, Ints, inlined, kernel
+from models.quantity import GRAVITY
+from planner.compiled import Bools, Floats, Ints, inlined, kernel, row_pass
 from planner.limiting import Limiting
 from planner.stopping_path import onset_speed
 
@@ -24,7 +25,9 @@ _QUEUE = 512
 
 _STOPPING_PATH = int(Limiting.STOPPING_PATH)
 _CLEARLY = 1.0 + 1e-6
+"""By how much v² must be free of the stopping path to be called free."""
 
+# Rows of the queue: what is known of the segment in which the onset lies.
 (
     _HERE, _DEAD, _LEFT, _RIGHT, _R_LEFT, _R_RIGHT, _START, _PER_LENGTH, _SPEED, _SPEED_RISE,
     _REST, _REST_RISE, _SPEED_SUM, _REST_SUM, _SLOWEST, _COLUMNS,
@@ -35,7 +38,7 @@ _CLEARLY = 1.0 + 1e-6
 def stopping_bound(
     station: Floats, grade: Floats, sin_grade: Floats, known: Bools, count: Ints,
     weak_speed: Floats, weak_rest: Floats, dead_time: Floats, slowest: Floats,
-    target: Floats, barrier: Ints, barrier_station: Ints, fastest: float,
+    target: Floats, barrier: Ints, barrier_station: Ints, fastest: float, longest: float,
     speed_sq_max: Floats, limiting: Ints,
 ) -> None:  # fmt: skip
     """Lower ``speed_sq_max`` so that every stop ends before the target; −1 where none can.
@@ -45,7 +48,7 @@ def stopping_bound(
         weak_speed, weak_rest, dead_time, slowest: (N, M) ground.
         target: (M,) the vehicle must stand here [m].
         barrier, barrier_station: (M,) what bars the way, and the index of its first station.
-        fastest: no bound is above this speed [m/s].
+        fastest: no bound is above this speed [m/s]; longest: nor any dead time above this [s].
         speed_sq_max, limiting: (N, M) bounds so far, lowered in place.
     """
     stations, candidates = station.shape
@@ -61,6 +64,7 @@ def stopping_bound(
     for first in range(0, candidates, _BLOCK):
         end = min(first + _BLOCK, candidates)
         speed_sum, rest_sum, onset = sums[0], sums[1], sums[2]
+        # 1. From the last station before the target on.
         for j in range(first, end):
             t = j - first
             last[t] = _last_before(target[j], barrier_station[j], count[j], station, j)
@@ -69,28 +73,41 @@ def stopping_bound(
                 j, last[t], target[j], count[j], station, grade, sin_grade, known,
                 weak_speed, weak_rest,
             )  # fmt: skip
+        # 2. From every station before that; those before ``first_tight`` are free.
+        first_tight = stations
         for k in range(stations - 1, -1, -1):
             after = min(k + 1, stations - 1)
-            _sum_up(
+            tight = _sum_up(
                 k, last, first_sums[0], first_sums[1],
                 station[k, first:end], grade[k, first:end], sin_grade[k, first:end],
                 weak_speed[k, first:end], weak_rest[k, first:end],
                 station[after, first:end], grade[after, first:end], sin_grade[after, first:end],
                 weak_speed[after, first:end], weak_rest[after, first:end],
-                slowest[k, first:end], speed_sum[after], rest_sum[after],
-                speed_sum[k], rest_sum[k], onset[k],
+                slowest[k, first:end], fastest, speed_sum[after], rest_sum[after],
+                speed_sum[k], rest_sum[k],
             )  # fmt: skip
+            first_tight = k if tight > 0 else first_tight
+        # 3. A dead time earlier, as long as the way driven in it reaches rows that are not free.
         waiting = 0
         reach = stations - 1
+        rise = stations
         for k in range(stations - 1, -1, -1):
             while reach > k and _covers(
-                reach - 1, last, station[k, first:end], dead_time[k, first:end],
-                station[reach - 1, first:end], fastest,
+                reach - 1, last, station[k, first:end], station[reach - 1, first:end],
+                longest * fastest,
             ):  # fmt: skip
                 reach -= 1
-            least[:] = np.inf
-            for i in range(k, reach + 1):
-                _lower(onset[i], least)
+            if reach < first_tight:
+                break
+            rises = _onsets(
+                k, last, speed_sum[k], rest_sum[k], slowest[k, first:end],
+                onset[min(k + 1, stations - 1)], onset[k],
+            )  # fmt: skip
+            rise = k if rises > 0 else rise
+            least[:] = onset[reach]
+            if rise < reach:
+                for i in range(k, reach):
+                    _lower(onset[i], least)
             some = _sort_out(
                 k, last, target[first:end], barrier[first:end], barrier_station[first:end],
                 station[k, first:end], dead_time[k, first:end], station[reach, first:end],
@@ -142,15 +159,19 @@ def _to_target(
     return speed_sum, rest_sum + sine_sum * (1.0 + turn * turn / 12.0)
 
 
-@inlined
+@row_pass
 def _sum_up(
     k: int, last: Ints, first_speed: Floats, first_rest: Floats,
     station: Floats, grade: Floats, sin_grade: Floats, weak_speed: Floats, weak_rest: Floats,
     station_2: Floats, grade_2: Floats, sin_grade_2: Floats, weak_speed_2: Floats,
-    weak_rest_2: Floats, slowest: Floats, speed_ahead: Floats, rest_ahead: Floats,
-    speed_sum: Floats, rest_sum: Floats, onset: Floats,
-) -> None:  # fmt: skip
-    """What the brakes take out from this row to the target, and the speed at onset here."""
+    weak_rest_2: Floats, slowest: Floats, fastest: float, speed_ahead: Floats, rest_ahead: Floats,
+    speed_sum: Floats, rest_sum: Floats,
+) -> int:  # fmt: skip
+    """What the brakes take out from this row to the target.
+
+    Returns for how many candidates that is not clearly enough to stop from the fastest speed.
+    """
+    tight = 0
     for t in range(station.shape[0]):
         half = 0.5 * (station_2[t] - station[t])
         turn = grade_2[t] - grade[t]
@@ -162,29 +183,42 @@ def _sum_up(
         rest = rest if k < last[t] else first_rest[t]
         speed_sum[t] = speed
         rest_sum[t] = rest
-        v = onset_speed(speed, rest, slowest[t])
-        onset[t] = v if k <= last[t] else 0.0
+        enough = 2.0 * GRAVITY * (max(fastest, slowest[t]) * speed + rest)
+        tight += 1 if (enough < _CLEARLY * fastest * fastest) | (k >= last[t]) else 0
+    return tight
 
 
-@inlined
-def _covers(
-    i: int, last: Ints, station: Floats, dead_time: Floats, station_i: Floats, fastest: float
-) -> bool:
-    """Does row i lie behind the dead time's way of all candidates that reach so far?"""
+@row_pass
+def _onsets(
+    k: int, last: Ints, speed_sum: Floats, rest_sum: Floats, slowest: Floats,
+    onset_ahead: Floats, onset: Floats,
+) -> int:  # fmt: skip
+    """Speed at onset in this row; returns for how many candidates it is higher in the row ahead."""
+    rises = 0
+    for t in range(onset.shape[0]):
+        v = onset_speed(speed_sum[t], rest_sum[t], slowest[t])
+        v = v if k <= last[t] else 0.0
+        rises += 1 if v < onset_ahead[t] else 0
+        onset[t] = v
+    return rises
+
+
+@row_pass
+def _covers(i: int, last: Ints, station: Floats, station_i: Floats, way: float) -> bool:
+    """Does row i lie beyond the dead time's way of all candidates that reach so far?"""
     short = 0
     for t in range(station.shape[0]):
-        behind = station_i[t] < station[t] + dead_time[t] * fastest
-        short += 1 if behind & (i <= last[t]) else 0
+        short += 1 if (station_i[t] < station[t] + way) & (i <= last[t]) else 0
     return short == 0
 
 
-@inlined
+@row_pass
 def _lower(onset: Floats, least: Floats) -> None:
     for t in range(onset.shape[0]):
         least[t] = min(least[t], onset[t])
 
 
-@inlined
+@row_pass
 def _sort_out(
     k: int, last: Ints, target: Floats, barrier: Ints, barrier_station: Ints, station: Floats,
     dead_time: Floats, station_reach: Floats, fastest: float, least: Floats, onset: Floats,
@@ -193,19 +227,23 @@ def _sort_out(
     """Settle the candidates of a row that need no search; mark and count the others."""
     some = 0
     for t in range(station.shape[0]):
+        here, dead, bound, label, end = (
+            station[t], dead_time[t], speed_sq_max[t], limiting[t], barrier[t],
+        )  # fmt: skip
+        at_onset = onset[t] * onset[t]
         inside = k < barrier_station[t]
-        beyond = inside & ((k > last[t]) | (target[t] <= station[t]))
-        # The slowest onset on the dead time's way is fast enough.
-        free = station_reach[t] >= station[t] + dead_time[t] * fastest
-        free = free & (least[t] * least[t] > _CLEARLY * speed_sq_max[t])
-        at_once = inside & (dead_time[t] <= 0.0) & (onset[t] * onset[t] < speed_sq_max[t])
-        bound = onset[t] * onset[t] if at_once else speed_sq_max[t]
-        why = _STOPPING_PATH if at_once else limiting[t]
-        speed_sq_max[t] = -1.0 if beyond else bound
-        limiting[t] = barrier[t] if beyond else why
-        searching = inside & (not beyond) & (not free) & (dead_time[t] > 0.0)
+        beyond = inside & ((k > last[t]) | (target[t] <= here))
+        # The least speed at onset on the dead time's way is high enough.
+        free = station_reach[t] >= here + dead * fastest
+        free = free & (least[t] * least[t] > _CLEARLY * bound)
+        searching = inside & (dead > 0.0) & (not beyond) & (not free)
         near[t] = 1 if searching else 0
         some += near[t]
+        at_once = inside & (dead <= 0.0) & (at_onset < bound)
+        bound = at_onset if at_once else bound
+        label = _STOPPING_PATH if at_once else label
+        speed_sq_max[t] = -1.0 if beyond else bound
+        limiting[t] = end if beyond else label
     return some
 
 
@@ -250,9 +288,7 @@ def _enqueue(
 
 
 @inlined
-def _solve(
-    waiting: int, queue: Floats, place: Ints, speed_sq_max: Floats, limiting: Ints
-) -> None:
+def _solve(waiting: int, queue: Floats, place: Ints, speed_sq_max: Floats, limiting: Ints) -> None:
     """Solve what waits, and lower the bounds where the stopping path is the tightest."""
     speed = np.empty(waiting)
     _onset_speeds(queue, speed)
@@ -263,7 +299,7 @@ def _solve(
             limiting[k, j] = _STOPPING_PATH
 
 
-@inlined
+@row_pass
 def _onset_speeds(queue: Floats, speed: Floats) -> None:
     """Regula falsi on the place of onset; each iterate is itself a safe speed."""
     here, dead = queue[_HERE], queue[_DEAD]

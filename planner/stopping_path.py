@@ -3,7 +3,7 @@
 Two ways to the same answer. Where nothing but the grade acts, the energy that the brakes take out
 from onset to the target is an integral that is summed once along the path, and the speed follows
 from a quadratic. Where an effect acts on the motion itself, or a load may run short on the way, a
-stop is marched along the path and the speed found by bisection.
+stop is marched along the path, and :mod:`planner.marched_bound` tries for the speed.
 
 Source: Braking (7), (8), (12), with v dv = −a(θ(s), v_i) ds along the varying slope; the dead time
 at held speed comes first.
@@ -11,16 +11,17 @@ at held speed comes first.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from models.effects import Motion
 from models.quantity import GRAVITY
-from planner.compiled import Floats, inlined, kernel
+from planner.compiled import Floats, inlined
 
 STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)
 """How a marched stop ends."""
 
-_BISECTIONS = 40
 _SUBSTEPS = 2
 
 
@@ -45,13 +46,35 @@ def onset_speed(speed_part: float, rest_part: float, slowest: float) -> float:
     return float(speed)
 
 
+class StopPath(NamedTuple):
+    """One path as a stop is marched along it; arrays are (N,).
+
+    Attributes:
+        station, grade, sin_grade: terrain.
+        weak_speed, weak_rest, strong_speed, strong_rest: parts of both forces.
+        upright: cos(roll) cos(grade).
+        side_speed_sq: highest v² that keeps both sides loaded.
+        bend: |curvature| [1/m].
+        yaw: heading [rad].
+    """
+
+    station: Floats
+    grade: Floats
+    sin_grade: Floats
+    weak_speed: Floats
+    weak_rest: Floats
+    strong_speed: Floats
+    strong_rest: Floats
+    upright: Floats
+    side_speed_sq: Floats
+    bend: Floats
+    yaw: Floats
+
+
 @inlined
 def march_stop(
-    k: int, speed: float, target: float, count: int,
-    station: Floats, grade: Floats, sin_grade: Floats, weak_speed: Floats, weak_rest: Floats,
-    strong_speed: Floats, strong_rest: Floats, upright: Floats, side_speed_sq: Floats,
-    curvature: Floats, yaw: Floats, slowest: float, dead_time: float,
-    motion: Motion, rear_lever: float, min_load: float,
+    k: int, speed: float, target: float, count: int, path: StopPath, slowest: float,
+    dead_time: float, motion: Motion, rear_lever: float, min_load: float,
 ) -> tuple[int, float, float]:  # fmt: skip
     """March one emergency stop from station k along a path.
 
@@ -62,15 +85,22 @@ def march_stop(
         k: station of the stop command.
         speed: speed there [m/s].
         target: the vehicle must stand here [m].
-        count: stations of the path; the other arrays are (N,) along it.
-        upright: cos(roll) cos(grade).
-        side_speed_sq: highest v² that keeps both sides loaded.
+        count: stations of the path.
+        path: terrain and forces along it.
+        slowest: speed below which the coefficients no longer change [m/s].
+        dead_time: from command to onset [s].
+        motion: effects.
         rear_lever: cg_z / (L − cg_x).
         min_load: share of its static load that the rear axle must keep.
 
     Returns:
-        How it ends, where [m], and the least rear load share on the way.
+        How it ends, where [m], and the least rear load share on the way. Where an overrun ends is
+        extrapolated from the first station behind the target.
     """
+    station, grade, sin_grade, upright = path.station, path.grade, path.sin_grade, path.upright
+    weak_speed, weak_rest = path.weak_speed, path.weak_rest
+    strong_speed, strong_rest = path.strong_speed, path.strong_rest
+    side_speed_sq = path.side_speed_sq
     onset = station[k] + speed * dead_time
     v_i = max(speed, slowest)
     energy = speed * speed
@@ -116,13 +146,12 @@ def march_stop(
                 heat += GRAVITY * max(applied, 0.0) * piece - heat * min(
                     seconds / motion.fade_tau, 1.0
                 )
-            bend = w * abs(curvature[i]) + u * abs(curvature[i + 1])
+            bend = w * path.bend[i] + u * path.bend[i + 1]
             a = GRAVITY * (applied + sine)
             a += GRAVITY * (motion.viscous + motion.turning * bend) * middle
             a += motion.drag * middle_sq
             if motion.wind_drag > 0.0:
-                heading = yaw[i]
-                relative = middle + motion.wind * np.cos(heading - motion.wind_direction)
+                relative = middle + motion.wind * np.cos(path.yaw[i] - motion.wind_direction)
                 a += motion.wind_drag * (abs(relative) * relative - middle_sq)
             strong = v_i * (w * strong_speed[i] + u * strong_speed[i + 1])
             strong += w * strong_rest[i] + u * strong_rest[i + 1]
@@ -137,47 +166,9 @@ def march_stop(
             previous = a
             s = s + piece if piece < station[i + 1] - s else station[i + 1]
         if s > target:
-            return OVERRUN, s, least
+            way = energy / (2.0 * previous) if previous > 0.0 else np.inf
+            return OVERRUN, s + way, least
         if energy > side_speed_sq[i + 1]:
             return SIDE_LOAD, s, least
         i += 1
     return OVERRUN, s, least
-
-
-@kernel
-def marched_bound(
-    target: float, count: int,
-    station: Floats, grade: Floats, sin_grade: Floats, weak_speed: Floats, weak_rest: Floats,
-    strong_speed: Floats, strong_rest: Floats, upright: Floats, side_speed_sq: Floats,
-    curvature: Floats, yaw: Floats, slowest: Floats, dead_time: Floats,
-    motion: Motion, rear_lever: float, min_load: float,
-    speed_sq_max: Floats, ending: Floats,
-) -> None:  # fmt: skip
-    """Lower ``speed_sq_max`` to speeds whose marched stop ends well; ``ending`` says what failed.
-
-    Arrays are (N,) along one path. Stations at or beyond the target, or already at zero, stay.
-    """
-    for k in range(count):
-        ending[k] = STOPPED
-        if speed_sq_max[k] <= 0.0:
-            continue
-        high = np.sqrt(speed_sq_max[k])
-        low = 0.0
-        trial = high
-        for step in range(_BISECTIONS):
-            how, _, _ = march_stop(
-                k, trial, target, count, station, grade, sin_grade, weak_speed, weak_rest,
-                strong_speed, strong_rest, upright, side_speed_sq, curvature, yaw,
-                slowest[k], dead_time[k], motion, rear_lever, min_load,
-            )  # fmt: skip
-            if how == STOPPED:
-                low = trial
-                if step == 0:
-                    break
-            else:
-                high = trial
-                ending[k] = how
-            if high - low < 1e-6:
-                break
-            trial = 0.5 * (low + high)
-        speed_sq_max[k] = low * low

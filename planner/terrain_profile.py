@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.compiled import Bools, Floats, Ints, fused, inlined, kernel
+from planner.compiled import Bools, Floats, Ints, inlined, kernel, row_pass
 from planner.elevation_map import ElevationMap
-
-MAX_CLASSES = 62
-"""Surfaces one map can tell apart: a station keeps those under its wheels as bits of an int64."""
+from planner.footprint import POINTS, offset, on_grid
+from planner.surfaces import MAX_CLASSES as MAX_CLASSES
+from planner.surfaces import surfaces_under_wheels
+from planner.workspace import empty
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ def terrain_profile(
         wheelbase, track_width: footprint [m].
     """
     stations, candidates = x.shape
-    out = np.empty((8, stations, candidates))
+    out = empty(8, stations, candidates)
     known = np.empty((stations, candidates), np.bool_)
     z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll = out
     grid = (elevation_map.origin[0], elevation_map.origin[1], 1.0 / elevation_map.resolution)
@@ -84,9 +85,10 @@ def terrain_profile(
         seen = np.flatnonzero(np.isfinite(z[:, j]))
         first = int(seen[0]) if len(seen) else stations
         z[:first, j] = z[first, j] if len(seen) else 0.0
-    surfaces = np.ones((stations, candidates), np.int64)
+    surfaces: Ints = np.broadcast_to(np.int64(1), x.shape)
     if elevation_map.terrain_class is not None:
-        _surfaces_under_wheels(
+        surfaces = empty(*x.shape).view(np.int64)
+        surfaces_under_wheels(
             elevation_map.terrain_class, *grid, x, y, heading_x, heading_y,
             0.5 * wheelbase, 0.5 * track_width, surfaces,
         )  # fmt: skip
@@ -109,8 +111,10 @@ def _sample(
     """
     stations, candidates = x.shape
     step_x, step_y, step = np.empty(candidates), np.empty(candidates), np.empty(candidates)
+    u, v = np.empty(candidates), np.empty(candidates)
+    ahead_u, ahead_v = np.empty(candidates), np.empty(candidates)
     across, up = np.empty(candidates), np.empty(candidates)
-    heights = np.empty((5, candidates))
+    heights = np.empty((POINTS, candidates))
     cell = np.empty(candidates, np.int64)
     _first_step(x[0], y[0], x[1], y[1], step_x, step_y, step)
     for k in range(stations):
@@ -119,14 +123,13 @@ def _sample(
             k, last, x[k], y[k], x[after], y[after], curvature[before],
             step_x, step_y, step, heading_x[k], heading_y[k], curvature[k],
         )  # fmt: skip
-        for point in range(5):
-            # Front left, front right, rear left, rear right, centre.
-            ahead = half_length * (0.0 if point == 4 else (1.0 if point < 2 else -1.0))
-            aside = half_width * (0.0 if point == 4 else (1.0 if point % 2 == 0 else -1.0))
-            _locate(
-                elevation, origin_x, origin_y, per_metre, x[k], y[k], heading_x[k], heading_y[k],
-                ahead, aside, cell, across, up,
-            )  # fmt: skip
+        on_grid(
+            origin_x, origin_y, per_metre, x[k], y[k], heading_x[k], heading_y[k],
+            u, v, ahead_u, ahead_v,
+        )  # fmt: skip
+        for point in range(POINTS):
+            ahead, aside = offset(point, half_length, half_width)
+            _locate(elevation, u, v, ahead_u, ahead_v, ahead, aside, cell, across, up)
             _interpolate(elevation, cell, across, up, heights[point])
         _tilt(
             k, last, heights, 0.25 / half_length, 0.25 / half_width, z[before],
@@ -179,17 +182,15 @@ def _turn(
 
 @inlined
 def _locate(
-    elevation: Floats, origin_x: float, origin_y: float, per_metre: float,
-    x: Floats, y: Floats, heading_x: Floats, heading_y: Floats, ahead: float, aside: float,
-    cell: Ints, across: Floats, up: Floats,
+    elevation: Floats, centre_u: Floats, centre_v: Floats, ahead_u: Floats, ahead_v: Floats,
+    ahead: float, aside: float, cell: Ints, across: Floats, up: Floats,
 ) -> None:  # fmt: skip
     """Cell under one wheel, and the shares of its neighbours; NaN where the map has ended."""
     rows, columns = elevation.shape
     right, top = columns - 1.0, rows - 1.0
-    for j in range(x.shape[0]):
-        hx, hy = heading_x[j], heading_y[j]
-        u = (x[j] - origin_x) * per_metre + ahead * hx * per_metre - aside * hy * per_metre
-        v = (y[j] - origin_y) * per_metre + ahead * hy * per_metre + aside * hx * per_metre
+    for j in range(cell.shape[0]):
+        u = centre_u[j] + ahead * ahead_u[j] - aside * ahead_v[j]
+        v = centre_v[j] + ahead * ahead_v[j] + aside * ahead_u[j]
         inside = (u >= 0.0) & (v >= 0.0) & (u <= right) & (v <= top)
         u = u if inside else 0.0
         v = v if inside else 0.0
@@ -200,7 +201,7 @@ def _locate(
         up[j] = v - row
 
 
-@inlined
+@row_pass
 def _interpolate(elevation: Floats, cell: Ints, across: Floats, up: Floats, height: Floats) -> None:
     """Bilinear heights, NaN beside unknown cells."""
     flat = elevation.reshape(elevation.size)
@@ -213,7 +214,7 @@ def _interpolate(elevation: Floats, cell: Ints, across: Floats, up: Floats, heig
         height[j] = lower + up[j] * (upper - lower)
 
 
-@inlined
+@row_pass
 def _tilt(
     k: int, last: Ints, heights: Floats, per_length: float, per_width: float, z_before: Floats,
     z: Floats, grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools,
@@ -240,7 +241,7 @@ def _tilt(
         sin_roll[j] = tan_roll / np.sqrt(1.0 + tan_roll * tan_roll)
 
 
-@fused
+@row_pass
 def arctan_of(tangent: float, secant: float) -> float:
     """arctan(tangent) with secant = √(1 + tangent²), to 1e-13, without a branch or a call.
 
@@ -255,7 +256,7 @@ def arctan_of(tangent: float, secant: float) -> float:
     return float(4.0 * quarter * series)
 
 
-@inlined
+@row_pass
 def _advance(
     k: int, last: Ints, x_before: Floats, y_before: Floats, z_before: Floats,
     station_before: Floats, x: Floats, y: Floats, z: Floats, station: Floats,
@@ -267,29 +268,3 @@ def _advance(
         dz = dz if np.isfinite(dz) else 0.0
         step = np.sqrt(dx * dx + dy * dy + dz * dz)
         station[j] = station_before[j] + (step if k <= last[j] else 0.0)
-
-
-@kernel
-def _surfaces_under_wheels(
-    terrain_class: Ints, origin_x: float, origin_y: float, per_metre: float,
-    x: Floats, y: Floats, heading_x: Floats, heading_y: Floats,
-    half_length: float, half_width: float, surfaces: Ints,
-) -> None:  # fmt: skip
-    rows, columns = terrain_class.shape
-    stations, candidates = x.shape
-    for k in range(stations):
-        for j in range(candidates):
-            bits = 0
-            hx, hy = heading_x[k, j], heading_y[k, j]
-            for wheel in range(5):
-                along = half_length * (0.0 if wheel == 4 else (1.0 if wheel < 2 else -1.0))
-                across = half_width * (0.0 if wheel == 4 else (1.0 if wheel % 2 == 0 else -1.0))
-                px = x[k, j] + along * hx - across * hy
-                py = y[k, j] + along * hy + across * hx
-                # The same four cells that its height is taken from: no strip is stepped over.
-                column = int(np.floor((px - origin_x) * per_metre))
-                row = int(np.floor((py - origin_y) * per_metre))
-                for i in range(max(row, 0), min(row + 2, rows)):
-                    for c in range(max(column, 0), min(column + 2, columns)):
-                        bits |= 1 << terrain_class[i, c]
-            surfaces[k, j] = bits

@@ -113,13 +113,22 @@ def _around(paths: list[CandidatePath], margin: float) -> tuple[float, float, fl
 
 def write_csv(result: PlanResult, path: Path) -> None:
     """All plans in one file, best first."""
-    parts = [plan.columns() for plan in result.plans]
+    parts = [_driven(plan) for plan in result.plans]
     joined: dict[str, Any] = {}
     for name in parts[0]:
         values = [part[name] for part in parts]
         texts = isinstance(values[0], list)
         joined[name] = list(itertools.chain(*values)) if texts else np.concatenate(values)
     write_plan_csv(joined, path)
+
+
+def _driven(plan: SpeedPlan) -> dict[str, Any]:
+    """Columns of a plan up to its clear distance: beyond it there is nothing to drive."""
+    columns = plan.columns()
+    if plan.status is Status.INFEASIBLE:
+        return dict(columns)
+    rows = max(int(np.count_nonzero(plan.station <= plan.clear_distance)), 1)
+    return {name: values[:rows] for name, values in columns.items()}
 
 
 def write_page(result: PlanResult, job: PlanJob, path: Path) -> None:
@@ -172,7 +181,7 @@ def _columns(plan: SpeedPlan) -> dict[str, Any]:
     repeated = ("candidate", "status", "reason")
     return {
         name: values if isinstance(values, list) else values.tolist()
-        for name, values in plan.columns().items()
+        for name, values in _driven(plan).items()
         if name not in repeated
     }
 

@@ -54,7 +54,8 @@ def smoothed(elevation: Floats) -> Floats:
         for j in range(3):
             total += heights[i : i + rows, j : j + columns]
             count += weight[i : i + rows, j : j + columns]
-    return np.divide(total, count, out=np.full((rows, columns), np.nan), where=known)
+    mean: Floats = np.divide(total, count, out=np.full((rows, columns), np.nan), where=known)
+    return mean
 
 
 def contour_path(elevation: Floats, level: float, shift: float = 0.0) -> str:
@@ -87,13 +88,12 @@ def outline_path(mask: NDArray[np.bool_]) -> str:
 
 def _segments(elevation: Floats, level: float) -> tuple[Ints, Ints, Floats, Floats]:
     """Pieces of line, one a cell: the grid edges they join, and where each edge is crossed."""
-    rows, columns = elevation.shape
+    columns = elevation.shape[1]
     above = elevation >= level
     finite = np.isfinite(elevation)
     whole = finite[:-1, :-1] & finite[:-1, 1:] & finite[1:, 1:] & finite[1:, :-1]
-    case = (
-        above[:-1, :-1] + 2 * above[:-1, 1:] + 4 * above[1:, 1:] + 8 * above[1:, :-1]
-    ) * whole  # fmt: skip
+    high = above[:-1, :-1] + 2 * above[:-1, 1:] + 4 * above[1:, 1:] + 8 * above[1:, :-1]
+    case = np.where(whole, high, 0)
     starts: list[Ints] = []
     ends: list[Ints] = []
     for code, joins in _CASES.items():
@@ -118,9 +118,7 @@ def _joined(start: Ints, end: Ints, x: Floats, y: Floats) -> list[tuple[Floats, 
     """Pieces put together to lines as long as they go."""
     follows = dict(zip(start.tolist(), end.tolist(), strict=True))
     heads = sorted(set(follows) - set(follows.values()))
-    lines = []
-    for head in heads:
-        lines.append(_walk(head, follows))
+    lines = [_walk(head, follows) for head in heads]
     while follows:
         lines.append(_walk(next(iter(follows)), follows))
     return [(x[line], y[line]) for line in map(np.asarray, lines)]

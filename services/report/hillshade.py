@@ -9,9 +9,11 @@ Floats = NDArray[np.float64]
 
 # Azimuth clockwise from north [deg], height above the horizon [deg], share of the light.
 _LIGHTS = ((315.0, 45.0, 0.55), (270.0, 40.0, 0.20), (0.0, 40.0, 0.15), (135.0, 60.0, 0.10))
-_WANTED_SLOPE = 0.45  # rise that the steep parts are drawn with
-_MOST_EXAGGERATION = 4.0
-_DARKEST = 52.0
+_WANTED_SLOPE = 0.5  # rise that the steep parts are drawn with
+_MOST_EXAGGERATION = 5.0
+_DARKEST = 56.0
+_LEVEL = 0.84  # tone of level ground, of 1
+_CONTRAST = 1.25
 
 
 def shade(elevation: Floats, resolution: float) -> NDArray[np.uint8]:
@@ -40,8 +42,8 @@ def shade(elevation: Floats, resolution: float) -> NDArray[np.uint8]:
         light += share * np.maximum(towards, 0.0)
         level += share * np.sin(height)
     # Level ground becomes a light grey, whatever the lights.
-    tone = np.clip(light / level, 0.0, 1.35) / 1.35
-    grey = _DARKEST + (255.0 - _DARKEST) * tone**1.15 * _by_height(elevation, known)
+    tone = np.clip(_LEVEL * (light / level) ** _CONTRAST, 0.0, 1.0)
+    grey = _DARKEST + (255.0 - _DARKEST) * tone * _by_height(elevation, known)
     picture = np.zeros((*elevation.shape, 2), np.uint8)
     picture[..., 0] = np.where(known, np.clip(np.rint(grey), 0.0, 255.0), 0.0)
     picture[..., 1] = np.where(known, 255, 0)
@@ -54,7 +56,7 @@ def _by_height(elevation: Floats, known: NDArray[np.bool_]) -> Floats:
         return np.ones_like(elevation)
     low, high = np.percentile(elevation[known], (1.0, 99.0))
     share = np.clip((elevation - low) / max(high - low, 1e-9), 0.0, 1.0)
-    result: Floats = np.where(known, 0.86 + 0.14 * share, 1.0)
+    result: Floats = np.where(known, 0.88 + 0.12 * share, 1.0)
     return result
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -81,7 +82,9 @@ def _surfaces(elevation_map: ElevationMap, factor: int) -> list[dict[str, str]]:
     return [{"name": name, "path": path} for name, path in outlines if path]
 
 
-def plan_table(plan: SpeedPlan, summary: PlanSummary, origin: tuple[float, float], most: int) -> Any:
+def plan_table(
+    plan: SpeedPlan, summary: PlanSummary, origin: tuple[float, float], most: int
+) -> dict[str, Any]:
     """One plan: its summary and columns, positions relative to the map's origin.
 
     Args:
@@ -110,21 +113,22 @@ def plan_table(plan: SpeedPlan, summary: PlanSummary, origin: tuple[float, float
         "margin": number(summary.margin),
         "rear": number(summary.rear_load),
         "side": number(summary.side_load),
+        "limits": None if summary.limits_most is None else int(summary.limits_most),
         "columns": columns,
     }
 
 
 def thinned(plan: SpeedPlan, most: int) -> Ints:
-    """Indices of at most about ``most`` stations: ends, and the extremes in between."""
+    """Indices of about ``most`` stations: even ones, where it rests, and extremes in between."""
     count = len(plan.station)
     if count <= most:
         return np.arange(count)
-    kept = {0, count - 1}
+    kept = set(np.linspace(0, count - 1, max(most // 2, 2)).astype(np.int64).tolist())
     moving = np.flatnonzero(plan.speed > 0.0)
     if len(moving):
         kept.add(min(int(moving[-1]) + 1, count - 1))
-    edges = np.linspace(0, count, max(most // 4, 2)).astype(np.int64)
-    for first, behind in zip(edges[:-1], edges[1:], strict=True):
+    edges = np.linspace(0, count, max(most // 8, 2)).astype(np.int64)
+    for first, behind in itertools.pairwise(edges.tolist()):
         for values in (plan.speed, np.minimum(plan.rear_load, plan.side_load)):
             part = np.nan_to_num(values[first:behind])
             kept |= {int(first + part.argmin()), int(first + part.argmax())}

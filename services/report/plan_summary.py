@@ -11,7 +11,13 @@ import numpy as np
 
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan, Status
-from services.report.words import counted
+
+_HOW = (
+    (Status.OK, "reaches the end of its path", "reach the end of their paths"),
+    (Status.BLOCKED, "stops short of the end of its path", "stop short of the end of their paths"),
+    (Status.DEGRADED, "needs a fallback", "need a fallback"),
+    (Status.INFEASIBLE, "is infeasible", "are infeasible"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +59,8 @@ def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
     driven = slice(0, last + 1)
     limits_most, limits_share = _limits_most(plan, last)
     time = _finite(plan.travel_time)
+    with np.errstate(invalid="ignore"):  # inf - inf, where nothing limits
+        margin = _finite(plan.least_margin)
     return PlanSummary(
         rank=rank,
         name=plan.candidate,
@@ -63,7 +71,7 @@ def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
         length=float(plan.station[-1]),
         mean_speed=plan.progress / time if time else None,
         max_speed=_finite(np.max(plan.speed)),
-        margin=_finite(plan.least_margin),
+        margin=margin,
         rear_load=_least(plan.rear_load[driven]),
         side_load=_least(plan.side_load[driven]),
         limits_most=limits_most,
@@ -101,19 +109,15 @@ def verdict(plans: Sequence[SpeedPlan]) -> str:
     if not plans:
         return "There was no candidate to plan."
     count = Counter(plan.status for plan in plans)
-    parts = [
-        _part(count[Status.OK], "reaches the end of its path", "reach the end of their paths"),
-        _part(count[Status.BLOCKED], "stops before it", "stop before it"),
-        _part(count[Status.DEGRADED], "needs a fallback", "need a fallback"),
-        _part(count[Status.INFEASIBLE], "cannot be made safe", "cannot be made safe"),
+    said = [
+        f"{count[status]} {one if count[status] == 1 else many}"
+        for status, one, many in _HOW
+        if count[status]
     ]
-    said = [part for part in parts if part]
-    listed = said[0] if len(said) == 1 else f"{', '.join(said[:-1])} and {said[-1]}"
-    if count[Status.BLOCKED] and not count[Status.OK]:
-        listed = listed.replace("before it", "before the end of the path")
-    total = counted(len(plans), "candidate", "candidates")
-    return f"Of {total}, {listed}."
-
-
-def _part(count: int, one: str, many: str) -> str:
-    return f"{count} {one if count == 1 else many}" if count else ""
+    if len(said) > 1:
+        if count[Status.OK] and count[Status.BLOCKED]:
+            short = count[Status.BLOCKED]
+            said[1] = f"{short} {'stops' if short == 1 else 'stop'} short of it"
+        return f"Of {len(plans)} candidates, {', '.join(said[:-1])} and {said[-1]}."
+    _, one, many = next(how for how in _HOW if count[how[0]])
+    return f"All {len(plans)} candidates {many}." if len(plans) > 1 else f"The candidate {one}."

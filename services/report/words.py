@@ -31,8 +31,3 @@ LIMITING_MEANING: dict[Limiting, str] = {
 def word(limiting: Limiting) -> str:
     """The name of a bound for people, e.g. "stopping path"."""
     return limiting.label.replace("_", " ")
-
-
-def counted(count: int, one: str, many: str) -> str:
-    """A number with its noun: "1 candidate", "3 candidates"."""
-    return f"{count} {one if count == 1 else many}"

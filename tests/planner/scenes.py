@@ -105,7 +105,9 @@ def model_of(tables: Mapping[str, Any]) -> Model:
     """The planner's parameters out of the tables of a model file."""
 
     def uphill(values: dict[str, Any]) -> dict[str, Any]:
-        return values | {"uphill": UphillBraking(**values["uphill"])} if "uphill" in values else values
+        if "uphill" in values:
+            values = values | {"uphill": UphillBraking(**values["uphill"])}
+        return values
 
     def ranges(values: Mapping[str, Any]) -> dict[str, Any]:
         named = ("speed_range", "grade_range")

@@ -36,9 +36,7 @@ def bounds_of(
     """Bounds along paths; a straight one may be told to be a circle of constant grade and roll."""
     side = batch(list(paths) or [straight(20.0)], spacing)
     v = model.vehicle
-    profile = terrain_profile(
-        elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width
-    )
+    profile = terrain_profile(elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width)
     if curvature is not None:
         profile = dataclasses.replace(profile, curvature=np.full_like(profile.x, curvature))
     ground = ground_along(profile, model, elevation_map.class_names)
@@ -50,12 +48,10 @@ def tilted(grade: float, roll: float, heading: float = 0.0) -> ElevationMap:
     """A plane on which the way along the heading has this grade and roll."""
     rise, lean = np.tan(grade), np.tan(roll) / np.cos(grade)
     cosine, sine = np.cos(heading), np.sin(heading)
-    return plane(
-        rise * cosine - lean * sine, rise * sine + lean * cosine, x=(-3.0, FAR + 3.0)
-    )
+    return plane(rise * cosine - lean * sine, rise * sine + lean * cosine, x=(-3.0, FAR + 3.0))
 
 
-# ---------------------------------------------------------------- parity with the laws, station by station
+# ------------------------------------------------ parity with the laws, station by station
 
 
 def allowed_speed(model: Model, grade: float, roll: float, curvature: float) -> dict[str, float]:
@@ -82,9 +78,7 @@ def allowed_speed(model: Model, grade: float, roll: float, curvature: float) -> 
         "rollover": rolling,
         "wheel_speed": vehicle.max_wheel_speed
         / slip_track.outer_wheel_speed_ratio(curvature, width),
-        "traction": drive.sustained_speed(
-            grade, vehicle.mass, vehicle.max_drive_power, resistance
-        ),
+        "traction": drive.sustained_speed(grade, vehicle.mass, vehicle.max_drive_power, resistance),
     }
 
 
@@ -98,9 +92,7 @@ def allowed_accel(model: Model, grade: float, roll: float, curvature: float) -> 
     thrust = drive.powered_accel_limit(
         0.0, grade, 0.0, vehicle.mass, vehicle.max_drive_force, 1e12, resistance
     )
-    lifting = tip_over.drive_accel_limit(
-        grade, roll, vehicle.cg_x, vehicle.cg_z, limits.min_load
-    )
+    lifting = tip_over.drive_accel_limit(grade, roll, vehicle.cg_x, vehicle.cg_z, limits.min_load)
     return max(min(limits.accel, thrust, lifting), 0.0)
 
 
@@ -170,9 +162,7 @@ def first_barrier(model: Model, grade: float, roll: float) -> tuple[str, float]:
     length, x, z, width = vehicle.wheelbase, vehicle.cg_x, vehicle.cg_z, vehicle.track_width
     b, slow = model.braking, model.braking.speed_range[0]
     fast = max(min(b.speed_range[1], model.limits.speed), slow)
-    force = [
-        float(braking.force_ratio(grade, v, b.m_m, b.b_m, b.m_b, b.b_b)) for v in (slow, fast)
-    ]
+    force = [float(braking.force_ratio(grade, v, b.m_m, b.b_m, b.m_b, b.b_b)) for v in (slow, fast)]
     shares = [
         tip_over.rear_share_under_braking(grade, roll, force[0], length, x, z),
         wheel_loads.rear_load_share(grade, roll, 0.0, length, x, z),
@@ -213,6 +203,104 @@ def test_ground_bars_the_way_exactly_where_the_laws_say_so(
         assert bounds.barrier_station[0] == profile.count[0]
 
 
+def edge_of(
+    tables: Tables, label: str, along: str, start: float, end: float, other: float
+) -> float:
+    """Grade or roll at which the way becomes barred by this bound, by bisection."""
+    model = model_of(tables)
+
+    def barred(value: float) -> bool:
+        tilt = (value, other) if along == "grade" else (other, value)
+        _, _, bounds = bounds_of(model, tilted(*tilt), straight(3.0))
+        if bounds.barrier_station[0] > 0:
+            return False
+        assert Limiting(int(bounds.barrier[0])).label == label
+        return True
+
+    assert not barred(start)
+    for _ in range(40):
+        middle = 0.5 * (start + end)
+        start, end = (start, middle) if barred(middle) else (middle, end)
+    return start
+
+
+WIDE = {"grade_range": [-1.0, 1.0]}
+
+
+@pytest.mark.parametrize("grade", [-0.35, 0.0, 0.35])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_steepest_cross_slope_is_that_of_the_side_loads(grade: float, side: float) -> None:
+    tables = tables_with(
+        braking=WIDE | {"b_b": 0.5, "b_m": 0.0},
+        vehicle={"cg_z": 0.5, "wheelbase": 4.0, "cg_x": 2.0, "max_drive_force": 9000.0},
+        limits={"min_load": 0.4},
+    )
+    roll = edge_of(tables, "rollover", "roll", 0.0, side * 0.9, grade)
+    share = wheel_loads.left_load_share if side > 0.0 else wheel_loads.right_load_share
+    assert share(grade, roll, 0.0, 1.0, 0.5) == pytest.approx(0.4, abs=1e-6)
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.25])
+def test_the_steepest_descent_is_that_of_the_rear_load_while_braking(roll: float) -> None:
+    tables = tables_with(
+        braking=WIDE | {"b_b": 0.45, "b_m": -0.3},
+        vehicle={"cg_z": 0.6, "track_width": 3.0},
+        terrain={"slip_track": 3.0},
+        limits={"min_load": 0.25},
+    )
+    grade = edge_of(tables, "tip_over", "grade", 0.0, -0.6, roll)
+    force = float(braking.force_ratio(grade, 1.0, -0.03, -0.3, 0.015, 0.45))
+    share = tip_over.rear_share_under_braking(grade, roll, force, 1.2, 0.6, 0.6)
+    assert share == pytest.approx(0.25, abs=1e-6)
+
+
+def test_brakes_too_weak_to_tip_the_vehicle_do_not_keep_a_slope_from_doing_it() -> None:
+    """On the steepest of all it tips standing still, whatever the brakes."""
+    tables = tables_with(
+        braking=WIDE | {"b_b": 0.05, "b_m": 0.0, "m_b": 0.0, "m_m": 0.0},
+        vehicle={"cg_z": 1.1, "track_width": 3.0},
+        terrain={"slip_track": 3.0},
+        limits={"min_load": 0.4},
+    )
+    model = model_of(tables)
+    for grade, label in ((-0.1, "stopping_path"), (-0.29, "stopping_path"), (-0.33, "tip_over")):
+        share = wheel_loads.rear_load_share(grade, 0.0, 0.0, 1.2, 0.6, 1.1)
+        assert (share < 0.4) == (label == "tip_over")
+        _, _, bounds = bounds_of(model, tilted(grade, 0.0), straight(3.0))
+        assert Limiting(int(bounds.barrier[0])).label == label
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.25])
+def test_the_steepest_climb_is_that_of_the_front_load(roll: float) -> None:
+    tables = tables_with(
+        braking=WIDE | {"b_b": 0.4, "b_m": 0.0},
+        vehicle={"cg_z": 0.6, "cg_x": 0.35, "track_width": 3.0, "max_drive_force": 9000.0},
+        terrain={"slip_track": 3.0},
+        limits={"min_load": 0.4},
+    )
+    grade = edge_of(tables, "tip_over", "grade", 0.0, 0.6, roll)
+    share = wheel_loads.front_load_share(grade, roll, 0.0, 1.2, 0.35, 0.6)
+    assert share == pytest.approx(0.4, abs=1e-6)
+
+
+def test_the_steepest_climb_of_a_weak_drive_is_that_of_its_thrust() -> None:
+    tables = tables_with(braking=WIDE, vehicle={"max_drive_force": 1500.0})
+    grade = edge_of(tables, "traction", "grade", 0.0, 0.6, 0.0)
+    accel = drive.powered_accel_limit(0.0, grade, 0.0, 500.0, 1500.0, 1e12, 0.13)
+    assert accel == pytest.approx(0.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(("m_b", "speed"), [(0.05, 0.5), (-0.05, 4.0)])
+def test_the_brakes_have_to_hold_at_their_weakest_speed(m_b: float, speed: float) -> None:
+    tables = tables_with(
+        braking=WIDE | {"b_b": 0.3, "b_m": 0.0, "m_m": 0.0, "m_b": m_b, "speed_range": [0.5, 4.0]},
+        vehicle={"cg_z": 0.2},
+    )
+    grade = edge_of(tables, "stopping_path", "grade", 0.0, -0.6, 0.0)
+    force = float(braking.force_ratio(grade, speed, 0.0, 0.0, m_b, 0.3))
+    assert force + np.sin(grade) == pytest.approx(HOLDING, abs=1e-6)
+
+
 @pytest.mark.parametrize("roll", [-0.15, 0.0, 0.15])
 @pytest.mark.parametrize("curvature", [-0.4, 0.4])
 def test_turning_downhill_across_a_slope_is_slower_than_into_it(
@@ -241,9 +329,7 @@ def stopping_bound(distance: float, grade: float, tables: Tables, surface: str =
         v_i = max(v, b["speed_range"][0])
         force = (b["m_m"] * v_i + b["b_m"]) * grade + b["m_b"] * v_i + b["b_b"]
         a = G * (force + np.sin(grade))
-        return float(
-            braking.stopping_distance(v, a, b["dead_time"], b.get("distance_offset", 0.0))
-        )
+        return float(braking.stopping_distance(v, a, b["dead_time"], b.get("distance_offset", 0.0)))
 
     low, high = 0.0, 6.0
     for _ in range(100):
@@ -350,9 +436,7 @@ def test_limits_of_the_path_and_of_the_model_whichever_is_lower() -> None:
     model = model_of(tables_with())
     side = batch([straight(30.0)], 0.25)
     limit = np.where(side.x < 10.0, 2.0, 9.0)
-    profile, _, bounds = bounds_of(
-        model, plane(x=(-3.0, 40.0)), straight(30.0), speed_limit=limit
-    )
+    profile, _, bounds = bounds_of(model, plane(x=(-3.0, 40.0)), straight(30.0), speed_limit=limit)
     x, speed = profile.x[:, 0], np.sqrt(bounds.speed_sq_max[:, 0])
     np.testing.assert_allclose(speed[x < 9.5], 2.0)
     np.testing.assert_allclose(speed[(x > 11.0) & (x < 25.0)], 4.0)

@@ -210,7 +210,8 @@ def test_a_breach_between_stations_only_is_found() -> None:
         ("lateral", tables_with(limits={"lateral_accel": 0.5}), plane(), arc(12.0, 0.3)),
         ("wheel_speed", tables_with(vehicle={"max_wheel_speed": 1.5}), plane(), straight(20.0)),
         ("side_load",
-         tables_with(vehicle={"cg_z": 0.7}, limits={"lateral_accel": 20.0, "min_load": 0.3, "decel": 9.0, "accel": 9.0}),
+         tables_with(vehicle={"cg_z": 0.7}, limits={"lateral_accel": 20.0, "min_load": 0.3,
+                                                    "decel": 9.0, "accel": 9.0}),
          plane(), arc(10.0, 0.5)),
         ("axle_load",
          tables_with(vehicle={"cg_z": 0.72}, limits={"min_load": 0.2, "speed": 6.0},
@@ -236,6 +237,34 @@ def test_the_limit_of_the_path_counts_as_well_as_the_models() -> None:
     )
     assert case.judge().valid
     assert case.kinds(1.05 * case.speed_sq)["speed"] == pytest.approx(np.sqrt(1.05) - 1.0)
+
+
+def test_lateral_acceleration_is_that_in_the_tilted_plane() -> None:
+    """v² κ / cos φ: across a slope the same turn takes more of it."""
+    case = Case(tables_with(limits={"lateral_accel": 0.5}), plane(lean=0.25), straight(12.0))
+    case.track = case.track._replace(curvature=np.full_like(case.track.station, 0.1))
+    cos_roll = 1.0 / np.sqrt(1.0 + 0.25**2)
+    for share, breached in ((0.99, False), (1.01, True)):
+        speed_sq = np.minimum(case.speed_sq, share * 0.5 * cos_roll / 0.1)
+        assert ("lateral" in case.kinds(speed_sq)) == breached
+
+
+def test_between_two_surfaces_the_longer_dead_time_counts() -> None:
+    tables = tables_with(limits={"speed": 2.0})
+    tables["braking"]["terrain"] = {"slick": {"dead_time": 1.5}}
+    ground = plane(classes=lambda x, y: x > 8.0, class_names=("", "slick"))
+    case = Case(tables, ground, straight(14.0), spacing=1.0)
+    dead = case.track.dead_time
+    k = int(np.flatnonzero(dead == 1.5)[0])
+    assert dead[k - 1] == 0.3
+    speed_sq = np.where(case.track.station < case.track.station[k], case.speed_sq, 0.0)
+    v = float(np.sqrt(speed_sq[k - 1]))
+    own = case.judge(speed_sq).stop_distance[k - 1]
+    # A way that is free for a stop with the shorter dead time, from the station itself.
+    clear = case.track.station[k - 1] + own + 0.1
+    assert case.kinds(speed_sq, clear=clear, between=0).get("overrun", 0.0) == 0.0
+    within = case.kinds(speed_sq, clear=clear, between=3)["overrun"]
+    assert 0.0 < within < 1.5 * v
 
 
 @pytest.mark.parametrize("kind", ["accel", "decel"])
@@ -314,6 +343,29 @@ def test_standing_plans_have_no_stop_but_loads() -> None:
     side = np.cos(roll) * np.cos(grade) - 1.1 * np.cos(grade) * abs(np.sin(roll))
     np.testing.assert_allclose(verdict.rear_load, rear, rtol=1e-9)
     np.testing.assert_allclose(verdict.side_load, side, rtol=1e-9)
+
+
+def test_what_is_not_a_number_is_not_valid() -> None:
+    case = Case(tables_with(), plane(), straight(20.0))
+    speed_sq = case.speed_sq.copy()
+    speed_sq[30] = np.nan
+    assert not case.judge(speed_sq).valid
+
+
+@pytest.mark.parametrize("friction", [None, 0.5])
+def test_stops_that_run_off_the_path_are_finite_and_too_long(friction: float | None) -> None:
+    """Beyond its last station the ground goes on as it was there, not as a line through it."""
+    braking = {"dead_time": 0.5} | ({"sliding_friction": friction} if friction else {})
+    sharp = ground_map(lambda x, y: 0.15 * np.sin(5.0 * x), resolution=0.2)
+    case = Case(tables_with(braking=braking), sharp, straight(2.0))
+    for speed in (2.0, 3.0, 3.5, 4.0, 6.0):
+        fast = np.zeros_like(case.speed_sq)
+        fast[:3] = speed**2
+        verdict = case.judge(fast, decel=np.inf)
+        for values in (verdict.stop_distance, verdict.rear_load, verdict.side_load):
+            assert np.isfinite(values).all(), speed
+        assert not verdict.valid
+        assert verdict.offence.overrun > 0.0
 
 
 def test_every_offence_has_the_name_of_a_bound() -> None:

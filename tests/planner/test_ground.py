@@ -29,9 +29,7 @@ def ground_of(
 ) -> tuple[TerrainProfile, Ground]:
     side = batch(list(paths) or [straight(16.0)], spacing)
     v = model.vehicle
-    profile = terrain_profile(
-        elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width
-    )
+    profile = terrain_profile(elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width)
     return profile, ground_along(profile, model, elevation_map.class_names, conditions)
 
 

@@ -1,4 +1,4 @@
-"""Every bound has a scene in which it bites, and one that differs in one thing in which it must not.
+"""Every bound has a scene in which it bites, and one with one thing changed in which it must not.
 
 Both plans have to stand before the oracle, and the one that is bitten is slower or ends earlier.
 """
@@ -121,7 +121,8 @@ SCENES: dict[str, Scene] = {
         path=arc(6.5, 0.4), share=0.2,
     ),
     "rollover standing across a slope": Scene(
-        "rollover", **same(tables_with(vehicle=LONG_BASE | {"cg_z": 0.9}, limits={"min_load": 0.4})),
+        "rollover",
+        **same(tables_with(vehicle=LONG_BASE | {"cg_z": 0.9}, limits={"min_load": 0.4})),
         ground=ground_map(lambda x, y: 0.4 * y * np.clip((x - 15.0) / 5.0, 0.0, 1.0)),
         free_ground=plane(), share=0.01, status=Status.BLOCKED,
         says="a side keeps too little load on roll",
@@ -257,7 +258,9 @@ def test_each_bound_lets_go(name: str) -> None:
 def test_extrapolation_goes_on_where_training_ends_but_slower() -> None:
     steep = ground_map(lambda x, y: -0.15 * np.maximum(x - 10.0, 0.0))
     wide = tables_with(limits={"decel": 9.0, "jerk": 50.0})
-    narrow = tables_with(braking={"grade_range": [-0.05, 0.05]}, limits={"decel": 9.0, "jerk": 50.0})
+    narrow = tables_with(
+        braking={"grade_range": [-0.05, 0.05]}, limits={"decel": 9.0, "jerk": 50.0}
+    )
     brave = tables_with(
         braking={"grade_range": [-0.05, 0.05], "extrapolate": True, "extrapolation_margin": 0.3},
         limits={"decel": 9.0, "jerk": 50.0},

@@ -65,9 +65,7 @@ def road(n: int = 101, ds: float = 0.1, **changes: Any) -> Road:
     }
     columns["bound"][-1] = min(columns["bound"][-1], changes.pop("end", 0.0))
     model_changes = changes.pop("scalars", {})
-    return Road(
-        np.arange(n) * ds, **columns, scalars=scalars._replace(**model_changes), **changes
-    )
+    return Road(np.arange(n) * ds, **columns, scalars=scalars._replace(**model_changes), **changes)
 
 
 def test_a_level_road_is_accelerate_hold_brake() -> None:
@@ -145,9 +143,7 @@ def test_power_limits_the_acceleration_and_the_top_speed() -> None:
     assert speed[-1] == pytest.approx(top, rel=5e-3)
     assert speed.max() <= top
     for k in range(10, 4000, 400):
-        limit = drive.powered_accel_limit(
-            speed[k + 1], 0.0, 0.0, vehicle.mass, BIG, power, 0.13
-        )
+        limit = drive.powered_accel_limit(speed[k + 1], 0.0, 0.0, vehicle.mass, BIG, power, 0.13)
         assert accel[k] <= limit + 1e-9
         # Taken at the bound of the segment's end: first order in the spacing.
         assert accel[k] >= min(1.5, limit) - 0.05

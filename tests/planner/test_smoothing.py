@@ -33,9 +33,7 @@ def wavy(seed: int, n: int = 101, ds: float = 0.25, start: float = 1.0) -> Road:
         bound += rng.uniform(0.0, 0.6) * np.sin(s / rng.uniform(0.8, 4.0) + rng.uniform(0.0, 6.3))
     if seed % 3 == 0:
         bound[n // 3] = 0.7
-    return road(
-        n, ds, bound=np.maximum(bound, 0.4), accel_max=1.0 + 0.3 * np.sin(s), start=start
-    )
+    return road(n, ds, bound=np.maximum(bound, 0.4), accel_max=1.0 + 0.3 * np.sin(s), start=start)
 
 
 def moving(speed_sq: np.ndarray) -> np.ndarray:

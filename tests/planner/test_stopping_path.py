@@ -147,7 +147,7 @@ def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
         braking={"m_b": 0.08, "b_b": 0.42, "m_m": 0.0, "b_m": 0.0, "speed_range": [0.5, 6.0]},
         limits={"min_load": 0.2, "speed": 6.0},
     )
-    profile, ground, bounds = stopping_of(tables, plane(rise=-0.2), straight(30.0))
+    profile, _, bounds = stopping_of(tables, plane(rise=-0.2), straight(30.0))
     k = 10
     assert bounds.limiting[k, 0] == Limiting.TIP_OVER
     v = float(np.sqrt(bounds.speed_sq_max[k, 0]))

@@ -41,8 +41,11 @@ def test_the_gradient_is_that_of_finite_differences(speed_sq: np.ndarray, ds: np
             assert model.between_gradient[i, m] == pytest.approx(slope, rel=1e-4)
 
 
-@given(around=st.lists(st.floats(0.0, 25.0), min_size=N, max_size=N).map(np.array),
-       speed_sq=st.lists(st.floats(1e-6, 25.0), min_size=N, max_size=N).map(np.array), ds=lengths)  # fmt: skip
+@given(
+    around=st.lists(st.floats(0.0, 25.0), min_size=N, max_size=N).map(np.array),
+    speed_sq=st.lists(st.floats(1e-6, 25.0), min_size=N, max_size=N).map(np.array),
+    ds=lengths,
+)
 def test_a_tangent_is_never_above_the_time(
     around: np.ndarray, speed_sq: np.ndarray, ds: np.ndarray
 ) -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from planner.elevation_map import ElevationMap
 from planner.path import CandidatePath, batch
+from planner.settings import PlannerSettings
 from planner.terrain_profile import TerrainProfile, terrain_profile
 from tests.planner.scenes import arc, ground_map, plane, straight
 
@@ -92,9 +93,7 @@ def test_a_kerb_under_the_left_wheels_rolls_the_vehicle_to_the_right() -> None:
     profile = along(ground_map(kerb, resolution=0.1), straight(10.0), spacing=0.1)
     roll = profile.roll[:, 0]
     np.testing.assert_allclose(roll[profile.x[:, 0] < 4.3], 0.0, atol=1e-12)
-    np.testing.assert_allclose(
-        roll[profile.x[:, 0] > 5.7], np.arctan(0.1 / TRACK), atol=1e-9
-    )
+    np.testing.assert_allclose(roll[profile.x[:, 0] > 5.7], np.arctan(0.1 / TRACK), atol=1e-9)
     # One wheel up is half of it in roll, and in grade.
     middle = np.argmin(np.abs(profile.x[:, 0] - 5.0))
     assert np.tan(profile.grade[middle, 0]) == pytest.approx(0.05 / WHEELBASE)
@@ -175,6 +174,66 @@ def test_a_start_on_unknown_ground_does_not_jump_in_station() -> None:
     assert profile.station[-1, 0] == pytest.approx(8.0)
 
 
+def tracks(profile: TerrainProfile, dense: int = 3000) -> tuple[np.ndarray, ...]:
+    """Station and cell-free positions of path and wheels along the whole way, (dense, 5)."""
+    s = np.linspace(0.0, profile.station[-1, 0], dense)
+    yaw = np.unwrap(np.arctan2(profile.heading_y[:, 0], profile.heading_x[:, 0]))
+    x, y, yaw = (np.interp(s, profile.station[:, 0], c) for c in (
+        profile.x[:, 0], profile.y[:, 0], yaw))  # fmt: skip
+    wheels = [(0.0, 0.0), *((a, b) for a in (-0.6, 0.6) for b in (-0.5, 0.5))]
+    ahead, aside = np.array(wheels).T
+    cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    return s, x[:, None] + ahead * cos - aside * sin, y[:, None] + ahead * sin + aside * cos
+
+
+def thin_line(seed: int) -> tuple[float, Any, CandidatePath, np.random.Generator]:
+    """A line one cell wide across the way of a path in a turn."""
+    rng = np.random.default_rng(seed)
+    resolution = float(rng.choice([0.05, 0.1, 0.2, 0.25, 0.5]))
+    place, normal = rng.uniform(2.0, 5.0), rng.uniform(-0.6, 0.6)
+    bend, heading = float(rng.choice([0.0, 0.3, 0.8, 1.0])), rng.uniform(-0.8, 0.8)
+
+    def on_line(x: Any, y: Any) -> Any:
+        return np.abs((x - place) * np.cos(normal) + y * np.sin(normal)) < 0.5 * resolution
+
+    path = arc(2.5 / bend, bend, heading - 0.5) if bend else straight(8.0, heading)
+    return resolution, on_line, path, rng
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_wheel_rolls_over_an_unknown_cell_between_stations(seed: int) -> None:
+    resolution, on_line, path, _ = thin_line(seed)
+    extent = {"x": (-4.0, 12.0), "y": (-10.0, 10.0), "resolution": resolution}
+    ground = ground_map(lambda x, y: 0.0 * x, unknown=on_line, **extent)
+    profile = along(ground, path, spacing=PlannerSettings().spacing_on(resolution))
+    s, x, y = tracks(profile)
+    columns = np.rint((x + 4.0) / resolution).astype(int)
+    rows = np.rint((y + 10.0) / resolution).astype(int)
+    lost = s[np.isnan(ground.elevation[rows, columns]).any(axis=1)]
+    station, unknown = profile.station[:, 0], ~profile.known[:, 0]
+    # Whoever stands on an unknown cell is before or behind a station that says so.
+    for where in lost:
+        k = np.clip(np.searchsorted(station, where) - 1, 0, len(station) - 2)
+        assert unknown[k] or unknown[k + 1], (where, resolution)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_wheel_rolls_over_another_surface_between_stations(seed: int) -> None:
+    resolution, on_line, path, _ = thin_line(seed)
+    extent = {"x": (-4.0, 12.0), "y": (-10.0, 10.0), "resolution": resolution}
+    ground = ground_map(lambda x, y: 0.0 * x, classes=on_line, class_names=("", "ice"), **extent)
+    assert ground.terrain_class is not None
+    profile = along(ground, path, spacing=PlannerSettings().spacing_on(resolution))
+    s, x, y = tracks(profile)
+    columns = np.rint((x + 4.0) / resolution).astype(int)
+    rows = np.rint((y + 10.0) / resolution).astype(int)
+    icy = s[(ground.terrain_class[rows, columns] == 1).any(axis=1)]
+    station, noted = profile.station[:, 0], profile.surfaces[:, 0] & 0b10
+    for where in icy:
+        k = np.clip(np.searchsorted(station, where) - 1, 0, len(station) - 2)
+        assert noted[k] or noted[k + 1], (where, resolution)
+
+
 # ---------------------------------------------------------------------------------- batches
 
 
@@ -197,9 +256,7 @@ def test_a_candidate_is_the_same_alone_and_in_a_crowd() -> None:
         alone = along(ground, paths[j])
         n = int(crowd.count[j])
         for name in ("station", "grade", "sin_roll", "curvature", "known", "z"):
-            np.testing.assert_array_equal(
-                getattr(crowd, name)[:n, j], getattr(alone, name)[:n, 0]
-            )
+            np.testing.assert_array_equal(getattr(crowd, name)[:n, j], getattr(alone, name)[:n, 0])
 
 
 # ---------------------------------------------------------------------------------- classes

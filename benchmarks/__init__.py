@@ -1,0 +1,1 @@
+"""How fast the planner is, beside others on the same problems."""

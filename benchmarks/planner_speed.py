@@ -1,0 +1,122 @@
+"""How fast the planner is: beside the least that a profile can cost, beside other tools, and how
+that grows.
+
+Every figure of one run comes from the same process, the same problems and one thread; what is
+compared takes turns. Times of a machine say little, their ratios are the result.
+Run it as ``python -m benchmarks.planner_speed [--quick]``.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from benchmarks.batch import in_batch
+from benchmarks.growth import growth_with_candidates, growth_with_stations, memory
+from benchmarks.measure import machine
+from benchmarks.one_by_one import chosen_from, emitted, jerk_limited, tasks_of, time_optimal
+from benchmarks.scene import SPACING, fan
+
+STATIONS, CANDIDATES = 100, 1000
+
+Result = dict[str, Any]
+
+
+def run(quick: bool = False) -> Result:
+    """Measure everything; the result is plain data, ready for JSON.
+
+    Args:
+        quick: fewer rounds and smaller sizes, within half a minute.
+    """
+    scene = fan(STATIONS, CANDIDATES)
+    batch = in_batch(scene, 30 if quick else 200)
+    chosen = chosen_from(scene.plan(), 6 if quick else 20)
+    tasks = tasks_of(scene, chosen)
+    rounds = 3 if quick else 10
+    single = time_optimal(scene, tasks, rounds)
+    smoothing = jerk_limited(scene, tasks, rounds)
+    plans = emitted(scene, chosen, rounds)
+    growth = {
+        "stations": growth_with_stations(quick),
+        "candidates": growth_with_candidates(quick),
+    }
+    result: Result = {
+        "quick": quick,
+        "machine": machine(),
+        "problem": {"stations": STATIONS, "candidates": CANDIDATES, "spacing": SPACING},
+        "batch": batch,
+        "single": single,
+        "smoothing": smoothing,
+        "plans": plans,
+        "growth": growth,
+        "memory": memory(scene),
+    }
+    result["targets"] = _targets(result)
+    return result
+
+
+def _targets(result: Result) -> list[Result]:
+    """What was to be reached, and whether it was."""
+    batch = {row["name"]: row for row in result["batch"]}
+    single = {row["name"]: row for row in result["single"]}
+    smoothing = {row["name"]: row for row in result["smoothing"]}
+    pipeline, profile = batch["poses to ranked plans"], batch["profile"]
+    warm = smoothing["planner (OSQP), one station on"]
+    toppra, ipopt = single["toppra"], smoothing["CasADi + IPOPT"]
+    candidates = result["problem"]["candidates"]
+
+    def target(name: str, relation: str, limit: float, value: float | None, unit: str) -> Result:
+        passed = None
+        if value is not None:
+            passed = value <= limit if relation == "<=" else value >= limit
+        return {
+            "name": name, "relation": relation, "limit": limit, "value": value, "unit": unit,
+            "passed": passed,
+        }  # fmt: skip
+
+    def at_most(name: str, limit: float, value: float, unit: str = "×") -> Result:
+        return target(name, "<=", limit, value, unit)
+
+    def at_least(name: str, limit: float, peer: Result, own: float) -> Result:
+        return target(name, ">=", limit, None if "note" in peer else peer["median"] / own, "×")
+
+    return [
+        at_most("poses to ranked plans, to the plain pass", 60.0, pipeline["to_plain"]),
+        at_most("the same, aim", 30.0, pipeline["to_plain"]),
+        at_most("profile, to the pass with braking", 1.5, profile["to_braking"]),
+        at_most(
+            "profile where brakes decide, to the pass with braking", 1.5,
+            batch["profile, brakes decide"]["to_braking"],
+        ),
+        at_least(
+            "profile in batch, faster than toppra", 3000.0, toppra, profile["median"] / candidates
+        ),
+        at_least(
+            "poses to ranked plans, faster than toppra", 200.0, toppra,
+            pipeline["median"] / candidates,
+        ),
+        at_most("smoothed plan, warm", 1.0, 1e3 * warm["median"], "ms"),
+        at_least("smoothed plan, warm, faster than IPOPT", 5.0, ipopt, warm["median"]),
+    ]  # fmt: skip
+
+
+def show(result: Result) -> None:
+    """Print tables."""
+    from rich.console import Console
+
+    from benchmarks.tables import tables
+
+    console = Console()
+    for table in tables(result):
+        console.print(table)
+
+
+def figures(result: Result) -> list[Any]:
+    """Plotly figures of the same data; needs plotly."""
+    from benchmarks.charts import charts
+
+    return charts(result)
+
+
+if __name__ == "__main__":
+    show(run(quick="--quick" in sys.argv[1:]))

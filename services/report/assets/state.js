@@ -1,0 +1,110 @@
+// What the page shows now, and who wants to know when that changes.
+
+const data = JSON.parse(document.getElementById("data").textContent);
+const plans = data.plans;
+const element = (id) => document.getElementById(id);
+
+const state = { selected: data.selected, cursor: 0, hovered: null };
+const listeners = { select: [], cursor: [], hover: [] };
+const when = (change, listener) => listeners[change].push(listener);
+const tell = (change) => listeners[change].forEach((listener) => listener());
+
+function select(index) {
+  if (index < 0 || index >= plans.length) return;
+  state.selected = index;
+  state.cursor = fastest(plans[index]);
+  tell("select");
+  tell("cursor");
+}
+
+function moveCursor(index) {
+  const last = plans[state.selected].columns.station.length - 1;
+  state.cursor = Math.min(Math.max(index, 0), last);
+  tell("cursor");
+}
+
+function hover(found) {
+  const before = state.hovered;
+  if (before?.plan === found?.plan && before?.station === found?.station) return;
+  state.hovered = found;
+  tell("hover");
+}
+
+// Where the cursor begins: in the middle of the stations with the highest speed.
+function fastest(plan) {
+  const speed = plan.columns.speed;
+  const top = speed.reduce((most, v) => Math.max(most, v ?? 0), 0);
+  const there = speed.map((_, k) => k).filter((k) => (speed[k] ?? 0) >= top - 1e-3);
+  return there[there.length >> 1];
+}
+
+// How a plan ends: at the end of its path (but for a safety offset), before it, or too late.
+function endOf(plan) {
+  if (plan.status === "infeasible") return "cross";
+  return plan.status === "blocked" || plan.length - plan.progress > 1 ? "stop" : "end";
+}
+
+// Index of the station at which the plan rests; the last one if it never does before.
+function restOf(plan) {
+  const speed = plan.columns.speed;
+  let k = speed.length - 1;
+  while (k > 0 && !(speed[k - 1] > 0)) k -= 1;
+  return speed[k] > 0 ? speed.length - 1 : k;
+}
+
+function nearestStation(plan, station) {
+  const stations = plan.columns.station;
+  let low = 0;
+  let high = stations.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (stations[middle] <= station) low = middle; else high = middle;
+  }
+  return station - stations[low] < stations[high] - station ? low : high;
+}
+
+// Numbers as people read them; none is a dash.
+function number(value, digits = 2, unit = "") {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  let text = value.toFixed(digits);
+  if (Number(text) === 0) text = (0).toFixed(digits);
+  text = text.replace("-", "−");
+  return unit === "%" || unit === "°" ? text + unit : unit ? `${text}\u202f${unit}` : text;
+}
+
+const degrees = (radians) => (radians === null ? null : (radians * 180) / Math.PI);
+const percent = (share) => (share === null ? null : 100 * share);
+const clearAhead = (plan, k) => (plan.clear === null ? null : plan.clear - plan.columns.station[k]);
+
+const clearEndsBefore = (plan) => plan.clear !== null && plan.clear < plan.length - 1e-2;
+
+function marginAt(plan, k) {
+  const stop = plan.columns.stop_distance[k];
+  return plan.clear === null || stop === null ? null : clearAhead(plan, k) - stop;
+}
+
+// HTML without markup in strings: names stay text.
+function make(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+
+function draw(tag, attributes = {}, ...children) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+
+function badge(status) {
+  const icon = draw("svg", { "aria-hidden": "true" }, draw("use", { href: `#icon-${status}` }));
+  return make("span", { class: `badge ${status}` }, icon, status);
+}
+
+function swatch(limiting) {
+  return make("span", { class: "swatch", "data-limiting": limiting.key });
+}
+
+const styleOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();

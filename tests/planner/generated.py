@@ -1,0 +1,280 @@
+"""Scenes out of hypothesis: ground, path, vehicle and what else a plan depends on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+from planner.elevation_map import ElevationMap
+from planner.path import CandidatePath
+from planner.plan import SpeedPlan, Status
+from planner.settings import PlannerSettings
+from tests import oracle
+from tests.planner.scenes import SMALL, Tables, columns_of, ground_map, plan_one, tables_with
+
+SAFETY = {"overrun", "rear_load", "side_load", "front_load", "grade_range", "accel", "drive"}
+"""Kinds of violations that no fallback excuses."""
+
+LOAD_IN_DOUBT = 0.02
+"""Share of its load by which a reported rear load may be off where force kinks or jumps."""
+
+EFFECT_RANGES: dict[str, dict[str, tuple[float, float]]] = {
+    "aerodynamic_drag": {"c": (0.0, 0.05)},
+    "headwind": {"c": (0.0, 0.02), "wind": (-8.0, 8.0), "direction": (-3.2, 3.2)},
+    "viscous_resistance": {"c": (0.0, 0.03)},
+    "brake_lag": {"tau": (0.02, 0.4)},
+    "brake_fade": {"k": (0.0, 0.03), "tau": (0.5, 50.0)},
+    "wheel_lockup": {"mu": (0.25, 0.8)},
+    "grade_asymmetry": {"k": (-0.3, 0.3)},
+    "grade_nonlinearity": {"k": (-0.5, 0.5)},
+    "cross_slope": {"k": (-0.2, 0.2)},
+    "turning_resistance": {"k": (0.0, 0.1)},
+    "surface_patch": {"delta": (-0.15, 0.15), "x": (0.0, 8.0), "y": (-1.0, 1.0),
+                      "radius": (0.3, 3.0)},
+    "directional_surface": {"k": (-0.1, 0.1), "direction": (-3.2, 3.2)},
+    "step_change": {"scale": (0.7, 1.2), "delta": (-0.05, 0.05)},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One question to the planner, and whether its ground has an icy strip."""
+
+    tables: Tables
+    ground: ElevationMap
+    path: CandidatePath
+    settings: PlannerSettings
+    options: dict[str, float]
+    icy: bool
+
+    def plan(self) -> SpeedPlan:
+        return plan_one(self.tables, self.ground, self.path, self.settings, **self.options)
+
+
+def between(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high).map(lambda value: round(value, 6))
+
+
+def maybe(share: int, strategy: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """None but for one in so many."""
+    return st.one_of(*[st.none()] * (share - 1), strategy)
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> Tables:
+    """A vehicle and its model: every coefficient and limit over a wide range."""
+    out = tables_with()
+    if draw(maybe(3, st.just(1))):
+        for table, values in SMALL.items():
+            out[table].update(values)
+    vehicle, braking = out["vehicle"], out["braking"]
+    length = vehicle["wheelbase"]
+    vehicle |= {
+        "cg_x": length * draw(between(0.35, 0.65)),
+        "cg_z": length * draw(between(0.17, 0.75)),
+        "drive": draw(st.sampled_from(["skid_steer", "ackermann"])),
+        "max_drive_force": vehicle["max_drive_force"] * draw(between(0.6, 2.0)),
+        "max_drive_power": vehicle["max_drive_power"] * draw(between(0.3, 2.0)),
+    }
+    slowest = draw(between(0.0, 1.5))
+    braking |= {
+        "m_m": draw(between(-0.08, 0.08)),
+        "b_m": draw(between(-0.6, 0.6)),
+        "m_b": draw(between(-0.03, 0.03)),
+        "b_b": draw(between(0.3, 0.8)),
+        "dead_time": draw(st.one_of(st.just(0.0), between(0.0, 0.6))),
+        "distance_offset": draw(st.one_of(st.just(0.0), between(0.0, 0.5))),
+        "speed_range": [slowest, slowest + draw(between(0.5, 4.0))],
+        "grade_range": [-draw(between(0.1, 0.4)), draw(between(0.1, 0.4))],
+    }
+    if margin := draw(maybe(4, between(0.0, 0.5))):
+        braking |= {"extrapolate": True, "extrapolation_margin": margin}
+    if (slope := draw(maybe(4, between(-0.6, 0.6)))) is not None:
+        braking["uphill"] = {"m_m": draw(between(-0.08, 0.08)), "b_m": slope}
+    if level := draw(maybe(5, between(0.6, 1.0))):
+        braking["level"] = level
+    if friction := draw(maybe(5, between(0.3, 0.8))):
+        braking["sliding_friction"] = friction
+    out["terrain"]["lateral_resistance"] = draw(between(0.05, 0.6))
+    out["limits"] = {
+        "speed": draw(between(0.5, 5.0)),
+        "accel": draw(between(0.3, 3.0)),
+        "decel": draw(between(0.3, 4.0)),
+        "jerk": draw(between(0.5, 6.0)),
+        "lateral_accel": draw(between(0.5, 5.0)),
+        "min_load": draw(between(0.02, 0.4)),
+    }
+    return out
+
+
+@st.composite
+def effects(draw: st.DrawFn) -> list[dict[str, Any]]:
+    """None to three of the effects, each at most once."""
+    names = draw(st.lists(st.sampled_from(list(EFFECT_RANGES)), max_size=3, unique=True))
+    return [
+        {"name": name, "parameters": {k: draw(between(*r)) for k, r in EFFECT_RANGES[name].items()}}
+        for name in names
+    ]
+
+
+@st.composite
+def heights(draw: st.DrawFn) -> Any:
+    """A function of x and y: a plane, waves, a step and a ramp."""
+    rise, lean = draw(between(-0.2, 0.2)), draw(between(-0.2, 0.2))
+    waves = draw(
+        st.lists(
+            st.tuples(between(0.0, 0.4), between(1.0, 20.0), between(0.0, 6.3), between(0.0, 6.3)),
+            max_size=4,
+        )
+    )
+    step = draw(maybe(4, st.tuples(between(1.0, 10.0), between(-0.15, 0.15))))
+    ramp = draw(maybe(4, st.tuples(between(1.0, 10.0), between(-0.4, 0.4))))
+
+    def z(x: Any, y: Any) -> Any:
+        total = rise * x + lean * y
+        for height, length, heading, phase in waves:
+            along = x * np.cos(heading) + y * np.sin(heading)
+            total += height * min(1.0, length / 8.0) * np.sin(2 * np.pi * along / length + phase)
+        if step:
+            total += step[1] * (x > step[0])
+        if ramp:
+            total += ramp[1] * np.clip(x - ramp[0], 0.0, 3.0)
+        return total
+
+    return z
+
+
+@st.composite
+def paths(draw: st.DrawFn, longest: float = 12.0, limits: bool = True) -> CandidatePath:
+    """A clothoid from the origin, to the east at first."""
+    length = draw(between(1.5, longest))
+    along = np.linspace(0.0, length, max(int(length / 0.2), 3))
+    bend = draw(st.sampled_from([0.0, 0.2, 1.0]))
+    first, last = bend * draw(between(-0.5, 0.5)), bend * draw(between(-0.5, 0.5))
+    yaw = first * along + (last - first) * along**2 / (2.0 * length)
+    steps = np.diff(along)[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)[1:]
+    points = np.concatenate([[(0.0, 0.0)], np.cumsum(steps, axis=0)])
+    limit = None
+    if limits and draw(maybe(5, st.just(1))):
+        few = draw(st.lists(between(0.3, 5.0), min_size=2, max_size=4))
+        limit = np.array([few[i * len(few) // len(along)] for i in range(len(along))])
+    return CandidatePath("generated", points, speed_limit=limit)
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> Scene:
+    """Everything at once."""
+    table = draw(tables())
+    table["effect"] = draw(effects())
+    strip = draw(maybe(5, st.tuples(between(1.0, 8.0), between(0.3, 4.0))))
+    if strip:
+        weaker = draw(between(0.3, 0.9))
+        braking = table["braking"]
+        ice: dict[str, Any] = {"b_b": weaker * braking["b_b"]}
+        if draw(st.booleans()):
+            ice |= {"dead_time": braking["dead_time"] + 0.1, "distance_offset": 0.6}
+        # Ice is worse in everything, so that the oracle can be told the worst one by its name.
+        braking["terrain"] = {"ice": ice}
+        # The oracle has a force still built up to one surface act on top of another one's.
+        table["effect"] = [e for e in table["effect"] if e["name"] != "brake_lag"]
+    hole = draw(maybe(4, st.tuples(between(2.0, 12.0), between(-1.0, 1.0), between(0.1, 1.0))))
+    ground = ground_map(
+        draw(heights()),
+        x=(-8.0, 18.0),
+        y=(-11.0, 11.0),
+        resolution=draw(st.sampled_from([0.1, 0.2, 0.25, 0.5, 1.0])),
+        unknown=(lambda x, y: np.hypot(x - hole[0], y - hole[1]) < hole[2]) if hole else None,
+        classes=(lambda x, y: (x >= strip[0]) & (x <= sum(strip))) if strip else None,
+        class_names=("", "ice"),
+    )
+    return Scene(
+        table,
+        ground,
+        draw(paths()),
+        PlannerSettings(
+            spacing=draw(st.sampled_from([0.1, 0.25, 0.25, 0.5])),
+            smooth=draw(st.sampled_from([True, True, True, False])),
+        ),
+        {
+            "start_speed": draw(st.one_of(st.just(0.0), between(0.0, 4.0))),
+            "clear": draw(st.one_of(st.just(np.inf), between(0.0, 12.0))),
+        },
+        bool(strip),
+    )
+
+
+def surfaces_under(plan: SpeedPlan, scene: Scene) -> list[str] | None:
+    """Ice at every station where the path or a wheel is on it, by cells of its own reckoning."""
+    classes = scene.ground.terrain_class
+    if not scene.icy or classes is None:
+        return None
+    yaw = np.arctan2(np.gradient(plan.y, plan.station), np.gradient(plan.x, plan.station))
+    length = scene.tables["vehicle"]["wheelbase"] / 2.0
+    width = scene.tables["vehicle"]["track_width"] / 2.0
+    icy = np.zeros(len(plan.station), bool)
+    for ahead, aside in ((0.0, 0.0), *((a, b) for a in (-length, length) for b in (-width, width))):
+        x = plan.x + ahead * np.cos(yaw) - aside * np.sin(yaw)
+        y = plan.y + ahead * np.sin(yaw) + aside * np.cos(yaw)
+        cells = [
+            np.rint((place - start) / scene.ground.resolution).astype(int)
+            for place, start in ((y, scene.ground.origin[1]), (x, scene.ground.origin[0]))
+        ]
+        inside = [np.clip(c, 0, n - 1) for c, n in zip(cells, classes.shape, strict=True)]
+        icy |= classes[inside[0], inside[1]] == 1
+    return ["ice" if here else "" for here in icy]
+
+
+def complaints(scene: Scene, plan: SpeedPlan, **options: Any) -> list[oracle.Violation]:
+    """What speaks against a plan, by its status: nothing may."""
+    surface = surfaces_under(plan, scene)
+    columns = columns_of(plan)
+    if plan.status is Status.INFEASIBLE:
+        return _too_timid(scene, plan, columns, surface)
+    rough = plan.status is Status.DEGRADED or not scene.settings.smooth
+    # Where the force jumps or kinks between stations the planner may err to the safe side.
+    braking = scene.tables["braking"]
+    inexact = {"extrapolate", "uphill", "sliding_friction"} & set(braking)
+    exact = not (scene.tables["effect"] or inexact)
+    found = oracle.verify(
+        columns, scene.tables, surface=surface, exact=exact, jerk=not rough, **options
+    )
+    if plan.status is Status.DEGRADED and plan.reason.startswith("starts at"):
+        found = [v for v in found if v.kind in SAFETY]
+    if not exact or scene.icy:
+        # Where one of two answers holds, the reported load is that of the likelier place of onset.
+        found = [v for v in found if "rear_load is" not in v.text or v.amount > LOAD_IN_DOUBT]
+    return found + _given_up(scene, plan)
+
+
+def _given_up(scene: Scene, plan: SpeedPlan) -> list[oracle.Violation]:
+    """A plan that is ok gets to the end of its path, but for offset and the last few stations."""
+    offset = scene.tables["braking"]["distance_offset"]
+    if scene.icy:
+        offset = max(offset, 0.6)
+    limit = scene.path.speed_limit
+    if limit is not None and limit.min() == 0.0:
+        return []
+    missing = plan.station[-1] - plan.progress - offset - 4.0 * float(np.diff(plan.station).max())
+    if plan.status is Status.OK and missing > 0.0:
+        text = f"stands at {plan.progress:.2f} m of {plan.station[-1]:.2f} m"
+        return [oracle.Violation(plan.candidate, plan.progress, "given up", missing, text)]
+    return []
+
+
+def _too_timid(
+    scene: Scene, plan: SpeedPlan, columns: dict[str, np.ndarray], surface: list[str] | None
+) -> list[oracle.Violation]:
+    """A start that full braking brings to rest in time, with its wheels down, is not infeasible."""
+    if scene.icy or scene.tables["effect"] or scene.tables["braking"].get("extrapolate"):
+        return []  # there the planner has margins that the oracle does not know
+    stop = oracle.emergency_stop(
+        plan.station[0], plan.speed[0], columns, scene.tables, surface=surface
+    )
+    least = scene.tables["limits"]["min_load"]
+    spare = min(plan.clear_distance - stop.distance, stop.rear_load - least, stop.side_load - least)
+    if spare > 0.05:
+        return [oracle.Violation(plan.candidate, 0.0, "infeasible", spare, "could have stopped")]
+    return []

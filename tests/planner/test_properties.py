@@ -1,0 +1,204 @@
+"""What must hold on any ground, for any vehicle: generated scenes before the oracle."""
+
+from __future__ import annotations
+
+import copy
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import assume, event, given, settings
+from hypothesis import strategies as st
+
+from planner.candidates import CandidatePlanner, TimeOptimalBatch, time_optimal_batch
+from planner.elevation_map import ElevationMap
+from planner.path import CandidatePath, batch
+from planner.plan import SpeedPlan, Status
+from tests.oracle import describe
+from tests.planner import generated
+from tests.planner.generated import Scene, between, complaints
+from tests.planner.scenes import Tables, ground_map, model_of
+
+SEEN: Counter[str] = Counter()
+
+
+def judge(scene: Scene, interior: int) -> SpeedPlan:
+    plan = scene.plan()
+    SEEN[plan.status.value] += 1
+    event(plan.status.value)
+    found = complaints(scene, plan, interior=interior)
+    assert not found, f"{plan.status.value} {plan.reason}\n{describe(found)}"
+    return plan
+
+
+@settings(max_examples=500)
+@given(scene=generated.scenes())
+def test_no_plan_breaks_any_rule(scene: Scene) -> None:
+    judge(scene, interior=2)
+
+
+def test_all_statuses_were_among_them() -> None:
+    """Of the scenes above; with none of a kind the property would say nothing of it."""
+    if not SEEN:
+        pytest.skip("runs after the generated scenes only")
+    assert {status.value for status in Status} == set(SEEN)
+    assert SEEN["ok"] + SEEN["blocked"] > 0.4 * SEEN.total()
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(6 * 3600)
+@settings(settings.get_profile("nightly"), max_examples=10_000)
+@given(scene=generated.scenes())
+def test_no_plan_breaks_any_rule_all_night(scene: Scene) -> None:
+    judge(scene, interior=6)
+
+
+# -------------------------------------------------------------------------------- monotonicity
+
+
+def solve(
+    tables: Tables, ground: ElevationMap, path: CandidatePath, **options: float
+) -> TimeOptimalBatch:
+    part = batch([path], 0.25)
+    return time_optimal_batch(
+        ground, part.x, part.y, part.count, model_of(tables), speed_limit=part.speed_limit,
+        **options,
+    )  # fmt: skip
+
+
+def speeds(solved: TimeOptimalBatch) -> np.ndarray:
+    return np.sqrt(solved.speed_sq[:, 0])
+
+
+def never_faster(tight: TimeOptimalBatch, loose: TimeOptimalBatch, excess: float = 1e-6) -> None:
+    """At no station, but for the last two before rest: plans come to rest at stations only."""
+    slow, fast = speeds(tight), speeds(loose)
+    rolling = np.append(slow[2:], [0.0, 0.0]) > 0.0
+    assert np.all((slow <= fast + excess)[rolling])
+
+
+@st.composite
+def drives(draw: st.DrawFn) -> tuple[Tables, ElevationMap, CandidatePath]:
+    tables = draw(generated.tables())
+    tables["effect"] = draw(generated.effects())
+    return (
+        tables,
+        ground_map(draw(generated.heights()), x=(-8.0, 18.0), y=(-11.0, 11.0)),
+        draw(generated.paths(10.0)),
+    )
+
+
+Drive = tuple[Tables, ElevationMap, CandidatePath]
+
+
+@given(drive=drives(), clear=between(0.0, 10.0), more=between(0.0, 5.0))
+def test_more_clear_distance_never_makes_it_slower(drive: Drive, clear: float, more: float) -> None:
+    near, far = solve(*drive, clear=clear), solve(*drive, clear=clear + more)
+    # Where the way ends inside a segment, what is given up between stations moves with it.
+    never_faster(near, far, 0.02)
+    assert far.bounds.clear_distance[0] >= near.bounds.clear_distance[0]
+
+
+@given(drive=drives(), weaker=between(0.5, 1.0))
+def test_a_weaker_brake_never_makes_it_faster(drive: Drive, weaker: float) -> None:
+    tables, ground, path = drive
+    # Weaker brakes do unload the rear less: leave tipping out of it.
+    tables["vehicle"]["cg_z"] = 0.05
+    worn = copy.deepcopy(tables)
+    worn["braking"]["b_b"] *= weaker
+    assume(worn["braking"]["b_b"] + min(worn["braking"]["m_b"], 0.0) > 0.2)
+    good, bad = solve(tables, ground, path), solve(worn, ground, path)
+    never_faster(bad, good)
+
+
+@given(drive=drives(), edge=between(1.0, 10.0), more=between(0.0, 3.0))
+def test_unknown_ground_farther_away_never_makes_it_slower(
+    drive: Drive, edge: float, more: float
+) -> None:
+    tables, ground, path = drive
+    first_x = ground.origin[0] + ground.resolution * np.arange(ground.elevation.shape[1])
+
+    def cut(x: float) -> ElevationMap:
+        return ElevationMap(
+            elevation=np.where(first_x > x, np.nan, ground.elevation),
+            resolution=ground.resolution,
+            origin=ground.origin,
+        )
+
+    near, far = solve(tables, cut(edge), path), solve(tables, cut(edge + more), path)
+    never_faster(near, far, 0.02)
+
+
+@given(drive=drives(), share=between(0.3, 1.0), name=st.sampled_from(
+    ["speed", "accel", "decel", "lateral_accel"]))  # fmt: skip
+def test_a_tighter_limit_never_makes_it_faster(drive: Drive, share: float, name: str) -> None:
+    tables, ground, path = drive
+    tight = copy.deepcopy(tables)
+    tight["limits"][name] *= share
+    never_faster(solve(tight, ground, path), solve(*drive))
+
+
+@given(drive=drives(), slower=between(0.0, 2.0), faster=between(0.0, 2.0))
+def test_a_slower_start_is_never_ahead(drive: Drive, slower: float, faster: float) -> None:
+    slower, faster = sorted((slower, faster))
+    behind, ahead = solve(*drive, start_speed=slower), solve(*drive, start_speed=faster)
+    assert np.all(speeds(behind) <= speeds(ahead) + 1e-9)
+
+
+# ------------------------------------------------------------------------------------ symmetry
+
+
+@given(drive=drives())
+def test_mirrored_ground_gives_the_mirrored_plan(drive: Drive) -> None:
+    tables, ground, path = drive
+    # Wind and furrows have a direction of their own.
+    tables["effect"] = [
+        e for e in tables["effect"]
+        if e["name"] not in ("headwind", "directional_surface", "surface_patch")
+    ]  # fmt: skip
+    other = ElevationMap(
+        elevation=ground.elevation[::-1], resolution=ground.resolution, origin=ground.origin
+    )
+    flipped = CandidatePath("flipped", path.points * (1.0, -1.0), speed_limit=path.speed_limit)
+    here, there = solve(tables, ground, path), solve(tables, other, flipped)
+    np.testing.assert_allclose(speeds(there), speeds(here), atol=1e-6)
+    np.testing.assert_allclose(there.profile.roll, -here.profile.roll, atol=1e-9)
+    np.testing.assert_allclose(there.profile.curvature, -here.profile.curvature, atol=1e-9)
+    np.testing.assert_array_equal(there.bounds.barrier, here.bounds.barrier)
+
+
+@given(drive=drives(), quarter=st.integers(1, 3), shift=between(-500.0, 500.0))
+def test_turning_and_moving_the_whole_world_changes_nothing(
+    drive: Drive, quarter: int, shift: float
+) -> None:
+    tables, ground, path = drive
+    tables["effect"] = [
+        e for e in tables["effect"]
+        if e["name"] not in ("headwind", "directional_surface", "surface_patch")
+    ]  # fmt: skip
+    turned, points = ground, path.points
+    for _ in range(quarter):
+        x, _, _, y_max = turned.extent
+        # A quarter turn to the left about the origin: (x, y) to (−y, x).
+        turned = ElevationMap(
+            elevation=np.ascontiguousarray(turned.elevation.T[:, ::-1]),
+            resolution=turned.resolution,
+            origin=(-y_max, x),
+        )
+        points = np.stack([-points[:, 1], points[:, 0]], axis=1)
+    moved = ElevationMap(
+        elevation=turned.elevation + 100.0,
+        resolution=turned.resolution,
+        origin=(turned.origin[0] + shift, turned.origin[1] - shift),
+    )
+    away = CandidatePath("away", points + np.array([shift, -shift]), speed_limit=path.speed_limit)
+    here, there = solve(tables, ground, path), solve(tables, moved, away)
+    np.testing.assert_allclose(speeds(there), speeds(here), atol=1e-5)
+
+
+@given(scene=generated.scenes())
+def test_asking_twice_is_asking_once(scene: Scene) -> None:
+    planner = CandidatePlanner(model_of(scene.tables), scene.settings)
+    first, second = (planner.plan(scene.ground, [scene.path], **scene.options) for _ in range(2))
+    assert first[0].status is second[0].status
+    np.testing.assert_array_equal(first[0].speed, second[0].speed)

@@ -1,0 +1,453 @@
+"""The plan page: complete, self-contained, safe against any name, and true to the plans."""
+
+import base64
+import dataclasses
+import hashlib
+import json
+import re
+import struct
+import zlib
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.errors import InputError
+from planner.candidates import CandidatePlanner, rank
+from planner.elevation_map import ElevationMap
+from planner.limiting import Limiting
+from planner.path import CandidatePath
+from planner.plan import SpeedPlan, Status
+from planner.settings import PlannerSettings
+from services.files.model_file import find_model, read_model
+from services.report import contours, hillshade, plan_data, render_report, write_report
+from services.report.page import asset, script_json
+from services.report.plan_summary import chosen, summarise, verdict
+from services.report.png import encode_grey_alpha
+from services.report.words import LIMITING_MEANING, STATUS_MEANING
+
+EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(1)> \"'&"
+ASSETS = ("page.css", "plan.css", "state.js", "axes.js", "map.js", "charts.js", "details.js",
+          "table.js", "main.js", "page.html", "plan.html", "icons.svg")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def model():
+    return read_model(find_model("atv"))
+
+
+@pytest.fixture(scope="module")
+def ground():
+    """400 x 400 cells: hills, a side slope, a ditch and unseen ground, far from the origin."""
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(400) * 0.2, np.arange(400) * 0.2)
+    z = 1.1 * np.sin(x / 11) + 0.9 * np.cos(y / 9) + 0.05 * y + 0.01 * rng.normal(size=x.shape)
+    z -= 0.5 * np.exp(-(((x - 45.0) / 0.8) ** 2)) * (y < 35.0)
+    z[np.hypot(x - 60.0, y - 45.0) < 6.0] = np.nan
+    sand = (np.abs(x - 25.0) < 4.0).astype(np.int64)
+    return ElevationMap(
+        elevation=z, resolution=0.2, origin=(443000.0, 5410000.0),
+        terrain_class=sand, class_names=("", "<sand>"),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def plans(model, ground):
+    start = np.array([443010.0, 5410040.0])
+    paths = []
+    for j, heading in enumerate(np.linspace(-0.4, 0.4, 50)):
+        end = start + 60.0 * np.array([np.cos(heading), np.sin(heading)])
+        paths.append(CandidatePath(EVIL if j == 30 else f"fan {j:02d}", np.stack((start, end))))
+    answer = CandidatePlanner(model).plan(ground, paths, start_speed=1.0, clear=50.0)
+    return rank(answer, PlannerSettings())
+
+
+@pytest.fixture(scope="module")
+def text(ground, plans, model):
+    facts = {"map": "hill.tif", "<b>odd</b>": "${body} & $data", "date": "2026-03-14"}
+    return render_report(ground, plans, model, title=f"Hill {EVIL}", provenance=facts)
+
+
+class _Reader(HTMLParser):
+    """Elements with their attributes, and the text inside each kind of element."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: dict[str, list[str]] = {}
+        self._open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        self._open.append(tag)
+        self.texts.setdefault(tag, []).append("")
+
+    def handle_startendtag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        while self._open and self._open.pop() != tag:
+            pass
+
+    def handle_data(self, data):
+        if self._open:
+            self.texts[self._open[-1]][-1] += data
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return _Reader(text)
+
+
+def embedded(text: str):
+    """What the script of a page reads; refuses words that JSON does not know."""
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)
+
+    def refuse(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(found[1], parse_constant=refuse)
+
+
+def made_plan(name="made", status=Status.OK, stations=40, **changes):
+    station = 0.25 * np.arange(stations)
+    speed = np.sqrt(np.clip(np.minimum(2.0 * station, 2.0 * (station[-1] - station)), 0.0, 4.0))
+    plan = SpeedPlan(
+        candidate=name, status=status, reason="", station=station, x=station, y=0.1 * station,
+        z=0.0 * station, grade=0.0 * station, roll=0.0 * station, curvature=0.0 * station,
+        speed=speed, accel=np.gradient(speed), time=0.2 * np.arange(stations), speed_bound=speed,
+        limiting=np.arange(stations) % len(Limiting), stop_distance=0.5 * speed,
+        clear_distance=float(station[-1]) + 1.0, rear_load=np.full(stations, 0.7),
+        side_load=np.full(stations, 0.9),
+    )  # fmt: skip
+    return dataclasses.replace(plan, **changes)
+
+
+def decoded(png: bytes):
+    """Pixels (rows, cols, 2) of a grey picture with transparency; an independent reader."""
+    assert png[:8] == b"\x89PNG\r\n\x1a\n"
+    at, chunks = 8, []
+    while at < len(png):
+        (length,) = struct.unpack(">I", png[at : at + 4])
+        kind, body = png[at + 4 : at + 8], png[at + 8 : at + 8 + length]
+        (check,) = struct.unpack(">I", png[at + 8 + length : at + 12 + length])
+        assert check == zlib.crc32(kind + body)
+        chunks.append((kind, body))
+        at += 12 + length
+    assert [kind for kind, _ in chunks] == [b"IHDR", b"IDAT", b"IEND"]
+    columns, rows, *form = struct.unpack(">IIBBBBB", chunks[0][1])
+    assert form == [8, 4, 0, 0, 0]
+    raw = np.frombuffer(zlib.decompress(chunks[1][1]), np.uint8).reshape(rows, 1 + 2 * columns)
+    assert (raw[:, 0] == 2).all()
+    return np.cumsum(raw[:, 1:], axis=0, dtype=np.uint8).reshape(rows, columns, 2)
+
+
+class TestPage:
+    def test_has_its_parts(self, page):
+        ids = {attributes.get("id") for _, attributes in page.elements}
+        assert {"map", "canvas", "relief", "charts", "table", "select", "cursor", "data"} <= ids
+        assert page.all("html") == [{"lang": "en"}]
+        assert len(page.all("h1")) == 1
+        assert any(meta.get("name") == "viewport" for meta in page.all("meta"))
+
+    def test_one_row_and_one_option_for_each_plan_in_their_order(self, page, plans):
+        assert [row["data-plan"] for row in page.all("tr") if "data-plan" in row] == [
+            str(i) for i in range(len(plans))
+        ]
+        picks = [
+            found
+            for found, attributes in zip(page.texts["button"], page.all("button"), strict=True)
+            if attributes.get("class") == "pick"
+        ]
+        assert picks == [plan.candidate for plan in plans]
+        assert [option["value"] for option in page.all("option")] == [
+            str(i) for i in range(len(plans))
+        ]
+
+    def test_loads_nothing(self, text, page):
+        assert not re.search(r"(?:src|href)\s*=\s*[\"']?\s*(?:https?:)?//", text)
+        for attributes in (attributes for _, attributes in page.elements):
+            for name in ("src", "href", "srcset", "action", "xlink:href", "poster", "data"):
+                value = attributes.get(name) or ""
+                assert value.startswith(("data:image/png", "#")) or not value
+        for name in ASSETS:
+            content = asset(name).replace("http://www.w3.org/2000/svg", "")
+            assert not re.search(
+                r"https?:|@import|url\((?!#|\$\{)|fetch\(|XMLHttp|import\(", content
+            )
+        assert not page.all("link")
+
+    def test_runs_its_own_script_only(self, text, page):
+        policy = next(
+            meta["content"]
+            for meta in page.all("meta")
+            if meta.get("http-equiv") == "Content-Security-Policy"
+        )
+        assert policy.startswith("default-src 'none'")
+        assert "unsafe-inline" not in policy.split("script-src")[1]
+        scripts = [s for s in page.all("script") if s.get("type") != "application/json"]
+        assert scripts == [{}]
+        body = text.rpartition("<script>")[2].partition("</script>")[0]
+        digest = base64.b64encode(hashlib.sha256(body.encode()).digest()).decode()
+        assert f"script-src 'sha256-{digest}'" in policy
+
+    def test_names_stay_text(self, text, page, plans):
+        assert "alert(1)</script>" not in text
+        assert not any("onerror" in attributes for _, attributes in page.elements)
+        assert page.texts["title"][0].startswith(f"Hill {EVIL}")
+        assert page.texts["h1"] == [f"Hill {EVIL}"]
+        assert "<b>odd</b>" in page.texts["dt"]
+        assert "${body} & $data" in page.texts["dd"]
+        data = embedded(text)
+        assert [plan["name"] for plan in data["plans"]] == [plan.candidate for plan in plans]
+        assert data["map"]["surfaces"][0]["name"] == "<sand>"
+
+    def test_statuses_are_words_and_signs_not_only_colours(self, text, page, plans):
+        for plan in plans:
+            assert f"#icon-{plan.status.value}" in text
+        badges = [a for a in page.all("span") if (a.get("class") or "").startswith("badge")]
+        assert len(badges) == len(plans)
+        for status in Status:
+            assert f'id="icon-{status.value}"' in text
+            assert f".badge.{status.value}" in text
+
+    def test_is_small(self, text):
+        assert len(text.encode()) < 6e6
+
+    def test_written_as_utf_8(self, tmp_path, ground, model):
+        file = tmp_path / "out.html"
+        plans = [made_plan("lone \ud800 surrogate, nul \x00, Ümläut")]
+        write_report(file, ground, plans, model, title="t \udcff", provenance={})
+        content = file.read_bytes().decode("utf-8")
+        assert "Ümläut" in content
+        assert [p.name for p in tmp_path.iterdir()] == ["out.html"]
+
+    def test_a_place_that_cannot_be_written_is_named(self, tmp_path, ground, model):
+        file = tmp_path / "none" / "out.html"
+        with pytest.raises(InputError, match=r"out\.html"):
+            write_report(file, ground, [made_plan()], model, title="t", provenance={})
+
+    def test_no_plans(self, ground, model):
+        text = render_report(ground, [], model, title="t", provenance={})
+        assert "There was no candidate" in text
+        assert "<main hidden>" in text
+        assert embedded(text)["plans"] == []
+
+
+class TestData:
+    def test_columns_are_those_of_the_plans(self, text, plans, ground):
+        for shown, plan in zip(embedded(text)["plans"], plans, strict=True):
+            columns = shown["columns"]
+            assert {len(values) for values in columns.values()} == {len(plan.station)}
+            np.testing.assert_allclose(columns["speed"], plan.speed, atol=6e-4)
+            np.testing.assert_allclose(columns["stop_distance"], plan.stop_distance, atol=6e-4)
+            np.testing.assert_allclose(np.array(columns["x"]) + ground.origin[0], plan.x, atol=6e-4)
+            np.testing.assert_array_equal(columns["limiting"], plan.limiting)
+            assert shown["status"] == plan.status.value
+
+    def test_nothing_that_is_not_finite_breaks_it(self, ground, model):
+        holes = np.full(40, np.nan)
+        holes[::2] = np.inf
+        plan = made_plan(
+            rear_load=holes, side_load=holes, stop_distance=holes, speed_bound=holes, z=holes,
+            clear_distance=np.inf,
+        )  # fmt: skip
+        text = render_report(ground, [plan], model, title="t", provenance={})
+        shown = embedded(text)["plans"][0]
+        assert shown["clear"] is None
+        assert shown["margin"] is None
+        assert set(shown["columns"]["rear_load"]) == {None}
+        assert "nan" not in _Reader(text).texts["td"]
+
+    def test_a_plan_that_never_moves(self, ground, model):
+        still = made_plan(status=Status.BLOCKED, speed=np.zeros(40), time=np.zeros(40))
+        text = render_report(ground, [still], model, title="t", provenance={})
+        shown = embedded(text)["plans"][0]
+        assert (shown["progress"], shown["mean"], shown["margin"]) == (0.0, None, None)
+        assert "None of them may be driven" in text
+
+    def test_long_plans_are_thinned_but_keep_what_matters(self):
+        speed = np.full(50_000, 2.0)
+        speed[31_234] = 0.5
+        speed[40_000:] = 0.0
+        plan = made_plan(
+            stations=50_000, speed=speed, rear_load=np.where(np.arange(50_000) == 777, 0.2, 0.7),
+            side_load=np.full(50_000, 0.9),
+        )  # fmt: skip
+        kept = plan_data.thinned(plan, 400)
+        assert {0, 777, 31_234, 40_000, 49_999} <= set(kept.tolist())
+        assert len(kept) < 600
+        assert (np.diff(kept) > 0).all()
+
+    def test_many_long_plans_stay_below_the_size(self, ground, model):
+        plans = [made_plan(str(j), stations=4000) for j in range(50)]
+        text = render_report(ground, plans, model, title="t", provenance={})
+        assert len(text.encode()) < 6e6
+
+    def test_json_cannot_end_its_element(self):
+        value = {"a": "</script><!--\u2028&", "b": [1.5, None]}
+        written = script_json(value)
+        assert not set("<>&\u2028") & set(written)
+        assert json.loads(written) == value
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            script_json(float("nan"))
+
+    def test_every_status_and_bound_has_words_and_colours(self):
+        style = asset("plan.css")
+        assert set(LIMITING_MEANING) == set(Limiting)
+        assert set(STATUS_MEANING) == set(Status)
+        for code in Limiting:
+            assert f"--{code.label}:" in style
+            assert f'[data-limiting="{code.label}"]' in style
+
+
+class TestSummary:
+    def test_numbers_of_a_plan(self):
+        plan = made_plan(limiting=np.r_[np.full(30, 7), np.full(10, 0)], status=Status.OK)
+        summary = summarise(plan, 3)
+        assert summary.rank == 3
+        assert summary.progress == pytest.approx(plan.progress)
+        assert summary.mean_speed == pytest.approx(plan.progress / plan.travel_time)
+        assert summary.max_speed == pytest.approx(plan.speed.max())
+        assert summary.margin == pytest.approx(plan.least_margin)
+        assert summary.rear_load == pytest.approx(0.7)
+        assert summary.limits_most is Limiting.ACCEL
+        assert summary.limits_share == pytest.approx(30 / 39)
+
+    def test_loads_beyond_the_stop_do_not_count(self):
+        speed = np.where(np.arange(40) < 20, 1.0, 0.0)
+        loads = np.where(np.arange(40) > 25, 0.1, 0.6)
+        assert summarise(made_plan(speed=speed, rear_load=loads), 1).rear_load == 0.6
+
+    @pytest.mark.parametrize(
+        ("statuses", "sentence"),
+        [
+            ("", "There was no candidate to plan."),
+            ("o", "The candidate reaches the end of its path."),
+            ("bb", "All 2 candidates stop short of the end of their paths."),
+            ("ob", "Of 2 candidates, 1 reaches the end of its path and 1 stops short of it."),
+            (
+                "oobddi",
+                "Of 6 candidates, 2 reach the end of their paths, 1 stops short of it, "
+                "2 need a fallback and 1 is infeasible.",
+            ),
+        ],
+    )
+    def test_verdict(self, statuses, sentence):
+        meant = {status.value[0]: status for status in Status}
+        assert verdict([made_plan(status=meant[letter]) for letter in statuses]) == sentence
+
+    def test_the_choice_is_the_best_ranked_that_may_be_driven(self):
+        bad, good = made_plan(status=Status.INFEASIBLE), made_plan(status=Status.BLOCKED)
+        assert chosen([bad, good, good]) == 1
+        assert chosen([bad]) is None
+
+
+class TestRelief:
+    def test_png_round_trip(self):
+        pixels = np.random.default_rng(0).integers(0, 256, (7, 5, 2)).astype(np.uint8)
+        np.testing.assert_array_equal(decoded(encode_grey_alpha(pixels)), pixels)
+
+    def test_png_refuses_other_pictures(self):
+        with pytest.raises(ValueError, match="uint8"):
+            encode_grey_alpha(np.zeros((2, 2), np.uint8))
+
+    def test_the_page_holds_the_map_north_up(self, page, ground):
+        (picture,) = page.all("img")
+        png = base64.b64decode(picture["src"].removeprefix("data:image/png;base64,"))
+        pixels = decoded(png)
+        assert pixels.shape == (400, 400, 2)
+        known = np.isfinite(ground.elevation)[::-1]
+        np.testing.assert_array_equal(pixels[..., 1] == 255, known)
+
+    def test_light_comes_from_the_north_west(self):
+        y, x = np.mgrid[0:40, 0:40] * 0.5
+        towards_north_west = hillshade.shade(0.3 * (x - y), 0.5)[20, 20, 0]
+        level = hillshade.shade(0.0 * x, 0.5)[20, 20, 0]
+        towards_south_east = hillshade.shade(0.3 * (y - x), 0.5)[20, 20, 0]
+        assert towards_south_east + 40 < level < towards_north_west
+
+    def test_coarsening_averages_and_keeps_the_unknown(self):
+        heights = np.arange(24.0).reshape(4, 6)
+        heights[:2, :2] = np.nan
+        heights[0, 2] = np.nan
+        mean, factor = hillshade.coarsen(heights, 3)
+        assert factor == 2
+        assert np.isnan(mean[0, 0])
+        assert mean[0, 1] == pytest.approx(np.mean([3.0, 8.0, 9.0]))
+        assert mean[1, 2] == pytest.approx(np.mean([16.0, 17.0, 22.0, 23.0]))
+
+    def test_large_maps_lie_where_they_did(self):
+        heights = np.zeros((1801, 20))
+        ground = ElevationMap(elevation=heights, resolution=0.5, origin=(7.0, 9.0))
+        _, table = plan_data.relief(ground)
+        assert table["cell"] == 1.5
+        left, right, bottom, top = table["bounds"]
+        assert (left, bottom) == (-0.25, -0.25)
+        assert right >= 19.5 * 0.5
+        assert top >= 1800.5 * 0.5
+        assert table["first"] == 0.5
+
+
+def points_of(path: str):
+    """Lines of a drawing path, each (n, 2) in cells."""
+    lines = []
+    for line in path.split("M")[1:]:
+        start, _, steps = line.partition("l")
+        first = np.array(start.split(), float)
+        moves = np.array(steps.split(), float).reshape(-1, 2)
+        lines.append(np.concatenate((first[None], first + np.cumsum(moves, axis=0))) / 10.0)
+    return lines
+
+
+class TestContours:
+    def test_a_cone_gives_one_closed_circle(self):
+        y, x = np.mgrid[0:41, 0:41] - 20.0
+        (circle,) = points_of(contours.contour_path(-np.hypot(x, y), -12.0))
+        np.testing.assert_allclose(np.hypot(*(circle - 20.0).T), 12.0, atol=0.12)
+        np.testing.assert_allclose(circle[0], circle[-1], atol=1e-9)
+
+    def test_every_point_lies_at_its_height(self):
+        rng = np.random.default_rng(2)
+        heights = contours.smoothed(rng.normal(size=(30, 40)))
+        for line in points_of(contours.contour_path(heights, 0.1)):
+            for u, v in line:
+                on_row = abs(v - round(v)) <= abs(u - round(u))
+                if on_row:
+                    found = np.interp(u, np.arange(40), heights[round(v)])
+                else:
+                    found = np.interp(v, np.arange(30), heights[:, round(u)])
+                assert found == pytest.approx(0.1, abs=0.12)
+
+    def test_lines_end_at_unknown_ground(self):
+        y, x = np.mgrid[0:20, 0:30].astype(float)
+        heights = np.where((x > 12) & (x < 18), np.nan, y)
+        lines = points_of(contours.contour_path(heights, 9.5))
+        assert sorted((line[:, 0].min(), line[:, 0].max()) for line in lines) == [
+            (0.0, 12.0),
+            (18.0, 29.0),
+        ]
+
+    def test_outlines_close_even_at_the_edge_of_the_map(self):
+        mask = np.zeros((6, 8), bool)
+        mask[:, 5:] = True
+        (outline,) = points_of(contours.outline_path(mask))
+        np.testing.assert_allclose(outline[0], outline[-1], atol=1e-9)
+        assert outline[:, 0].min() == pytest.approx(4.5)
+
+    def test_flat_and_spiky_ground_have_no_lines_too_many(self):
+        flat = np.zeros((5, 5))
+        assert contours.contour_path(flat, 0.5) == ""
+        spiky = np.zeros((50, 50))
+        spiky[25, 25] = 1e9
+        assert len(contours.levels(spiky, contours.interval(spiky))) == 0
+
+
+def test_assets_come_with_the_package():
+    folder = Path(asset.__code__.co_filename).parent / "assets"
+    assert {file.name for file in folder.iterdir()} == set(ASSETS)
