@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.compiled import Floats, Ints, kernel, row_pass
+from planner.compiled import Floats, Ints, inlined, kernel, row_pass
 from planner.footprint import POINTS, offset, on_grid
 
 MAX_CLASSES = 62
@@ -29,6 +29,8 @@ def surfaces_under_wheels(
     stations, candidates = x.shape
     u, v = np.empty(candidates), np.empty(candidates)
     ahead_u, ahead_v = np.empty(candidates), np.empty(candidates)
+    cell = np.empty(candidates, np.int64)
+    east, north = np.empty(candidates, np.int64), np.empty(candidates, np.int64)
     for k in range(stations):
         on_grid(
             origin_x, origin_y, per_metre, x[k], y[k], heading_x[k], heading_y[k],
@@ -37,30 +39,41 @@ def surfaces_under_wheels(
         surfaces[k] = 0
         for point in range(POINTS):
             ahead, aside = offset(point, half_length, half_width)
-            _touch(terrain_class, u, v, ahead_u, ahead_v, ahead, aside, surfaces[k])
+            _corner(terrain_class, u, v, ahead_u, ahead_v, ahead, aside, cell, east, north)
+            _touch(terrain_class, cell, east, north, surfaces[k])
 
 
 @row_pass
-def _touch(
+def _corner(
     terrain_class: Ints, centre_u: Floats, centre_v: Floats, ahead_u: Floats, ahead_v: Floats,
-    ahead: float, aside: float, surfaces: Ints,
+    ahead: float, aside: float, cell: Ints, east: Ints, north: Ints,
 ) -> None:  # fmt: skip
-    """The four cells that a point's height is taken from: no strip is stepped over."""
+    """South-west one of the four cells that a point's height is taken from, and the way to others.
+
+    −1 off the map; at its rim the cells beyond are taken to be those before.
+    """
     rows, columns = terrain_class.shape
-    flat = terrain_class.reshape(terrain_class.size)
     right, top = columns - 1.0, rows - 1.0
-    for j in range(surfaces.shape[0]):
-        before = surfaces[j]
+    for j in range(cell.shape[0]):
         column = np.floor(centre_u[j] + ahead * ahead_u[j] - aside * ahead_v[j])
         row = np.floor(centre_v[j] + ahead * ahead_v[j] + aside * ahead_u[j])
         inside = (column >= -1.0) & (row >= -1.0) & (column <= right) & (row <= top)
         column = column if inside else 0.0
         row = row if inside else 0.0
-        # At the rim of the map the cells beyond it are taken to be those before it.
-        west, east = max(column, 0.0), min(column + 1.0, right)
-        south, north = max(row, 0.0) * columns, min(row + 1.0, top) * columns
-        bits = 1 << flat[np.uint64(south + west)]
-        bits |= 1 << flat[np.uint64(south + east)]
-        bits |= 1 << flat[np.uint64(north + west)]
-        bits |= 1 << flat[np.uint64(north + east)]
-        surfaces[j] = before | bits if inside else before
+        east[j] = 1 if (column >= 0.0) & (column < right) else 0
+        north[j] = columns if (row >= 0.0) & (row < top) else 0
+        corner = int(max(row, 0.0) * columns + max(column, 0.0))
+        cell[j] = corner if inside else -1
+
+
+@inlined
+def _touch(terrain_class: Ints, cell: Ints, east: Ints, north: Ints, surfaces: Ints) -> None:
+    """Add the classes of all four cells: no strip is stepped over."""
+    flat = terrain_class.reshape(terrain_class.size)
+    for j in range(cell.shape[0]):
+        if cell[j] >= 0:
+            south = np.uint64(cell[j])  # unsigned: no index counts from the end
+            beyond = np.uint64(cell[j] + north[j])
+            step = np.uint64(east[j])
+            bits = (1 << flat[south]) | (1 << flat[south + step])
+            surfaces[j] |= bits | (1 << flat[beyond]) | (1 << flat[beyond + step])
