@@ -8,6 +8,7 @@ forward.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -215,7 +216,12 @@ def _smooth(points: Floats, along: Floats, wanted: Floats, noise_left: float) ->
     stray = np.maximum(noise_left, np.maximum(rounding, _FINEST))
     weights = 1.0 / stray
     weights[[0, -1]] *= 100.0
-    spline, _ = splprep(dense.T, w=weights, u=dense_along, s=len(dense), k=min(3, len(dense) - 1))
+    with warnings.catch_warnings():
+        # FITPACK complains where it cannot use up all of the freedom that it was given.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        spline, _ = splprep(
+            dense.T, w=weights, u=dense_along, s=len(dense), k=min(3, len(dense) - 1)
+        )
     # The spline's own length differs a little from the polyline's: even out once more.
     fine = np.linspace(0.0, along[-1], 4 * len(wanted) + 1)
     drawn = np.stack(splev(fine, spline), axis=1)

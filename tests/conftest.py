@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, settings
 
 from models.parameters import Model
 from planner.elevation_map import ElevationMap
+from tests.known_open import OPEN
 from tests.planner import scenes
 
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -57,3 +58,11 @@ def data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}: set SLOPEWISE_DATA to their folder")
     return folder
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Expect what is known to be missing to fail."""
+    for item in items:
+        reason = OPEN.get(getattr(item, "originalname", item.name))
+        if reason is not None:
+            item.add_marker(pytest.mark.xfail(reason=reason, strict=False))
