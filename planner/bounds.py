@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.parameters import Model
-from planner.compiled import Floats, Ints, distinct_rows, kernel, row_pass
+from planner.compiled import Floats, Ints, kernel, row_pass
 from planner.ground import Ground
 from planner.limiting import Limiting
 from planner.marched_bound import marched_bound
@@ -86,11 +86,10 @@ def speed_bounds(
     limiting = codes.view(np.int64)
     barrier, barrier_station, loads_at_risk = (np.empty(shape[1], np.int64) for _ in range(3))
     scalars = numbers(model)
-    slowest, dead_time = distinct_rows(ground.slowest), distinct_rows(ground.dead_time)
     standing_bounds(
         profile.sin_grade, profile.sin_roll, profile.curvature, profile.known, profile.count,
         ground.weak_speed, ground.weak_rest, ground.strong_speed, ground.strong_rest,
-        slowest, distinct_rows(ground.fastest), ground.trained,
+        ground.slowest, ground.fastest, ground.trained,
         np.empty((0, 0)) if speed_limit is None else speed_limit, scalars,
         speed_sq_max, limiting, accel_max, demand, barrier, barrier_station, loads_at_risk,
     )  # fmt: skip
@@ -98,8 +97,8 @@ def speed_bounds(
     target = clear_distance - ground.distance_offset - STOP_GUARD
     stopping_bound(
         profile.station, profile.grade, profile.sin_grade, profile.known, profile.count,
-        ground.weak_speed, ground.weak_rest, dead_time, slowest,
-        target, barrier, barrier_station, scalars.speed, float(dead_time.max()),
+        ground.weak_speed, ground.weak_rest, ground.dead_time, ground.slowest,
+        target, barrier, barrier_station, scalars.speed, float(ground.dead_time.max()),
         speed_sq_max, limiting,
     )  # fmt: skip
     marched = np.flatnonzero(loads_at_risk if ground.closed_form else np.ones(shape[1]))
@@ -108,7 +107,7 @@ def speed_bounds(
             marched, target, profile.count, profile.station, profile.grade, profile.sin_grade,
             profile.sin_roll, profile.curvature, profile.heading_x, profile.heading_y,
             ground.weak_speed, ground.weak_rest, ground.strong_speed, ground.strong_rest,
-            slowest, dead_time, ground.motion, scalars, speed_sq_max, limiting,
+            ground.slowest, ground.dead_time, ground.motion, scalars, speed_sq_max, limiting,
         )  # fmt: skip
     _keep_chords_below(speed_sq_max, limiting, barrier)
     return SpeedBounds(

@@ -50,17 +50,6 @@ def row_pass(function: Callable[P, R]) -> Callable[P, R]:
     return cast(Callable[P, R], compiled)
 
 
-def distinct_rows(array: Floats) -> Floats:
-    """The rows of an array for a kernel: a single one if all are the same by `np.broadcast_to`."""
-    return array[:1].copy() if array.strides[0] == 0 else array
-
-
-@inlined
-def row_of(rows: Floats, k: int) -> int:
-    """Where row k is among the distinct rows."""
-    return min(k, int(rows.shape[0]) - 1)
-
-
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, closed for writing: value objects share it without fear."""
     array.flags.writeable = False

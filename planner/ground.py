@@ -256,7 +256,7 @@ class _Forces(NamedTuple):
 
 def _on_one_surface(grade: Floats, surface: Floats, margin: float) -> _Forces:
     """Where it does not extrapolate either, the stronger force *is* the weaker one."""
-    weak_speed, weak_rest = empty(2, *grade.shape)
+    weak_speed, weak_rest, dead_time, slowest, fastest = empty(5, *grade.shape)
     strong_speed, strong_rest = weak_speed, weak_rest
     if margin > 0.0:
         strong_speed, strong_rest = empty(2, *grade.shape)
@@ -264,10 +264,7 @@ def _on_one_surface(grade: Floats, surface: Floats, margin: float) -> _Forces:
     _forces_on_one_surface(
         grade, surface, margin, strong_speed, strong_rest, weak_speed, weak_rest, trained
     )
-    dead_time, slowest, fastest = (
-        np.broadcast_to(np.full(grade.shape[1], surface[column]), grade.shape)
-        for column in (_DEAD, _SLOWEST, _FASTEST)
-    )
+    dead_time[:], slowest[:], fastest[:] = surface[_DEAD], surface[_SLOWEST], surface[_FASTEST]
     offset = np.full(grade.shape[1], surface[_OFFSET])
     return _Forces(
         weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest, trained,

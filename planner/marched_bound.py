@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.effects import Motion
-from planner.compiled import Floats, Ints, inlined, kernel, row_of
+from planner.compiled import Floats, Ints, inlined, kernel
 from planner.limiting import Limiting
 from planner.scalars import Numbers
 from planner.standing import side_reach
@@ -51,8 +51,7 @@ def marched_bound(
         chosen: indices of the candidates that need it.
         target: (M,) the vehicle must stand here [m]; count: (M,) stations.
         station, grade, sin_grade, sin_roll, curvature, heading_x, heading_y: (N, M) terrain.
-        weak_speed, weak_rest, strong_speed, strong_rest: (N, M) ground.
-        slowest, dead_time: likewise, or (1, M).
+        weak_speed, weak_rest, strong_speed, strong_rest, slowest, dead_time: (N, M) ground.
         motion: effects; n: the model.
         speed_sq_max, limiting: (N, M) bounds so far, lowered in place; those <= 0 stay.
     """
@@ -83,10 +82,10 @@ def marched_bound(
             bound = speed_sq_max[k, j]
             if bound <= 0.0:
                 continue
-            slow, dead = slowest[row_of(slowest, k), j], dead_time[row_of(dead_time, k), j]
             speed, why = _highest_stop(
-                k, np.sqrt(bound), target[j], count[j], path, slow, dead, motion, n
-            )
+                k, np.sqrt(bound), target[j], count[j], path, slowest[k, j], dead_time[k, j],
+                motion, n,
+            )  # fmt: skip
             if why != STOPPED:
                 speed_sq_max[k, j] = speed * speed
                 limiting[k, j] = _label(why)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.quantity import GRAVITY
-from planner.compiled import TILE, Floats, distinct_rows, kernel, row_of, row_pass
+from planner.compiled import TILE, Floats, kernel, row_pass
 from planner.scalars import Numbers
 from planner.workspace import empty
 
@@ -28,8 +28,8 @@ def time_optimal(
     """Fastest profile under the bounds, station-major.
 
     Args:
-        station, speed_sq_max, sin_grade, weak_speed, weak_rest: (N, M) from bounds and ground.
-        slowest: likewise, or (1, M).
+        station, speed_sq_max, sin_grade, weak_speed, weak_rest, slowest: (N, M) from bounds and
+            ground.
         accel_max: (N, M) highest acceleration by comfort, thrust and front axle load [m/s²].
         demand: (N, M) share of the weight that holding the speed costs.
         start_sq: (M,) v² at the first station.
@@ -44,12 +44,11 @@ def time_optimal(
         end = min(first + TILE, candidates)
         speed_sq[stations - 1, first:end] = speed_sq_max[stations - 1, first:end]
         for k in range(stations - 2, -1, -1):
-            slow = slowest[row_of(slowest, k), first:end]
             weak = _slow_down(
                 station[k, first:end], station[k + 1, first:end], speed_sq_max[k, first:end],
                 decel, sin_grade[k, first:end], sin_grade[k + 1, first:end],
                 weak_speed[k, first:end], weak_speed[k + 1, first:end],
-                weak_rest[k, first:end], weak_rest[k + 1, first:end], slow,
+                weak_rest[k, first:end], weak_rest[k + 1, first:end], slowest[k, first:end],
                 speed_sq[k + 1, first:end], speed_sq[k, first:end],
             )  # fmt: skip
             if weak > 0:
@@ -57,7 +56,7 @@ def time_optimal(
                     station[k, first:end], station[k + 1, first:end],
                     sin_grade[k, first:end], sin_grade[k + 1, first:end],
                     weak_speed[k, first:end], weak_speed[k + 1, first:end],
-                    weak_rest[k, first:end], weak_rest[k + 1, first:end], slow,
+                    weak_rest[k, first:end], weak_rest[k + 1, first:end], slowest[k, first:end],
                     speed_sq[k + 1, first:end], speed_sq[k, first:end],
                 )  # fmt: skip
         for j in range(first, end):
@@ -156,9 +155,9 @@ def time_optimal_profile(
     speed_sq = empty(*speed_sq_max.shape)
     reachable = np.empty(speed_sq_max.shape[1])
     time_optimal(
-        station, speed_sq_max, sin_grade, weak_speed, weak_rest, distinct_rows(slowest),
-        accel_max, demand, start_sq, scalars.decel if decel is None else decel,
-        scalars.specific_power, speed_sq, reachable,
+        station, speed_sq_max, sin_grade, weak_speed, weak_rest, slowest, accel_max, demand,
+        start_sq, scalars.decel if decel is None else decel, scalars.specific_power,
+        speed_sq, reachable,
     )  # fmt: skip
     return speed_sq, reachable
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.quantity import GRAVITY
-from planner.compiled import Bools, Floats, Ints, kernel, row_of, row_pass
+from planner.compiled import Bools, Floats, Ints, kernel, row_pass
 from planner.limiting import Limiting
 from planner.scalars import Numbers
 
@@ -41,8 +41,7 @@ def standing_bounds(
 
     Args:
         sin_grade, sin_roll, curvature, known: (N, M) terrain; count: (M,) stations.
-        weak_speed, weak_rest, strong_speed, strong_rest, trained: (N, M) ground.
-        slowest, fastest: likewise, or (1, M).
+        weak_speed, weak_rest, strong_speed, strong_rest, slowest, fastest, trained: (N, M) ground.
         speed_limit: (N, M) limits of the path itself [m/s], or (0, 0).
         n: the model.
         speed_sq_max, limiting, accel_max, demand, barrier, barrier_station: out, as in
@@ -59,16 +58,15 @@ def standing_bounds(
     for k in range(stations):
         if speed_limit.shape[0] > 0:
             limit = speed_limit[k]
-        slow, fast = slowest[row_of(slowest, k)], fastest[row_of(fastest, k)]
         _cosines(sin_grade[k], sin_roll[k], cosine, cos_lean)
         _drive(sin_grade[k], cosine, cos_lean, curvature[k], n, accel_max[k], demand[k])
         _bars(
             sin_grade[k], sin_roll[k], cosine, cos_lean, demand[k], known[k], trained[k], limit,
-            fast, slow, weak_speed[k], weak_rest[k], strong_speed[k], strong_rest[k],
+            fastest[k], slowest[k], weak_speed[k], weak_rest[k], strong_speed[k], strong_rest[k],
             n, barred,
         )  # fmt: skip
         _speeds(
-            sin_roll[k], cosine, cos_lean, curvature[k], demand[k], limit, fast, n,
+            sin_roll[k], cosine, cos_lean, curvature[k], demand[k], limit, fastest[k], n,
             speed_sq_max[k], limiting[k],
         )  # fmt: skip
         _close(
@@ -76,7 +74,7 @@ def standing_bounds(
             speed_sq_max[k], limiting[k], accel_max[k], demand[k],
         )  # fmt: skip
         _risks(
-            k, sin_roll[k], cosine, cos_lean, curvature[k], limit, fast, slow,
+            k, sin_roll[k], cosine, cos_lean, curvature[k], limit, fastest[k], slowest[k],
             strong_speed[k], strong_rest[k], barrier_station, n, loads_at_risk,
         )  # fmt: skip
 

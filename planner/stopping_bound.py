@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.quantity import GRAVITY
-from planner.compiled import Bools, Floats, Ints, inlined, kernel, row_of, row_pass
+from planner.compiled import Bools, Floats, Ints, inlined, kernel, row_pass
 from planner.limiting import Limiting
 from planner.stopping_path import onset_speed
 
@@ -45,7 +45,7 @@ def stopping_bound(
 
     Args:
         station, grade, sin_grade, known: (N, M) terrain; count: (M,) stations.
-        weak_speed, weak_rest: (N, M) ground; dead_time, slowest: likewise, or (1, M).
+        weak_speed, weak_rest, dead_time, slowest: (N, M) ground.
         target: (M,) the vehicle must stand here [m].
         barrier, barrier_station: (M,) what bars the way, and the index of its first station.
         fastest: no bound is above this speed [m/s]; longest: nor any dead time above this [s].
@@ -83,7 +83,7 @@ def stopping_bound(
                 weak_speed[k, first:end], weak_rest[k, first:end],
                 station[after, first:end], grade[after, first:end], sin_grade[after, first:end],
                 weak_speed[after, first:end], weak_rest[after, first:end],
-                slowest[row_of(slowest, k), first:end], fastest, speed_sum[after], rest_sum[after],
+                slowest[k, first:end], fastest, speed_sum[after], rest_sum[after],
                 speed_sum[k], rest_sum[k],
             )  # fmt: skip
             first_tight = k if tight > 0 else first_tight
@@ -100,7 +100,7 @@ def stopping_bound(
             if reach < first_tight:
                 break
             rises = _onsets(
-                k, last, speed_sum[k], rest_sum[k], slowest[row_of(slowest, k), first:end],
+                k, last, speed_sum[k], rest_sum[k], slowest[k, first:end],
                 onset[min(k + 1, stations - 1)], onset[k],
             )  # fmt: skip
             rise = k if rises > 0 else rise
@@ -110,8 +110,7 @@ def stopping_bound(
                     _lower(onset[i], least)
             some = _sort_out(
                 k, last, target[first:end], barrier[first:end], barrier_station[first:end],
-                station[k, first:end], dead_time[row_of(dead_time, k), first:end],
-                station[reach, first:end],
+                station[k, first:end], dead_time[k, first:end], station[reach, first:end],
                 fastest, least, onset[k], speed_sq_max[k, first:end], limiting[k, first:end], near,
             )  # fmt: skip
             if some == 0:
@@ -256,7 +255,7 @@ def _enqueue(
     pointer: Ints, queue: Floats,
 ) -> None:  # fmt: skip
     """Find the segment [i, i + 1] in which the onset lies, and note what is needed of it."""
-    here, dead = station[k, j], dead_time[row_of(dead_time, k), j]
+    here, dead = station[k, j], dead_time[k, j]
     i = min(pointer[t], last)
     while i > k and here + dead * onset[i, t] <= station[i, j]:
         i -= 1
@@ -285,7 +284,7 @@ def _enqueue(
     queue[_REST_RISE, q] = weak_rest[nxt, j] + sin_grade[nxt, j] - rest if seen else 0.0
     queue[_SPEED_SUM, q] = speed_sum[i, t]
     queue[_REST_SUM, q] = rest_sum[i, t]
-    queue[_SLOWEST, q] = slowest[row_of(slowest, i), j]
+    queue[_SLOWEST, q] = slowest[i, j]
 
 
 @inlined

@@ -24,7 +24,11 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the nightly tests out unless the marker expression speaks of them."""
+    """Expect what is known to be missing to fail; leave the nightly tests out unless asked for."""
+    for item in items:
+        reason = OPEN.get(getattr(item, "originalname", item.name))
+        if reason is not None:
+            item.add_marker(pytest.mark.xfail(reason=reason, strict=False))
     if "nightly" in config.getoption("markexpr"):
         return
     nightly = [item for item in items if item.get_closest_marker("nightly")]
@@ -58,11 +62,3 @@ def data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}: set SLOPEWISE_DATA to their folder")
     return folder
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Expect what is known to be missing to fail."""
-    for item in items:
-        reason = OPEN.get(getattr(item, "originalname", item.name))
-        if reason is not None:
-            item.add_marker(pytest.mark.xfail(reason=reason, strict=False))
