@@ -14,4 +14,6 @@ OPEN: dict[str, str] = {
     "test_a_stop_line_on_the_way_is_stopped_at_and_left_again_or_said_to_block": "stop lines",
     "test_effects_add_up_on_hills_and_stay_sound": "order of lag and fade where both are given",
     "test_each_bound_bites": "the speed that power sustains is approached, not reached",
+    "test_a_weaker_brake_never_makes_it_faster": "steps of a bound are lowered too much",
+    "test_json_is_json_and_ranked": "JSON output under error filters",
 }

@@ -172,7 +172,7 @@ def _summary(plan: SpeedPlan) -> dict[str, Any]:
         "length": float(plan.station[-1]),
         "max_speed": float(plan.speed.max()),
         "clear_distance": plan.clear_distance,
-        "least_margin": plan.least_margin,
+        "least_margin": plan.least_margin if np.isfinite(plan.least_margin) else None,
         "least_rear_load": float(plan.rear_load.min()),
     }
 
