@@ -95,10 +95,13 @@ def _growth(title: str, by: str, growth: Result) -> Table:
 
 
 def _targets(result: Result) -> Table:
-    table = _table("Targets", "wanted", "reached", "")
+    table = _table("Targets", "wanted", "reached", "by least times", "")
     for row in result["targets"]:
-        reached = "–" if row["value"] is None else f"{row['value']:.3g} {row['unit']}"
+        unit = row["unit"]
+        reached = (
+            "–" if value is None else f"{value:.3g} {unit}"
+            for value in (row["value"], row["value_least"])
+        )  # fmt: skip
         verdict = {True: "[green]pass", False: "[red]miss", None: "not measured"}[row["passed"]]
-        wanted = f"{row['relation']} {row['limit']:g} {row['unit']}"
-        table.add_row(row["name"], wanted, reached, verdict)
+        table.add_row(row["name"], f"{row['relation']} {row['limit']:g} {unit}", *reached, verdict)
     return table
