@@ -9,6 +9,9 @@ scale                  F_b/W *= scale
 motion term            a += term(speed, curvature, yaw), with a the deceleration
 state or cap           the force builds up, fades with heat, or is capped by friction
 =====================  ============================================================
+
+Of the last, in this order: pressure builds up (lag), hot pads make less of it (fade), and friction
+on the ground caps what is left.
 """
 
 from __future__ import annotations
@@ -93,6 +96,10 @@ LAWS: dict[str, EffectLaw] = {
     "session_drift": _law("slow change with time", {"k": ("1/s", _ANY)}),
 }
 """Every effect by name. Lasting changes (`step_change`) hold for all that is planned after them."""
+
+
+BENT_AT_LEVEL = ("grade_asymmetry", "cross_slope")
+"""Ground terms that are zero on level ground and have a kink there."""
 
 
 def validate(effect: Effect) -> dict[str, float]:

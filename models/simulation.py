@@ -137,23 +137,18 @@ def simulate_stop(
     motion = effects.motion(model.effect, on.sliding_friction, heat)
     onset = station + speed * on.dead_time
 
-    def wanted(s: float, q: float) -> tuple[float, dict[str, float]]:
+    def rates(_: float, state: Floats) -> list[float]:
+        s, v, f, q = state
         place = track.at(s)
-        force = force_ratio(model, on, place, speed, session_time, level)
-        force /= 1.0 + motion.fade * max(q, 0.0)
+        wanted = force_ratio(model, on, place, speed, session_time, level)
+        force = (f if motion.lag > 0.0 else wanted) / (1.0 + motion.fade * max(q, 0.0))
         if math.isfinite(motion.friction):
             cap = wheel_lockup.friction_cap(place["grade"], place["roll"], motion.friction)
             force = min(force, float(cap))
-        return force, place
-
-    def rates(_: float, state: Floats) -> list[float]:
-        s, v, f, q = state
-        target, place = wanted(s, q)
-        force = f if motion.lag > 0.0 else target
         rolling = max(v, 0.0)
         decel = float(braking.deceleration(force, place["grade"]))
         decel += effects.motion_deceleration(rolling, place["curvature"], place["yaw"], motion)
-        growth = (target - f) / motion.lag if motion.lag > 0.0 else 0.0
+        growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0
         return [v, -decel, growth, GRAVITY * max(force, 0.0) * rolling - q / motion.fade_tau]
 
     def standstill(_: float, state: Floats) -> float:

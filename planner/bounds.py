@@ -95,6 +95,9 @@ def speed_bounds(
     )  # fmt: skip
     clear_distance = _clear_distance(profile, clear, barrier, barrier_station)
     target = clear_distance - ground.distance_offset - STOP_GUARD
+    # Drag may allow more than the closed form, which knows of none: those stops are tried for.
+    drags = ground.motion.viscous + ground.motion.turning + ground.motion.drag
+    tried = (limiting.copy(), speed_sq_max.copy()) if drags + ground.motion.wind_drag > 0.0 else ()
     stopping_bound(
         profile.station, profile.grade, profile.sin_grade, profile.known, profile.count,
         ground.weak_speed, ground.weak_rest, ground.dead_time, ground.slowest,
@@ -103,6 +106,8 @@ def speed_bounds(
     )  # fmt: skip
     marched = np.flatnonzero(loads_at_risk if ground.closed_form else np.ones(shape[1]))
     if len(marched) > 0:
+        for array, standing in zip((limiting, speed_sq_max), tried, strict=False):
+            np.copyto(array, standing, where=speed_sq_max > 0.0)
         marched_bound(
             marched, target, profile.count, profile.station, profile.grade, profile.sin_grade,
             profile.sin_roll, profile.curvature, profile.heading_x, profile.heading_y,

@@ -32,6 +32,8 @@ _BATCH = 256
 _REPAIRS = 12
 _REPAIR_SHARE = 0.96
 _STATION_STEP = 50
+_HARDLY = 0.01
+"""Accelerations closer than this are one to a reader [m/s²]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -462,11 +464,12 @@ class _Candidate:
         accel_max = np.append(accel_max, accel_max[-1])
         decel_max = np.append(decel_max, decel_max[-1])
         before = np.concatenate((accel[:1], accel[:-1]))
-        slowing = (accel < 0.0) | (before < 0.0)
+        lowest, highest = np.minimum(accel, before), np.maximum(accel, before)
+        slowing = lowest < -_HARDLY
         full = np.where(
             slowing,
-            np.minimum(accel, before) <= -decel_max * 0.99,
-            np.maximum(accel, before) >= accel_max * 0.99,
+            lowest <= -decel_max * 0.99,
+            highest >= accel_max * 0.99 - _HARDLY,
         )
         weak_drive = accel_max < 0.99 * self._scalars.accel
         label = np.where(

@@ -195,8 +195,8 @@ def _rates(
     grade = _at(track.grade, i, u)
     upright = np.cos(grade) * np.cos(_at(track.roll, i, u))
     wanted = v_i * _at(track.weak_speed, i, u) + _at(track.weak_rest, i, u)
-    wanted = min(wanted / (1.0 + motion.fade * max(q, 0.0)), motion.friction * upright)
-    force = f if motion.lag > 0.0 else wanted
+    force = (f if motion.lag > 0.0 else wanted) / (1.0 + motion.fade * max(q, 0.0))
+    force = min(force, motion.friction * upright)
     speed = max(v, 0.0)
     extra = _motion_deceleration(speed, _at(track.curvature, i, u), _at(track.yaw, i, u), motion)
     growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0

@@ -16,7 +16,7 @@ import numpy as np
 from models import effects
 from models.parameters import Braking, Model
 from models.quantity import GRAVITY
-from planner.compiled import Bools, Floats, Ints, kernel, row_pass
+from planner.compiled import Bools, Floats, Ints, inlined, kernel, row_pass
 from planner.terrain_profile import TerrainProfile
 from planner.workspace import empty
 
@@ -201,11 +201,13 @@ def _capped(forces: _Forces, profile: TerrainProfile, bits: Ints, table: Floats)
     slides = high > least * upright
     _, highest = extremes(forces.strong_speed, forces.strong_rest)
     may_slide = highest > most * upright
+    # Over a crest the ground is more upright between two stations than at either.
+    uppermost = np.cos(_level_between(profile.grade)) * np.cos(_level_between(profile.roll))
     return forces._replace(
         weak_speed=np.where(slides, 0.0, forces.weak_speed),
         weak_rest=np.where(slides, np.minimum(low, least * upright), forces.weak_rest),
         strong_speed=np.where(may_slide, 0.0, forces.strong_speed),
-        strong_rest=np.where(may_slide, most * upright, forces.strong_rest),
+        strong_rest=np.where(may_slide, np.minimum(highest, most * uppermost), forces.strong_rest),
     )
 
 
@@ -214,30 +216,34 @@ def _ground_terms(
 ) -> tuple[Floats, Floats]:
     """Least and most that the ground terms can be around each station, (N, M).
 
-    A patch has a sharp edge and may lie between two stations: it counts as larger by a step where
-    that is the safe side, and for the neighbours as well.
+    Terms that bend where grade or roll change sign are zero in between. A patch has a sharp edge
+    and may lie between two stations: it counts as larger by a step where that is the safe side, and
+    for the neighbours as well.
     """
-    smooth = [e for e in model.effect if e.name != "surface_patch"]
-    patches = [e for e in model.effect if e.name == "surface_patch"]
-    place = (profile.grade, profile.roll, profile.x, profile.y, yaw)
-    base = effects.ground_term(smooth, *place, session_time)
-    if not patches:
-        return base, base
+    place = (profile.x, profile.y, yaw, session_time)
+    lowest, highest = np.zeros_like(profile.grade), np.zeros_like(profile.grade)
     step = float(np.max(np.diff(profile.station, axis=0)))
+    for effect in model.effect:
+        own = effects.ground_term([effect], profile.grade, profile.roll, *place)
+        least, most = own, own
+        if effect.name in effects.BENT_AT_LEVEL:
+            grade, roll = (_level_between(slope) for slope in (profile.grade, profile.roll))
+            level = effects.ground_term([effect], grade, roll, *place)
+            least, most = np.minimum(own, level), np.maximum(own, level)
+        elif effect.name == "surface_patch":
+            larger = {**effect.parameters, "radius": effect.parameters["radius"] + step}
+            grown = [replace(effect, parameters=larger)]
+            near = effects.ground_term(grown, profile.grade, profile.roll, *place)
+            least, _ = _spread_to_neighbours(np.minimum(own, near))
+            _, most = _spread_to_neighbours(np.maximum(own, near))
+        lowest, highest = lowest + least, highest + most
+    return lowest, highest
 
-    def grown(sign: float) -> Floats:
-        larger = [
-            replace(e, parameters={**e.parameters, "radius": e.parameters["radius"] + step})
-            if e.parameters["delta"] * sign > 0.0
-            else e
-            for e in patches
-        ]
-        term: Floats = effects.ground_term(larger, *place)
-        return term
 
-    lowest, _ = _spread_to_neighbours(grown(-1.0))
-    _, highest = _spread_to_neighbours(grown(1.0))
-    return base + lowest, base + highest
+def _level_between(slope: Floats) -> Floats:
+    """The slope, but level where it changes sign on the way to a neighbour, (N, M) [rad]."""
+    lowest, highest = _spread_to_neighbours(slope)
+    return np.where((lowest < 0.0) & (highest > 0.0), 0.0, slope)
 
 
 class _Forces(NamedTuple):
@@ -255,14 +261,15 @@ class _Forces(NamedTuple):
 
 
 def _on_one_surface(grade: Floats, surface: Floats, margin: float) -> _Forces:
-    """Where it does not extrapolate either, the stronger force *is* the weaker one."""
+    """Where it has no kink and does not extrapolate, the stronger force *is* the weaker one."""
     weak_speed, weak_rest, dead_time, slowest, fastest = empty(5, *grade.shape)
     strong_speed, strong_rest = weak_speed, weak_rest
-    if margin > 0.0:
+    two = margin > 0.0 or _has_kink(surface)
+    if two:
         strong_speed, strong_rest = empty(2, *grade.shape)
     trained = np.empty(grade.shape, np.bool_)
     _forces_on_one_surface(
-        grade, surface, margin, strong_speed, strong_rest, weak_speed, weak_rest, trained
+        grade, surface, margin, two, strong_speed, strong_rest, weak_speed, weak_rest, trained
     )
     dead_time[:], slowest[:], fastest[:] = surface[_DEAD], surface[_SLOWEST], surface[_FASTEST]
     offset = np.full(grade.shape[1], surface[_OFFSET])
@@ -294,40 +301,51 @@ def _spread_to_neighbours(term: Floats) -> tuple[Floats, Floats]:
 
 @kernel
 def _forces_on_one_surface(
-    grade: Floats, surface: Floats, margin: float, strong_speed: Floats, strong_rest: Floats,
-    weak_speed: Floats, weak_rest: Floats, trained: Bools,
+    grade: Floats, surface: Floats, margin: float, two: bool, strong_speed: Floats,
+    strong_rest: Floats, weak_speed: Floats, weak_rest: Floats, trained: Bools,
 ) -> None:  # fmt: skip
-    """Both forces, of which the stronger one is written only where it differs."""
+    """Both forces, of which the stronger one is written only where the two may differ."""
     extra = max(margin, 0.0)
     for k in range(grade.shape[0]):
         before, after = grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)]
-        if extra > 0.0:
-            _force_row(grade[k], before, after, surface, extra, strong_speed[k], strong_rest[k])
-        _force_row(grade[k], before, after, surface, -extra, weak_speed[k], weak_rest[k])
+        if two:
+            _force_row(grade[k], before, after, surface, extra, 1.0, strong_speed[k], strong_rest[k])
+        _force_row(grade[k], before, after, surface, extra, -1.0, weak_speed[k], weak_rest[k])
         _trained_row(grade[k], surface, margin, trained[k])
+
+
+@inlined
+def _has_kink(surface: Floats) -> bool:
+    """Other slope coefficients uphill: the force bends where the grade changes sign."""
+    return bool((surface[_UP_M_M] != surface[_M_M]) | (surface[_UP_B_M] != surface[_B_M]))
 
 
 @row_pass
 def _force_row(
-    grade: Floats, before: Floats, after: Floats, surface: Floats, extra: float,
+    grade: Floats, before: Floats, after: Floats, surface: Floats, extra: float, sign: float,
     speed_part: Floats, rest_part: Floats,
 ) -> None:  # fmt: skip
-    """Force of one surface, with an extra share of it where the model extrapolates.
+    """Weaker (sign −1) or stronger (+1) force of one surface.
 
-    Where a neighbour is out of range the ground between may be as well.
+    Where it extrapolates, also to a neighbour, it counts with an extra share of itself; where the
+    grade changes sign on the way to a neighbour, the force on level ground counts as well.
     """
     m_m, b_m, m_b, b_b = surface[_M_M], surface[_B_M], surface[_M_B], surface[_B_B]
     up_m_m, up_b_m = surface[_UP_M_M], surface[_UP_B_M]
     down, up = surface[_STEEPEST_DOWN], surface[_STEEPEST_UP]
+    kink = _has_kink(surface)
     for j in range(grade.shape[0]):
         theta = grade[j]
-        speed = (up_m_m if theta > 0.0 else m_m) * theta + m_b
-        rest = (up_b_m if theta > 0.0 else b_m) * theta + b_b
+        speed = sign * ((up_m_m if theta > 0.0 else m_m) * theta + m_b)
+        rest = sign * ((up_b_m if theta > 0.0 else b_m) * theta + b_b)
         steepest_down = min(theta, min(before[j], after[j]))
         steepest_up = max(theta, max(before[j], after[j]))
+        bends = kink & (steepest_down < 0.0) & (steepest_up > 0.0)
+        speed = max(speed, sign * m_b) if bends else speed
+        rest = max(rest, sign * b_b) if bends else rest
         share = extra if (steepest_down < down) | (steepest_up > up) else 0.0
-        speed_part[j] = speed + share * abs(speed)
-        rest_part[j] = rest + share * abs(rest)
+        speed_part[j] = sign * (speed + share * abs(speed))
+        rest_part[j] = sign * (rest + share * abs(rest))
 
 
 @row_pass
@@ -368,6 +386,11 @@ def _forces(
                 low_rest = min(low_rest, rest_part)
                 high_speed = max(high_speed, speed_part)
                 high_rest = max(high_rest, rest_part)
+                if steepest_down < 0.0 and steepest_up > 0.0 and _has_kink(table[i]):
+                    low_speed = min(low_speed, table[i, _M_B])
+                    low_rest = min(low_rest, table[i, _B_B])
+                    high_speed = max(high_speed, table[i, _M_B])
+                    high_rest = max(high_rest, table[i, _B_B])
                 dead = max(dead, table[i, _DEAD])
                 offset = max(offset, table[i, _OFFSET])
                 least_slow = min(least_slow, table[i, _SLOWEST])

@@ -77,7 +77,11 @@ def marched_bound(
             path.upright[k] = cosine * cos_lean
             path.side_speed_sq[k] = reach / bend if bend > 0.0 else np.inf
             path.bend[k] = bend
-            path.yaw[k] = np.arctan2(heading_y[k, j], heading_x[k, j])
+            yaw = np.arctan2(heading_y[k, j], heading_x[k, j])
+            path.yaw[k] = yaw
+            if k > 0:
+                turned = yaw - path.yaw[k - 1]
+                path.yaw[k] = yaw - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
         for k in range(count[j]):
             bound = speed_sq_max[k, j]
             if bound <= 0.0:

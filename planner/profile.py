@@ -16,6 +16,8 @@ from planner.scalars import Numbers
 from planner.workspace import empty
 
 _SURELY = 1.0 + 1e-9
+_CRAWL = 1e-6
+"""Below this v² power is no matter [m²/s²]."""
 
 
 @kernel
@@ -125,16 +127,25 @@ def _speed_up(
     demand: Floats, demand_2: Floats, specific_power: float,
     speed_sq: Floats, speed_sq_2: Floats,
 ) -> None:  # fmt: skip
-    """One row on under acceleration and power."""
+    """One row on under acceleration and power.
+
+    Power is scarcest at the segment's faster end: v² there solves a concave equation, so every
+    tangent's root is feasible, and two of them are close enough. Holding the speed is always
+    possible, because no bound is above what power sustains.
+    """
     for j in range(station.shape[0]):
         twice = 2.0 * (station_2[j] - station[j])
         here = speed_sq[j]
         top = min(speed_sq_2[j], here + twice * min(accel_max[j], accel_max_2[j]))
-        # Power at the segment's end, where it is scarcest; holding speed is always possible
-        # because no bound is above what power sustains.
-        hold = GRAVITY * max(demand[j], demand_2[j])
-        powered = GRAVITY * specific_power / np.sqrt(max(top, 1e-6)) - hold
-        speed_sq_2[j] = min(top, here + twice * max(powered, 0.0))
+        cost = twice * GRAVITY * max(demand[j], demand_2[j]) - here
+        power = twice * GRAVITY * specific_power
+        reached = max(top, _CRAWL)
+        for _ in range(2):
+            gain = power / np.sqrt(reached)
+            lacking = reached + cost - gain
+            reached = max(reached - lacking / (1.0 + 0.5 * gain / reached), _CRAWL)
+            reached = min(reached, max(top, _CRAWL))
+        speed_sq_2[j] = min(top, max(reached, here))
 
 
 def time_optimal_profile(

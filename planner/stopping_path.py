@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models import effects
 from models.effects import Motion
 from models.quantity import GRAVITY
 from planner.compiled import Floats, inlined
@@ -23,6 +24,7 @@ STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)
 """How a marched stop ends."""
 
 _SUBSTEPS = 2
+_motion_deceleration = inlined(effects.motion_deceleration)
 
 
 @inlined
@@ -55,7 +57,7 @@ class StopPath(NamedTuple):
         upright: cos(roll) cos(grade).
         side_speed_sq: highest v² that keeps both sides loaded.
         bend: |curvature| [1/m].
-        yaw: heading [rad].
+        yaw: heading, without jumps [rad].
     """
 
     station: Floats
@@ -115,6 +117,7 @@ def march_stop(
         return SIDE_LOAD, station[i], least
     s = onset
     lagged = motion.lag > 0.0
+    moved = motion.viscous + motion.turning + motion.drag + motion.wind_drag > 0.0
     force = 0.0
     heat = motion.heat
     previous = 0.0
@@ -133,9 +136,6 @@ def march_stop(
             up = w * upright[i] + u * upright[i + 1]
             middle_sq = max(energy - previous * piece, 0.0)
             middle = np.sqrt(middle_sq)
-            if motion.fade > 0.0:
-                wanted /= 1.0 + motion.fade * heat
-            wanted = min(wanted, motion.friction * up)
             applied = wanted
             seconds = piece / max(middle, 1e-3)
             if lagged:
@@ -143,19 +143,23 @@ def march_stop(
                 applied = wanted + (force - wanted) * decay
                 force = wanted + (force - wanted) * decay * decay
             if motion.fade > 0.0:
+                applied /= 1.0 + motion.fade * heat
+            applied = min(applied, motion.friction * up)
+            if motion.fade > 0.0:
                 heat += GRAVITY * max(applied, 0.0) * piece - heat * min(
                     seconds / motion.fade_tau, 1.0
                 )
-            bend = w * path.bend[i] + u * path.bend[i + 1]
             a = GRAVITY * (applied + sine)
-            a += GRAVITY * (motion.viscous + motion.turning * bend) * middle
-            a += motion.drag * middle_sq
-            if motion.wind_drag > 0.0:
-                relative = middle + motion.wind * np.cos(path.yaw[i] - motion.wind_direction)
-                a += motion.wind_drag * (abs(relative) * relative - middle_sq)
             strong = v_i * (w * strong_speed[i] + u * strong_speed[i + 1])
             strong += w * strong_rest[i] + u * strong_rest[i + 1]
-            least = min(least, up - rear_lever * min(strong, motion.friction * up))
+            strong = min(strong, motion.friction * up)
+            if moved:
+                bend = w * path.bend[i] + u * path.bend[i + 1]
+                yaw = w * path.yaw[i] + u * path.yaw[i + 1]
+                a += _motion_deceleration(middle, bend, yaw, motion)
+                drag = _motion_deceleration(np.sqrt(energy), bend, yaw, motion)
+                strong += max(drag, 0.0) / GRAVITY
+            least = min(least, up - rear_lever * strong)
             if least < min_load:
                 return REAR_LOAD, s, least
             after = energy - 2.0 * a * piece
