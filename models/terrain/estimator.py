@@ -1,0 +1,203 @@
+"""The terrain estimator: samples in, observations of the ground out, online as offline.
+
+Each sample costs a few scalar updates. At the end of each steady stretch, five seconds at most,
+its samples are evaluated together. Source: Slip, Sec. 2–4.1.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from models.terrain.gyro_bias import GyroBias
+from models.terrain.observation import UNKNOWN, Features, Observation
+from models.terrain.phases import MotionPhases, Phase
+from models.terrain.resistances import (
+    Drive,
+    Estimate,
+    SteadyStretch,
+    lateral_resistance_of,
+    motion_resistance_of,
+)
+from models.terrain.settings import EstimatorSettings
+from models.terrain.slip_track_filter import SlipTrackFilter
+from models.vehicle import Vehicle
+
+_ONSET = 0.5  # [s] of steady motion that the current at its onset is averaged over
+_SIGNED_BELOW = -0.3  # [A] a current below this is no noise of a magnitude
+
+Sample = tuple[float, float, float, float, float, float, float, float]
+
+
+class TerrainEstimator:
+    """f_r, μ_t and B_s of the ground under a skid-steered vehicle.
+
+    Attributes:
+        filter: of the slip track; runs in turns.
+        bias: of the yaw rate gyroscope; learned at rest.
+        phases: what the vehicle does.
+        signed: the currents have a sign, positive driving forward. False until one is negative.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        *,
+        slip_track: float,
+        motion_resistance: Estimate,
+        settings: EstimatorSettings | None = None,
+    ) -> None:
+        """Begin.
+
+        Args:
+            vehicle: with motor torque constant and gear ratio.
+            slip_track: B_s to begin with [m].
+            motion_resistance: f_r assumed in turns before the first straight.
+            settings: print's, where it gives them, if left out.
+
+        Raises:
+            ParameterError: the vehicle's drive is not known, or it is not skid-steered.
+        """
+        self._vehicle = vehicle
+        self._drive = Drive.of(vehicle)
+        self._settings = EstimatorSettings() if settings is None else settings
+        self._start = slip_track
+        self._assumed = dataclasses.replace(motion_resistance, note="f_r assumed")
+        self._longest = self._settings.motion.longest_stretch
+        self._gap = self._settings.motion.longest_gap
+        self.phases = MotionPhases(vehicle.track_width, self._settings.motion)
+        self.bias = GyroBias()
+        self.signed = False
+        self.begin_run()
+
+    def begin_run(self) -> None:
+        """Another run: perhaps other ground. What the gyroscope does at rest is kept."""
+        self.filter = SlipTrackFilter(self._start, self._settings.filter)
+        self.phases.begin()
+        self.known = Features()
+        self._samples: list[Sample] = []
+        self._kind = Phase.OTHER
+        self._time: float | None = None
+        self._turned = False
+
+    def update(
+        self,
+        time: float,
+        v_left: float,
+        v_right: float,
+        yaw_rate: float,
+        current_left: float,
+        current_right: float,
+        pitch: float,
+        roll: float,
+        usable: bool = True,
+    ) -> Observation | None:
+        """One sample; an observation if it ends a stretch that tells something.
+
+        Args:
+            time: [s], later than the sample before.
+            v_left, v_right: rim speeds [m/s].
+            yaw_rate: ω_z as measured [rad/s].
+            current_left, current_right: of the sides' motors [A].
+            pitch: nose down positive [rad]. roll: left side up positive [rad].
+            usable: False excludes the sample and ends the stretch.
+        """
+        elapsed = 0.0 if self._time is None else time - self._time
+        self._time = time
+        if not usable or elapsed > self._gap:
+            done = self._close(trim=False)
+            self.phases.begin()
+            return done
+        turning = yaw_rate - self.bias.bias
+        phase = self.phases.update(elapsed, v_left, v_right, turning)
+        if phase is Phase.REST:
+            self.bias.update(yaw_rate, elapsed)
+        elif not self.phases.withheld:
+            self.filter.update(v_right - v_left, turning, elapsed)
+            self._turned = True
+        if current_left < _SIGNED_BELOW or current_right < _SIGNED_BELOW:
+            self.signed = True
+        done = None
+        if phase is not self._kind:
+            done = self._close(trim=True)
+            self._kind = phase
+        if phase is not Phase.OTHER and phase is not Phase.REST:
+            samples = self._samples
+            samples.append(
+                (time, v_left, v_right, turning, current_left, current_right, pitch, roll)
+            )
+            if time - samples[0][0] >= self._longest:
+                done = self._close(trim=False)
+                self._kind = phase
+        return done
+
+    def finish(self) -> Observation | None:
+        """The stretch that the run ended in, if it tells something."""
+        return self._close(trim=False)
+
+    def _close(self, *, trim: bool) -> Observation | None:
+        """Evaluate the open stretch.
+
+        Args:
+            trim: motion changed; the smoothed speeds saw it too late by their time constant.
+        """
+        samples, phase = self._samples, self._kind
+        self._samples, self._kind = [], Phase.OTHER
+        if not samples:
+            return None
+        columns = np.array(samples).T
+        if trim and phase is not Phase.STUCK:
+            last = columns[0, -1] - self._settings.motion.smoothing
+            columns = columns[:, columns[0] <= last]
+        short = self._settings.motion.shortest_stretch
+        if columns.shape[1] < 2 or columns[0, -1] - columns[0, 0] < short:
+            return None
+        stretch = SteadyStretch(*columns)
+        own = self._tell(phase, stretch)
+        self._learn(own)
+        return self._observation(phase, stretch, own)
+
+    def _tell(self, phase: Phase, stretch: SteadyStretch) -> Features:
+        settings = self._settings.resistance
+        if phase is Phase.STRAIGHT:
+            found = motion_resistance_of(stretch, self._drive, settings, signed=self.signed)
+            return Features(motion_resistance=found)
+        if phase not in (Phase.TURN, Phase.SPOT):
+            return Features()
+        f_r = self.known.motion_resistance
+        assumed = self._assumed if f_r is UNKNOWN else f_r
+        lateral = lateral_resistance_of(
+            stretch, self._vehicle, self._drive, assumed, settings, signed=self.signed,
+            least_inner_speed=self._settings.motion.least_inner_speed,
+        )  # fmt: skip
+        slip = UNKNOWN
+        if self._turned:
+            slip = Estimate(self.filter.slip_track, self.filter.slip_track_std)
+        return Features(lateral_resistance=lateral, slip_track=slip)
+
+    def _learn(self, own: Features) -> None:
+        """Keep the latest of each parameter."""
+        news = {
+            field.name: found
+            for field in dataclasses.fields(own)
+            if np.isfinite((found := getattr(own, field.name)).value)
+        }
+        self.known = dataclasses.replace(self.known, **news)
+
+    def _observation(self, phase: Phase, stretch: SteadyStretch, own: Features) -> Observation:
+        time = stretch.time
+        onset = time <= time[0] + _ONSET
+        both = np.abs(stretch.current_left[onset]) + np.abs(stretch.current_right[onset])
+        return Observation(
+            begin=float(time[0]),
+            end=float(time[-1]),
+            phase=phase,
+            samples=len(time),
+            speed=float(np.mean(stretch.v_left + stretch.v_right)) / 2.0,
+            speed_difference=float(np.mean(stretch.v_right - stretch.v_left)),
+            yaw_rate=float(np.mean(stretch.yaw_rate)),
+            onset_current=float(np.mean(both)) / 2.0,
+            own=own,
+            known=self.known,
+        )

@@ -1,0 +1,146 @@
+"""Phases of motion: rest, straight, turn, turn on the spot, stuck; and when they are steady.
+
+Resistances are defined for steady motion only. Between the command of a turn (t₁ in print) and its
+steady state (t₂) the currents also speed up the yaw inertia. The onset of steady motion is found by
+smoothing rim speeds and yaw rate with two time constants: while they differ, something changes.
+
+Wheels whose rim speeds ask for many times the yaw rate that is measured spin on the spot. Such
+samples are withheld from the first on, and called stuck once it has lasted.
+
+Source: Slip 4.1 (t₁, t₂; no rule given); Slip 2 (a vehicle with spinning wheels, B_s → ∞).
+"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+
+from models.terrain.settings import MotionSettings
+
+_SLOWER = 2.0  # ratio of the two time constants
+
+
+class Phase(Enum):
+    """What the vehicle does, steadily unless it is OTHER."""
+
+    OTHER = "transient"
+    REST = "rest"
+    STRAIGHT = "straight"
+    TURN = "turn"
+    SPOT = "turn_on_the_spot"
+    STUCK = "stuck"
+
+
+class MotionPhases:
+    """Follows one run sample by sample.
+
+    Attributes:
+        phase: steady motion of the last sample.
+        withheld: the last sample says nothing of the slip track: wheels spin, or they just changed.
+    """
+
+    __slots__ = (
+        "_dv", "_dv_slow", "_held", "_kind", "_settings", "_spun", "_started", "_stopped", "_track",
+        "_turning", "_v", "_v_slow", "_w", "_w_slow", "phase", "withheld",
+    )  # fmt: skip
+
+    def __init__(self, track_width: float, settings: MotionSettings) -> None:
+        """Begin a run.
+
+        Args:
+            track_width: B [m], the slip track of wheels without slip.
+            settings: thresholds.
+        """
+        self._track = track_width
+        self._settings = settings
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget everything: another run, or a gap in this one."""
+        self._started = False
+        self._turning = False
+        self._spun = self._held = self._stopped = 0.0
+        self._kind = self.phase = Phase.OTHER
+        self.withheld = True
+
+    def update(self, elapsed: float, v_left: float, v_right: float, yaw_rate: float) -> Phase:
+        """One sample.
+
+        Args:
+            elapsed: time since the sample before [s].
+            v_left: speed at the rim of the left wheels [m/s].
+            v_right: speed at the rim of the right wheels [m/s].
+            yaw_rate: ω_z without bias [rad/s].
+
+        Returns:
+            The phase, OTHER unless it is steady.
+        """
+        s = self._settings
+        v, dv = 0.5 * (v_left + v_right), v_right - v_left
+        if not self._started:
+            self._started = True
+            self._v = self._v_slow = v
+            self._dv = self._dv_slow = dv
+            self._w = self._w_slow = yaw_rate
+        fast = elapsed / (s.smoothing + elapsed)
+        slow = elapsed / (_SLOWER * s.smoothing + elapsed)
+        self._v += fast * (v - self._v)
+        self._dv += fast * (dv - self._dv)
+        self._w += fast * (yaw_rate - self._w)
+        self._v_slow += slow * (v - self._v_slow)
+        self._dv_slow += slow * (dv - self._dv_slow)
+        self._w_slow += slow * (yaw_rate - self._w_slow)
+        self._turning = abs(self._dv) > (s.turn_end if self._turning else s.turn_begin)
+
+        standing = abs(v_left) < s.rest_speed and abs(v_right) < s.rest_speed
+        self._stopped = self._stopped + elapsed if standing else 0.0
+        spinning = self._spins()
+        self._spun = self._spun + elapsed if spinning else 0.0
+        kind = self._kind_of(standing)
+        self._held = self._held + elapsed if kind is self._kind and self._is_steady() else 0.0
+        self._kind = kind
+        changed = abs(dv - self._dv) > 2.0 * (s.steady_change * abs(self._dv) + s.turn_end)
+        self.phase = self._phase_of(kind, standing)
+        self.withheld = spinning or changed or self.phase not in (Phase.TURN, Phase.SPOT)
+        return self.phase
+
+    def _spins(self) -> bool:
+        if not self._turning:
+            return False
+        # turning the wrong way is also no turning
+        achieved = math.copysign(self._w, self._w * self._dv)
+        return achieved * self._track * self._settings.stuck_slip < abs(self._dv)
+
+    def _kind_of(self, standing: bool) -> Phase:
+        s = self._settings
+        if standing:
+            return Phase.REST
+        if self._turning:
+            inner = abs(self._v) - 0.5 * abs(self._dv)
+            return Phase.SPOT if inner < -s.least_inner_speed else Phase.TURN
+        if abs(self._v) >= s.least_speed and abs(self._dv) <= s.turn_end:
+            return Phase.STRAIGHT
+        return Phase.OTHER
+
+    def _is_steady(self) -> bool:
+        """Smoothed fast and slow agree; twice as far apart is allowed once they did."""
+        s = self._settings
+        share = s.steady_change if self._held == 0.0 else 2.0 * s.steady_change
+        floor = s.steady_floor if self._held == 0.0 else 2.0 * s.steady_floor
+        rim = max(abs(self._v), 0.5 * abs(self._dv))
+        return (
+            abs(self._v - self._v_slow) <= share * rim + floor * self._track
+            and abs(self._dv - self._dv_slow) <= share * abs(self._dv) + floor * self._track
+            and abs(self._w - self._w_slow) <= share * abs(self._w) + floor
+        )
+
+    def _phase_of(self, kind: Phase, standing: bool) -> Phase:
+        s = self._settings
+        if self._spun >= s.stuck_time:
+            return Phase.STUCK
+        if standing:
+            still = self._stopped >= s.rest_time and abs(self._w) < s.rest_yaw_rate
+            return Phase.REST if still else Phase.OTHER
+        if self._spun > 0.0 or self._held < s.steady_time:
+            return Phase.OTHER
+        return kind

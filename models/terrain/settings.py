@@ -1,0 +1,118 @@
+"""Settings of the terrain estimator. The defaults are those of the paper where it gives them.
+
+They are data, not constants in code: a terrain file may hold others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from models.errors import ParameterError
+from models.quantity import quantity, validate_quantities
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterSettings:
+    """Settings of the slip track filter. Source: Slip, Sec. 2.1."""
+
+    yaw_rate_std: float = quantity(
+        "rad/s", "Standard deviation of the yaw rate, √R.", default=0.3, above=0.0
+    )
+    process_variance: float = quantity(
+        "1/m²", "Growth of the variance of 1/B_s in one sample time, Q.", default=1e-4, above=0.0
+    )
+    sample_time: float = quantity(
+        "s", "Sample time that the process variance is given for, T_s.", default=0.01, above=0.0
+    )
+    initial_std: float = quantity(
+        "1/m", "Standard deviation of 1/B_s at the start; not in print.", default=0.3, above=0.0
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionSettings:
+    """What counts as rest, straight, turn, steady and stuck."""
+
+    rest_speed: float = quantity("m/s", "Rim speeds below this are rest.", default=0.01, above=0.0)
+    rest_yaw_rate: float = quantity(
+        "rad/s", "Yaw rates above this at rest are a vehicle that is turned, no bias.",
+        default=0.1, above=0.0,
+    )  # fmt: skip
+    rest_time: float = quantity(
+        "s", "Rest begins this long after the wheels stop.", default=0.5, above=0.0
+    )
+    turn_begin: float = quantity(
+        "m/s", "Difference of rim speeds that begins a turn.", default=0.06, above=0.0
+    )
+    turn_end: float = quantity(
+        "m/s", "Difference of rim speeds that ends it, and still is straight.", default=0.04,
+        above=0.0,
+    )  # fmt: skip
+    least_speed: float = quantity(
+        "m/s", "Mean rim speed that a straight needs.", default=0.08, above=0.0
+    )
+    least_inner_speed: float = quantity(
+        "m/s", "Inner wheels slower than this stand: it is open which way they roll.",
+        default=0.03, at_least=0.0,
+    )  # fmt: skip
+    smoothing: float = quantity(
+        "s", "Time constant that speeds and yaw rate are smoothed with.", default=0.1, above=0.0
+    )
+    steady_change: float = quantity(
+        "1", "Steady: smoothed at two time constants, they differ by less than this share.",
+        default=0.1, above=0.0, at_most=1.0,
+    )  # fmt: skip
+    steady_floor: float = quantity(
+        "rad/s", "Yaw rates that differ by less than this are the same.", default=0.02, at_least=0.0
+    )
+    steady_time: float = quantity(
+        "s", "Onset of steady motion: it has been so for this long.", default=0.2, at_least=0.0
+    )
+    stuck_slip: float = quantity(
+        "1", "Wheels that ask for this many times the yaw rate of a free turn spin.", default=5.0,
+        above=1.0,
+    )  # fmt: skip
+    stuck_time: float = quantity("s", "Spinning for this long is stuck.", default=0.6, above=0.0)
+    longest_stretch: float = quantity(
+        "s", "Longer stretches are cut, so that changes show.", default=5.0, above=0.0
+    )
+    shortest_stretch: float = quantity(
+        "s", "Shorter steady stretches are not used.", default=0.5, above=0.0
+    )
+    longest_gap: float = quantity(
+        "s", "A longer gap between samples ends every stretch.", default=0.5, above=0.0
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+        if not self.turn_end <= self.turn_begin:
+            raise ParameterError(
+                "turn_end", f"at most turn_begin, {self.turn_begin:g}, got {self.turn_end:g}"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResistanceSettings:
+    """How well what the resistances are computed from is known."""
+
+    pitch_std: float = quantity(
+        "rad", "Error of the pitch, mount offset included.", default=0.005, at_least=0.0
+    )
+    current_std: float = quantity(
+        "A", "Error of the mean current of a side: offset of the sensor.", default=0.1, at_least=0.0
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimatorSettings:
+    """All settings of the terrain estimator."""
+
+    filter: FilterSettings = field(default_factory=FilterSettings)
+    motion: MotionSettings = field(default_factory=MotionSettings)
+    resistance: ResistanceSettings = field(default_factory=ResistanceSettings)

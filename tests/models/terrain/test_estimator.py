@@ -1,0 +1,180 @@
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from models.errors import ParameterError
+from models.terrain.estimator import TerrainEstimator
+from models.terrain.phases import Phase
+from models.terrain.resistances import Estimate
+from models.terrain.settings import EstimatorSettings
+from tests.models.terrain import plant
+from tests.models.terrain.vehicles import SAMPLE, estimator_of, observe, vehicle_of
+
+GROUNDS = [plant.ASPHALT, plant.DIRT, plant.PLOWED, plant.SAND]
+
+
+@pytest.mark.parametrize("ground", GROUNDS)
+@pytest.mark.parametrize("spot", [True, False], ids=["on the spot", "in a turn"])
+@pytest.mark.parametrize("signed", [True, False], ids=["signed", "magnitudes"])
+def test_a_square_tells_all_three(ground, spot, signed):
+    rate = np.pi / 4 if spot else 0.35
+    log = plant.drive(plant.square(on_the_spot=spot, rate=rate), ground, gyro_bias=0.05)
+    if not signed:
+        log["current_left"], log["current_right"] = (
+            np.abs(log["current_left"]), np.abs(log["current_right"])
+        )  # fmt: skip
+    estimator = estimator_of()
+    found = observe(estimator, log)
+    f_r, mu_t, b_s = found[-1].known.values
+    deviations = found[-1].known.stds
+    assert f_r == pytest.approx(ground.f_r, abs=0.01)
+    assert mu_t == pytest.approx(ground.mu_t, abs=0.01)
+    assert b_s == pytest.approx(ground.slip_track, abs=0.06)
+    truths = (ground.f_r, ground.mu_t, ground.slip_track)
+    for value, truth, std in zip((f_r, mu_t, b_s), truths, deviations, strict=True):
+        assert abs(value - truth) < 4.0 * std
+        assert 0.0 < std < 0.1
+    turn = Phase.SPOT if spot else Phase.TURN
+    assert sum(o.phase is turn for o in found) == 4
+    assert estimator.bias.bias == pytest.approx(0.05, abs=0.005)
+
+
+@pytest.mark.parametrize("rate", [0.35, -0.35])
+@pytest.mark.parametrize("speed", [0.5, -0.5])
+def test_left_and_right_forward_and_back_are_the_same_ground(rate, speed):
+    legs = plant.square(rate=rate, speed=speed, on_the_spot=False)
+    for signed in (True, False):
+        log = plant.drive(legs, plant.DIRT, pitch=0.05, roll=0.1)
+        if not signed:
+            log["current_left"] = np.abs(log["current_left"])
+            log["current_right"] = np.abs(log["current_right"])
+        f_r, mu_t, b_s = observe(estimator_of(), log)[-1].known.values
+        assert f_r == pytest.approx(0.13, abs=0.01)
+        # noise of a magnitude near 0 does not average out
+        assert mu_t == pytest.approx(0.20, abs=0.01 if signed else 0.02)
+        assert b_s == pytest.approx(1.15, abs=0.06)
+
+
+def test_a_pivot_turn_tells_the_slip_track_only():
+    rate = 2.0 * 0.5 / 1.15  # the inner wheels stand
+    log = plant.drive(plant.square(on_the_spot=False, rate=rate), plant.DIRT)
+    turns = [o for o in observe(estimator_of(), log) if o.phase is Phase.TURN]
+    assert len(turns) == 4
+    assert turns[-1].own.slip_track.value == pytest.approx(1.15, abs=0.06)
+    assert np.isnan(turns[-1].own.lateral_resistance.value)
+    assert turns[-1].own.lateral_resistance.note == "inner wheels stand"
+
+
+@pytest.mark.parametrize("pitch", [-0.15, 0.15])
+def test_slope_and_idle_current_are_taken_out(pitch):
+    log = plant.drive(plant.square(), plant.DIRT, pitch=pitch, roll=0.1)
+    f_r, mu_t, _ = observe(estimator_of(), log)[-1].known.values
+    assert f_r == pytest.approx(0.13, abs=0.01)  # sin(0.15) would be 0.15 more or less
+    assert mu_t == pytest.approx(0.20, abs=0.01)
+    # a vehicle file without the idle current: by hand τ k_t 2 I / (r W) = 0.0810 more
+    vehicle = vehicle_of(plant.Body(idle_current=0.0))
+    blind = TerrainEstimator(vehicle, slip_track=1.1, motion_resistance=Estimate(0.1, 0.1))
+    assert observe(blind, log)[-1].known.values[0] - f_r == pytest.approx(0.0913, abs=0.002)
+
+
+def test_downhill_magnitudes_of_currents_tell_nothing():
+    log = plant.drive([(2, 0, 0), (10, 0.5, 0.0)], plant.DIRT, pitch=0.3)
+    assert log["current_left"].min() < -1.0  # the motors brake
+    found = observe(estimator_of(), log)
+    assert found[-1].known.values[0] == pytest.approx(0.13, abs=0.02)
+    log["current_left"] = np.abs(log["current_left"])
+    log["current_right"] = np.abs(log["current_right"])
+    found = observe(estimator_of(), log)
+    assert np.isnan(found[-1].own.motion_resistance.value)
+    assert "downhill" in found[-1].own.motion_resistance.note
+
+
+def test_stuck_is_named_and_not_averaged_in():
+    legs = [
+        *plant.square(sides=2)[:-1], (0.5, 0.0, 0.0), (10.0, 0.0, np.nan), (0.5, 0.0, 0.0),
+    ]  # fmt: skip
+    estimator = estimator_of()
+    log = plant.drive(legs, plant.DIRT)
+    found = observe(estimator, log)
+    stuck = [o for o in found if o.phase is Phase.STUCK]
+    assert stuck
+    begin = 2.0 + 2 * (8 + 0.3 + 2 + 0.3) + 0.5
+    assert stuck[0].begin == pytest.approx(begin + 0.7, abs=0.3)
+    assert sum(o.end - o.begin for o in stuck) > 9.0
+    assert found[-1].known.values[2] == pytest.approx(1.15, abs=0.06)
+    assert estimator.filter.slip_track == pytest.approx(1.15, abs=0.06)
+    # the same filter without the phases would have followed the spinning wheels
+    assert np.isnan(stuck[0].own.values).all()
+
+
+def test_a_change_of_ground_is_followed_within_two_turns():
+    legs = plant.square(sides=8)
+    change = 2.0 + 4 * 10.6
+
+    def ground(s):
+        return plant.ASPHALT if s < change else plant.SAND
+
+    found = [o for o in observe(estimator_of(), plant.drive(legs, ground)) if o.phase is Phase.SPOT]
+    before, after = found[:4], found[4:]
+    assert before[-1].own.slip_track.value == pytest.approx(1.0, abs=0.06)
+    assert after[1].own.slip_track.value == pytest.approx(1.62, abs=0.08)
+    assert after[1].known.values[0] == pytest.approx(0.30, abs=0.02)
+    assert after[1].known.values[1] == pytest.approx(0.11, abs=0.01)
+
+
+def test_with_the_settings_of_print_it_follows_within_two_turns():
+    legs = plant.square(sides=8)
+
+    def ground(s):
+        return plant.ASPHALT if s < 2.0 + 4 * 10.6 else plant.SAND
+
+    log = plant.drive(legs, ground, gyro_std=0.1)
+    found = observe(estimator_of(settings=EstimatorSettings()), log)
+    turns = [o for o in found if o.phase is Phase.SPOT]
+    assert turns[5].own.slip_track.value == pytest.approx(1.62, abs=0.15)
+
+
+def test_before_the_first_straight_the_assumed_resistance_is_said():
+    found = observe(estimator_of(), plant.drive([(1, 0, 0), (5, 0.0, 0.8)], plant.DIRT))
+    assert found[0].own.lateral_resistance.note == "f_r assumed"
+    assert found[0].own.lateral_resistance.std > 0.1
+
+
+def test_unusable_samples_and_gaps_end_a_stretch():
+    log = plant.drive([(2, 0, 0), (4, 0.5, 0.0)], plant.DIRT)
+    rows = list(zip(*(log[name].tolist() for name in SAMPLE), strict=True))
+    whole = estimator_of()
+    assert sum(whole.update(*row) is not None for row in rows) + bool(whole.finish()) == 1
+    holed = estimator_of()
+    found = [holed.update(*row, usable=not 400 <= i < 410) for i, row in enumerate(rows)]
+    found.append(holed.finish())
+    ends = [o for o in found if o is not None]
+    assert len(ends) == 2
+    assert ends[0].end < 4.0
+    assert ends[1].begin > 4.1
+    gap = estimator_of()
+    found = [gap.update(*row) for i, row in enumerate(rows) if not 400 <= i < 500]
+    assert len([o for o in [*found, gap.finish()] if o is not None]) == 2
+
+
+def test_online_and_offline_are_the_same_and_quick():
+    log = plant.drive(plant.square(sides=12), plant.DIRT)
+    estimator = estimator_of()
+    rows = list(zip(*(log[name].tolist() for name in SAMPLE), strict=True))
+    begin = time.perf_counter()
+    for row in rows:
+        estimator.update(*row)
+    per_sample = (time.perf_counter() - begin) / len(rows)
+    assert per_sample < 60e-6  # 20 µs on an idle machine; three times that for a busy one
+
+
+def test_a_vehicle_without_motor_constants_is_refused():
+    import dataclasses
+
+    for name in ("motor_torque_constant", "gear_ratio"):
+        vehicle = dataclasses.replace(vehicle_of(), **{name: None})
+        with pytest.raises(ParameterError, match=f"vehicle.{name}: expected a number"):
+            TerrainEstimator(vehicle, slip_track=1.1, motion_resistance=Estimate(0.1, 0.1))

@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+from models.terrain.estimator import TerrainEstimator
+from models.terrain.observation import Observation
+from models.terrain.resistances import Estimate
+from models.terrain.settings import EstimatorSettings, FilterSettings
+from models.vehicle import Vehicle
+from tests.models.terrain.plant import Body
+
+HUSKY = Body()
+QUIET = EstimatorSettings(filter=FilterSettings(yaw_rate_std=0.03))
+SAMPLE = (
+    "t", "v_left", "v_right", "yaw_rate", "current_left", "current_right", "pitch", "roll",
+)  # fmt: skip
+
+
+def vehicle_of(body: Body = HUSKY) -> Vehicle:
+    return Vehicle(
+        mass=body.mass,
+        wheelbase=body.wheelbase,
+        track_width=body.track_width,
+        cg_x=0.5 * body.wheelbase,
+        cg_z=body.cg_z,
+        wheel_radius=body.wheel_radius,
+        drive="skid_steer",
+        max_wheel_speed=1.0,
+        max_drive_force=200.0,
+        max_drive_power=300.0,
+        motor_torque_constant=body.torque_constant,
+        gear_ratio=body.gear_ratio,
+        idle_current=body.idle_current,
+    )
+
+
+def estimator_of(body: Body = HUSKY, settings: EstimatorSettings = QUIET) -> TerrainEstimator:
+    return TerrainEstimator(
+        vehicle_of(body), slip_track=1.1, motion_resistance=Estimate(0.1, 0.1), settings=settings
+    )
+
+
+def observe(estimator: TerrainEstimator, log: dict) -> list[Observation]:
+    rows = zip(*(log[name].tolist() for name in SAMPLE), strict=True)
+    found = [estimator.update(*row) for row in rows]
+    found.append(estimator.finish())
+    return [observation for observation in found if observation is not None]
