@@ -1,0 +1,139 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from models.errors import ParameterError
+from models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses, by_rules
+from models.terrain.classifier import NONE, ClassifierSettings, TerrainClassifier
+from services.files.terrain_file import find_terrains, read_terrains
+from tests.models.terrain.paper import MEANS, OBSERVATIONS, STDS
+
+NAN = math.nan
+HUSKY = read_terrains(find_terrains("husky")).classes
+CLASSIFIER = TerrainClassifier(HUSKY)
+
+
+def test_the_shipped_classes_are_those_of_table_2():
+    for one in HUSKY.terrain:
+        assert tuple(f.mean for f in one.features) == MEANS[one.name]
+        assert tuple(f.std for f in one.features) == STDS[one.name]
+
+
+@pytest.mark.parametrize(("values", "name"), OBSERVATIONS)
+def test_table_5_by_rules_and_by_probability(values, name):
+    assert by_rules(HUSKY, values).name == name
+    assert CLASSIFIER.classify(values).name == name
+
+
+def test_rules_by_hand():
+    # (0.21, 0.22, 1.29): plowed meets f_r (low, 1) and B_s (medium, 2) of 1 + 2 + 2; dirt road
+    # meets μ_t (high, 3) of 3 + 3 + 1; sand f_r (medium, 2) of 2 + 3; asphalt nothing
+    met = by_rules(HUSKY, (0.21, 0.22, 1.29)).met
+    assert met == {
+        "asphalt": 0.0,
+        "dirt_road": pytest.approx(3 / 7),
+        "plowed_terrain": pytest.approx(3 / 5),
+        "beach_sand": pytest.approx(2 / 5),
+    }
+    assert by_rules(HUSKY, (NAN, NAN, NAN)).name == ""
+    assert by_rules(HUSKY, (0.195, 0.23, 1.0)).name == "dirt_road"
+    assert by_rules(HUSKY, (0.195, 0.1, 0.9)).name == ""
+
+
+def draws(count):
+    random = np.random.default_rng(5)
+    for name, mean in MEANS.items():
+        yield name, random.normal(mean, STDS[name], (count, 3))
+
+
+def test_draws_from_table_2():
+    right = by_rule = 0.0
+    names = [*MEANS, NONE]
+    for name, rows in draws(4000):
+        answers = CLASSIFIER.probabilities(rows, np.zeros_like(rows)).argmax(axis=1)
+        right += np.mean(answers == names.index(name)) / 4
+        by_rule += np.mean([by_rules(HUSKY, tuple(row)).name == name for row in rows[:1000]]) / 4
+    assert right >= 0.97
+    assert right == pytest.approx(0.986, abs=0.005)
+    assert by_rule == pytest.approx(0.82, abs=0.02)  # the rules' own figure
+
+
+def test_probabilities_mean_what_they_say():
+    # of answers given with probability p, about p are right
+    said, right = [], []
+    names = [*MEANS, NONE]
+    for name, rows in draws(4000):
+        table = CLASSIFIER.probabilities(rows, np.zeros_like(rows))
+        said.append(table.max(axis=1))
+        right.append(table.argmax(axis=1) == names.index(name))
+    said, right = np.concatenate(said), np.concatenate(right)
+    middle = (said > 0.5) & (said < 0.9)
+    assert np.mean(right[middle]) > np.mean(said[middle]) - 0.1
+    assert np.mean(right[said > 0.95]) > 0.95
+
+
+def test_ground_of_no_known_class():
+    for values in ((0.6, 0.6, 0.7), (0.02, 0.02, 3.0), (0.5, 0.4, 4.0)):
+        answer = CLASSIFIER.classify(values)
+        assert answer.name == NONE, (values, answer)
+        assert sum(answer.probabilities.values()) == pytest.approx(1.0)
+    assert TerrainClassifier(TerrainClasses(name="empty")).classify((0.1, 0.1, 1.0)).name == NONE
+
+
+def test_what_is_not_known_says_nothing():
+    assert CLASSIFIER.classify((0.03, NAN, NAN)).name == "asphalt"
+    assert CLASSIFIER.classify((NAN, 0.11, NAN)).name == "beach_sand"
+    nothing = CLASSIFIER.classify((NAN, NAN, NAN))
+    assert nothing.name == ""
+    assert [*nothing.probabilities.values()] == pytest.approx([0.245] * 4 + [0.02])
+
+
+def test_a_poor_measurement_is_less_sure():
+    sharp = CLASSIFIER.classify((0.03, 0.26, 1.0), (0.001, 0.001, 0.001))
+    poor = CLASSIFIER.classify((0.03, 0.26, 1.0), (0.3, 0.3, 1.0))
+    assert sharp.probability > 0.99
+    assert poor.probability < 0.6
+
+
+def test_one_feature_against_quadrature():
+    # the posterior predictive of a normal with unknown mean and variance, integrated by scipy
+    mean, std, n, x = 0.2, 0.05, 6, 0.31
+
+    def joint(log_s, m, value=None):
+        s = math.exp(log_s)
+        log = -(n - 1) * log_s - 0.5 * ((n - 1) * std**2 + n * (m - mean) ** 2) / s**2 - log_s
+        if value is not None:
+            log += -0.5 * ((value - m) / s) ** 2 - log_s - 0.5 * math.log(2 * math.pi)
+        return math.exp(log)
+
+    box = (mean - 0.4, mean + 0.4, math.log(0.01), math.log(0.6))
+    below = integrate.dblquad(joint, *box)[0]
+    above = integrate.dblquad(lambda a, m: joint(a, m, x), *box)[0]
+    feature = FeatureOfClass(mean=mean, std=std, samples=n)
+    classes = TerrainClasses(
+        name="one", terrain=(TerrainClass(name="only", motion_resistance=feature),)
+    )
+    settings = ClassifierSettings(gross_error=1e-12, unknown_ground=0.5)
+    answer = TerrainClassifier(classes, settings).classify((x, NAN, NAN)).probabilities
+    width = 3.0 * std * math.sqrt(7 / 6)  # of the Cauchy background of a single class
+    anywhere = 1.0 / (math.pi * width * (1.0 + ((x - mean) / width) ** 2))
+    assert answer["only"] / answer[NONE] == pytest.approx(above / below / anywhere, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: FeatureOfClass(mean=1, std=0, samples=6), "std: expected a finite number > 0"),
+        (lambda: FeatureOfClass(mean=1, std=1, samples=1), "samples: expected"),
+        (lambda: FeatureOfClass(mean=1, std=1, samples=6, rule=(2.0, 1.0)), "rule: expected"),
+        (lambda: TerrainClass(name=" "), "name: expected"),
+        (lambda: TerrainClasses(name="x", terrain=HUSKY.terrain[:1] * 2), "asphalt twice"),
+    ],
+)
+def test_classes_that_make_no_sense(make, words):
+    with pytest.raises(ParameterError, match=words):
+        make()
