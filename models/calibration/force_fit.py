@@ -1,0 +1,128 @@
+"""The four coefficients of the braking model by one joint, robust least squares.
+
+F_b/W = (m_m v_i + b_m) θ + (m_b v_i + b_b): linear in the coefficients, so the vectors
+[v θ, θ, v, 1] of all stops make one regression of the gravity-free force.
+Source: Braking (7)–(10); print regresses the deceleration with gravity in it, in two stages, and
+labels the vector of (10) [m_m, m_b] where it is [m_m, b_m]. One stage is better conditioned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration import random_effects
+from models.calibration.random_effects import LinearFit
+
+Floats = NDArray[np.float64]
+
+NAMES = ("m_m", "b_m", "m_b", "b_b")
+"""Order of coefficients and covariance."""
+
+WEAK_PRIOR = (0.2, 0.7, 0.1, 1.0)
+"""Standard deviations around the coefficients known before [s/m, 1, s/m, 1]. Wide beside what a few
+dozen stops tell; where they tell nothing, such as the slope coefficients on level ground, the known
+coefficient stays."""
+
+
+@dataclass(frozen=True, slots=True)
+class ForceFit:
+    """Coefficients in the order of :data:`NAMES`.
+
+    Attributes:
+        coefficients: (4,). covariance: (4, 4).
+        learned: (4,) share of each coefficient's prior variance that the stops removed, 0 … 1.
+        scatter: of F_b/W from stop to stop, standard deviation.
+        regression: residuals and weights, one entry a stop.
+    """
+
+    coefficients: Floats
+    covariance: Floats
+    learned: Floats
+    scatter: float
+    regression: LinearFit
+
+    def force_ratio(self, speed: Floats | float, grade: Floats | float) -> Floats:
+        """F_b/W at onset speeds [m/s] and grades [rad], broadcast."""
+        m_m, b_m, m_b, b_b = self.coefficients
+        result: Floats = np.asarray((m_m * speed + b_m) * grade + m_b * speed + b_b)
+        return result
+
+    def force_std(self, speed: Floats | float, grade: Floats | float) -> Floats:
+        """Standard deviation of F_b/W, from the coefficients alone."""
+        x = design(np.atleast_1d(speed), np.atleast_1d(grade))
+        std: Floats = np.sqrt(np.einsum("ni,ij,nj->n", x, self.covariance, x))
+        return std
+
+
+def design(speed: Floats, grade: Floats) -> Floats:
+    """Rows [v θ, θ, v, 1], (n, 4)."""
+    speed, grade = np.broadcast_arrays(speed, grade)
+    return np.column_stack((speed * grade, grade, speed, np.ones_like(speed)))
+
+
+def fit_force(
+    speed: Floats,
+    grade: Floats,
+    force_ratio: Floats,
+    noise: Floats,
+    known: Floats,
+    *,
+    common: tuple[Floats, float] | None = None,
+    mount_std: float = 0.0,
+    prior_std: tuple[float, ...] = WEAK_PRIOR,
+) -> ForceFit:
+    """Joint fit of all four coefficients.
+
+    Args:
+        speed: (n,) onset speeds [m/s]. grade: (n,) mean θ while braking [rad].
+        force_ratio: (n,) gravity-free F_b/W. noise: (n,) its measurement noise.
+        known: (4,) coefficients known before.
+        common: what errs alike in all stops: (n,) change of the force with it, and its standard
+            deviation.
+        mount_std: standard deviation of the mount offset that was taken out of all grades [rad].
+        prior_std: (4,) how well ``known`` is known.
+    """
+    prior = np.diag(np.square(prior_std))
+    regression = random_effects.fit(design(speed, grade), force_ratio, noise, known, prior)
+    covariance = regression.covariance
+    if common is not None:
+        direction = regression.gain @ common[0] * common[1]
+        covariance = covariance + np.outer(direction, direction)
+    if mount_std > 0.0:
+        # Grades all off by e: F_b/W comes out (1 + m) e too low, on level ground most plainly.
+        m_m, b_m = regression.coefficients[:2]
+        direction = mount_std * np.array([0.0, 0.0, -m_m, -(1.0 + b_m)])
+        covariance = covariance + np.outer(direction, direction)
+    learned = np.clip(1.0 - np.diag(covariance) / np.diag(prior), 0.0, 1.0)
+    return ForceFit(
+        regression.coefficients, 0.5 * (covariance + covariance.T), learned, regression.scatter,
+        regression,
+    )  # fmt: skip
+
+
+def fit_two_stages(
+    speed: Floats, grade: Floats, force_ratio: Floats, groups: int = 4
+) -> Floats | None:
+    """The paper's own estimator, for comparison: lines over grade in speed groups, then over speed.
+
+    Groups hold equally many stops. Source: Braking (9), (10), with the gravity-free force and the
+    labels corrected.
+
+    Returns:
+        (4,) coefficients, None where a group has no two grades or the groups no two speeds.
+    """
+    order = np.argsort(speed, kind="stable")
+    lines, centres = [], []
+    for members in np.array_split(order, groups):
+        if len(members) < 3 or np.ptp(grade[members]) < 1e-6:
+            return None
+        lines.append(np.polyfit(grade[members], force_ratio[members], 1))
+        centres.append(float(np.mean(speed[members])))
+    if np.ptp(centres) < 1e-6:
+        return None
+    m_m, b_m = np.polyfit(centres, [line[0] for line in lines], 1)
+    m_b, b_b = np.polyfit(centres, [line[1] for line in lines], 1)
+    return np.array([m_m, b_m, m_b, b_b])

@@ -1,0 +1,194 @@
+"""From a drive log to the braking part of a model file.
+
+Stops are found, measured on their ground and fitted jointly; margins come from predictions of
+stops that the fit had not seen; surfaces with stops enough get coefficients of their own.
+
+Source: Braking Sec. 2, 4.1 and 4.2.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration import mount_offset
+from models.calibration.dead_time import DeadTime
+from models.calibration.find_stops import StopWindow, Verdict, find_stops
+from models.calibration.force_fit import NAMES
+from models.calibration.ground_grade import Dive
+from models.calibration.measure import Measured, measure
+from models.calibration.mount_offset import Mount
+from models.calibration.stop_record import cut
+from models.calibration.surface_fit import (
+    FEWEST_STOPS,
+    CalibrationSettings,
+    SurfaceFit,
+    fit_records,
+    fit_surfaces,
+)
+from models.drive_quality import Stretch, find_suspects, usable
+from models.errors import ParameterError
+from models.parameters import Braking, SurfaceBraking
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Everything that a drive log told about the brakes.
+
+    Attributes:
+        braking: ready for a model file.
+        surfaces: the base first, then each named surface that was told apart.
+        windows: every stop of the log, usable or not. suspects: stretches left out.
+        dead_time, dive, mount: what all stops share.
+        warnings: what a user has to know before trusting it, in sentences.
+    """
+
+    braking: Braking
+    surfaces: tuple[SurfaceFit, ...]
+    windows: tuple[StopWindow, ...]
+    suspects: tuple[Stretch, ...]
+    dead_time: DeadTime
+    dive: Dive
+    mount: Mount
+    warnings: tuple[str, ...]
+
+    @property
+    def verdicts(self) -> dict[str, int]:
+        """Stops by verdict."""
+        return dict(Counter(w.verdict.name.lower() for w in self.windows))
+
+
+def learn(
+    columns: Mapping[str, NDArray[Any]],
+    runs: Sequence[slice],
+    known: Braking,
+    *,
+    ground: Floats | None = None,
+    settings: CalibrationSettings | None = None,
+) -> Calibration:
+    """Learn the braking model from a log.
+
+    Args:
+        columns: channels of a drive log, (n,): ``t``, ``v``, ``v_cmd``, ``pitch`` and what else it
+            has. runs: samples of each run.
+        known: braking model so far; it decides only what the log says nothing about.
+        ground: (n,) grade of the ground from a map [rad], NaN where unknown; without it the grade
+            comes from the body's pitch, with dive and mount taken out as far as the log tells.
+        settings: coverage and what counts as a stop.
+
+    Raises:
+        ParameterError: too few usable stops; says how many were found and what was wrong with them.
+    """
+    wanted = settings or CalibrationSettings()
+    suspects = find_suspects(columns, runs)
+    matter = ["v", "v_cmd"] if ground is not None and np.isfinite(ground).all() else None
+    good = usable(len(columns["t"]), suspects, matter or ["v", "v_cmd", "pitch"])
+    windows = [w for run in runs for w in find_stops(columns, run, good, wanted.stops)]
+    stops = [cut(columns, w, ground) for w in windows if w.usable]
+    if len(stops) < FEWEST_STOPS:
+        raise ParameterError("stops", _too_few(windows, suspects))
+    mount = mount_of(columns, runs, good, ground)
+    measured = measure(stops, mount, lambda v: known.m_m * v + known.b_m)
+    first = fit_records(measured.records, measured, known)
+    m_m, b_m = float(first.coefficients[0]), float(first.coefficients[1])
+    measured = measure(stops, mount, lambda v: m_m * v + b_m, measured.dive)
+    surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
+    warnings += _warnings(measured, surfaces[0], mount, windows)
+    return Calibration(
+        _braking(known, surfaces, measured.dead_time), tuple(surfaces), tuple(windows), suspects,
+        measured.dead_time, measured.dive, mount, tuple(warnings),
+    )  # fmt: skip
+
+
+def mount_of(
+    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], good: NDArray[np.bool_],
+    ground: Floats | None,
+) -> Mount:  # fmt: skip
+    """Mount offset of the pitch sensor by the best source that the log has."""
+    pitch = columns["pitch"]
+    use = np.zeros(len(pitch), np.bool_)
+    heights = np.full(len(pitch), np.nan)
+    heading = np.full(len(pitch), np.nan)
+    for run in runs:
+        t, v = columns["t"][run], columns["v"][run]
+        if len(t) < 3:
+            continue
+        use[run] = mount_offset.steady(t, v)
+        forward = 0.5 * np.maximum(v[1:] + v[:-1], 0.0) * np.diff(t)
+        station = np.concatenate(([0.0], np.cumsum(forward)))
+        if "z" in columns and np.isfinite(columns["z"][run]).all():
+            heights[run] = mount_offset.from_heights(station, columns["z"][run])
+        if "yaw" in columns:
+            heading[run] = columns["yaw"][run]
+    use &= good
+    if ground is not None:
+        return mount_offset.from_grade(pitch, ground, use, "map")
+    mount = mount_offset.from_grade(pitch, heights, use, "heights along the way")
+    if not mount.known and {"x", "y", "yaw"} <= columns.keys():
+        mount = mount_offset.from_headings(pitch, columns["x"], columns["y"], heading, use)
+    return mount
+
+
+def _braking(known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime) -> Braking:
+    base, *own = (_values(s) for s in surfaces)
+    speed_low, speed_high = base["speed_range"]
+    base["speed_range"] = (speed_low, max(speed_high, speed_low + 1e-3))
+    tables = dict(known.terrain)
+    for surface, values in zip(surfaces[1:], own, strict=True):
+        before = tables.get(surface.name)
+        tables[surface.name] = (
+            SurfaceBraking(**values) if before is None else dataclasses.replace(before, **values)
+        )
+    return dataclasses.replace(known, dead_time=dead.value, uphill=None, terrain=tables, **base)
+
+
+def _values(surface: SurfaceFit) -> dict[str, Any]:
+    m_m, b_m, m_b, b_b = (float(c) for c in surface.fit.coefficients)
+    return {
+        "m_m": m_m, "b_m": b_m, "m_b": m_b, "b_b": b_b,
+        "distance_offset": surface.distance_offset, "time_offset": surface.time_offset,
+        "speed_range": surface.speed_range, "grade_range": surface.grade_range,
+        "covariance": tuple(tuple(float(c) for c in row) for row in surface.fit.covariance),
+    }  # fmt: skip
+
+
+def _warnings(
+    measured: Measured, base: SurfaceFit, mount: Mount, windows: Sequence[StopWindow]
+) -> list[str]:
+    said = []
+    if not mount.known and base.records[0].samples.grade is None:
+        shift = float(np.deg2rad(1.0) * (1.0 + base.fit.coefficients[1]))
+        said.append(
+            "mount offset of the pitch sensor cannot be told from this log (it takes a map, "
+            f"heights, or ground driven both ways): each degree would shift b_b by {shift:.4f}"
+        )
+    weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
+    if weak:
+        said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
+    out = [r for r in base.records if not r.kept]
+    if out:
+        worst = max(r.samples.distance - r.predicted_distance for r in out)
+        said.append(
+            f"{len(out)} of {len(base.records)} stops fit no other and were left out; "
+            f"the longest was {worst:+.2f} m beyond its prediction"
+        )
+    return said
+
+
+def _too_few(windows: Sequence[StopWindow], suspects: Sequence[Stretch]) -> str:
+    found = Counter(w.verdict for w in windows if w.verdict is not Verdict.USABLE)
+    usable_count = sum(w.usable for w in windows)
+    words = f"at least {FEWEST_STOPS} usable stops, got {usable_count} of {len(windows)} found"
+    if found:
+        words += "; " + ", ".join(f"{n} {v.name.lower()}" for v, n in found.most_common())
+    for s in suspects[:2]:
+        words += f"; {s.channel}: {s.reason}"
+    return words

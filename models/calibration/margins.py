@@ -1,0 +1,56 @@
+"""Safety offsets for a wanted coverage, out of how far predictions of unseen stops were off.
+
+Each stop is predicted by a fit that has not seen it. The offset covers the wanted share of future
+stops by the conformal order statistic, the longest shortfall where there are too few stops for one,
+or a normal tolerance bound, whichever is larger.
+
+Validity: future stops like those of the log, on ground inside the trained ranges.
+Source: Braking (11), (12) name the offsets and leave their values open. Conformal order statistic:
+Vovk et al. 2005; tolerance bound by the noncentral t distribution: Owen 1968.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Floats = NDArray[np.float64]
+
+_CONFIDENCE = 0.9
+"""That the tolerance bound covers the wanted share in truth."""
+
+_FEWEST = 5
+_EXACT = 100
+
+
+def offset_for(coverage: float, shortfall: Floats) -> float:
+    """Offset >= 0 that covers the wanted share of future stops.
+
+    Args:
+        coverage: share of stops, below 1.
+        shortfall: (n,) actual minus predicted value of stops that the prediction had not seen.
+
+    Raises:
+        ValueError: fewer than five stops.
+    """
+    n = len(shortfall)
+    if n < _FEWEST:
+        raise ValueError(f"an offset takes at least {_FEWEST} stops, got {n}")
+    rank = min(math.ceil((n + 1) * coverage), n)
+    return max(normal_bound(coverage, shortfall), float(np.sort(shortfall)[rank - 1]), 0.0)
+
+
+def normal_bound(coverage: float, shortfall: Floats) -> float:
+    """Upper tolerance bound of a normal distribution: mean + k std."""
+    n = len(shortfall)
+    z = float(stats.norm.ppf(coverage))
+    if n <= _EXACT:
+        k = float(stats.nct.ppf(_CONFIDENCE, n - 1, z * math.sqrt(n))) / math.sqrt(n)
+    else:  # the noncentral t underflows; Natrella's approximation is good to a percent from here on
+        sure = float(stats.norm.ppf(_CONFIDENCE)) ** 2
+        a, b = 1.0 - sure / (2.0 * (n - 1)), z * z - sure / n
+        k = (z + math.sqrt(z * z - a * b)) / a
+    return float(np.mean(shortfall)) + k * float(np.std(shortfall, ddof=1))

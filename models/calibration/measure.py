@@ -1,0 +1,133 @@
+"""Measuring all stops of a log together: ground under them, onsets, forces.
+
+What single stops cannot know they know together: how the body dives, how noisy the speed is, how
+long the brakes are dead. The order: knees on the raw grade, dive and mount, knees on the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration.dead_time import DeadTime, dead_time, sharpen
+from models.calibration.ground_grade import Dive, StopPitch, estimate_dive
+from models.calibration.mount_offset import Mount
+from models.calibration.onset import Knee, fit_knee
+from models.calibration.stop_record import StopRecord, StopSamples
+
+Floats = NDArray[np.float64]
+
+_POOLED = 20.0  # samples of its own that weigh as much as the noise of all stops
+_MOST_CORRELATED = 0.9
+_FEWEST_AFTER = 0.4  # [s] of standstill without which a stop shows no dive
+
+Slope = Callable[[float], float]
+"""Change of F_b/W with grade at an onset speed: m(v) of Braking (7)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Stops with their ground, and what they share.
+
+    Attributes:
+        records: stops that could be measured, in order. unmeasured: those that could not.
+        dead_time: of the brakes. by_dead_time: (n,) change of each force with it [1/s].
+        dive: of the body.
+    """
+
+    records: tuple[StopRecord, ...]
+    unmeasured: tuple[StopSamples, ...]
+    dead_time: DeadTime
+    by_dead_time: Floats
+    dive: Dive
+
+
+def measure(
+    stops: Sequence[StopSamples], mount: Mount, slope: Slope, dive: Dive | None = None
+) -> Measured:
+    """Measure stops.
+
+    Args:
+        stops: at least one that has a knee.
+        mount: of the pitch sensor.
+        slope: as far as it is known; it only matters where the grade varies along a stop.
+        dive: if it is known already, such as from an earlier call.
+
+    Raises:
+        ValueError: no stop shows a knee.
+    """
+    if dive is None:
+        dive = _dive(stops, slope)
+    grounds = [_ground(stop, None, mount, dive) for stop in stops]
+    knees = [_knee(stop, ground, slope) for stop, ground in zip(stops, grounds, strict=True)]
+    # The dive is in proportion to the deceleration, which the first knees give.
+    grounds = [_ground(stop, knee, mount, dive) for stop, knee in zip(stops, knees, strict=True)]
+    knees = [_knee(stop, ground, slope) for stop, ground in zip(stops, grounds, strict=True)]
+    good = [i for i, knee in enumerate(knees) if knee is not None]
+    if not good:
+        raise ValueError("no stop shows when its brakes took hold")
+    measured = [knee for knee in knees if knee is not None]
+    noise = speed_noise(measured)
+    common = dead_time(measured, noise)
+    sharp = sharpen(measured, noise, common)
+    records = tuple(
+        StopRecord(
+            stops[i], measured[j], grounds[i], float(noise[j]), float(sharp.onset_speed[j]),
+            measured[j].mean_grade, float(sharp.force_ratio[j]), float(sharp.force_std[j]),
+        )
+        for j, i in enumerate(good)
+    )  # fmt: skip
+    missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
+    return Measured(records, missing, common, sharp.by_dead_time, dive)
+
+
+def speed_noise(knees: Sequence[Knee]) -> Floats:
+    """(n,) noise of each stop [m/s]: its own residuals and those of all, weighed by samples.
+
+    Correlated residuals say less than their number: the variance is that of a first-order
+    autoregression's mean.
+    """
+    rms = np.array([knee.rms for knee in knees])
+    count = np.array([knee.samples for knee in knees])
+    pooled = float(np.median(rms)) ** 2
+    variance = (_POOLED * pooled + count * rms**2) / (_POOLED + count)
+    rho = float(np.median([knee.correlation for knee in knees]))
+    # Four fitted parameters make white residuals look anticorrelated.
+    rho = float(np.clip(rho + 2.0 / float(np.median(count)), 0.0, _MOST_CORRELATED))
+    noise: Floats = np.sqrt(variance * (1.0 + rho) / (1.0 - rho))
+    return noise
+
+
+def _dive(stops: Sequence[StopSamples], slope: Slope) -> Dive:
+    pitches = []
+    for stop in stops:
+        knee = _knee(stop, _ground(stop, None, Mount(), Dive()), slope)
+        still = float(stop.time[-1]) - stop.rest_time
+        if knee is None or still < _FEWEST_AFTER or not np.isfinite(stop.pitch).all():
+            continue
+        deceleration = knee.onset_speed / max(stop.rest_time - knee.onset_time, 1e-3)
+        pitches.append(
+            StopPitch(
+                stop.time, stop.station, stop.pitch, knee.onset_time, stop.rest_time, deceleration
+            )
+        )
+    return estimate_dive(pitches)
+
+
+def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> Floats:
+    """Grade of the ground at the samples: the map's where there is one, else out of the pitch."""
+    grade = mount.offset - stop.pitch
+    if knee is not None:
+        deceleration = knee.onset_speed / max(stop.rest_time - knee.onset_time, 1e-3)
+        grade = grade + dive.pitch(stop.time, knee.onset_time, stop.rest_time, deceleration)
+    if stop.grade is not None:
+        grade = np.where(np.isfinite(stop.grade), stop.grade, grade)
+    return grade
+
+
+def _knee(stop: StopSamples, ground: Floats, slope: Slope) -> Knee | None:
+    slope_here = slope(stop.window.held_speed)
+    return fit_knee(stop.time, stop.speed, ground, stop.rest_time, slope_here)

@@ -1,0 +1,124 @@
+"""How far a pitch sensor is mounted off the body's axis, out of ground that is known.
+
+Ground is known from a map or from heights along the way, or because it was driven in several
+directions: a plane under the same place shows its slope with opposite signs on the way out and
+back, the mount with the same one. Without any of these the offset cannot be told from grade; it is
+then taken to be nothing, with the uncertainty of a usual mounting.
+
+Validity: small angles, no drift of the sensor. Source: none; the identifiability follows from
+Braking (2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+USUAL_MOUNTING = 0.5 * np.pi / 180.0
+"""Standard deviation of a mounting that nobody checked [rad]."""
+
+_CELL = 2.0  # [m] ground within is a plane
+_STEADY = 0.5  # [m/s²] harder braking or drive pitches the body
+_LEAST_STEP = 0.3  # [m]
+_FEWEST = 20
+_BLOCKS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """The offset [rad], nose down positive, its standard deviation, and where it is known from."""
+
+    offset: float = 0.0
+    std: float = USUAL_MOUNTING
+    source: str = ""
+
+    @property
+    def known(self) -> bool:
+        """The log told it."""
+        return bool(self.source)
+
+
+def steady(time: Floats, speed: Floats) -> Bools:
+    """(n,) samples at which the vehicle rolls forward without much acceleration."""
+    step = max(float(np.median(np.diff(time))), 1e-3)
+    half = max(int(0.3 / step), 1)
+    padded = np.pad(speed, half, mode="edge")
+    width = 2 * half + 1
+    smooth = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+    use: Bools = (smooth > 0.3) & (np.abs(np.gradient(smooth, time)) < _STEADY)
+    return use
+
+
+def from_grade(pitch: Floats, grade: Floats, use: Bools, source: str) -> Mount:
+    """Offset beside a grade that is known, (n,) [rad] each; NaN where it is not."""
+    use = use & np.isfinite(grade) & np.isfinite(pitch)
+    if int(use.sum()) < _FEWEST:
+        return Mount()
+    off = (pitch + grade)[use]
+    blocks = [float(np.median(b)) for b in np.array_split(off, min(_BLOCKS, len(off) // 5))]
+    std = float(np.std(blocks, ddof=1)) / np.sqrt(len(blocks)) if len(blocks) > 1 else np.inf
+    return _believed(float(np.median(off)), std, source)
+
+
+def from_heights(station: Floats, height: Floats) -> Floats:
+    """(n,) grade out of heights along the way, over two metres to each side [rad]; NaN at rest."""
+    ahead = np.interp(station + _CELL, station, height)
+    behind = np.interp(station - _CELL, station, height)
+    way = np.minimum(station + _CELL, station[-1]) - np.maximum(station - _CELL, station[0])
+    good = way > _LEAST_STEP
+    rise = np.divide(ahead - behind, way, out=np.full_like(way, np.nan), where=good)
+    grade: Floats = np.arcsin(np.clip(rise, -1.0, 1.0))
+    return grade
+
+
+def from_headings(pitch: Floats, x: Floats, y: Floats, heading: Floats, use: Bools) -> Mount:
+    """Offset out of ground that was driven in several directions.
+
+    In each cell pitch = −(g_x cos ψ + g_y sin ψ) + offset with its own slopes g; the offset is what
+    all cells share. A cell that was driven in one direction only tells nothing.
+
+    Args:
+        pitch, heading: (n,) [rad]. x, y: (n,) positions [m].
+        use: (n,) steady samples, see :func:`steady`.
+    """
+    use = use & np.isfinite(pitch) & np.isfinite(x) & np.isfinite(y) & np.isfinite(heading)
+    if int(use.sum()) < _FEWEST:
+        return Mount()
+    place = np.column_stack((np.floor(x[use] / _CELL), np.floor(y[use] / _CELL)))
+    _, cell = np.unique(place, axis=0, return_inverse=True)
+    order = np.argsort(cell.ravel(), kind="stable")
+    bounds = np.flatnonzero(np.diff(cell.ravel()[order])) + 1
+    ones_with, ones_power = [], []
+    slopes = -np.column_stack((np.cos(heading[use]), np.sin(heading[use])))
+    for members in np.split(order, bounds):
+        if len(members) < 4:
+            continue
+        plane, singular, _ = np.linalg.svd(slopes[members], full_matrices=False)
+        plane = plane[:, singular > 0.05 * np.sqrt(len(members))]
+        one = 1.0 - plane @ plane.sum(axis=0)
+        power = float(one @ one)
+        if power > 0.02 * len(members):
+            ones_with.append(float(one @ pitch[use][members]))
+            ones_power.append(power)
+    if len(ones_power) < 3:
+        return Mount()
+    total, power_of = np.array(ones_with), np.array(ones_power)
+    offset = float(np.sum(total) / np.sum(power_of))
+    off = total - offset * power_of
+    std = float(np.sqrt(np.sum(off**2)) / np.sum(power_of)) * np.sqrt(len(off) / (len(off) - 1))
+    return _believed(offset, std, "ground driven in several directions")
+
+
+def _believed(offset: float, std: float, source: str) -> Mount:
+    """Weighed against a usual mounting; one that is known no better is not known.
+
+    A mounting that is far off was meant so, and the prior must not pull it back.
+    """
+    if not std < USUAL_MOUNTING:
+        return Mount()
+    return Mount(offset, std, source)

@@ -1,0 +1,198 @@
+"""What one stop measures: when the brakes took hold, at which speed, and with which force.
+
+The speed of a stop is a held level, a knee at the onset, and a fall whose slope is the force and
+gravity: v(t) = v_i − g ∫ (F_b/W + sin θ) dt from the onset on. With θ(t) known the integral is
+linear in the force, so that nothing has to be differentiated and slopes that vary along the stop
+are exact. Force, onset time and onset speed come with their covariance.
+
+Validity: constant brake application, white or weakly correlated speed noise. Omits: gradual build
+up of the force, which shows as a later onset. Source: Braking (1), (2), integrated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.quantity import GRAVITY
+
+Floats = NDArray[np.float64]
+
+_CREEP = 0.4  # [m/s²] how far the held speed may be from held, as a standard deviation
+_HELD = (0.03 / _CREEP) ** 2  # the same as a weight beside speed noise of 3 cm/s [s²]
+_COARSE, _FINE = 24, 12  # onset times tried
+_EARLIEST = -0.05  # [s] commands are logged up to a sample late
+_LOW = 0.05  # share of the held speed below which sensors and brakes do other things
+_EARLY = 0.05  # [s] noise makes the speed cross zero that much too early
+_FEWEST = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Knee:
+    """One stop in numbers.
+
+    Attributes:
+        onset_speed: v_i [m/s]. onset_time: since the stop command [s].
+        force_ratio: F_b/W at the mean grade of the braking.
+        covariance: (3, 3) of onset_speed, onset_time, force_ratio for a speed noise of 1 m/s.
+        rms: of the residuals [m/s]. correlation: of each residual with the one before.
+        samples: number of them. mean_grade: time average of θ from onset to standstill [rad].
+    """
+
+    onset_speed: float
+    onset_time: float
+    force_ratio: float
+    covariance: Floats
+    rms: float
+    correlation: float
+    samples: int
+    mean_grade: float
+
+
+def fit_knee(
+    time: Floats, speed: Floats, grade: Floats, rest_time: float, slope: float = 0.0
+) -> Knee | None:
+    """Least squares of held speed, knee and fall.
+
+    Args:
+        time: (n,) since the stop command [s], increasing, from before it to standstill or after.
+        speed: (n,) [m/s]. grade: (n,) θ of the ground [rad], uphill positive.
+        rest_time: of the first zero crossing since the command [s].
+        slope: change of F_b/W with grade, m v_i + b, as far as it is known; it matters where the
+            grade varies along the stop.
+
+    Returns:
+        None where there are too few samples or the speed does not fall.
+    """
+    latest = 0.8 * rest_time
+    pull = _Pull(time, grade, slope)
+    # Which samples belong to the fall must not depend on their own noise: the first cut is by the
+    # crossing, the second by the first fit.
+    t, v = _until(time, speed, (1.0 - _LOW) * rest_time)
+    if len(t) < _FEWEST + 2 or latest <= 0.0:
+        return None
+    onset = _best_onset(t, v, pull, rest_time, _EARLIEST, latest, _COARSE)
+    first = _solve(t, v, pull, np.array([onset]), rest_time).solution[0]
+    fall = _fall_time(first, pull, onset, rest_time)
+    t, v = _until(time, speed, min(onset + (1.0 - _LOW) * fall, rest_time + _EARLY))
+    if len(t) < _FEWEST + 2:
+        return None
+    near = 2.0 * (latest - _EARLIEST) / _COARSE
+    low, high = max(onset - near, _EARLIEST), min(onset + near, latest)
+    onset = _best_onset(t, v, pull, onset + fall, low, high, _FINE)
+    solved = _solve(t, v, pull, np.array([onset]), onset + fall)
+    if int((t > onset).sum()) < _FEWEST:
+        return None
+    return _knee(solved, t, pull, onset, onset + fall)
+
+
+def _until(time: Floats, speed: Floats, end: float) -> tuple[Floats, Floats]:
+    stop = int(np.searchsorted(time, end, side="right"))
+    return time[:stop], speed[:stop]
+
+
+def _fall_time(solution: Floats, pull: _Pull, onset: float, rest_time: float) -> float:
+    """From onset to standstill by a fit; no more than half as long again as was measured."""
+    sine = float(np.sin(pull.mean_grade(onset, rest_time)))
+    deceleration = GRAVITY * (float(solution[2]) + sine)
+    longest = 1.5 * (rest_time - onset)
+    return min(float(solution[0]) / deceleration, longest) if deceleration > 0.0 else longest
+
+
+def _best_onset(
+    t: Floats, v: Floats, pull: _Pull, rest_time: float, low: float, high: float, count: int
+) -> float:
+    """The onset of least squares between two times: tried ones, then the vertex of a parabola."""
+    onsets = np.linspace(low, high, count)
+    cost = _solve(t, v, pull, onsets, rest_time).cost
+    k = int(np.clip(np.argmin(cost), 1, count - 2))
+    before, here, after = cost[k - 1 : k + 2]
+    bend = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    return float(onsets[k] + np.clip(shift, -1.0, 1.0) * (onsets[1] - onsets[0]))
+
+
+class _Pull:
+    """Integrals of sin θ + slope (θ − mean) over time, and mean grades."""
+
+    def __init__(self, time: Floats, grade: Floats, slope: float) -> None:
+        self.time, self.grade, self.slope = time, grade, slope
+        self._sine = _cumulative(time, np.sin(grade))
+        self._grade = _cumulative(time, grade)
+
+    def mean_grade(self, since: Floats | float, until: float) -> Floats:
+        """Time average of θ, elementwise in its beginning [rad]."""
+        begin = np.clip(since, self.time[0], self.time[-1])
+        span = np.clip(until, self.time[0], self.time[-1]) - begin
+        turned = np.interp(until, self.time, self._grade) - np.interp(begin, self.time, self._grade)
+        here = np.interp(begin, self.time, self.grade)
+        mean: Floats = np.where(span > 1e-9, turned / np.where(span > 1e-9, span, 1.0), here)
+        return mean
+
+    def after(self, onset: Floats, until: float, t: Floats) -> Floats:
+        """(K, n) ∫ from each onset (K,) to t (n,), 0 before [s]."""
+        n, begin = len(t), onset[:, None]
+        mean = self.mean_grade(onset, until)[:, None]
+        sine = self._sine[:n] - np.interp(onset, self.time, self._sine)[:, None]
+        turn = self._grade[:n] - np.interp(onset, self.time, self._grade)[:, None]
+        integral = sine + self.slope * (turn - mean * (t - begin))
+        result: Floats = np.where(t > begin, integral, 0.0)
+        return result
+
+
+def _cumulative(time: Floats, values: Floats) -> Floats:
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+class _Solved(NamedTuple):
+    """Held speed, creep before the onset and force for each of K onset times.
+
+    Attributes:
+        design: (K, n, 3). solution: (K, 3). residual: (K, n) [m/s]. cost: (K,) [m²/s²].
+    """
+
+    design: Floats
+    solution: Floats
+    residual: Floats
+    cost: Floats
+
+
+def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, rest_time: float) -> _Solved:
+    since = t - onset[:, None]
+    fall = -GRAVITY * np.maximum(since, 0.0)
+    design = np.stack((np.ones_like(since), np.minimum(since, 0.0), fall), axis=2)
+    wanted = v + GRAVITY * pull.after(onset, rest_time, t)
+    normal = design.transpose(0, 2, 1) @ design
+    # Held speeds are held: the creep needs evidence.
+    normal[:, 1, 1] += _HELD
+    normal[:, 2, 2] += 1e-9
+    right = np.einsum("kni,kn->ki", design, wanted)
+    solution: Floats = np.asarray(np.linalg.solve(normal, right[:, :, None])[:, :, 0], np.float64)
+    residual = wanted - np.einsum("kni,ki->kn", design, solution)
+    cost = np.einsum("kn,kn->k", residual, residual) + _HELD * solution[:, 1] ** 2
+    return _Solved(design, solution, residual, cost)
+
+
+def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, rest_time: float) -> Knee:
+    design, residual = solved.design[0], solved.residual[0]
+    speed, creep, force = (float(x) for x in solved.solution[0])
+    braking = t > onset
+    sine = np.sin(float(np.interp(onset, pull.time, pull.grade)))
+    by_onset = np.where(braking, GRAVITY * (force + sine), -creep)
+    jacobian = np.column_stack((design, by_onset))
+    normal = jacobian.T @ jacobian
+    normal[1, 1] += _HELD
+    normal[np.diag_indices(4)] += 1e-12
+    covariance: Floats = np.asarray(np.linalg.inv(normal), np.float64)
+    order = np.array([0, 3, 2])
+    freedom = max(len(t) - 4, 1)
+    sum_sq = float(residual @ residual)
+    correlation = float(residual[1:] @ residual[:-1]) / max(sum_sq, 1e-300)
+    return Knee(
+        speed, onset, force, covariance[np.ix_(order, order)], float(np.sqrt(sum_sq / freedom)),
+        correlation, len(t), float(pull.mean_grade(onset, rest_time)),
+    )  # fmt: skip

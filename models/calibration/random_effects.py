@@ -1,0 +1,147 @@
+"""Robust weighted least squares for measurements that scatter more than their own noise.
+
+Each observation has a measurement variance that is known and a share in a scatter that is not:
+stops differ from each other by more than their sensors err. The scatter is estimated by restricted
+maximum likelihood, observations that fit neither are left out, and the covariance is scaled by what
+the residuals really show (Knapp and Hartung 2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, minimize_scalar
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_REJECT = 4.0  # standard deviations: one good observation in 16,000 is lost
+_PASSES = 20
+_MAD = 1.4826
+_MOST_REJECTED = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class LinearFit:
+    """Coefficients of y = X β with what is known of them.
+
+    Attributes:
+        coefficients: (p,). covariance: (p, p).
+        scatter: standard deviation from observation to observation beyond the measurement noise.
+        kept: (n,) observations that the fit rests on.
+        residuals: (n,) y − X β of all. variance: (n,) measurement noise and scatter together.
+        gain: (p, n) change of the coefficients with each observation, 0 for those left out.
+    """
+
+    coefficients: Floats
+    covariance: Floats
+    scatter: float
+    kept: Bools
+    residuals: Floats
+    variance: Floats
+    gain: Floats
+
+
+def fit(
+    design: Floats,
+    observed: Floats,
+    noise: Floats,
+    prior_mean: Floats,
+    prior_covariance: Floats,
+    *,
+    reject: float = _REJECT,
+) -> LinearFit:
+    """Fit with a weak prior, which decides only where the observations say nothing.
+
+    Args:
+        design: (n, p). observed: (n,). noise: (n,) standard deviations of the measurement.
+        prior_mean: (p,). prior_covariance: (p, p), positive definite.
+        reject: standard deviations from which an observation is left out.
+    """
+    information: Floats = np.asarray(np.linalg.inv(prior_covariance), np.float64)
+    start = _start(design, observed, noise, prior_mean, information)
+    residuals = observed - design @ start
+    center = float(np.median(residuals))
+    spread = _MAD * float(np.median(np.abs(residuals - center)))
+    scatter = np.sqrt(max(spread**2 - float(np.median(noise)) ** 2, 0.0))
+    kept = _within(residuals, noise, scatter, reject)
+    beta = start
+    for _ in range(_PASSES):
+        scatter = _scatter(design[kept], observed[kept], noise[kept], information, prior_mean)
+        beta = _solve(
+            design[kept], observed[kept], noise[kept] ** 2 + scatter**2, information, prior_mean
+        )[0]
+        residuals = observed - design @ beta
+        again = _within(residuals, noise, scatter, reject)
+        if (again == kept).all():
+            break
+        kept = again
+    return _result(design, observed, noise, scatter, kept, information, prior_mean)
+
+
+def _start(design: Floats, observed: Floats, noise: Floats, mean: Floats, info: Floats) -> Floats:
+    """Where gross errors pull little: absolute residuals count, their squares only near zero."""
+    root = np.linalg.cholesky(info).T
+    scale = max(float(np.median(noise)), 1e-6)
+    weight = 1.0 / np.maximum(noise, scale)
+
+    def residual(beta: Floats) -> Floats:
+        return np.concatenate(((observed - design @ beta) * weight, root @ (beta - mean)))
+
+    plain = least_squares(residual, mean, method="trf", loss="soft_l1", f_scale=1.0)
+    solution: Floats = plain.x
+    return solution
+
+
+def _within(residuals: Floats, noise: Floats, scatter: float, reject: float) -> Bools:
+    scaled = np.abs(residuals) / np.sqrt(noise**2 + scatter**2 + 1e-18)
+    limit = max(reject, float(np.quantile(scaled, 1.0 - _MOST_REJECTED)))
+    return scaled <= limit
+
+
+def _solve(
+    design: Floats, observed: Floats, variance: Floats, info: Floats, mean: Floats
+) -> tuple[Floats, Floats]:
+    weighted = design / variance[:, None]
+    normal = design.T @ weighted + info
+    covariance: Floats = np.asarray(np.linalg.inv(normal), np.float64)
+    beta: Floats = covariance @ (weighted.T @ observed + info @ mean)
+    return beta, covariance
+
+
+def _scatter(design: Floats, observed: Floats, noise: Floats, info: Floats, mean: Floats) -> float:
+    """Restricted maximum likelihood of the standard deviation of the random effect."""
+
+    def cost(log_scatter: float) -> float:
+        variance = noise**2 + np.exp(2.0 * log_scatter)
+        beta, covariance = _solve(design, observed, variance, info, mean)
+        residual = observed - design @ beta
+        off = beta - mean
+        quadratic = residual @ (residual / variance) + off @ info @ off
+        return float(np.sum(np.log(variance)) - np.linalg.slogdet(covariance)[1] + quadratic)
+
+    typical = max(float(np.std(observed - design @ _solve(
+        design, observed, np.full(len(noise), float(np.median(noise)) ** 2 + 1e-12), info, mean
+    )[0])), 1e-9)  # fmt: skip
+    low, high = np.log(1e-3 * typical), np.log(10.0 * typical)
+    best = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-3})
+    return float(np.exp(best.x))
+
+
+def _result(
+    design: Floats, observed: Floats, noise: Floats, scatter: float, kept: Bools,
+    info: Floats, mean: Floats,
+) -> LinearFit:  # fmt: skip
+    variance = noise**2 + scatter**2
+    beta, covariance = _solve(design[kept], observed[kept], variance[kept], info, mean)
+    residuals = observed - design @ beta
+    freedom = max(int(kept.sum()) - design.shape[1], 1)
+    shown = float(np.sum(residuals[kept] ** 2 / variance[kept])) / freedom
+    gain = np.zeros((design.shape[1], len(observed)))
+    gain[:, kept] = covariance @ (design[kept] / variance[kept][:, None]).T
+    return LinearFit(
+        beta, covariance * max(shown, 1.0), scatter, kept, residuals, variance * max(shown, 1.0),
+        gain,
+    )  # fmt: skip

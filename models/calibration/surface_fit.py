@@ -1,0 +1,181 @@
+"""Coefficients and margins of each surface, out of its measured stops.
+
+The margin of a surface comes from predictions of stops that the fit had not seen. A surface with
+too few stops of its own is part of the base; a base without stops is the weakest surface.
+Source: Braking Sec. 4.1, 4.2.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration.find_stops import StopSettings
+from models.calibration.force_fit import ForceFit, design, fit_force, fit_two_stages
+from models.calibration.margins import offset_for
+from models.calibration.measure import Measured
+from models.calibration.mount_offset import Mount
+from models.calibration.stop_record import StopRecord
+from models.calibration.stopping import stopping_distance, stopping_time
+from models.errors import ParameterError
+from models.parameters import Braking
+from models.quantity import GRAVITY
+
+Floats = NDArray[np.float64]
+
+FEWEST_STOPS = 8
+_PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationSettings:
+    """How to learn.
+
+    Attributes:
+        coverage: share of future stops that predictions with their offset have to cover.
+        fewest_per_surface: stops that a named surface needs to be told from the base.
+        stops: what counts as a stop.
+    """
+
+    coverage: float = 0.995
+    fewest_per_surface: int = 12
+    stops: StopSettings = field(default_factory=StopSettings)
+
+    def __post_init__(self) -> None:
+        if not 0.5 <= self.coverage < 1.0:
+            raise ParameterError("coverage", f"a share in [0.5, 1), got {self.coverage:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceFit:
+    """What was learned on one surface.
+
+    Attributes:
+        name: of the surface, "" for the base.
+        fit: coefficients with covariance. records: its stops with predictions by fits without them.
+        distance_offset, time_offset: margins for the wanted coverage [m], [s].
+        speed_range, grade_range: of the stops that the fit rests on [m/s], [rad].
+        two_stages: (4,) the paper's own estimator, None where it cannot be formed.
+    """
+
+    name: str
+    fit: ForceFit
+    records: tuple[StopRecord, ...]
+    distance_offset: float
+    time_offset: float
+    speed_range: tuple[float, float]
+    grade_range: tuple[float, float]
+    two_stages: Floats | None
+
+
+def fit_records(
+    records: Sequence[StopRecord], measured: Measured, known: Braking, mount_std: float = 0.0
+) -> ForceFit:
+    """Joint fit of some of the measured stops, near ``known`` where they say nothing."""
+    index = {id(r): i for i, r in enumerate(measured.records)}
+    rows = [index[id(r)] for r in records]
+    return fit_force(
+        np.array([r.onset_speed for r in records]),
+        np.array([r.grade for r in records]),
+        np.array([r.force_ratio for r in records]),
+        np.array([r.force_std for r in records]),
+        np.array([known.m_m, known.b_m, known.m_b, known.b_b]),
+        common=(measured.by_dead_time[rows], measured.dead_time.std),
+        mount_std=mount_std,
+    )
+
+
+def fit_surfaces(
+    measured: Measured, known: Braking, mount: Mount, settings: CalibrationSettings
+) -> tuple[list[SurfaceFit], list[str]]:
+    """The base, then every named surface with stops enough."""
+    names = sorted({r.samples.terrain for r in measured.records} - {""})
+    groups = {n: [r for r in measured.records if r.samples.terrain == n] for n in names}
+    enough = {n: g for n, g in groups.items() if len(g) >= settings.fewest_per_surface}
+    rest = [r for r in measured.records if r.samples.terrain not in enough]
+    warnings = []
+    own = [_surface(n, g, measured, known, mount, settings) for n, g in enough.items()]
+    if len(enough) == 1 and not rest:
+        base, own = dataclasses.replace(own[0], name=""), []
+    elif len(rest) >= settings.fewest_per_surface or not own:
+        base = _surface("", rest, measured, known, mount, settings)
+    else:
+        weakest = min(own, key=_level_force)
+        base = dataclasses.replace(weakest, name="")
+        warnings.append(
+            f"too few stops on ground without a name: it is taken to brake like {weakest.name}, "
+            "the weakest surface of the log"
+        )
+    return [base, *own], warnings
+
+
+def _level_force(surface: SurfaceFit) -> float:
+    speed = 0.5 * sum(surface.speed_range)
+    return float(surface.fit.force_ratio(speed, 0.0))
+
+
+def _surface(
+    name: str, records: Sequence[StopRecord], measured: Measured, known: Braking, mount: Mount,
+    settings: CalibrationSettings,
+) -> SurfaceFit:  # fmt: skip
+    on = known.on(name) if name else known
+    from_pitch = records[0].samples.grade is None
+    fit = fit_records(records, measured, on, mount.std if from_pitch and mount.known else 0.0)
+    seen = _predicted(records, fit, measured.dead_time.value)
+    kept = [r for r in seen if r.kept]
+    distance = np.array([r.samples.distance - r.predicted_distance for r in kept])
+    time = np.array([r.samples.rest_time - r.predicted_time for r in kept])
+    distance, time = distance[np.isfinite(distance)], time[np.isfinite(time)]
+    margin = _mount_margin(kept, fit, mount.std) if from_pitch else 0.0
+    speeds = [r.onset_speed for r in kept]
+    grades = [r.grade for r in kept]
+    return SurfaceFit(
+        name,
+        fit,
+        tuple(seen),
+        offset_for(settings.coverage, distance) + margin,
+        offset_for(settings.coverage, time),
+        (float(min(speeds)), float(max(speeds))),
+        (float(min(grades)) - _PAD, float(max(grades)) + _PAD),
+        fit_two_stages(np.array(speeds), np.array(grades), np.array([r.force_ratio for r in kept])),
+    )
+
+
+def _predicted(records: Sequence[StopRecord], fit: ForceFit, dead_time: float) -> list[StopRecord]:
+    """Each stop with the prediction of a fit that has not seen it (leave one out, closed form)."""
+    regression = fit.regression
+    x = design(np.array([r.onset_speed for r in records]), np.array([r.grade for r in records]))
+    seen = []
+    for i, record in enumerate(records):
+        gain = regression.gain[:, i]
+        leverage = min(float(x[i] @ gain), 0.99)
+        without = fit.coefficients - gain * (float(regression.residuals[i]) / (1.0 - leverage))
+        s = record.samples
+        along = slice(s.at_command, s.at_rest + 1)
+        station = s.station[along] - s.station[s.at_command]
+        held = s.window.held_speed
+        way = stopping_distance(held, dead_time, without, station, record.ground[along])
+        seen.append(
+            dataclasses.replace(
+                record,
+                kept=bool(regression.kept[i]),
+                predicted_distance=way,
+                predicted_time=stopping_time(held, dead_time, way),
+            )
+        )
+    return seen
+
+
+def _mount_margin(records: Sequence[StopRecord], fit: ForceFit, mount_std: float) -> float:
+    """Way that two standard deviations of the mount offset cost in nine stops of ten [m]."""
+    costs = []
+    for r in records:
+        m = float(fit.coefficients[0]) * r.onset_speed + float(fit.coefficients[1])
+        deceleration = r.force_ratio + np.sin(r.grade)
+        way = r.onset_speed**2 / (2.0 * GRAVITY * max(deceleration, 0.02))
+        costs.append(way * abs(1.0 + m) * 2.0 * mount_std / max(deceleration, 0.02))
+    return float(np.quantile(costs, 0.9))

@@ -1,0 +1,155 @@
+"""A vehicle to calibrate, made of nothing that the project computes with.
+
+Stops are integrated in small steps on ground whose slope varies along the way; the body dives and
+rocks back, sensors are noisy and mounted askew. All stops of a log are integrated side by side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+G = 9.80665
+STEP = 0.002  # [s]
+
+
+@dataclass(frozen=True)
+class Plant:
+    """True values. Angles in rad, speed noise in m/s, dive in rad s²/m."""
+
+    m_m: float = -0.03
+    b_m: float = -0.35
+    m_b: float = 0.015
+    b_b: float = 0.40
+    dead_time: float = 0.3
+    speed_noise: float = 0.03
+    pitch_noise: float = np.deg2rad(0.3)
+    scatter: float = 0.004
+    dive: float = 0.0
+    settling: float = 0.08
+    mount: float = 0.0
+    undulation: float = np.deg2rad(1.5)
+    outliers: float = 0.0
+    hz: float = 100.0
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        return np.array([self.m_m, self.b_m, self.m_b, self.b_b])
+
+    def force(self, grade: np.ndarray | float, onset_speed: np.ndarray | float) -> np.ndarray:
+        m, b = self.m_m * onset_speed + self.b_m, self.m_b * onset_speed + self.b_b
+        return np.asarray(m * grade + b)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """(stops,) what really happened: speed at the command, mean grade, way and time to rest."""
+
+    speed: np.ndarray
+    grade: np.ndarray
+    distance: np.ndarray
+    time: np.ndarray
+
+
+def drive(
+    plant: Plant, stops: int, seed: int, *, grades: tuple[float, float] = (-0.25, 0.25),
+    speeds: tuple[float, float] = (1.0, 4.0), level: bool = False, terrain: str | None = None,
+    out_and_back: bool = False,
+) -> tuple[dict[str, np.ndarray], list[slice], Truth]:  # fmt: skip
+    """A drive log of some stops, one run a stop, and the truth behind it.
+
+    ``out_and_back`` adds x, y, yaw: every place is driven in both directions.
+    """
+    rng = np.random.default_rng(seed)
+    speed = rng.uniform(*speeds, stops)
+    base = np.zeros(stops) if level else rng.uniform(*grades, stops)
+    heading = np.zeros(stops)
+    if out_and_back:
+        half = (stops + 1) // 2
+        base = np.concatenate((base[:half], base[:half]))[:stops]
+        heading = np.where(np.arange(stops) < half, 0.0, np.pi)
+    amplitude = 0.0 if level else plant.undulation
+    phase, wave = rng.uniform(0, 2 * np.pi, stops), rng.uniform(8.0, 16.0, stops)
+    error = plant.scatter * rng.standard_normal(stops)
+    wild = rng.random(stops) < plant.outliers
+    error = np.where(wild, rng.choice([-0.25, 0.3], stops), error)
+
+    if out_and_back:
+        half = (stops + 1) // 2
+        phase = np.concatenate((phase[:half], phase[:half]))[:stops]
+        wave = np.concatenate((wave[:half], wave[:half]))[:stops]
+    back = heading > 1.0
+
+    def ground(s: np.ndarray) -> np.ndarray:
+        along = np.where(back, 10.0 - s, s)
+        slope = base + amplitude * np.sin(2 * np.pi * along / wave + phase)
+        return np.where(back, -slope, slope)
+
+    lead, tail = 1.5, 1.6
+    v, s = speed.copy(), np.zeros(stops)
+    done, way, dive = np.full(stops, np.nan), np.full(stops, np.nan), np.zeros(stops)
+    mean, count = np.zeros(stops), np.zeros(stops)
+    kept: list[tuple[np.ndarray, ...]] = []
+    every = round(1.0 / (plant.hz * STEP))
+    k, t = 0, -lead
+    while True:
+        share = float(np.clip((t + STEP - plant.dead_time) / STEP, 0.0, 1.0))  # of this step
+        braking = share * np.isnan(done)
+        theta = ground(s)
+        a = braking * G * (plant.force(theta, speed) + error + np.sin(theta))
+        if k % every == 0:
+            since = np.where(np.isnan(done), 0.0, t - done)
+            rock = np.where(
+                np.isnan(done), 0.0, -0.06 * np.exp(-since / 0.1) * np.sin(since / 0.05)
+            )
+            kept.append((np.full(stops, t), v + rock, theta, dive, s.copy()))
+        if np.isfinite(done).all() and t > np.max(done) + tail:
+            break
+        assert t < 60.0, "the plant does not stop"
+        middle = np.maximum(v - 0.5 * STEP * a, 0.0)
+        theta_mid = ground(s + 0.5 * STEP * v)
+        a_mid = braking * G * (plant.force(theta_mid, speed) + error + np.sin(theta_mid))
+        arrived = (braking > 0.0) & (v - STEP * a_mid <= 0.0)
+        last = np.where(arrived, v / np.maximum(a_mid, 1e-9), STEP)
+        s = s + np.where(np.isnan(done), np.where(arrived, 0.5 * v * last, STEP * middle), 0.0)
+        mean, count = mean + braking * theta, count + braking
+        done = np.where(arrived, t + last, done)
+        way = np.where(arrived, s, way)
+        v = np.where(arrived, 0.0, np.where(np.isnan(done), v - STEP * a_mid, v))
+        dive = dive + STEP / plant.settling * (plant.dive * a - dive)
+        k, t = k + 1, t + STEP
+
+    times, speeds_, thetas, dives, ways = (np.array(c).T for c in zip(*kept, strict=True))
+    at = speed * lead
+    columns: dict[str, list[np.ndarray]] = {}
+    runs, begin, clock = [], 0, 0.0
+    for i in range(stops):
+        n = int(np.searchsorted(times[i], done[i] + tail))
+        part = slice(0, n)
+        noise = rng.standard_normal((2, n))
+        x = 1000.0 * (i % ((stops + 1) // 2)) + np.cos(heading[i]) * (ways[i, part] - 5.0)
+        row = {
+            "run": np.full(n, str(i)), "t": clock + lead + times[i, part],
+            "v": speeds_[i, part] + plant.speed_noise * noise[0],
+            "v_cmd": np.where(times[i, part] < -1e-9, speed[i], 0.0),
+            "pitch": -thetas[i, part] + plant.mount + dives[i, part] + plant.pitch_noise * noise[1],
+        }  # fmt: skip
+        if out_and_back:
+            row |= {"x": x, "y": np.zeros(n), "yaw": np.full(n, heading[i])}
+        if terrain is not None:
+            row["terrain"] = np.full(n, terrain)
+        for name, values in row.items():
+            columns.setdefault(name, []).append(values)
+        runs.append(slice(begin, begin + n))
+        begin, clock = begin + n, clock + float(times[i, n - 1]) + 5.0
+    log = {name: np.concatenate(parts) for name, parts in columns.items()}
+    return log, runs, Truth(speed, mean / count, way - at, done)
+
+
+def predicted(coefficients: np.ndarray, dead_time: float, truth: Truth) -> np.ndarray:
+    """(stops,) Braking (12) at the mean grade, written out once more."""
+    m_m, b_m, m_b, b_b = coefficients
+    v, theta = truth.speed, truth.grade
+    a = G * ((m_m * v + b_m) * theta + m_b * v + b_b + np.sin(theta))
+    return v * v / (2 * a) + dead_time * v
