@@ -1,0 +1,147 @@
+"""The braking model learned while driving: samples in, coefficients for planning out.
+
+One stream of samples, one estimate and one published set for each surface. A surface that is seen
+for the first time starts from the model's own table for it, or from the base.
+
+Source: Braking Sec. 1.2 ("even autonomously by the robot") and 4.2, which keeps a FIFO of stops;
+:class:`FifoForce` is that one, :class:`OnlineBraking` does the same in constant time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration.force_fit import WEAK_PRIOR, ForceFit, fit_force
+from models.calibration.published import PublishedForce, PublishSettings
+from models.calibration.recursive import Outcome, RecursiveForce, RecursiveSettings
+from models.calibration.stream import StopStream, StreamedStop
+from models.parameters import Braking
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class OnlineStop:
+    """A stop that was just completed, and what became of it."""
+
+    surface: str
+    measured: StreamedStop
+    outcome: Outcome
+
+
+class _Surface:
+    def __init__(
+        self, known: Braking, recursive: RecursiveSettings, publish: PublishSettings
+    ) -> None:
+        start = np.array([known.m_m, known.b_m, known.m_b, known.b_b])
+        given = known.covariance
+        covariance = np.diag(np.square(WEAK_PRIOR)) if given is None else np.array(given)
+        self.estimate = RecursiveForce(start, covariance, recursive)
+        self.published = PublishedForce(start, known.speed_range, known.grade_range, publish)
+        self.last: deque[bool] = deque(maxlen=publish.window)
+
+
+class OnlineBraking:
+    """Braking models of all surfaces, followed while driving.
+
+    Args:
+        known: braking model to begin with, with its surfaces.
+        mount: offset of the pitch sensor [rad]. dive: pitch under braking [rad s²/m].
+        recursive, publish: how to follow, bounds and rates.
+    """
+
+    def __init__(
+        self, known: Braking, *, mount: float = 0.0, dive: float = 0.0,
+        recursive: RecursiveSettings | None = None, publish: PublishSettings | None = None,
+    ) -> None:  # fmt: skip
+        self._known = known
+        self._recursive = recursive or RecursiveSettings()
+        self._publish = publish or PublishSettings()
+        self._surfaces: dict[str, _Surface] = {}
+        self._stream = StopStream(
+            known.dead_time, least_speed=self._recursive.least_speed, mount=mount, dive=dive
+        )
+
+    def feed(
+        self, time: float, speed: float, command: float, pitch: float, *,
+        grade: float = math.nan, surface: str = "",
+    ) -> OnlineStop | None:  # fmt: skip
+        """One sample; the stop that it completes, if it does.
+
+        Args:
+            time: [s]. speed, command: [m/s]. pitch: of the body [rad], nose down positive.
+            grade: of the ground from a map [rad], NaN without. surface: "" without a name.
+        """
+        stop = self._stream.feed(time, speed, command, pitch, grade)
+        return None if stop is None else self.take(stop, surface)
+
+    def take(self, stop: StreamedStop, surface: str = "") -> OnlineStop:
+        """Learn from a stop that was measured elsewhere."""
+        on = self._on(surface)
+        outcome = on.estimate.update(stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std)
+        if outcome is not Outcome.UNINFORMATIVE:
+            on.last.append(outcome is Outcome.GATED)
+            if outcome is not Outcome.GATED:
+                on.published.follow(on.estimate.coefficients)
+            share = sum(on.last) / self._publish.window
+            on.published.judge(on.estimate.covariance, on.estimate.accepted, share)
+        return OnlineStop(surface, stop, outcome)
+
+    def age(self, seconds: float, time_constant: float = 3600.0) -> None:
+        """Let what was learned grow old: wider covariance, force back to the default if weaker."""
+        for on in self._surfaces.values():
+            on.estimate.age(seconds, time_constant)
+            on.published.age(seconds, time_constant)
+            on.published.judge(on.estimate.covariance, on.estimate.accepted, 0.0)
+
+    def coefficients(self, surface: str = "") -> Floats:
+        """(4,) m_m, b_m, m_b, b_b that may be planned with."""
+        return self._on(surface).published.coefficients
+
+    def covariance(self, surface: str = "") -> Floats:
+        """(4, 4) covariance of the estimate behind them."""
+        return self._on(surface).estimate.covariance.copy()
+
+    def valid(self, surface: str = "") -> bool:
+        """Whether the estimate may be trusted; what is published is cautious either way."""
+        return self._on(surface).published.valid
+
+    def counts(self, surface: str = "") -> tuple[int, int]:
+        """Stops accepted and stops not believed."""
+        estimate = self._on(surface).estimate
+        return estimate.accepted, estimate.gated
+
+    def _on(self, surface: str) -> _Surface:
+        found = self._surfaces.get(surface)
+        if found is None:
+            known = self._known.on(surface) if surface else self._known
+            found = self._surfaces[surface] = _Surface(known, self._recursive, self._publish)
+        return found
+
+
+class FifoForce:
+    """The joint fit over the last stops, made anew with each of them. Source: Braking 4.2.
+
+    Args:
+        known: (4,) coefficients for what the stops do not tell. length: stops kept.
+    """
+
+    def __init__(self, known: Floats, length: int = 200) -> None:
+        self._known = np.array(known, np.float64)
+        self._stops: deque[StreamedStop] = deque(maxlen=length)
+
+    def take(self, stop: StreamedStop) -> ForceFit:
+        """Learn from one more stop; the oldest is forgotten when the buffer is full."""
+        self._stops.append(stop)
+        return fit_force(
+            np.array([s.onset_speed for s in self._stops]),
+            np.array([s.grade for s in self._stops]),
+            np.array([s.force_ratio for s in self._stops]),
+            np.array([max(s.force_std, 1e-4) for s in self._stops]),
+            self._known,
+        )

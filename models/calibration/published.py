@@ -1,0 +1,111 @@
+"""What planning may use of an estimate that changes while it drives: down at once, up slowly.
+
+The force is bilinear in speed and grade, so its four values at the corners of the trained rectangle
+are the model. Bounds, rate and caution act on these four: a corner where the brakes turned out
+weaker takes the new value at once, one where they seem stronger rises by a step a stop, and no
+corner leaves its bounds. Between the corners the same holds, since the model is linear there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration.force_fit import design
+from models.errors import ParameterError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublishSettings:
+    """Bounds and rates of F_b/W.
+
+    Attributes:
+        least, most: bounds of F_b/W anywhere in the trained rectangle [1].
+        rise: highest rise of F_b/W with one stop [1].
+        valid_std, invalid_std: share of F_b/W that its standard deviation has to fall below to be
+            valid, and to exceed to be so no longer.
+        fewest: stops before it can be valid.
+        window: last stops of which no more than half may have been unbelieved.
+    """
+
+    least: float = 0.02
+    most: float = 1.2
+    rise: float = 0.01
+    valid_std: float = 0.05
+    invalid_std: float = 0.10
+    fewest: int = 8
+    window: int = 6
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.least < self.most:
+            raise ParameterError("least", f"0 < least < most, got {self.least:g}, {self.most:g}")
+        if not 0.0 < self.valid_std < self.invalid_std:
+            raise ParameterError("valid_std", "0 < valid_std < invalid_std")
+
+
+class PublishedForce:
+    """Coefficients for planning, beside an estimate.
+
+    Args:
+        coefficients: (4,) to begin with; also the default that ageing goes back to.
+        speed_range, grade_range: the trained rectangle [m/s], [rad].
+        settings: bounds and rates.
+    """
+
+    def __init__(
+        self, coefficients: Floats, speed_range: tuple[float, float],
+        grade_range: tuple[float, float], settings: PublishSettings | None = None,
+    ) -> None:  # fmt: skip
+        self.settings = settings or PublishSettings()
+        speed, grade = np.meshgrid(speed_range, grade_range)
+        self._corners = design(speed.ravel(), grade.ravel())
+        self._back = np.linalg.inv(self._corners)
+        self._default = self._bounded(self._corners @ coefficients)
+        self._force = self._default.copy()
+        self.valid = False
+
+    @property
+    def coefficients(self) -> Floats:
+        """(4,) m_m, b_m, m_b, b_b that may be planned with."""
+        result: Floats = self._back @ self._force
+        return result
+
+    @property
+    def corner_forces(self) -> Floats:
+        """(4,) F_b/W at the corners of the trained rectangle."""
+        return self._force.copy()
+
+    def follow(self, coefficients: Floats) -> None:
+        """Take over an estimate: at once where it is lower, a step where it is higher."""
+        wanted = self._bounded(self._corners @ coefficients)
+        self._force = np.minimum(wanted, self._force + self.settings.rise)
+
+    def judge(self, covariance: Floats, accepted: int, gated_share: float) -> bool:
+        """Set the valid flag, with hysteresis; returns it.
+
+        Args:
+            covariance: (4, 4) of the estimate. accepted: stops so far.
+            gated_share: of the last stops, how many were not believed.
+        """
+        s = self.settings
+        variance = np.einsum("ki,ij,kj->k", self._corners, covariance, self._corners)
+        share = float(np.max(np.sqrt(np.maximum(variance, 0.0)) / self._force))
+        if share > s.invalid_std or gated_share > 0.5:
+            self.valid = False
+        elif share < s.valid_std and accepted >= s.fewest:
+            self.valid = True
+        return self.valid
+
+    def age(self, seconds: float, time_constant: float) -> None:
+        """Go back towards the default where that is weaker; never rise by ageing."""
+        share = -math.expm1(-max(seconds, 0.0) / time_constant)
+        lower = np.minimum(self._default, self._force)
+        self._force = self._force + share * (lower - self._force)
+
+    def _bounded(self, forces: Floats) -> Floats:
+        return np.clip(forces, self.settings.least, self.settings.most)

@@ -1,0 +1,121 @@
+"""Recursive least squares of the four coefficients, that forgets only what it is told anew.
+
+Each stop is one observation of F_b/W = [v θ, θ, v, 1] · [m_m, b_m, m_b, b_b]. Old stops fade in the
+directions that new ones speak about, and in no other: hours on level ground do not wash away what
+slopes have taught. Plain exponential forgetting would, and then follow noise.
+
+Source: Braking Sec. 4.2 asks for an online estimator; forgetting without windup after Stenlund and
+Gustafsson, Avoiding windup in recursive parameter estimation, 2002.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecursiveSettings:
+    """How to follow.
+
+    Attributes:
+        scatter: of F_b/W from stop to stop beyond the measurement, standard deviation.
+        steady: (4,) standard deviations that the coefficients keep after many stops: how far they
+            may wander; with the scatter of stops they remember about ten [s/m, 1, s/m, 1].
+        gate: standard deviations beyond which one stop is not believed.
+        weaker, stronger: so many unbelieved stops in a row, all weaker or all stronger than
+            expected, are a change of the brakes or the ground; the weaker side is believed sooner.
+        least_speed: slower stops are too short to learn from [m/s].
+    """
+
+    scatter: float = 0.01
+    steady: tuple[float, float, float, float] = (0.003, 0.010, 0.001, 0.003)
+    gate: float = 4.0
+    weaker: int = 2
+    stronger: int = 4
+    least_speed: float = 0.5
+
+
+class Outcome(Enum):
+    """What became of a stop."""
+
+    ACCEPTED = "accepted"
+    GATED = "not believed: too far from what was expected"
+    CHANGED = "believed after several alike: brakes or ground have changed"
+    UNINFORMATIVE = "too slow, or no number"
+
+
+class RecursiveForce:
+    """Coefficients m_m, b_m, m_b, b_b with covariance, one stop at a time.
+
+    Args:
+        coefficients: (4,) to begin with. covariance: (4, 4) of them.
+        settings: how to follow.
+    """
+
+    def __init__(
+        self, coefficients: Floats, covariance: Floats, settings: RecursiveSettings | None = None
+    ) -> None:
+        self.settings = settings or RecursiveSettings()
+        self.coefficients: Floats = np.array(coefficients, np.float64)
+        self.covariance: Floats = np.array(covariance, np.float64)
+        self.accepted = self.gated = 0
+        self._first_covariance = self.covariance.copy()
+        self._steady = np.diag(np.square(self.settings.steady))
+        self._row = 0  # > 0: so many unbelieved stops in a row were stronger, < 0: weaker
+
+    def update(self, speed: float, grade: float, force_ratio: float, std: float) -> Outcome:
+        """Take in one stop.
+
+        Args:
+            speed: v_i [m/s]. grade: mean θ [rad]. force_ratio: F_b/W. std: its measurement noise.
+        """
+        s = self.settings
+        finite = math.isfinite(speed + grade + force_ratio + std)
+        if not finite or speed < s.least_speed or std < 0.0:
+            return Outcome.UNINFORMATIVE
+        x = np.array([speed * grade, grade, speed, 1.0])
+        noise = std * std + s.scatter * s.scatter
+        seen = self.covariance @ x
+        innovation = force_ratio - float(x @ self.coefficients)
+        expected = float(x @ seen) + noise
+        outcome = Outcome.ACCEPTED
+        if innovation * innovation > s.gate * s.gate * expected:
+            if not self._persists(innovation):
+                self.gated += 1
+                return Outcome.GATED
+            self.covariance = self.covariance + self._first_covariance
+            seen = self.covariance @ x
+            expected = float(x @ seen) + noise
+            outcome = Outcome.CHANGED
+        self._row = 0
+        self.accepted += 1
+        self.coefficients = self.coefficients + seen * (innovation / expected)
+        kept = self._steady @ x
+        again = np.outer(kept, kept) / (float(x @ kept) + noise)
+        self.covariance = self.covariance - np.outer(seen, seen) / expected + again
+        return outcome
+
+    def _persists(self, innovation: float) -> bool:
+        """Whether unbelieved stops of the same kind have come in a row."""
+        if innovation < 0.0:
+            self._row = min(self._row, 0) - 1
+            return -self._row >= self.settings.weaker
+        self._row = max(self._row, 0) + 1
+        return self._row >= self.settings.stronger
+
+    def age(self, seconds: float, time_constant: float) -> None:
+        """Grow the covariance towards the first one: what is old is known less well."""
+        share = -math.expm1(-max(seconds, 0.0) / time_constant)
+        self.covariance = self.covariance + share * (self._first_covariance - self.covariance)
+
+    def std(self, speed: float, grade: float) -> float:
+        """Standard deviation of F_b/W at a speed and grade, from the coefficients alone."""
+        x = np.array([speed * grade, grade, speed, 1.0])
+        return math.sqrt(max(float(x @ self.covariance @ x), 0.0))

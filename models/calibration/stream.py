@@ -1,0 +1,142 @@
+"""Stops out of a stream of samples: constant time and memory a sample, nothing kept.
+
+The measurement of :mod:`models.calibration.onset` by running sums: v + g ∫ sin θ dt falls along
+a straight line whose slope is −g F_b/W, whatever the slope of the ground does meanwhile. The line
+is taken from the dead time on until little speed is left.
+
+Validity: as there. Near standstill the last samples are chosen by a speed that is noisy itself: at
+6 cm/s noise the force of a stop from 1 m/s comes out up to 2 % too low, which is the safe side.
+Source: Braking (1), (2), Sec. 4.2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from models.quantity import GRAVITY
+
+_TOLD = 0.01  # [m/s] a command of at most this is the stop command
+_HOLDING = 0.1  # [s] time constant of the mean of the held speed
+_SETTLE = 0.05  # [s] after the dead time, before the line begins
+_LITTLE = 0.15  # share of the held speed below which the line has ended
+_FEWEST = 4
+_LONGEST_STEP = 0.5  # [s] a stop with a gap in it is none
+_STANDING = 0.02  # [m/s]
+
+
+@dataclass(frozen=True, slots=True)
+class StreamedStop:
+    """One stop as the stream measured it.
+
+    Attributes:
+        time: of the stop command, on the clock of the samples [s].
+        onset_speed: [m/s]. grade: mean of the line [rad]. force_ratio: F_b/W.
+        force_std: of it, by the residuals of the line.
+        dead_time: from command to onset by where the line meets the held speed [s].
+    """
+
+    time: float
+    onset_speed: float
+    grade: float
+    force_ratio: float
+    force_std: float
+    dead_time: float
+
+
+class StopStream:
+    """Feed samples in, get stops out.
+
+    Args:
+        dead_time: as known so far [s]. least_speed: slower vehicles have nothing to stop [m/s].
+        mount: offset of the pitch sensor [rad]. dive: pitch under braking [rad s²/m].
+    """
+
+    def __init__(
+        self, dead_time: float, *, least_speed: float = 0.5, mount: float = 0.0, dive: float = 0.0
+    ) -> None:
+        self.dead_time, self.mount, self.dive = dead_time, mount, dive
+        self._least = least_speed
+        self._time = math.nan
+        self._held = 0.0
+        self._told = True
+        self._active = False
+        self._command = self._pull = 0.0
+        self._sums = [0.0] * 8  # count, t, w, tt, tw, ww, v, θ
+
+    def feed(
+        self, time: float, speed: float, command: float, pitch: float, grade: float = math.nan
+    ) -> StreamedStop | None:
+        """One sample; the stop that it completes, if it does.
+
+        Args:
+            time: [s]; samples that do not come later than the one before are ignored.
+            speed, command: [m/s]. pitch: of the body, nose down positive [rad].
+            grade: of the ground from a map [rad]; NaN takes it from the pitch.
+        """
+        step = time - self._time
+        if not (math.isfinite(time) and math.isfinite(speed) and math.isfinite(command)):
+            self._active = False
+            return None
+        if step <= 0.0:
+            return None
+        self._time = time
+        told = command <= _TOLD
+        if not told or not step <= _LONGEST_STEP:
+            self._active = False
+        elif not self._told:
+            self._begin(time)
+        self._told = told
+        if not self._active:
+            share = min(step / _HOLDING, 1.0) if step <= _LONGEST_STEP else 1.0
+            self._held += share * (speed - self._held)
+            return None
+        return self._brake(time - self._command, step, speed, pitch, grade)
+
+    def _begin(self, time: float) -> None:
+        self._active = self._held >= self._least
+        self._command, self._pull = time, 0.0
+        self._sums = [0.0] * 8
+
+    def _brake(
+        self, since: float, step: float, speed: float, pitch: float, grade: float
+    ) -> StreamedStop | None:
+        theta = grade if grade == grade else self.mount - pitch
+        if theta != theta:
+            self._active = False
+            return None
+        self._pull += step * math.sin(theta)
+        if speed <= _STANDING:
+            self._active = False
+            return self._finish()
+        if since >= self.dead_time + _SETTLE and speed > _LITTLE * self._held:
+            w = speed + GRAVITY * self._pull
+            s = self._sums
+            s[0] += 1.0
+            s[1] += since
+            s[2] += w
+            s[3] += since * since
+            s[4] += since * w
+            s[5] += w * w
+            s[6] += speed
+            s[7] += theta
+        return None
+
+    def _finish(self) -> StreamedStop | None:
+        n, t, w, tt, tw, ww, v, theta = self._sums
+        held, self._held = self._held, 0.0
+        if n < _FEWEST:
+            return None
+        middle, grade = t / n, theta / n
+        power = tt - t * middle
+        slope = (tw - w * middle) / power
+        fall = slope - GRAVITY * math.sin(grade)
+        if fall >= 0.0:
+            return None
+        left = max(ww - w * w / n - slope * slope * power, 0.0)
+        std = math.sqrt(left / max(n - 2.0, 1.0) / power) / GRAVITY
+        # The dive made the ground look steeper by as much as its deceleration.
+        ground = grade - self.dive * fall
+        force = -slope / GRAVITY - math.sin(ground) + math.sin(grade)
+        onset = max(middle + (held - v / n) / fall, 0.0)
+        return StreamedStop(self._command, held, ground, force, std, onset)
