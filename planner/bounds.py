@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.parameters import Model
-from planner.compiled import Floats, Ints, kernel, row_pass
+from planner.compiled import Floats, Ints, inlined, kernel, row_pass
 from planner.ground import Ground
 from planner.limiting import Limiting
 from planner.marched_bound import marched_bound
@@ -39,6 +39,8 @@ _CHORD = 1.0 / 6.0
 bound: 1/8 for a parabola, the rest for bounds that are not quite one."""
 
 _STOPPING_PATH = int(Limiting.STOPPING_PATH)
+_TIP_OVER = int(Limiting.TIP_OVER)
+_ROLLOVER = int(Limiting.ROLLOVER)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +134,7 @@ def _clear_distance(
 
 @kernel
 def _keep_chords_below(speed_sq_max: Floats, limiting: Ints, barrier: Ints) -> None:
-    """Lower a convex bound at its stations until v² linear between them stays below it.
+    """Lower a convex stopping path at its stations until v² linear between them stays below it.
 
     The last station that is not below zero then becomes the one to stop at.
     """
@@ -143,17 +145,23 @@ def _keep_chords_below(speed_sq_max: Floats, limiting: Ints, barrier: Ints) -> N
     for k in range(stations):
         ahead, beyond = min(k + 1, stations - 1), min(k + 2, stations - 1)
         stops = _lower_row(
-            k, k + 1 < stations, speed_sq_max[ahead], speed_sq_max[beyond], barrier, stop,
-            previous, bend_before, speed_sq_max[k], limiting[k],
+            k, k + 1 < stations, speed_sq_max[ahead], speed_sq_max[beyond], limiting[ahead],
+            barrier, stop, previous, bend_before, speed_sq_max[k], limiting[k],
         )  # fmt: skip
         if stops > 0 and k > 0:
             _stop_before(k, stop, barrier, speed_sq_max[k - 1], limiting[k - 1])
 
 
+@inlined
+def _looks_ahead(label: int) -> bool:
+    return (label == _STOPPING_PATH) | (label == _TIP_OVER) | (label == _ROLLOVER)
+
+
 @row_pass
 def _lower_row(
-    k: int, has_ahead: bool, row_ahead: Floats, row_beyond: Floats, barrier: Ints, stop: Ints,
-    previous: Floats, bend_before: Floats, speed_sq_max: Floats, limiting: Ints,
+    k: int, has_ahead: bool, row_ahead: Floats, row_beyond: Floats, label_ahead: Ints,
+    barrier: Ints, stop: Ints, previous: Floats, bend_before: Floats,
+    speed_sq_max: Floats, limiting: Ints,
 ) -> int:  # fmt: skip
     """Lower one row; notes in ``stop`` and counts which candidates come to their stop in it."""
     stops = 0
@@ -161,12 +169,15 @@ def _lower_row(
         here, label, end = speed_sq_max[j], limiting[j], barrier[j]
         ahead = max(row_ahead[j], 0.0) if has_ahead else here
         beyond = max(row_beyond[j], 0.0) if has_ahead else here
-        bend = max(previous[j] - 2.0 * here + ahead, 0.0)
-        bend_ahead = max(here - 2.0 * ahead + beyond, 0.0)
+        # Steps of bounds that do not look ahead hold between stations already.
+        bends = (here <= 0.0) | _looks_ahead(label)
+        bends_ahead = (ahead <= 0.0) | _looks_ahead(label_ahead[j])
+        bend = max(previous[j] - 2.0 * here + ahead, 0.0) if bends else 0.0
+        bend_ahead = max(here - 2.0 * ahead + beyond, 0.0) if bends_ahead else 0.0
         lowered = here - _CHORD * max(max(bend_before[j], bend), bend_ahead)
-        # A step of the bound is not the stop at its end: the judge sees to what a share leaves.
-        smooth = (ahead <= 0.0) | (here <= 0.0)
-        lowered = lowered if smooth else max(lowered, _SHARE_KEPT * here)
+        # A step of the stopping path is not the stop at its end: the judge sees to the rest.
+        ends = (ahead <= 0.0) | (here <= 0.0)
+        lowered = lowered if ends else max(lowered, _SHARE_KEPT * here)
         previous[j] = here
         bend_before[j] = bend
         before = stop[j] > k

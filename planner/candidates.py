@@ -318,6 +318,8 @@ class _Candidate:
                 return f"an axle keeps too little load on grade {grade:.1f}° at {station:.2f} m"
             case Limiting.ROLLOVER:
                 return f"a side keeps too little load on roll {roll:.1f}° at {station:.2f} m"
+            case Limiting.SPEED_LIMIT:
+                return f"the speed limit of the path is 0 at {station:.2f} m"
             case Limiting.TRACTION:
                 needed = self._demand[k] * vehicle.mass * GRAVITY
                 return (
@@ -394,8 +396,8 @@ class _Candidate:
         return float(GRAVITY * (force + self._sine[k]))
 
     def _emergency(self, start_sq: float) -> tuple[Floats, Verdict, Status, str]:
-        """Full braking from the start, and why even that is not enough."""
-        station = self.track.station
+        """Full braking from the start, and why even that is not enough, if it is not."""
+        station, n = self.track.station, self._scalars
         speed = np.sqrt(start_sq)
         only_start = np.zeros_like(station)
         only_start[0] = start_sq
@@ -419,12 +421,14 @@ class _Candidate:
                 f"even full braking from {speed:.2f} m/s takes {stop:.2f} m, "
                 f"{over:.2f} m beyond the clear distance of {self._clear:.2f} m"
             )
-        else:
-            lightest = min(verdict.rear_load[0], verdict.side_load[0])
+        elif (lightest := min(verdict.rear_load[0], verdict.side_load[0])) < n.min_load:
             text = (
                 f"braking from {speed:.2f} m/s leaves an axle or side {lightest:.1%} of its load, "
-                f"{self._scalars.min_load:.0%} is wanted"
+                f"{n.min_load:.0%} is wanted"
             )
+        else:
+            text = f"starts at {speed:.2f} m/s: nothing but full braking to a stop is safe"
+            return speed_sq, verdict, Status.DEGRADED, text
         return speed_sq, verdict, Status.INFEASIBLE, text
 
     def _profile(self, start_sq: float, decel: float | None = None) -> tuple[Floats, float]:

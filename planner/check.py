@@ -307,7 +307,8 @@ def _check(
             slowest = track.slowest[k]
             top = track.speed_limit[k]
             if point > 0:
-                dead = max(dead, track.dead_time[k + 1])
+                # A surface that begins in a segment counts at both of its ends.
+                dead = min(dead, track.dead_time[k + 1])
                 top = max(top, track.speed_limit[k + 1])
             end, rear, side = _stop(track, body, motion, s, v, dead, slowest, i, limit, h)
             if point == 0:

@@ -73,7 +73,7 @@ class Smoother:
         Args:
             stations: N, at least 4.
             max_iterations: of OSQP before it gives up.
-            exact: then solve the program once more by an active-set method.
+            exact: then solve the program once more by an interior-point method.
         """
         self._n = stations
         self._exact = exact

@@ -65,15 +65,14 @@ def time_model(speed_sq: Floats, ds: Floats) -> TimeModel:
 def _exact_solver(sparsity: tuple[int, int, tuple[int, ...], tuple[int, ...]]) -> Any:
     rows, columns, starts, indices = sparsity
     shape = ca.Sparsity(rows, columns, list(starts), list(indices))
-    options: dict[str, Any] = {"error_on_fail": False, "highs": {"output_flag": False}}
     pattern: dict[str, Any] = {"h": ca.Sparsity.diag(columns), "a": shape}
-    return ca.conic("exact", "highs", pattern, options)
+    return ca.conic("exact", "piqp", pattern, {"error_on_fail": False})
 
 
 def nearest_exactly(
     constraints: sparse.csc_matrix, lower: Floats, upper: Floats, wanted: Floats
 ) -> Floats | None:
-    """The point nearest to another under linear constraints, by an active-set method.
+    """The point nearest to another under linear constraints, by an interior-point method.
 
     Args:
         constraints: (rows, N) matrix A; lower, upper: (rows,) limits of A x, ±1e6 or more is none.

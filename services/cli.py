@@ -131,6 +131,60 @@ def plan(
 
 
 @app.command()
+def calibrate(
+    logs: LogFiles,
+    model: ModelFile,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="M2.toml", help="Write the model with what was learned."),
+    ] = None,
+    stops: Annotated[
+        Path | None, typer.Option(metavar="stops.csv", help="Write a row a stop.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")
+    ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
+    ] = None,
+    topics: Annotated[
+        Path | None,
+        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
+    ] = None,
+    coverage: Annotated[
+        float, typer.Option(help="Share of future stops that predictions have to cover.")
+    ] = 0.995,
+    as_json: AsJson = False,
+) -> None:
+    """Learn the braking model from the stops of drive logs.
+
+    Finds the stops, measures force and dead time of each on the ground under it, fits all of them
+    together, and chooses the safety offsets for a wanted coverage. Suspect stretches are left out
+    and named.
+
+    [bold]Example[/]  slopewise calibrate drive.csv --model atv --out mine.toml --report stops.html
+    """
+    from services.commands import calibrate as command
+
+    job = command.CalibrateJob(logs, model, map_file, topics, coverage)
+    result = command.run(job, quiet=as_json)
+    if out is not None:
+        command.write_learned_model(result, out)
+    if stops is not None:
+        command.write_stops(result, stops)
+    if report is not None:
+        from services.report.calibration_page import write_report
+
+        write_report(report, result, job)
+    _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    if not as_json:
+        for written in (out, stops, report):
+            if written is not None:
+                typer.echo(f"wrote {written}")
+
+
+@app.command()
 def simulate(
     logs: LogFiles,
     model: ModelFile,

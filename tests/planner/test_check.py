@@ -249,22 +249,21 @@ def test_lateral_acceleration_is_that_in_the_tilted_plane() -> None:
         assert ("lateral" in case.kinds(speed_sq)) == breached
 
 
-def test_between_two_surfaces_the_longer_dead_time_counts() -> None:
+def test_the_dead_time_of_a_surface_counts_from_the_segment_on_in_which_it_begins() -> None:
     tables = tables_with(limits={"speed": 2.0})
     tables["braking"]["terrain"] = {"slick": {"dead_time": 1.5}}
     ground = plane(classes=lambda x, y: x > 8.0, class_names=("", "slick"))
     case = Case(tables, ground, straight(14.0), spacing=1.0)
-    dead = case.track.dead_time
+    dead, station = case.track.dead_time, case.track.station
     k = int(np.flatnonzero(dead == 1.5)[0])
     assert dead[k - 1] == 0.3
-    speed_sq = np.where(case.track.station < case.track.station[k], case.speed_sq, 0.0)
-    v = float(np.sqrt(speed_sq[k - 1]))
-    own = case.judge(speed_sq).stop_distance[k - 1]
-    # A way that is free for a stop with the shorter dead time, from the station itself.
-    clear = case.track.station[k - 1] + own + 0.1
-    assert case.kinds(speed_sq, clear=clear, between=0).get("overrun", 0.0) == 0.0
-    within = case.kinds(speed_sq, clear=clear, between=3)["overrun"]
-    assert 0.0 < within < 1.5 * v
+    speed_sq = np.where(station < station[k], case.speed_sq, 0.0)
+    # A way that is free for a stop with the shorter dead time, from the station before.
+    clear = station[k - 1] + case.judge(speed_sq).stop_distance[k - 1] + 0.1
+    assert case.kinds(speed_sq, clear=clear).get("overrun", 0.0) == 0.0
+    case.track = case.track._replace(dead_time=np.where(station >= station[k - 1], 1.5, 0.3))
+    within = case.kinds(speed_sq, clear=clear)["overrun"]
+    assert 0.0 < within < 1.5 * np.sqrt(speed_sq[k - 1])
 
 
 @pytest.mark.parametrize("kind", ["accel", "decel"])
