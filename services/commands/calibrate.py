@@ -1,0 +1,250 @@
+"""`slopewise calibrate`: braking coefficients, dead time and margins out of drive logs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from models.calibration.force_fit import NAMES
+from models.calibration.learn import Calibration, learn
+from models.calibration.stop_record import StopRecord
+from models.calibration.surface_fit import CalibrationSettings, SurfaceFit
+from models.drive_quality import Kind, find_suspects
+from models.errors import ParameterError
+from models.parameters import Model
+from services.files.access import fault
+from services.files.drive_log import DriveLog
+from services.files.log_source import read_logs
+from services.files.model_file import find_model, read_model, write_model
+from services.files.table import write_csv
+from services.screen import progress_bar
+
+_LISTED = 20
+_NEEDED = ("v", "v_cmd", "pitch")
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrateJob:
+    """What to learn from, as the command line gives it.
+
+    Attributes:
+        logs: drive logs or ROS 2 bags. model_file: the model so far.
+        map_file: elevation map that the logs' x, y lie on, if there is one.
+        topics: topic mapping of the bags. coverage: share of future stops to cover.
+    """
+
+    logs: list[Path]
+    model_file: str
+    map_file: Path | None = None
+    topics: Path | None = None
+    coverage: float = 0.995
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrateResult:
+    """What was learned, the model with it, and the log it was learned from."""
+
+    calibration: Calibration
+    model: Model
+    log: DriveLog
+    seconds: float
+
+
+def run(job: CalibrateJob, *, quiet: bool = False) -> CalibrateResult:
+    """Read, find, fit.
+
+    Raises:
+        InputError: names file and field, or says why there are too few stops.
+    """
+    begin = time.perf_counter()
+    settings = _settings(job)
+    model = read_model(find_model(job.model_file))
+    with progress_bar("calibrating", 4, quiet=quiet) as advance:
+        log = read_logs(job.logs, job.topics)
+        advance(1)
+        _refuse_wrong_units(log)
+        ground = None
+        if job.map_file is not None:
+            from services.files.track_grade import ground_grade
+
+            ground = ground_grade(log, job.map_file, model.vehicle)
+        advance(1)
+        names = ", ".join(str(path) for path in job.logs)
+        try:
+            learned = learn(log.columns, log.runs, model.braking, ground=ground, settings=settings)
+            advance(1)
+            better = replace(model, braking=learned.braking)
+        except ParameterError as error:
+            raise fault(names, error.field, f"expected {error.expected}") from None
+        advance(1)
+    return CalibrateResult(learned, better, log, time.perf_counter() - begin)
+
+
+def _settings(job: CalibrateJob) -> CalibrationSettings:
+    try:
+        return CalibrationSettings(coverage=job.coverage)
+    except ParameterError as error:
+        raise fault("--coverage", "", f"expected {error.expected}") from None
+
+
+def _refuse_wrong_units(log: DriveLog) -> None:
+    """A channel that everything rests on and that fits another unit is an error, not a stretch."""
+    for run, source in zip(log.runs, log.sources, strict=True):
+        part = {name: values[run] for name, values in log.columns.items()}
+        whole = (slice(0, run.stop - run.start),)
+        for found in find_suspects(part, whole):
+            if found.kind is Kind.UNITS and found.channel in _NEEDED:
+                raise fault(source, f"column {found.channel}", found.reason)
+
+
+def write_learned_model(result: CalibrateResult, path: Path) -> None:
+    """The model file with what was learned, all or nothing."""
+    write_model(result.model, path)
+
+
+def write_stops(result: CalibrateResult, path: Path) -> None:
+    """A row a stop, found or learned from, SI units; empty where a stop was not measured."""
+    learned = _by_command(result.calibration)
+    offsets = {s.name: s.distance_offset for s in result.calibration.surfaces}
+    rows: dict[str, list[Any]] = {}
+    for window in result.calibration.windows:
+        record = learned.get(window.command)
+        row: dict[str, Any] = {
+            "run": str(result.log.columns["run"][window.command]),
+            "t": float(result.log.columns["t"][window.command]),
+            "verdict": window.verdict.name.lower() if record or not window.usable else "unmeasured",
+            "reason": window.reason,
+            "speed": window.held_speed,
+        }
+        row |= _measured(record, offsets) if record else dict.fromkeys(_MEASURED, np.nan)
+        for name, value in row.items():
+            rows.setdefault(name, []).append(value)
+    columns = {
+        name: values if name in ("run", "verdict", "reason") else np.array(values, np.float64)
+        for name, values in rows.items()
+    }
+    write_csv(columns, path)
+
+
+_MEASURED = (
+    "onset_speed", "onset_time", "grade", "force_ratio", "force_std", "distance", "time",
+    "predicted_distance", "predicted_with_offset", "predicted_time", "kept",
+)  # fmt: skip
+
+
+def _measured(r: StopRecord, offsets: dict[str, float]) -> dict[str, float]:
+    offset = offsets.get(r.samples.terrain, offsets[""])
+    values = (
+        r.onset_speed, r.knee.onset_time, r.grade, r.force_ratio, r.force_std, r.samples.distance,
+        r.samples.rest_time, r.predicted_distance, r.predicted_distance + offset,
+        r.predicted_time, float(r.kept),
+    )  # fmt: skip
+    return dict(zip(_MEASURED, values, strict=True))
+
+
+def _by_command(calibration: Calibration) -> dict[int, StopRecord]:
+    return {r.samples.window.command: r for s in calibration.surfaces for r in s.records}
+
+
+def coverage(surface: SurfaceFit) -> tuple[float, float]:
+    """Share of its stops that end within the prediction, and by how much on average [m].
+
+    Each prediction is by a fit that has not seen the stop; stops left out of the fit count, too.
+    """
+    actual = np.array([r.samples.distance for r in surface.records])
+    bound = np.array([r.predicted_distance for r in surface.records]) + surface.distance_offset
+    excess = bound - actual
+    finite = excess[np.isfinite(excess)]
+    return float(np.mean(excess >= 0.0)), float(np.mean(finite)) if len(finite) else 0.0
+
+
+def as_json(result: CalibrateResult) -> dict[str, Any]:
+    """Everything for machines, SI units and radians."""
+    c = result.calibration
+    return {
+        "stops": {"found": len(c.windows), **c.verdicts},
+        "dead_time": {
+            "value": c.dead_time.value, "std": c.dead_time.std, "jitter": c.dead_time.jitter,
+        },
+        "dive": {
+            "value": c.dive.per_deceleration, "std": c.dive.std, "settling": c.dive.settling,
+        },
+        "mount": {"value": c.mount.offset, "std": c.mount.std, "source": c.mount.source},
+        "surfaces": [_surface_json(s) for s in c.surfaces],
+        "suspects": [
+            {
+                "start": float(result.log.columns["t"][s.start]),
+                "end": float(result.log.columns["t"][s.stop - 1]),
+                "channel": s.channel, "kind": s.kind.value, "reason": s.reason,
+            }
+            for s in c.suspects
+        ],
+        "warnings": list(c.warnings),
+        "seconds": result.seconds,
+    }  # fmt: skip
+
+
+def _surface_json(s: SurfaceFit) -> dict[str, Any]:
+    std = np.sqrt(np.diag(s.fit.covariance))
+    covered, excess = coverage(s)
+    return {
+        "name": s.name,
+        "stops": len(s.records),
+        "left_out": sum(not r.kept for r in s.records),
+        "coefficients": {
+            name: {"value": float(v), "std": float(e), "learned": float(share)}
+            for name, v, e, share in zip(NAMES, s.fit.coefficients, std, s.fit.learned, strict=True)
+        },
+        "covariance": s.fit.covariance.tolist(),
+        "scatter": s.fit.scatter,
+        "two_stages": None if s.two_stages is None else s.two_stages.tolist(),
+        "distance_offset": s.distance_offset,
+        "time_offset": s.time_offset,
+        "speed_range": list(s.speed_range),
+        "grade_range": list(s.grade_range),
+        "coverage": covered,
+        "mean_excess": excess,
+    }
+
+
+def show(result: CalibrateResult, console: Console) -> None:
+    """Coefficients of each surface, what the stops were, what to know before trusting it."""
+    c = result.calibration
+    table = Table(title=f"braking of {result.model.name}, learned from {len(c.windows)} stops")
+    for title in (
+        "surface", "stops", "m_m", "b_m", "m_b", "b_b", "offset [m]", "covered", "excess [m]",
+        "speeds [m/s]", "grades",
+    ):  # fmt: skip
+        table.add_column(title, justify="left" if title == "surface" else "right")
+    for s in c.surfaces:
+        std = np.sqrt(np.diag(s.fit.covariance))
+        values = [f"{v:+.4f}\n± {e:.4f}" for v, e in zip(s.fit.coefficients, std, strict=True)]
+        covered, excess = coverage(s)
+        low, high = np.rad2deg(s.grade_range)
+        table.add_row(
+            s.name or "base", str(len(s.records)), *values, f"{s.distance_offset:.3f}",
+            f"{covered:.1%}", f"{excess:.3f}", f"{s.speed_range[0]:.1f} … {s.speed_range[1]:.1f}",
+            f"{low:.1f}° … {high:.1f}°",
+        )  # fmt: skip
+    console.print(table)
+    dead = f"dead time {c.dead_time.value:.3f} ± {c.dead_time.std:.3f} s"
+    dive = f"brake dive {np.rad2deg(c.dive.per_deceleration):.2f}° per m/s²"
+    known = (
+        f"{np.rad2deg(c.mount.offset):+.2f}° by {c.mount.source}" if c.mount.known else "unknown"
+    )
+    console.print(f"{dead} · {dive} · mount offset {known}")
+    kinds = ", ".join(f"{n} {name}" for name, n in c.verdicts.items())
+    console.print(f"stops: {kinds}")
+    for suspect in c.suspects[:_LISTED]:
+        at = result.log.columns["t"][suspect.start]
+        console.print(f"left out at t = {at:.2f} s: {suspect.reason}", style="yellow")
+    if len(c.suspects) > _LISTED:
+        console.print(f"… and {len(c.suspects) - _LISTED} more stretches", style="yellow")
+    for warning in c.warnings:
+        console.print(f"note: {warning}", style="yellow")

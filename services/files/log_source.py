@@ -1,0 +1,39 @@
+"""Drive logs from wherever they come: CSV, Parquet, or ROS 2 recordings with a topic mapping."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from services.files.access import fault
+from services.files.drive_log import DriveLog, read_drive_log
+
+_BAGS = (".mcap", ".db3")
+
+
+def is_bag(path: Path) -> bool:
+    """A ROS 2 recording: a file of one, or its folder."""
+    return path.suffix.lower() in _BAGS or (path / "metadata.yaml").is_file()
+
+
+def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
+    """One log out of tables, or out of recordings.
+
+    Args:
+        paths: all tables, or all recordings.
+        topics: topic mapping of the recordings.
+
+    Raises:
+        InputError: names file and field; also if tables and recordings are mixed.
+    """
+    bags = [path for path in paths if is_bag(path)]
+    if not bags:
+        if topics is not None:
+            raise fault(topics, "", "expected recordings with a topic mapping, got tables only")
+        return read_drive_log(paths)
+    if len(bags) < len(paths):
+        other = next(path for path in paths if path not in bags)
+        raise fault(other, "", "expected recordings only, got a table among them")
+    from services.files.bag_drive_log import read_bags
+
+    return read_bags(bags, topics)
