@@ -130,7 +130,7 @@ def _speed_up(
     """One row on under acceleration and power.
 
     Power is scarcest at the segment's faster end: v² there solves a concave equation, so every
-    tangent's root is feasible, and two of them are close enough. Holding the speed is always
+    tangent's root is feasible, and the third is as good as exact. Holding the speed is always
     possible, because no bound is above what power sustains.
     """
     for j in range(station.shape[0]):
@@ -140,7 +140,7 @@ def _speed_up(
         cost = twice * GRAVITY * max(demand[j], demand_2[j]) - here
         power = twice * GRAVITY * specific_power
         reached = max(top, _CRAWL)
-        for _ in range(2):
+        for _ in range(3):
             gain = power / np.sqrt(reached)
             lacking = reached + cost - gain
             reached = max(reached - lacking / (1.0 + 0.5 * gain / reached), _CRAWL)

@@ -75,7 +75,7 @@ def nearest_exactly(
     """The point nearest to another under linear constraints, by an interior-point method.
 
     Args:
-        constraints: (rows, N) matrix A; lower, upper: (rows,) limits of A x, ±1e6 or more is none.
+        constraints: (rows, N) matrix A; lower, upper: (rows,) limits of A x, all finite.
         wanted: (N,) the other point.
 
     Returns:
@@ -88,8 +88,8 @@ def nearest_exactly(
         h=ca.DM.eye(columns),
         a=ca.DM(solver.sparsity_in("a"), a.data),
         g=-wanted,
-        lba=np.where(lower <= -1e6, -np.inf, lower),
-        uba=np.where(upper >= 1e6, np.inf, upper),
+        lba=lower,
+        uba=upper,
     )
     if not solver.stats()["success"]:
         return None

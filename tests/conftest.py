@@ -14,7 +14,6 @@ from hypothesis import HealthCheck, settings
 
 from models.parameters import Model
 from planner.elevation_map import ElevationMap
-from tests.known_open import OPEN
 from tests.planner import scenes
 
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -24,11 +23,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Expect what is known to be missing to fail; leave the nightly tests out unless asked for."""
-    for item in items:
-        reason = OPEN.get(getattr(item, "originalname", item.name))
-        if reason is not None:
-            item.add_marker(pytest.mark.xfail(reason=reason, strict=False))
+    """Leave the nightly tests out unless they are asked for."""
     if "nightly" in config.getoption("markexpr"):
         return
     nightly = [item for item in items if item.get_closest_marker("nightly")]
