@@ -31,7 +31,7 @@ _LARGEST = {  # beyond these a value is no measurement
     "current_left": 2000.0, "current_right": 2000.0,
 }  # fmt: skip
 _FREEZES = ("v", "v_left", "v_right", "pitch", "yaw_rate")
-_MOVING = 0.05  # [m/s] slower than that, the same value again and again is standstill
+_MOVING = 0.15  # [m/s] slower than that, the same value again and again is standstill
 _FROZEN_FOR = 1.0  # [s] at least, and
 _FROZEN_TIMES = 10.0  # times as many samples as a value of this channel usually lasts
 _JUMP = 1.5  # [m/s] off its neighbours for one or two samples: no vehicle does that
@@ -182,7 +182,8 @@ def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[in
     stops = np.concatenate((edges, [len(values)]))
     length = stops - starts
     lasting = t[stops - 1] - t[starts]
-    matters = moving[starts] & np.isfinite(values[starts])
+    moved = np.concatenate(([0], np.cumsum(moving)))
+    matters = (moved[stops] - moved[starts] >= 0.9 * length) & np.isfinite(values[starts])
     if not matters.any():
         return []
     usual = float(np.median(np.repeat(length[matters], length[matters])))

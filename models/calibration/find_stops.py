@@ -185,14 +185,12 @@ class _Search:
             return Verdict.SUSPECT, f"{int((~self.good[near]).sum())} suspect samples"
         if self.v_cmd[i] < -_TOLD:
             return Verdict.REVERSED, f"command of {self.v_cmd[i]:.2f} m/s"
-        # The command a moment ago: one that was low already came down before the stop.
-        k = max(int(np.searchsorted(self.t, self.t[i] - s.ramp)), begin)
-        earlier = float(np.max(self.v_cmd[max(min(k, i - 1), 0) : i], initial=0.0))
-        just_before = float(self.v_cmd[i - 1])
-        if just_before < s.step * held and earlier >= s.step * held:
-            pass  # came down within the ramp time: a step for all that brakes can tell
-        elif just_before < s.step * held:
-            words = f"command was {just_before:.2f} m/s at a speed of {held:.2f} m/s"
+        # A command that came down before it reached zero is no step. Commands may be off by a
+        # factor from the speed, so they are also compared with themselves.
+        usual = min(held, float(np.max(self.v_cmd[begin:i])))
+        moment = max(int(np.searchsorted(self.t, self.t[i] - s.ramp)), begin)
+        if float(np.max(self.v_cmd[min(moment, i - 1) : i])) < s.step * usual:
+            words = f"command had come down to {self.v_cmd[i - 1]:.2f} m/s before it went to 0"
             return Verdict.RAMPED, words
         if "yaw_rate" in self.part:
             rate = np.abs(self.part["yaw_rate"][braking])

@@ -19,7 +19,7 @@ from scipy import stats
 
 Floats = NDArray[np.float64]
 
-_CONFIDENCE = 0.99
+_CONFIDENCE = 0.95
 """That the tolerance bound covers the wanted share in truth."""
 
 _FEWEST = 5

@@ -28,6 +28,7 @@ _EARLIEST = -0.05  # [s] commands are logged up to a sample late
 _LOW = 0.05  # share of the held speed below which sensors and brakes do other things
 _EARLY = 0.05  # [s] noise makes the speed cross zero that much too early
 _FEWEST = 3
+_STILL_FAST = 0.7  # share of the held speed that the vehicle has at the onset, at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,9 @@ def fit_knee(
     Returns:
         None where there are too few samples or the speed does not fall.
     """
-    latest = 0.8 * rest_time
+    held = float(np.mean(speed[time <= 0.0])) if (time <= 0.0).any() else float(speed[0])
+    fast = np.flatnonzero((time <= rest_time) & (speed >= _STILL_FAST * held))
+    latest = min(0.9 * rest_time, float(time[fast[-1]]) if len(fast) else 0.0)
     pull = _Pull(time, grade, slope)
     # Which samples belong to the fall must not depend on their own noise: the first cut is by the
     # crossing, the second by the first fit.

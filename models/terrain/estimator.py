@@ -132,6 +132,11 @@ class TerrainEstimator:
                 self._kind = phase
         return done
 
+    def forget(self) -> None:
+        """The ground has changed: what was known of it no longer holds."""
+        self.known = Features()
+        self.filter.variance = self._settings.filter.initial_std**2
+
     def finish(self) -> Observation | None:
         """The stretch that the run ended in, if it tells something."""
         return self._close(trim=False)

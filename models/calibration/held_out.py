@@ -1,0 +1,95 @@
+"""How a calibration predicts sessions that it has not seen.
+
+Leaving one stop out tells how well stops of the same session are predicted; another day, another
+tyre pressure or another driver shows only when whole sessions are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration.learn import learn
+from models.calibration.stop_record import StopRecord
+from models.calibration.stopping import stopping_distance
+from models.calibration.surface_fit import CalibrationSettings
+from models.errors import ParameterError
+from models.parameters import Braking
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """Stops of sessions that the prediction had not seen.
+
+    Attributes:
+        excess: (stops,) predicted distance with its offset minus the actual one [m].
+        sessions: (stops,) index of the session of each.
+        unpredicted: sessions for which the others had too few stops.
+    """
+
+    excess: Floats
+    sessions: NDArray[np.int64]
+    unpredicted: tuple[int, ...]
+
+    @property
+    def coverage(self) -> float:
+        """Share of stops that ended within their prediction; 0 without stops."""
+        return float(np.mean(self.excess >= 0.0)) if len(self.excess) else 0.0
+
+    @property
+    def mean_excess(self) -> float:
+        """By how much the predictions were too long on average [m]."""
+        return float(np.mean(self.excess)) if len(self.excess) else 0.0
+
+
+def leave_sessions_out(
+    columns: Mapping[str, NDArray[Any]], sessions: Sequence[Sequence[slice]], known: Braking,
+    settings: CalibrationSettings | None = None,
+) -> HeldOut:  # fmt: skip
+    """Predict each session by what all others taught.
+
+    The stops of a session are measured as they are in a calibration of the whole log.
+
+    Args:
+        columns: channels of a drive log. sessions: the runs of each. known, settings: as of
+            :func:`models.calibration.learn.learn`.
+    """
+    everything = learn(columns, [run for s in sessions for run in s], known, settings=settings)
+    records = [r for surface in everything.surfaces for r in surface.records]
+    excess: list[float] = []
+    owners: list[int] = []
+    unpredicted: list[int] = []
+    for index, session in enumerate(sessions):
+        others = [run for s in sessions if s is not session for run in s]
+        own = [
+            r for r in records
+            if any(run.start <= r.samples.window.command < run.stop for run in session)
+        ]  # fmt: skip
+        if not own:
+            continue
+        try:
+            braking = learn(columns, others, known, settings=settings).braking
+        except ParameterError:
+            unpredicted.append(index)
+            continue
+        excess += [_excess(record, braking) for record in own]
+        owners += [index] * len(own)
+    return HeldOut(np.array(excess), np.array(owners, np.int64), tuple(unpredicted))
+
+
+def _excess(record: StopRecord, known: Braking) -> float:
+    s = record.samples
+    on = known.on(s.terrain) if s.terrain else known
+    along = slice(s.at_command, s.at_rest + 1)
+    station = s.station[along] - s.station[s.at_command]
+    coefficients = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
+    way = stopping_distance(
+        s.window.held_speed, on.dead_time, coefficients, station, record.ground[along]
+    )
+    return way + on.distance_offset - s.distance
