@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 
 from models.terrain.adaptation import AdaptationSettings
+from models.terrain.change import ChangeSettings
 from models.terrain.classes import FEATURES, TerrainClass, TerrainClasses
 from models.terrain.classifier import ClassifierSettings
 from models.terrain.settings import (
@@ -32,6 +33,7 @@ class TerrainFile:
     motion: MotionSettings = field(default_factory=MotionSettings)
     resistance: ResistanceSettings = field(default_factory=ResistanceSettings)
     classifier: ClassifierSettings = field(default_factory=ClassifierSettings)
+    change: ChangeSettings = field(default_factory=ChangeSettings)
     adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
 
     def __post_init__(self) -> None:
@@ -70,7 +72,7 @@ def write_terrains(terrains: TerrainFile, path: Path) -> None:
 
     tables: dict[str, object] = {
         table: dataclasses.asdict(getattr(terrains, table))
-        for table in ("filter", "motion", "resistance", "classifier", "adaptation")
+        for table in ("filter", "motion", "resistance", "classifier", "change", "adaptation")
     }
     tables["terrain"] = [_class_table(one) for one in terrains.terrain]
     write_atomic(path, tomli_w.dumps({"name": terrains.name, **tables}).encode())

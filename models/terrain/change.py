@@ -1,0 +1,138 @@
+"""Change of terrain without knowing any class.
+
+Each condition of driving has a running mean and covariance of what the seconds on this ground were
+like. The latest seconds are compared with it as Hotelling's T² does: the median of their
+differences, over what chance and their correlation in time make of it. Three to five seconds
+decide; a single one, such as a stone, does not.
+
+Validity: changes that last, and conditions that were driven for some seconds before. Omits: ground
+that differs in neither resistance, slip nor roughness, such as ice and asphalt driven straight.
+Source: Hotelling (1931); the covariance is shrunk to a usual one, as after a normal-Wishart prior.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.quantity import quantity, validate_quantities
+from models.terrain.windows import Condition, Window, usual_spread
+
+Floats = NDArray[np.float64]
+
+_LEAST = 3  # windows that decide at least
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeSettings:
+    """How easily a change is believed."""
+
+    threshold: float = quantity("1", "T² per channel that is a change.", default=6.0, above=0.0)
+    seconds: float = quantity("s", "Latest driving that is compared.", default=5.0, at_least=3.0)
+    memory: float = quantity("s", "Driving that a condition remembers.", default=60.0, at_least=5.0)
+    before: float = quantity(
+        "s", "Driving in a condition before it is compared with.", default=4.0, at_least=2.0
+    )
+    prior: float = quantity(
+        "s", "Driving that the usual spread counts as.", default=30.0, at_least=1.0
+    )
+    alike: float = quantity(
+        "1", "Correlation of one second with another.", default=0.3, at_least=0.0, at_most=0.99
+    )
+    shared: float = quantity(
+        "1", "Usual correlation between bands and axes of shaking.", default=0.25, at_least=0.0,
+        at_most=0.9,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(slots=True)
+class _Usual:
+    """What one condition was like so far."""
+
+    count: float
+    mean: Floats
+    covariance: Floats
+
+
+class ChangeDetector:
+    """Follows one run window by window."""
+
+    def __init__(self, rates: int, settings: ChangeSettings | None = None) -> None:
+        """Begin without knowledge.
+
+        Args:
+            rates: rates of turn that windows are made of.
+            settings: of the detector.
+        """
+        self._settings = ChangeSettings() if settings is None else settings
+        spread = usual_spread(rates)
+        related = np.eye(len(spread))
+        related[3:, 3:] += self._settings.shared * (1.0 - np.eye(len(spread) - 3))
+        self._prior = np.outer(spread, spread) * related
+        self.begin()
+
+    def begin(self) -> None:
+        """Other ground, or another run: forget what was usual."""
+        self._usual: dict[Condition, _Usual] = {}
+        self._latest: deque[Window] = deque()
+
+    def update(self, window: Window) -> float | None:
+        """One more second of steady driving.
+
+        Returns:
+            The statistic, in units of its threshold, if the ground has changed within the latest
+            seconds; what is usual then begins anew.
+        """
+        self._latest.append(window)
+        found = self._statistic() / self._settings.threshold
+        if found > 1.0:
+            latest = list(self._latest)[-_LEAST:]
+            self.begin()
+            for late in latest:
+                self._learn(late)
+            return found
+        while len(self._latest) > self._settings.seconds:
+            self._learn(self._latest.popleft())
+        return None
+
+    def _statistic(self) -> float:
+        """Largest T² per channel over the latest three, four … windows."""
+        s = self._settings
+        known = [
+            (window.channels - usual.mean, usual)
+            for window in reversed(self._latest)
+            if (usual := self._usual.get(window.condition)) and usual.count >= s.before
+        ]
+        largest = 0.0
+        for count in range(_LEAST, len(known) + 1):
+            part = known[:count]
+            off = np.median([difference for difference, _ in part], axis=0)
+            measured = np.isfinite(off)
+            off = off[measured]
+            covariance = np.mean([usual.covariance for _, usual in part], axis=0)
+            covariance = covariance[np.ix_(measured, measured)]
+            distance = float(off @ np.linalg.solve(covariance, off)) / len(off)
+            # the median of so many is 1.2 times as uncertain as their mean
+            late = 1.2 * (1.0 + (count - 1.0) * s.alike) / count
+            early = 1.0 / float(np.mean([usual.count for _, usual in part]))
+            largest = max(largest, distance / (late + early))
+        return largest
+
+    def _learn(self, window: Window) -> None:
+        s = self._settings
+        x = np.nan_to_num(window.channels)
+        usual = self._usual.get(window.condition)
+        if usual is None:
+            self._usual[window.condition] = _Usual(1.0, x.copy(), self._prior.copy())
+            return
+        usual.count = min(usual.count + 1.0, s.memory)
+        difference = x - usual.mean
+        usual.mean += difference / usual.count
+        scatter = np.outer(difference, x - usual.mean)
+        usual.covariance += (scatter - usual.covariance) / (s.prior + usual.count)
