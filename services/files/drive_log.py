@@ -63,7 +63,12 @@ def read_drive_log(paths: Sequence[Path]) -> DriveLog:
     """
     if not paths:
         raise fault("drive log", "", "expected at least one file, got none")
-    parts = [_read_columns(path) for path in paths]
+    return log_of_tables([_read_table(path) for path in paths])
+
+
+def log_of_tables(tables: Sequence[Table]) -> DriveLog:
+    """One log out of tables that were read already; see :func:`read_drive_log`."""
+    parts = [_columns_of(table) for table in tables]
     names = list(dict.fromkeys(name for columns, _ in parts for name in columns))
     joined = {
         name: np.concatenate([columns.get(name, _nothing(name, columns)) for columns, _ in parts])
@@ -72,9 +77,9 @@ def read_drive_log(paths: Sequence[Path]) -> DriveLog:
     runs: list[slice] = []
     sources: list[str] = []
     begin = 0
-    for path, (columns, own) in zip(paths, parts, strict=True):
+    for table, (columns, own) in zip(tables, parts, strict=True):
         runs += (slice(begin + run.start, begin + run.stop) for run in own)
-        sources += [str(path)] * len(own)
+        sources += [table.source] * len(own)
         begin += len(columns["t"])
     t = joined["t"]
     one_clock = all(t[a.stop - 1] < t[b.start] for a, b in itertools.pairwise(runs))
@@ -88,9 +93,12 @@ def _nothing(name: str, columns: dict[str, NDArray[Any]]) -> NDArray[Any]:
     return np.full(count, "") if name in _TEXT else np.full(count, np.nan)
 
 
-def _read_columns(path: Path) -> tuple[dict[str, NDArray[Any]], list[slice]]:
+def _read_table(path: Path) -> Table:
     parquet = path.suffix.lower() in (".parquet", ".pq")
-    table = read_parquet(path) if parquet else read_csv(path)
+    return read_parquet(path) if parquet else read_csv(path)
+
+
+def _columns_of(table: Table) -> tuple[dict[str, NDArray[Any]], list[slice]]:
     table.require(("run", *REQUIRED))
     columns: dict[str, NDArray[Any]] = {}
     for name in table.columns:
