@@ -309,7 +309,9 @@ def _forces_on_one_surface(
     for k in range(grade.shape[0]):
         before, after = grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)]
         if two:
-            _force_row(grade[k], before, after, surface, extra, 1.0, strong_speed[k], strong_rest[k])
+            _force_row(
+                grade[k], before, after, surface, extra, 1.0, strong_speed[k], strong_rest[k]
+            )
         _force_row(grade[k], before, after, surface, extra, -1.0, weak_speed[k], weak_rest[k])
         _trained_row(grade[k], surface, margin, trained[k])
 

@@ -146,7 +146,8 @@ def resample(path: CandidatePath, spacing: float) -> tuple[Floats, Floats | None
     points, stray = _average_noise(points)
     along = _arc(points)
     length = float(along[-1])
-    count = max(int(np.ceil(length / spacing)) + 1, _FEWEST)
+    # A length that is a whole number of spacings but for rounding gets no station more.
+    count = max(int(np.ceil(length / spacing - 1e-6)) + 1, _FEWEST)
     if count > MAX_STATIONS:
         raise ParameterError(
             "points", f"a path of at most {MAX_STATIONS} stations, got {length:.0f} m"

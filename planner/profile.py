@@ -16,8 +16,10 @@ from planner.scalars import Numbers
 from planner.workspace import empty
 
 _SURELY = 1.0 + 1e-9
-_CRAWL = 1e-6
-"""Below this v² power is no matter [m²/s²]."""
+_SLOW = 1e-3
+"""Below this speed power is no matter [m/s]."""
+
+_CRAWL = _SLOW * _SLOW
 
 
 @kernel
@@ -65,12 +67,18 @@ def time_optimal(
             reachable_start_sq[j] = speed_sq[0, j]
             speed_sq[0, j] = min(speed_sq[0, j], start_sq[j])
         for k in range(stations - 1):
-            _speed_up(
+            short = _speed_up(
                 station[k, first:end], station[k + 1, first:end],
                 accel_max[k, first:end], accel_max[k + 1, first:end],
                 demand[k, first:end], demand[k + 1, first:end], specific_power,
                 speed_sq[k, first:end], speed_sq[k + 1, first:end],
             )  # fmt: skip
+            if short > 0:
+                _power_up(
+                    station[k, first:end], station[k + 1, first:end],
+                    demand[k, first:end], demand[k + 1, first:end], specific_power,
+                    speed_sq[k, first:end], speed_sq[k + 1, first:end],
+                )  # fmt: skip
 
 
 @row_pass
@@ -126,25 +134,47 @@ def _speed_up(
     station: Floats, station_2: Floats, accel_max: Floats, accel_max_2: Floats,
     demand: Floats, demand_2: Floats, specific_power: float,
     speed_sq: Floats, speed_sq_2: Floats,
-) -> None:  # fmt: skip
-    """One row on under acceleration and power.
+) -> int:  # fmt: skip
+    """One row on under acceleration; counts where power may not do for it.
 
-    Power is scarcest at the segment's faster end: v² there solves a concave equation, so every
-    tangent's root is feasible, and the third is as good as exact. Holding the speed is always
-    possible, because no bound is above what power sustains.
+    Power is scarcest at the segment's faster end.
     """
+    count = 0
     for j in range(station.shape[0]):
         twice = 2.0 * (station_2[j] - station[j])
         here = speed_sq[j]
         top = min(speed_sq_2[j], here + twice * min(accel_max[j], accel_max_2[j]))
+        speed_sq_2[j] = top
+        needed = top - here + twice * GRAVITY * max(demand[j], demand_2[j])
+        power = twice * GRAVITY * specific_power
+        count += 1 if (needed > 0.0) & (needed * needed * top > power * power) else 0
+    return count
+
+
+@row_pass
+def _power_up(
+    station: Floats, station_2: Floats, demand: Floats, demand_2: Floats, specific_power: float,
+    speed_sq: Floats, speed_sq_2: Floats,
+) -> None:  # fmt: skip
+    """Lower a row to what power can reach.
+
+    The speed there is the root of a cubic, which Newton's steps approach from above; v² is the root
+    of a concave function, so that the last step, on its tangent, ends at or below it. Holding the
+    speed is always possible, because no bound is above what power sustains.
+    """
+    for j in range(station.shape[0]):
+        twice = 2.0 * (station_2[j] - station[j])
+        here, top = speed_sq[j], speed_sq_2[j]
         cost = twice * GRAVITY * max(demand[j], demand_2[j]) - here
         power = twice * GRAVITY * specific_power
-        reached = max(top, _CRAWL)
-        for _ in range(3):
-            gain = power / np.sqrt(reached)
-            lacking = reached + cost - gain
-            reached = max(reached - lacking / (1.0 + 0.5 * gain / reached), _CRAWL)
-            reached = min(reached, max(top, _CRAWL))
+        v = np.sqrt(max(top, _CRAWL))
+        for _ in range(2):
+            lacking = max(v * (v * v + cost) - power, 0.0)
+            v -= lacking / max(3.0 * v * v + cost, _CRAWL)
+            v = max(v, _SLOW)
+        gain, reached = power / v, v * v
+        lacking = max(reached + cost - gain, 0.0)
+        reached -= lacking * reached / (reached + 0.5 * gain)
         speed_sq_2[j] = min(top, max(reached, here))
 
 
