@@ -174,12 +174,71 @@ def calibrate(
     if stops is not None:
         command.write_stops(result, stops)
     if report is not None:
-        from services.report.calibration_page import write_report
-
-        write_report(report, result, job)
+        command.write_page(result, job, report)
     _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
     if not as_json:
         for written in (out, stops, report):
+            if written is not None:
+                typer.echo(f"wrote {written}")
+
+
+@app.command()
+def terrain(
+    logs: LogFiles,
+    model: ModelFile,
+    out: Annotated[
+        Path | None, typer.Option(metavar="terrain.csv", help="Write a row a stretch.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")
+    ] = None,
+    update: Annotated[
+        Path | None,
+        typer.Option(metavar="M2.toml", help="Write the model with the ground driven now."),
+    ] = None,
+    terrains: Annotated[
+        str | None,
+        typer.Option(metavar="T.toml", help="Known classes and settings: file, or a shipped name."),
+    ] = None,
+    learn: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="T2.toml",
+            help="Write classes learned from the column terrain, else from what lies together.",
+        ),
+    ] = None,
+    adapt: Annotated[bool, typer.Option(help="Let classes follow, and new ones arise.")] = False,
+    topics: Annotated[
+        Path | None,
+        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Resistances, slip track, class and changes of terrain from the logs of a skid-steered robot.
+
+    Needs wheel speeds and motor currents of both sides and the yaw rate. Stuck and suspect
+    stretches are named and left out.
+
+    [bold]Example[/]  slopewise terrain drive.csv --model husky --out terrain.csv --update mine.toml
+    """
+    from services.commands import terrain as command
+    from services.commands import terrain_view as view
+
+    job = command.TerrainJob(logs, model, terrains, adapt or learn is not None, topics)
+    result = command.run(job, quiet=as_json)
+    if out is not None:
+        view.write(result, out)
+    if update is not None:
+        command.write_updated_model(result, update)
+    if learn is not None:
+        command.write_learned(result, learn)
+    if report is not None:
+        from services.report.terrain_page import write_report
+
+        write_report(report, result, job)
+    _print(as_json, lambda: view.as_json(result), lambda screen: view.show(result, screen))
+    if not as_json:
+        for written in (out, update, learn, report):
             if written is not None:
                 typer.echo(f"wrote {written}")
 

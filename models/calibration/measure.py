@@ -59,12 +59,11 @@ def measure(
     Raises:
         ValueError: no stop shows a knee.
     """
-    if dive is None:
-        dive = _dive(stops, slope)
-    grounds = [_ground(stop, None, mount, dive) for stop in stops]
-    knees = [_knee(stop, ground, slope) for stop, ground in zip(stops, grounds, strict=True)]
     # The dive is in proportion to the deceleration, which the first knees give.
-    grounds = [_ground(stop, knee, mount, dive) for stop, knee in zip(stops, knees, strict=True)]
+    first = [_knee(stop, _ground(stop, None, mount, Dive()), slope) for stop in stops]
+    if dive is None:
+        dive = _dive(stops, first)
+    grounds = [_ground(s, k, mount, dive) for s, k in zip(stops, first, strict=True)]
     knees = [_knee(stop, ground, slope) for stop, ground in zip(stops, grounds, strict=True)]
     good = [i for i, knee in enumerate(knees) if knee is not None]
     if not good:
@@ -101,10 +100,9 @@ def speed_noise(knees: Sequence[Knee]) -> Floats:
     return noise
 
 
-def _dive(stops: Sequence[StopSamples], slope: Slope) -> Dive:
+def _dive(stops: Sequence[StopSamples], knees: Sequence[Knee | None]) -> Dive:
     pitches = []
-    for stop in stops:
-        knee = _knee(stop, _ground(stop, None, Mount(), Dive()), slope)
+    for stop, knee in zip(stops, knees, strict=True):
         still = float(stop.time[-1]) - stop.rest_time
         if knee is None or still < _FEWEST_AFTER or not np.isfinite(stop.pitch).all():
             continue

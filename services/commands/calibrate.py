@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from models import unit_suspects
 from models.calibration.force_fit import NAMES
 from models.calibration.learn import Calibration, learn
 from models.calibration.stop_record import StopRecord
 from models.calibration.surface_fit import CalibrationSettings, SurfaceFit
-from models.drive_quality import Kind, find_suspects
 from models.errors import ParameterError
 from models.parameters import Model
 from services.files.access import fault
@@ -96,11 +99,10 @@ def _settings(job: CalibrateJob) -> CalibrationSettings:
 def _refuse_wrong_units(log: DriveLog) -> None:
     """A channel that everything rests on and that fits another unit is an error, not a stretch."""
     for run, source in zip(log.runs, log.sources, strict=True):
-        part = {name: values[run] for name, values in log.columns.items()}
-        whole = (slice(0, run.stop - run.start),)
-        for found in find_suspects(part, whole):
-            if found.kind is Kind.UNITS and found.channel in _NEEDED:
-                raise fault(source, f"column {found.channel}", found.reason)
+        part = {n: v[run] for n, v in log.columns.items() if v.dtype.kind == "f"}
+        for channel, reason in unit_suspects.find(part):
+            if channel in _NEEDED:
+                raise fault(source, f"column {channel}", reason)
 
 
 def write_learned_model(result: CalibrateResult, path: Path) -> None:
@@ -130,6 +132,23 @@ def write_stops(result: CalibrateResult, path: Path) -> None:
         for name, values in rows.items()
     }
     write_csv(columns, path)
+
+
+def write_page(result: CalibrateResult, job: CalibrateJob, path: Path) -> None:
+    """The report page."""
+    from services.report.calibration_page import write_report
+
+    c = result.calibration
+    rows = {label: [cell(s) for s in c.surfaces] for label, cell in _ROWS.items()}
+    clock = {s.start: float(result.log.columns["t"][s.start]) for s in c.suspects}
+    provenance = {
+        "logs": ", ".join(log.name for log in job.logs),
+        "model so far": job.model_file,
+        "map": job.map_file.name if job.map_file else "none",
+        "written": f"{datetime.now():%Y-%m-%d %H:%M}",
+    }
+    title = f"Brakes of {result.model.name}"
+    write_report(path, c, rows, clock, title=title, provenance=provenance)
 
 
 _MEASURED = (
@@ -213,25 +232,43 @@ def _surface_json(s: SurfaceFit) -> dict[str, Any]:
     }
 
 
+def _coefficient(index: int) -> Callable[[SurfaceFit], str]:
+    def cell(s: SurfaceFit) -> str:
+        std = float(np.sqrt(s.fit.covariance[index, index]))
+        return f"{s.fit.coefficients[index]:+.4f} ± {std:.4f}"
+
+    return cell
+
+
+def _grades(s: SurfaceFit) -> str:
+    low, high = np.rad2deg(s.grade_range)
+    return f"{low:.1f}° … {high:.1f}°"
+
+
+_ROWS: dict[str, Callable[[SurfaceFit], str]] = {
+    "m_m, s/m": _coefficient(0),
+    "b_m": _coefficient(1),
+    "m_b, s/m": _coefficient(2),
+    "b_b": _coefficient(3),
+    "stops learned from": lambda s: f"{sum(r.kept for r in s.records)} of {len(s.records)}",
+    "distance offset, m": lambda s: f"{s.distance_offset:.3f}",
+    "time offset, s": lambda s: f"{s.time_offset:.3f}",
+    "unseen stops within prediction": lambda s: f"{coverage(s)[0]:.1%}",
+    "predictions longer by, mean m": lambda s: f"{coverage(s)[1]:.3f}",
+    "speeds, m/s": lambda s: f"{s.speed_range[0]:.2f} … {s.speed_range[1]:.2f}",
+    "grades": _grades,
+}
+
+
 def show(result: CalibrateResult, console: Console) -> None:
     """Coefficients of each surface, what the stops were, what to know before trusting it."""
     c = result.calibration
-    table = Table(title=f"braking of {result.model.name}, learned from {len(c.windows)} stops")
-    for title in (
-        "surface", "stops", "m_m", "b_m", "m_b", "b_b", "offset [m]", "covered", "excess [m]",
-        "speeds [m/s]", "grades",
-    ):  # fmt: skip
-        table.add_column(title, justify="left" if title == "surface" else "right")
-    for s in c.surfaces:
-        std = np.sqrt(np.diag(s.fit.covariance))
-        values = [f"{v:+.4f}\n± {e:.4f}" for v, e in zip(s.fit.coefficients, std, strict=True)]
-        covered, excess = coverage(s)
-        low, high = np.rad2deg(s.grade_range)
-        table.add_row(
-            s.name or "base", str(len(s.records)), *values, f"{s.distance_offset:.3f}",
-            f"{covered:.1%}", f"{excess:.3f}", f"{s.speed_range[0]:.1f} … {s.speed_range[1]:.1f}",
-            f"{low:.1f}° … {high:.1f}°",
-        )  # fmt: skip
+    table = Table(title=f"braking of {result.model.name}", box=box.SIMPLE_HEAD)
+    table.add_column("")
+    for surface in c.surfaces:
+        table.add_column(surface.name or "base", justify="right")
+    for label, cell in _ROWS.items():
+        table.add_row(label, *map(cell, c.surfaces))
     console.print(table)
     dead = f"dead time {c.dead_time.value:.3f} ± {c.dead_time.std:.3f} s"
     dive = f"brake dive {np.rad2deg(c.dive.per_deceleration):.2f}° per m/s²"
@@ -240,7 +277,7 @@ def show(result: CalibrateResult, console: Console) -> None:
     )
     console.print(f"{dead} · {dive} · mount offset {known}")
     kinds = ", ".join(f"{n} {name}" for name, n in c.verdicts.items())
-    console.print(f"stops: {kinds}")
+    console.print(f"stops found: {len(c.windows)} – {kinds}")
     for suspect in c.suspects[:_LISTED]:
         at = result.log.columns["t"][suspect.start]
         console.print(f"left out at t = {at:.2f} s: {suspect.reason}", style="yellow")

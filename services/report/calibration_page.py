@@ -1,0 +1,131 @@
+"""The page of `slopewise calibrate`: what the stops say, how well it predicts, what was left out.
+
+One HTML file that works offline and without a script.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from models.calibration.find_stops import Verdict
+from models.calibration.learn import Calibration
+from models.drive_quality import Stretch
+from services.files.access import write_atomic
+from services.report.calibration_pictures import pictures
+from services.report.page import escaped, page
+
+_LISTED = 50
+
+Rows = Mapping[str, Sequence[str]]
+"""Label -> one cell a surface, as they are shown."""
+
+
+def write_report(
+    path: Path,
+    calibration: Calibration,
+    rows: Rows,
+    clock: Mapping[int, float],
+    *,
+    title: str,
+    provenance: Mapping[str, str],
+) -> None:
+    """Write the page of a calibration, all or nothing.
+
+    Args:
+        path: HTML file to write. calibration: what was learned.
+        rows: table of numbers. clock: time of the samples at which suspect stretches begin [s].
+        title: what was calibrated. provenance: logs, model, date: name -> value.
+
+    Raises:
+        InputError: the file cannot be written, or matplotlib is not installed.
+    """
+    text = render_report(calibration, rows, clock, title=title, provenance=provenance)
+    write_atomic(path, text.encode("utf-8", "replace"))
+
+
+def render_report(
+    calibration: Calibration,
+    rows: Rows,
+    clock: Mapping[int, float],
+    *,
+    title: str,
+    provenance: Mapping[str, str],
+) -> str:
+    """The page as text; see :func:`write_report`."""
+    surfaces = [surface.name or "base" for surface in calibration.surfaces]
+    fields = {
+        "title": escaped(title),
+        "verdict": escaped(_verdict(calibration)),
+        "facts": _facts({**_shared(calibration), **provenance}),
+        "notes": "".join(f'<p class="notice">{escaped(w)}</p>' for w in calibration.warnings),
+        "surfaces": "".join(f'<th class="number" scope="col">{escaped(n)}</th>' for n in surfaces),
+        "rows": "\n".join(_row(label, cells) for label, cells in rows.items()),
+        "found": "\n".join(
+            _row(Verdict[name.upper()].value, [str(count)])
+            for name, count in calibration.verdicts.items()
+        ),
+        "suspects": _suspects(calibration.suspects, clock),
+        **pictures(calibration),
+    }
+    return page(
+        "calibration.html",
+        fields,
+        title=f"{title} – slopewise calibrate",
+        styles=("page.css", "calibration.css"),
+        scripts=(),
+        data=None,
+    )
+
+
+def _verdict(calibration: Calibration) -> str:
+    base = calibration.surfaces[0]
+    excess = np.array(
+        [
+            r.predicted_distance + base.distance_offset - r.samples.distance
+            for r in base.records
+            if np.isfinite(r.predicted_distance)
+        ]
+    )
+    inside = int(np.sum(excess >= 0.0))
+    return (
+        f"{inside} of {len(base.records)} stops ended within a prediction that had not seen them, "
+        f"{float(np.mean(excess)):.2f} m before its end on average."
+    )
+
+
+def _shared(calibration: Calibration) -> dict[str, str]:
+    dead, dive, mount = calibration.dead_time, calibration.dive, calibration.mount
+    degrees = np.rad2deg(dive.per_deceleration)
+    askew = f"{np.rad2deg(mount.offset):+.2f}° by {mount.source}" if mount.known else "not known"
+    return {
+        "dead time": f"{dead.value:.3f} ± {dead.std:.3f} s, jitter {dead.jitter:.3f} s",
+        "brake dive": f"{degrees:.2f}° per m/s²",
+        "pitch sensor mounted": askew,
+    }
+
+
+def _facts(facts: Mapping[str, str]) -> str:
+    return "".join(
+        f"<div><dt>{escaped(name)}</dt><dd>{escaped(value)}</dd></div>"
+        for name, value in facts.items()
+    )
+
+
+def _row(label: str, cells: Sequence[str]) -> str:
+    columns = "".join(f'<td class="number">{escaped(cell)}</td>' for cell in cells)
+    return f'<tr><th scope="row">{escaped(label)}</th>{columns}</tr>'
+
+
+def _suspects(suspects: Sequence[Stretch], clock: Mapping[int, float]) -> str:
+    if not suspects:
+        return ""
+    listed = "".join(_row(f"{clock[s.start]:.2f} s", [s.reason]) for s in suspects[:_LISTED])
+    more = len(suspects) - _LISTED
+    further = f"<p>… and {more} more.</p>" if more > 0 else ""
+    return (
+        '<section class="panel numbers"><h2>Left out</h2><table><thead><tr><th>from</th>'
+        f"<th>why</th></tr></thead><tbody>{listed}</tbody></table>{further}</section>"
+    )
