@@ -28,6 +28,7 @@ from models.terrain.classifier import NONE, Answer, ClassifierSettings, TerrainC
 Floats = NDArray[np.float64]
 Values = tuple[float, float, float]
 
+_ENOUGH = 2  # features that an answer rests on before it teaches
 _CLOSE = 3.0  # times the usual spread of a class: a cluster wider than that is no one ground
 _USUAL = 0.15  # of the mean: spread of a class while none is known
 
@@ -94,7 +95,7 @@ class AdaptiveClassifier:
             if np.isfinite(values).all():
                 self.aside.append(values)
                 self._look_for_new_classes()
-        elif answer.name and answer.probability >= self._settings.sure:
+        elif answer.probability >= self._settings.sure and np.isfinite(values).sum() >= _ENOUGH:
             self._update(answer.name, values, labelled=False)
         return answer
 

@@ -7,6 +7,7 @@ its samples are evaluated together. Source: Slip, Sec. 2–4.1.
 from __future__ import annotations
 
 import dataclasses
+from collections import deque
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from models.terrain.slip_track_filter import SlipTrackFilter
 from models.vehicle import Vehicle
 
 _ONSET = 0.5  # [s] of steady motion that the current at its onset is averaged over
+_DOUBT = 3.0  # smoothing times before a change is noticed that the filter may have seen it
 _SIGNED_BELOW = -0.3  # [A] a current below this is no noise of a magnitude
 
 Sample = tuple[float, float, float, float, float, float, float, float]
@@ -66,6 +68,8 @@ class TerrainEstimator:
         self._assumed = dataclasses.replace(motion_resistance, note="f_r assumed")
         self._longest = self._settings.motion.longest_stretch
         self._gap = self._settings.motion.longest_gap
+        self._doubt = _DOUBT * self._settings.motion.smoothing
+        self._before: deque[tuple[float, float, float]] = deque()
         self.phases = MotionPhases(vehicle.track_width, self._settings.motion)
         self.bias = GyroBias()
         self.signed = False
@@ -76,6 +80,7 @@ class TerrainEstimator:
         self.filter = SlipTrackFilter(self._start, self._settings.filter)
         self.phases.begin()
         self.known = Features()
+        self._before.clear()
         self._samples: list[Sample] = []
         self._kind = Phase.OTHER
         self._time: float | None = None
@@ -114,8 +119,7 @@ class TerrainEstimator:
         if phase is Phase.REST:
             self.bias.update(yaw_rate, elapsed)
         elif not self.phases.withheld:
-            self.filter.update(v_right - v_left, turning, elapsed)
-            self._turned = True
+            self._filter(time, v_right - v_left, turning, elapsed)
         if current_left < _SIGNED_BELOW or current_right < _SIGNED_BELOW:
             self.signed = True
         done = None
@@ -131,6 +135,15 @@ class TerrainEstimator:
                 done = self._close(trim=False)
                 self._kind = phase
         return done
+
+    def _filter(self, time: float, difference: float, turning: float, elapsed: float) -> None:
+        """One sample for the slip track, remembering how it was a moment ago."""
+        before = self._before
+        before.append((time, self.filter.inverse, self.filter.variance))
+        while before[0][0] < time - self._doubt:
+            before.popleft()
+        self.filter.update(difference, turning, elapsed)
+        self._turned = True
 
     def forget(self) -> None:
         """The ground has changed: what was known of it no longer holds."""
@@ -149,6 +162,9 @@ class TerrainEstimator:
         """
         samples, phase = self._samples, self._kind
         self._samples, self._kind = [], Phase.OTHER
+        if trim and self._before:  # so did the filter: back to before its last samples
+            _, self.filter.inverse, self.filter.variance = self._before[0]
+        self._before.clear()
         if not samples:
             return None
         columns = np.array(samples).T

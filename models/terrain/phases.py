@@ -93,13 +93,20 @@ class MotionPhases:
         self._turning = abs(self._dv) > (s.turn_end if self._turning else s.turn_begin)
 
         standing = abs(v_left) < s.rest_speed and abs(v_right) < s.rest_speed
-        self._stopped = self._stopped + elapsed if standing else 0.0
+        # Wheels may stand while the body still slides or swings: a gyroscope at rest is quiet.
+        quiet = (
+            abs(self._w - self._w_slow) < 0.5 * s.steady_floor and abs(self._w) < s.rest_yaw_rate
+        )
+        self._stopped = self._stopped + elapsed if standing and quiet else 0.0
         spinning = self._spins()
         self._spun = self._spun + elapsed if spinning else 0.0
         kind = self._kind_of(standing)
         self._held = self._held + elapsed if kind is self._kind and self._is_steady() else 0.0
         self._kind = kind
-        changed = abs(dv - self._dv) > 2.0 * (s.steady_change * abs(self._dv) + s.turn_end)
+        changed = (
+            abs(dv - self._dv) > 2.0 * (s.steady_change * abs(self._dv) + s.turn_end)
+            or abs(self._w - self._w_slow) > s.steady_change * abs(self._w) + s.steady_floor
+        )
         self.phase = self._phase_of(kind, standing)
         self.withheld = spinning or changed or self.phase not in (Phase.TURN, Phase.SPOT)
         return self.phase
@@ -139,8 +146,7 @@ class MotionPhases:
         if self._spun >= s.stuck_time:
             return Phase.STUCK
         if standing:
-            still = self._stopped >= s.rest_time and abs(self._w) < s.rest_yaw_rate
-            return Phase.REST if still else Phase.OTHER
+            return Phase.REST if self._stopped >= s.rest_time else Phase.OTHER
         if self._spun > 0.0 or self._held < s.steady_time:
             return Phase.OTHER
         return kind

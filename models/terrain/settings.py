@@ -42,7 +42,7 @@ class MotionSettings:
         default=0.1, above=0.0,
     )  # fmt: skip
     rest_time: float = quantity(
-        "s", "Rest begins this long after the wheels stop.", default=0.5, above=0.0
+        "s", "Rest begins so long after wheels and gyroscope calm down.", default=1.0, above=0.0
     )
     turn_begin: float = quantity(
         "m/s", "Difference of rim speeds that begins a turn.", default=0.06, above=0.0

@@ -1,0 +1,163 @@
+"""What `slopewise terrain` prints and writes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from models.terrain.observation import Features
+from models.terrain.phases import Phase
+from services.commands.terrain import RunEvents, TerrainResult, class_values, labelled
+from services.files.terrain_table import event_row, excluded_row, write_terrain_table
+
+_LISTED = 30
+_FEATURES = ("motion_resistance", "lateral_resistance", "slip_track")
+
+
+def write(result: TerrainResult, path: Path) -> None:
+    """A row a stretch, a change or an excluded part, in order of time."""
+    time = result.log.columns["t"]
+    rows: list[dict[str, Any]] = []
+    for one in result.runs:
+        own = [event_row(one.run, event) for event in one.events]
+        own += [excluded_row(one.run, time, stretch) for stretch in one.excluded]
+        rows += sorted(own, key=lambda row: float(row["t"]))
+    write_terrain_table(rows, path)
+
+
+def as_json(result: TerrainResult) -> dict[str, Any]:
+    """Everything for machines; what is not known is null."""
+    return {
+        "model": result.model.name,
+        "seconds": result.seconds,
+        "notes": result.notes,
+        "terrain": _features(result.known),
+        "agreement": agreement(result),
+        "classes": {name: _spread(values) for name, values in class_values(result).items()},
+        "runs": [_run(one, result) for one in result.runs],
+    }
+
+
+def _run(one: RunEvents, result: TerrainResult) -> dict[str, Any]:
+    time = result.log.columns["t"]
+    return {
+        "run": one.run,
+        "terrain": _features(one.known),
+        "class": usual_class(one),
+        "stuck": stuck_seconds(one),
+        "changes": [{"t": c.time, "strength": c.strength} for c in one.changes],
+        "excluded": [
+            {
+                "t": float(time[s.start]),
+                "t_end": float(time[s.stop - 1]),
+                "channel": s.channel,
+                "kind": s.kind.value,
+                "reason": s.reason,
+            }
+            for s in one.excluded
+        ],
+        "stretches": [
+            {key: _plain(value) for key, value in event_row(one.run, event).items()}
+            for event in one.classified
+        ],
+    }
+
+
+def _plain(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _features(known: Features) -> dict[str, Any]:
+    return {
+        name: {"value": _plain(getattr(known, name).value), "std": _plain(getattr(known, name).std)}
+        for name in _FEATURES
+    }
+
+
+def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:
+    table: dict[str, Any] = {"stretches": len(values)}
+    for name, column in zip(_FEATURES, np.array(values).T, strict=True):
+        known = column[np.isfinite(column)]
+        mean = float(np.mean(known)) if len(known) else None
+        table[name] = {"mean": mean, "std": float(np.std(known)) if len(known) else None}
+    return table
+
+
+def usual_class(one: RunEvents) -> str:
+    """The class of most stretches of a run, empty if none was told."""
+    names = [e.answer.name for e in one.classified if e.answer.name]
+    return max(set(names), key=names.count) if names else ""
+
+
+def stuck_seconds(one: RunEvents) -> float:
+    """How long the wheels spun without turning the vehicle [s]."""
+    stuck = [e.observation for e in one.classified if e.observation.phase is Phase.STUCK]
+    return sum(o.end - o.begin for o in stuck)
+
+
+def agreement(result: TerrainResult) -> float | None:
+    """Balanced share of stretches whose class is the log's own label; None without labels.
+
+    Classes learned from these very labels agree better than with ground they were not shown.
+    """
+    labels, _ = labelled(result)
+    told = [
+        event.answer.name
+        for one in result.runs
+        for event in one.classified
+        if event.observation.phase is not Phase.STUCK
+    ]
+    names = [name for name in dict.fromkeys(labels) if name]
+    if not names or not result.classes.terrain:
+        return None
+    shares = [
+        np.mean([t == name for t, label in zip(told, labels, strict=True) if label == name])
+        for name in names
+    ]
+    return float(np.mean(shares))
+
+
+def show(result: TerrainResult, console: Console) -> None:
+    """A row a run, then what to know of the whole."""
+    table = Table(title="terrain by run")
+    for title in (
+        "run",
+        "f_r",
+        "μ_t",
+        "B_s [m]",
+        "class",
+        "stretches",
+        "changes",
+        "stuck",
+        "left out",
+    ):
+        table.add_column(title, justify="left" if title in ("run", "class") else "right")
+    for one in result.runs[:_LISTED]:
+        values = zip(one.known.values, one.known.stds, strict=True)
+        stuck, rows = stuck_seconds(one), len(one.excluded)
+        table.add_row(
+            one.run, *(_cell(value, std) for value, std in values), usual_class(one) or "–",
+            str(len(one.classified)), str(len(one.changes) or "–"),
+            f"{stuck:.0f} s" if stuck else "–", str(rows or "–"),
+        )  # fmt: skip
+    console.print(table)
+    if len(result.runs) > _LISTED:
+        console.print(f"… and {len(result.runs) - _LISTED} more runs; --out or --json gives all")
+    for one in result.runs[:_LISTED]:
+        for change in one.changes:
+            console.print(f"  {one.run}: the ground changed before {change.time:.1f} s")
+        for reason in dict.fromkeys(stretch.reason for stretch in one.excluded):
+            console.print(f"  {one.run}: left out: {reason}", markup=False)
+    if (share := agreement(result)) is not None:
+        console.print(f"  class as labelled in the log: {share:.0%} of each label, on average")
+    for note in result.notes:
+        console.print(f"  note: {note}", markup=False)
+
+
+def _cell(value: float, std: float) -> str:
+    return f"{value:.2f}±{std:.2f}" if math.isfinite(value) else "–"
