@@ -233,9 +233,7 @@ def terrain(
     if learn is not None:
         command.write_learned(result, learn)
     if report is not None:
-        from services.report.terrain_page import write_report
-
-        write_report(report, result, job)
+        view.write_page(result, job, report)
     _print(as_json, lambda: view.as_json(result), lambda screen: view.show(result, screen))
     if not as_json:
         for written in (out, update, learn, report):

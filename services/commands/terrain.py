@@ -23,6 +23,7 @@ from models.terrain.observation import Features
 from models.terrain.phases import Phase
 from models.terrain.resistances import Drive, Estimate
 from models.terrain.surfaces import model_on, with_surface
+from models.terrain.trace import Trace, trace
 from services.files.access import fault
 from services.files.drive_log import DriveLog
 from services.files.log_source import read_logs
@@ -95,6 +96,7 @@ class TerrainResult:
 
     Attributes:
         classes: as they are in the end.
+        good: (samples,) what may be learned from.
         seconds: computing, without reading.
         notes: what a reader has to know.
     """
@@ -104,6 +106,7 @@ class TerrainResult:
     model: Model
     terrains: TerrainFile
     classes: TerrainClasses
+    good: NDArray[np.bool_]
     seconds: float
     notes: list[str] = field(default_factory=list)
 
@@ -148,6 +151,7 @@ def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
         model=model,
         terrains=terrains,
         classes=terrains.classes if adaptive is None else adaptive.classes,
+        good=good,
         seconds=time.perf_counter() - begin,
         notes=_notes(log, terrains, monitor),
     )
@@ -274,6 +278,13 @@ def labelled(result: TerrainResult) -> tuple[list[str], list[tuple[float, float,
                 labels.append(label)
                 rows.append(event.observation.known.values)
     return labels, rows
+
+
+def trace_of(result: TerrainResult, one: RunEvents) -> Trace:
+    """How the filter went through a run."""
+    monitor = monitor_of(result.model, result.terrains, 0)
+    rows = rows_of(result.log, one.samples, result.good, ())
+    return trace(monitor.estimator, rows, result.terrains.filter)
 
 
 def updated_model(result: TerrainResult) -> Model:

@@ -7,15 +7,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
+from rich import box
+from rich.console import Console, JustifyMethod
+from rich.markup import escape
 from rich.table import Table
 
 from models.terrain.observation import Features
 from models.terrain.phases import Phase
-from services.commands.terrain import RunEvents, TerrainResult, class_values, labelled
+from services.commands.terrain import (
+    RunEvents,
+    TerrainJob,
+    TerrainResult,
+    class_values,
+    labelled,
+    trace_of,
+)
 from services.files.terrain_table import event_row, excluded_row, write_terrain_table
 
 _LISTED = 30
+_TITLES = ("run", "f_r", "μ_t", "B_s\nm", "class", "parts", "changed", "stuck\ns", "left\nout")
 _FEATURES = ("motion_resistance", "lateral_resistance", "slip_track")
 
 
@@ -124,27 +134,14 @@ def agreement(result: TerrainResult) -> float | None:
 
 def show(result: TerrainResult, console: Console) -> None:
     """A row a run, then what to know of the whole."""
-    table = Table(title="terrain by run")
-    for title in (
-        "run",
-        "f_r",
-        "μ_t",
-        "B_s [m]",
-        "class",
-        "stretches",
-        "changes",
-        "stuck",
-        "left out",
-    ):
-        table.add_column(title, justify="left" if title in ("run", "class") else "right")
+    table = Table(
+        title="terrain by run", box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True
+    )
+    for title in _TITLES:
+        justify: JustifyMethod = "left" if title in ("run", "class") else "right"
+        table.add_column(title, justify=justify, no_wrap=True, max_width=16)
     for one in result.runs[:_LISTED]:
-        values = zip(one.known.values, one.known.stds, strict=True)
-        stuck, rows = stuck_seconds(one), len(one.excluded)
-        table.add_row(
-            one.run, *(_cell(value, std) for value, std in values), usual_class(one) or "–",
-            str(len(one.classified)), str(len(one.changes) or "–"),
-            f"{stuck:.0f} s" if stuck else "–", str(rows or "–"),
-        )  # fmt: skip
+        table.add_row(*(escape(cell) for cell in _cells(one)))
     console.print(table)
     if len(result.runs) > _LISTED:
         console.print(f"… and {len(result.runs) - _LISTED} more runs; --out or --json gives all")
@@ -159,5 +156,61 @@ def show(result: TerrainResult, console: Console) -> None:
         console.print(f"  note: {note}", markup=False)
 
 
-def _cell(value: float, std: float) -> str:
-    return f"{value:.2f}±{std:.2f}" if math.isfinite(value) else "–"
+def _cells(one: RunEvents, spread: str = "") -> list[str]:
+    values = [
+        f"{value:.3f}{spread.format(std)}" if math.isfinite(value) else "–"
+        for value, std in zip(one.known.values, one.known.stds, strict=True)
+    ]
+    counts = (len(one.classified), len(one.changes), round(stuck_seconds(one)), len(one.excluded))
+    shown = [str(count) if count else "–" for count in counts]
+    return [one.run, *values, usual_class(one) or "–", *shown]
+
+
+def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
+    """A page with the run that turned most in detail; works without a network."""
+    from services.report.terrain_page import TerrainPage, write_report
+
+    one = max(result.runs, key=lambda run: _turns(run) + 1e-6 * len(run.classified))
+    points = [
+        (event.answer.name, event.observation.known.values)
+        for run in result.runs
+        for event in run.classified
+        if event.observation.phase is not Phase.STUCK
+    ]
+    time = result.log.columns["t"]
+    content = TerrainPage(
+        title=", ".join(log.name for log in job.logs[:3]) + (" …" if len(job.logs) > 3 else ""),
+        verdict=_verdict(result),
+        run=one.run,
+        trace=trace_of(result, one),
+        changes=[change.time for change in one.changes],
+        points=points,
+        classes=result.classes,
+        rows=[_cells(run, spread=" ± {:.3f}")[:-1] for run in result.runs],
+        excluded=[
+            (run.run, f"{time[stretch.start]:.2f} s", stretch.reason)
+            for run in result.runs
+            for stretch in run.excluded
+        ],
+        notes=result.notes,
+        facts={
+            "model": f"{result.model.name} ({job.model_file})",
+            "classes": f"{result.terrains.name}, {len(result.classes.terrain)} known",
+            "samples": f"{len(time)} in {len(result.runs)} runs",
+            "computed in": f"{result.seconds:.2f} s",
+        },
+    )
+    write_report(path, content)
+
+
+def _turns(one: RunEvents) -> int:
+    return sum(e.observation.phase in (Phase.TURN, Phase.SPOT) for e in one.classified)
+
+
+def _verdict(result: TerrainResult) -> str:
+    values = zip(("f_r", "μ_t", "B_s"), result.known.values, result.known.stds, strict=True)
+    told = [f"{name} {v:.2f} ± {std:.2f}" for name, v, std in values if math.isfinite(v)]
+    changes = sum(len(run.changes) for run in result.runs)
+    stuck = sum(stuck_seconds(run) for run in result.runs)
+    ground = f"In the end {', '.join(told)}." if told else "Nothing was told of the ground."
+    return f"{ground} {changes} changes of ground, stuck for {stuck:.0f} s."

@@ -1,0 +1,45 @@
+"""Figures of a page: matplotlib without a screen, SVG inside the page."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from models.errors import InputError
+
+INK, FIRST, SECOND, THIRD, FAINT = "#1b1d1f", "#0b5c8f", "#d55e00", "#00694f", "#8a9097"
+COLOURS = (FIRST, SECOND, THIRD, "#76388c", "#8a5300", "#cc79a7", "#3a9bdc", "#585f66")
+
+_STYLE = {
+    "font.size": 9.5, "axes.edgecolor": FAINT, "axes.labelcolor": INK, "text.color": INK,
+    "xtick.color": INK, "ytick.color": INK, "axes.grid": True, "grid.color": "#ebeae5",
+    "axes.axisbelow": True, "axes.spines.top": False, "axes.spines.right": False,
+    "legend.frameon": False, "svg.fonttype": "path", "svg.hashsalt": "slopewise",
+}  # fmt: skip
+
+
+@contextmanager
+def house_style() -> Iterator[type[Any]]:
+    """The style of all figures; yields matplotlib's Figure.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
+    try:
+        import matplotlib
+        from matplotlib.figure import Figure
+    except ImportError:
+        hint = "expected matplotlib for the pictures, got none: pip install slopewise[report]"
+        raise InputError("report", "", hint) from None
+    with matplotlib.rc_context(_STYLE):
+        yield Figure
+
+
+def svg_uri(figure: Any) -> str:
+    """A figure as an address that holds it."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
