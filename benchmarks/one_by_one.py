@@ -15,12 +15,13 @@ from benchmarks.peers import PEERS, Task
 from benchmarks.scene import Scene
 from models.quantity import GRAVITY
 from planner.candidates import CandidatePlanner, TimeOptimalBatch
-from planner.check import check, track_of
+from planner.check import check
 from planner.compiled import Floats
 from planner.profile import time_optimal_profile
 from planner.reference import JerkLimitedReference, time_optimal_problem
 from planner.scalars import numbers
 from planner.smoothing import Smoother, SmoothingProblem
+from planner.track import track_of
 
 Result = dict[str, Any]
 Problem = TypeVar("Problem")

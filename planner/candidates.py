@@ -16,17 +16,18 @@ from models.errors import ParameterError
 from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.bounds import Numbers, SpeedBounds, numbers, speed_bounds
-from planner.check import Track, Verdict, check, track_of
+from planner.check import Verdict, check
 from planner.compiled import Floats, Ints
 from planner.elevation_map import ElevationMap
 from planner.ground import Conditions, Ground, ground_along
 from planner.limiting import Limiting
 from planner.path import CandidatePath, PathBatch, batch
-from planner.plan import SpeedPlan, Status, motion_of
+from planner.plan import SpeedPlan, Status, motion_of, resting_at
 from planner.profile import time_optimal_profile
 from planner.settings import PlannerSettings
 from planner.smoothing import Smoother, SmoothingProblem
 from planner.terrain_profile import TerrainProfile, terrain_profile
+from planner.track import Track, track_of
 
 _BATCH = 256
 _REPAIRS = 12
@@ -211,7 +212,7 @@ class CandidatePlanner:
         status, reason = work.stands_early(speed_sq, status, reason)
         accel, time = motion_of(track.station, speed_sq)
         bound = np.sqrt(np.maximum(bounds.speed_sq_max[:n, j], speed_sq))
-        return SpeedPlan(
+        plan = SpeedPlan(
             candidate=name, status=status, reason=reason,
             station=track.station, x=profile.x[:n, j], y=profile.y[:n, j], z=profile.z[:n, j],
             grade=track.grade, roll=track.roll, curvature=track.curvature,
@@ -220,6 +221,7 @@ class CandidatePlanner:
             stop_distance=verdict.stop_distance, clear_distance=float(bounds.clear_distance[j]),
             rear_load=verdict.rear_load, side_load=verdict.side_load,
         )  # fmt: skip
+        return plan if work.stops_at is None else resting_at(plan, work.stops_at)
 
     def _smooth(self, work: _Candidate, speed_sq: Floats) -> tuple[Floats | None, str]:
         n = len(speed_sq)
@@ -270,6 +272,8 @@ class _Candidate:
         self._accel_max = bounds.accel_max[:n, j]
         self._demand = bounds.demand[:n, j]
         self._sine = np.sin(track.grade)
+        self.stops_at: float | None = None
+        """Where an emergency stop ends, if the plan is one [m]."""
         self._braking_rest = ground.braking_rest[:n, j]
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Verdict:
@@ -405,6 +409,7 @@ class _Candidate:
         stop = float(verdict.stop_distance[0])
         onset = speed * self.track.dead_time[0]
         braking = max(stop - self._offset - onset, 1e-6)
+        self.stops_at = float(onset + braking)
         speed_sq = start_sq * np.clip(1.0 - (station - onset) / braking, 0.0, 1.0)
         moving = speed_sq > 0.0
         # It brakes already: what is left of this one stop, and its least loads.

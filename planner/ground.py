@@ -82,7 +82,7 @@ def resolve_surface(braking: Braking, name: str) -> tuple[str, ...]:
     tables = list(braking.terrain)
     if name == "" or name in braking.terrain:
         return (name,)
-    if name.startswith("#"):
+    if name.startswith("#") and name[1:].isdecimal():
         number = int(name[1:])
         for table in tables:
             if braking.terrain[table].class_id == number:

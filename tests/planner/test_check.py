@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from planner.candidates import TimeOptimalBatch, time_optimal_batch
-from planner.check import OFFENCE_LIMITING, Offence, Track, Verdict, check, track_of
+from planner.check import OFFENCE_LIMITING, Offence, Verdict, check
 from planner.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
+from planner.track import Track, track_of
 from tests import oracle
 from tests.planner.scenes import (
     Tables,

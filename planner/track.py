@@ -1,0 +1,161 @@
+"""One candidate as the judge walks it: its stations, and what stops meet there.
+
+Loads and sums are those of the laws of `models`, of angles, at every station; planners' shortcuts
+in sines have no place here.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from models import wheel_loads
+from models.parameters import Model
+from planner.compiled import Floats, inlined
+from planner.ground import Ground
+from planner.terrain_profile import TerrainProfile
+
+_rear_share = inlined(wheel_loads.rear_load_share)
+_front_share = inlined(wheel_loads.front_load_share)
+_left_share = inlined(wheel_loads.left_load_share)
+_right_share = inlined(wheel_loads.right_load_share)
+
+
+class Track(NamedTuple):
+    """One candidate as the judge walks it; arrays are (N,) over its stations.
+
+    Attributes:
+        station, grade, roll, curvature, yaw: geometry; yaw without jumps.
+        weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest: as of the ground.
+        speed_limit: of path and trained range [m/s].
+    """
+
+    station: Floats
+    grade: Floats
+    roll: Floats
+    curvature: Floats
+    yaw: Floats
+    weak_speed: Floats
+    weak_rest: Floats
+    strong_speed: Floats
+    strong_rest: Floats
+    dead_time: Floats
+    slowest: Floats
+    speed_limit: Floats
+
+
+class Body(NamedTuple):
+    """The vehicle as the judge weighs it; SI."""
+
+    wheelbase: float
+    track_width: float
+    cg_x: float
+    cg_z: float
+    slip_track: float
+
+
+class Survey(NamedTuple):
+    """What stops meet at the stations, by the laws of `models`; arrays are (N,).
+
+    Attributes:
+        sine: sin θ.
+        speed_work: sum of weak_speed from the first station on [m · s/m].
+        rest_work: sum of weak_rest + sin θ from the first station on [m].
+        front, rear, left, right: shares of the level static loads at rest.
+        lean: lateral acceleration for each unit of v² [1/m].
+        per_accel: by how much acceleration unloads the front, deceleration the rear [s²/m].
+        per_decel, per_lateral: the same of the rear and of the sides.
+    """
+
+    sine: Floats
+    speed_work: Floats
+    rest_work: Floats
+    front: Floats
+    rear: Floats
+    left: Floats
+    right: Floats
+    lean: Floats
+    per_accel: float
+    per_decel: float
+    per_lateral: float
+
+
+def track_of(
+    profile: TerrainProfile, ground: Ground, candidate: int, speed_limit: Floats | None = None
+) -> Track:
+    """One candidate out of a batch, contiguous and without padding."""
+    n, j = int(profile.count[candidate]), candidate
+
+    def column(array: Floats) -> Floats:
+        return np.ascontiguousarray(array[:n, j])
+
+    limit = column(ground.fastest)
+    if speed_limit is not None:
+        limit = np.minimum(limit, column(speed_limit))
+    return Track(
+        column(profile.station), column(profile.grade), np.arcsin(column(profile.sin_roll)),
+        column(profile.curvature),
+        np.unwrap(np.arctan2(column(profile.heading_y), column(profile.heading_x))),
+        column(ground.weak_speed), column(ground.weak_rest),
+        column(ground.strong_speed), column(ground.strong_rest),
+        column(ground.dead_time), column(ground.slowest), limit,
+    )  # fmt: skip
+
+
+def body_of(model: Model) -> Body:
+    """The vehicle's numbers for the judge."""
+    v = model.vehicle
+    rim = model.terrain.slip_track if v.drive == "skid_steer" else v.track_width
+    return Body(v.wheelbase, v.track_width, v.cg_x, v.cg_z, rim)
+
+
+@inlined
+def survey_of(track: Track, body: Body, memory: Floats) -> Survey:
+    """Walk a track once; ``memory`` is (8, ≥ N)."""
+    n = track.station.shape[0]
+    survey = Survey(
+        memory[0], memory[1], memory[2], memory[3], memory[4], memory[5], memory[6], memory[7],
+        _front_share(0.0, 0.0, 0.0, body.wheelbase, body.cg_x, body.cg_z)
+        - _front_share(0.0, 0.0, -1.0, body.wheelbase, body.cg_x, body.cg_z),
+        _rear_share(0.0, 0.0, 0.0, body.wheelbase, body.cg_x, body.cg_z)
+        - _rear_share(0.0, 0.0, 1.0, body.wheelbase, body.cg_x, body.cg_z),
+        _left_share(0.0, 0.0, 0.0, body.track_width, body.cg_z)
+        - _left_share(0.0, 0.0, 1.0, body.track_width, body.cg_z),
+    )  # fmt: skip
+    for k in range(n):
+        grade, roll = track.grade[k], track.roll[k]
+        survey.sine[k] = np.sin(grade)
+        survey.front[k] = _front_share(grade, roll, 0.0, body.wheelbase, body.cg_x, body.cg_z)
+        survey.rear[k] = _rear_share(grade, roll, 0.0, body.wheelbase, body.cg_x, body.cg_z)
+        survey.left[k] = _left_share(grade, roll, 0.0, body.track_width, body.cg_z)
+        survey.right[k] = _right_share(grade, roll, 0.0, body.track_width, body.cg_z)
+        survey.lean[k] = track.curvature[k] / np.cos(roll)
+    survey.speed_work[0] = survey.rest_work[0] = 0.0
+    for k in range(n - 1):
+        ds = track.station[k + 1] - track.station[k]
+        turn = 0.5 * (track.grade[k + 1] - track.grade[k])
+        # The mean of sin θ over a linear grade: sin of its middle times sin(turn) / turn.
+        middle = np.sin(track.grade[k] + turn)
+        mean = middle * (np.sin(turn) / turn if abs(turn) > 1e-4 else 1.0)
+        speed = 0.5 * (track.weak_speed[k] + track.weak_speed[k + 1])
+        rest = 0.5 * (track.weak_rest[k] + track.weak_rest[k + 1]) + mean
+        survey.speed_work[k + 1] = survey.speed_work[k] + ds * speed
+        survey.rest_work[k + 1] = survey.rest_work[k] + ds * rest
+    return survey
+
+
+@inlined
+def at(values: Floats, i: int, u: float) -> float:
+    """Linear between stations i and i + 1."""
+    return float(values[i] + u * (values[i + 1] - values[i]))
+
+
+@inlined
+def segment(station: Floats, s: float, i: int) -> int:
+    """Index of the segment that holds s, walking from i."""
+    while i > 0 and station[i] > s:
+        i -= 1
+    while i + 2 < station.shape[0] and station[i + 1] <= s:
+        i += 1
+    return i
