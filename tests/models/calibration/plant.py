@@ -73,7 +73,7 @@ def drive(
     phase, wave = rng.uniform(0, 2 * np.pi, stops), rng.uniform(8.0, 16.0, stops)
     error = plant.scatter * rng.standard_normal(stops)
     wild = rng.random(stops) < plant.outliers
-    error = np.where(wild, rng.choice([-0.25, 0.3], stops), error)
+    gross = np.where(wild, rng.choice([0.6, 1.7], stops), 1.0)  # of the deceleration
 
     if out_and_back:
         half = (stops + 1) // 2
@@ -97,7 +97,7 @@ def drive(
         share = float(np.clip((t + STEP - plant.dead_time) / STEP, 0.0, 1.0))  # of this step
         braking = share * np.isnan(done)
         theta = ground(s)
-        a = braking * G * (plant.force(theta, speed) + error + np.sin(theta))
+        a = braking * gross * G * (plant.force(theta, speed) + error + np.sin(theta))
         if k % every == 0:
             since = np.where(np.isnan(done), 0.0, t - done)
             rock = np.where(
@@ -109,7 +109,7 @@ def drive(
         assert t < 60.0, "the plant does not stop"
         middle = np.maximum(v - 0.5 * STEP * a, 0.0)
         theta_mid = ground(s + 0.5 * STEP * v)
-        a_mid = braking * G * (plant.force(theta_mid, speed) + error + np.sin(theta_mid))
+        a_mid = braking * gross * G * (plant.force(theta_mid, speed) + error + np.sin(theta_mid))
         arrived = (braking > 0.0) & (v - STEP * a_mid <= 0.0)
         last = np.where(arrived, v / np.maximum(a_mid, 1e-9), STEP)
         s = s + np.where(np.isnan(done), np.where(arrived, 0.5 * v * last, STEP * middle), 0.0)
@@ -127,7 +127,7 @@ def drive(
     for i in range(stops):
         n = int(np.searchsorted(times[i], done[i] + tail))
         part = slice(0, n)
-        noise = rng.standard_normal((2, n))
+        noise = np.random.default_rng([seed, i]).standard_normal((2, n))
         x = 1000.0 * (i % ((stops + 1) // 2)) + np.cos(heading[i]) * (ways[i, part] - 5.0)
         row = {
             "run": np.full(n, str(i)), "t": clock + lead + times[i, part],

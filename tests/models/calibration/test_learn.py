@@ -1,0 +1,187 @@
+"""Recovering the truth of a plant that shares no code, and what happens where it cannot be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.calibration.learn import Calibration, learn
+from models.calibration.surface_fit import CalibrationSettings
+from models.errors import ParameterError
+from tests.models.calibration.plant import Plant, Truth, drive, predicted
+from tests.models.models_for_tests import BASE
+
+KNOWN = replace(BASE.braking, m_m=0.0, b_m=-0.1, m_b=0.0, b_b=0.5, dead_time=0.25)
+DIVING = {"dive": np.deg2rad(0.3), "mount": np.deg2rad(1.0)}
+
+
+def plant_of(seed: int, **changes: float) -> Plant:
+    rng = np.random.default_rng(10_000 + seed)
+    return Plant(
+        dead_time=rng.uniform(0.1, 0.5), speed_noise=rng.uniform(0.01, 0.06),
+        m_m=rng.uniform(-0.05, 0.02), b_m=rng.uniform(-0.5, -0.1),
+        m_b=rng.uniform(-0.02, 0.03), b_b=rng.uniform(0.38, 0.5), **changes,
+    )  # fmt: skip
+
+
+def off_in_std(learned: Calibration, plant: Plant) -> np.ndarray:
+    fit = learned.surfaces[0].fit
+    return (fit.coefficients - plant.coefficients) / np.sqrt(np.diag(fit.covariance))
+
+
+def excess(learned: Calibration, truth: Truth) -> np.ndarray:
+    """(stops,) predicted with offset minus actual distance [m]."""
+    b = learned.braking
+    way = predicted(np.array([b.m_m, b.b_m, b.m_b, b.b_b]), b.dead_time, truth)
+    return way + b.distance_offset - truth.distance
+
+
+def force_error(learned: Calibration, plant: Plant) -> float:
+    """Largest relative error of F_b/W in the trained rectangle."""
+    speeds = np.linspace(*learned.braking.speed_range, 5)
+    grades = np.linspace(*learned.braking.grade_range, 7)
+    v, theta = np.meshgrid(speeds, grades)
+    fit = learned.surfaces[0].fit
+    return float(np.max(np.abs(fit.force_ratio(v, theta) / plant.force(theta, v) - 1.0)))
+
+
+def recover(seeds: range, stops: int | None, **changes: float) -> None:
+    off, excesses = [], []
+    for seed in seeds:
+        plant = plant_of(seed, **changes)
+        count = stops or int(np.random.default_rng(seed).integers(40, 201))
+        log, runs, _ = drive(plant, count, seed)
+        learned = learn(log, runs, KNOWN)
+        off.append(off_in_std(learned, plant))
+        assert learned.dead_time.value == pytest.approx(plant.dead_time, abs=0.01)
+        if count >= 100:
+            assert force_error(learned, plant) < 0.025
+        _, _, held_out = drive(replace(plant, outliers=0.0), 60, 5_000 + seed)
+        excesses.append(excess(learned, held_out))
+    share = np.mean(np.abs(off) < 2.0)
+    # Of so many numbers as many are outside two standard deviations as a normal one allows.
+    assert share > 0.955 - 2.5 * np.sqrt(0.955 * 0.045 / np.size(off))
+    assert np.mean(np.concatenate(excesses) >= 0.0) >= 0.995
+    assert np.mean(np.concatenate(excesses)) < 0.15
+
+
+def test_the_truth_comes_back() -> None:
+    recover(range(6), 60)
+
+
+def test_the_truth_comes_back_through_gross_outliers() -> None:
+    recover(range(20, 22), 100, outliers=0.05)
+
+
+@pytest.mark.nightly
+def test_the_truth_comes_back_two_hundred_times() -> None:
+    recover(range(200), None)
+
+
+def test_outliers_change_nothing_by_more_than_a_standard_deviation() -> None:
+    for seed in range(2):
+        plant = plant_of(seed)
+        clean = learn(*drive(plant, 100, seed)[:2], KNOWN)
+        dirty = learn(*drive(replace(plant, outliers=0.05), 100, seed)[:2], KNOWN)
+        std = np.sqrt(np.diag(clean.surfaces[0].fit.covariance))
+        shift = dirty.surfaces[0].fit.coefficients - clean.surfaces[0].fit.coefficients
+        assert np.all(np.abs(shift) < std)
+        assert any("left out" in words for words in dirty.warnings)
+
+
+@pytest.mark.parametrize("source", ["both ways", "map"])
+def test_diving_and_askew_no_downhill_stop_is_predicted_short(source: str) -> None:
+    for seed in range(2):
+        plant = plant_of(seed, **DIVING)
+        log, runs, _ = drive(plant, 100, seed, out_and_back=source == "both ways")
+        ground = None
+        if source == "map":
+            same = drive(replace(plant, dive=0.0, mount=0.0, pitch_noise=0.0), 100, seed)[0]
+            ground = -same["pitch"]
+        learned = learn(log, runs, KNOWN, ground=ground)
+        _, _, held_out = drive(plant, 100, 7_000 + seed, grades=(-0.25, -0.03))
+        assert np.min(excess(learned, held_out)) > -0.05
+        assert np.all(np.abs(off_in_std(learned, plant)) < 4.0)
+        assert learned.mount.known
+        assert learned.mount.offset == pytest.approx(DIVING["mount"], abs=np.deg2rad(0.25))
+        assert learned.dive.per_deceleration == pytest.approx(DIVING["dive"], rel=0.1)
+
+
+def test_taking_the_body_for_the_ground_would_be_short() -> None:
+    # What the estimates of dive and mount are for: the same stops on raw pitch.
+    plant = plant_of(0, **DIVING)
+    log, runs, _ = drive(plant, 100, 0)
+    raw = learn(log, runs, KNOWN, ground=-log["pitch"])
+    _, _, held_out = drive(plant, 100, 7_000, grades=(-0.25, -0.03))
+    assert np.min(excess(raw, held_out)) < -0.05
+
+
+def test_a_mount_that_cannot_be_told_is_said_and_paid_for() -> None:
+    plant = plant_of(1)
+    both = learn(*drive(plant, 80, 1, out_and_back=True)[:2], KNOWN)
+    blind_log, runs, _ = drive(plant, 80, 1, out_and_back=True)
+    blind = learn({n: v for n, v in blind_log.items() if n not in ("x", "y")}, runs, KNOWN)
+    assert not blind.mount.known
+    assert any("mount offset" in words for words in blind.warnings)
+    assert not any("mount offset" in words for words in both.warnings)
+    assert blind.braking.distance_offset > both.braking.distance_offset
+
+
+def test_level_ground_keeps_the_slopes_and_narrows_the_grades() -> None:
+    learned = learn(*drive(Plant(), 40, 0, level=True)[:2], KNOWN)
+    assert learned.braking.m_m == pytest.approx(KNOWN.m_m, abs=0.2)  # the noise of the pitch
+    assert learned.braking.b_m == pytest.approx(KNOWN.b_m, abs=0.5)
+    assert learned.braking.grade_range == pytest.approx((-0.01, 0.01), abs=0.004)
+    assert any("m_m, b_m" in words for words in learned.warnings)
+    assert learned.braking.b_b == pytest.approx(0.40, abs=0.01)
+
+
+def joined(*logs: tuple) -> tuple[dict[str, np.ndarray], list[slice]]:
+    columns: dict[str, list[np.ndarray]] = {}
+    runs, begin, clock = [], 0, 0.0
+    for log, own, _ in logs:
+        for name, values in log.items():
+            columns.setdefault(name, []).append(values + clock if name == "t" else values)
+        runs += [slice(begin + r.start, begin + r.stop) for r in own]
+        begin, clock = begin + len(log["t"]), clock + float(log["t"][-1]) + 10.0
+    return {name: np.concatenate(parts) for name, parts in columns.items()}, runs
+
+
+def test_each_surface_gets_its_own_and_the_base_is_the_weakest() -> None:
+    gravel = Plant(b_b=0.32)
+    columns, runs = joined(
+        drive(Plant(), 30, 0, terrain="clay"), drive(gravel, 30, 1, terrain="gravel"),
+        drive(Plant(), 4, 2, terrain="rock"),
+    )  # fmt: skip
+    learned = learn(columns, runs, KNOWN)
+    assert [s.name for s in learned.surfaces] == ["", "clay", "gravel"]
+    assert set(learned.braking.terrain) == {"clay", "gravel"}
+    assert learned.braking.on("clay").b_b == pytest.approx(0.40, abs=0.02)
+    assert learned.braking.on("gravel").b_b == pytest.approx(0.32, abs=0.02)
+    assert learned.braking.b_b == learned.braking.on("gravel").b_b
+    assert any("gravel" in words for words in learned.warnings)
+    alone = learn(*drive(Plant(), 30, 0, terrain="clay")[:2], KNOWN)
+    assert [s.name for s in alone.surfaces] == [""]
+
+
+def test_coverage_can_be_chosen() -> None:
+    log, runs, _ = drive(Plant(), 60, 3)
+    offsets = [
+        learn(log, runs, KNOWN, settings=CalibrationSettings(coverage=c)).braking.distance_offset
+        for c in (0.8, 0.95, 0.999)
+    ]
+    assert offsets == sorted(offsets)
+    assert offsets[0] < offsets[-1]
+    with pytest.raises(ParameterError, match="coverage"):
+        CalibrationSettings(coverage=1.0)
+
+
+def test_too_few_stops_say_what_there_was() -> None:
+    log, runs, _ = drive(Plant(), 6, 0)
+    with pytest.raises(ParameterError, match="at least 8 usable stops, got 6 of 6 found"):
+        learn(log, runs, KNOWN)
+    log["v_cmd"] = log["v_cmd"] + 0.5
+    with pytest.raises(ParameterError, match="got 0 of 0 found"):
+        learn(log, runs, KNOWN)
