@@ -111,7 +111,7 @@ class TerrainEstimator:
         elapsed = 0.0 if self._time is None else time - self._time
         self._time = time
         if not usable or elapsed > self._gap:
-            done = self._close(trim=False)
+            done = self._close(trim=True)
             self.phases.begin()
             return done
         turning = yaw_rate - self.bias.bias
@@ -152,13 +152,13 @@ class TerrainEstimator:
 
     def finish(self) -> Observation | None:
         """The stretch that the run ended in, if it tells something."""
-        return self._close(trim=False)
+        return self._close(trim=True)
 
     def _close(self, *, trim: bool) -> Observation | None:
         """Evaluate the open stretch.
 
         Args:
-            trim: motion changed; the smoothed speeds saw it too late by their time constant.
+            trim: motion may have changed; the smoothed speeds see it late by their time constant.
         """
         samples, phase = self._samples, self._kind
         self._samples, self._kind = [], Phase.OTHER

@@ -21,6 +21,8 @@ from models.terrain.slip_track_filter import steady_state_variance
 
 Floats = NDArray[np.float64]
 
+_APART = 0.5  # [s] without the filter ends a turn
+
 
 @dataclass(frozen=True, slots=True)
 class Trace:
@@ -96,7 +98,7 @@ def _first_turn(
     running = np.flatnonzero(active)
     if len(running) < 2:
         return np.empty(0), math.nan
-    apart = np.flatnonzero(np.diff(running) > 1)
+    apart = np.flatnonzero(np.diff(columns[0][running]) > _APART)
     turn = running[: int(apart[0]) + 1] if len(apart) else running
     step = float(np.median(np.diff(columns[0][turn]))) if len(turn) > 1 else settings.sample_time
     growth = settings.process_variance / settings.sample_time * step

@@ -167,10 +167,10 @@ def _cells(one: RunEvents, spread: str = "") -> list[str]:
 
 
 def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
-    """A page with the run that turned most in detail; works without a network."""
+    """A page with the run that shows most in detail; works without a network."""
     from services.report.terrain_page import TerrainPage, write_report
 
-    one = max(result.runs, key=lambda run: _turns(run) + 1e-6 * len(run.classified))
+    one = max(result.runs, key=_variety)
     points = [
         (event.answer.name, event.observation.known.values)
         for run in result.runs
@@ -203,8 +203,11 @@ def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
     write_report(path, content)
 
 
-def _turns(one: RunEvents) -> int:
-    return sum(e.observation.phase in (Phase.TURN, Phase.SPOT) for e in one.classified)
+def _variety(one: RunEvents) -> float:
+    """How much a run shows: straights and turns both, else many stretches."""
+    phases = [event.observation.phase for event in one.classified]
+    turns = sum(phase in (Phase.TURN, Phase.SPOT) for phase in phases)
+    return min(turns, phases.count(Phase.STRAIGHT)) + 1e-3 * len(phases)
 
 
 def _verdict(result: TerrainResult) -> str:

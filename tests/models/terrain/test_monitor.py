@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.drive_quality import Kind
+from models.errors import ParameterError
+from models.parameters import Braking, Limits, Model, Terrain
+from models.terrain.adaptation import AdaptiveClassifier
+from models.terrain.log_checks import implausible
+from models.terrain.monitor import Change, Classified, TerrainMonitor
+from models.terrain.observation import Features
+from models.terrain.phases import Phase
+from models.terrain.resistances import Estimate
+from models.terrain.surfaces import model_on, with_surface
+from models.terrain.trace import trace
+from services.files.terrain_file import find_terrains, read_terrains
+from tests.models.terrain import plant
+from tests.models.terrain.vehicles import QUIET, SAMPLE, estimator_of, vehicle_of
+
+HUSKY = read_terrains(find_terrains("husky")).classes
+MODEL = Model(
+    name="plant",
+    vehicle=vehicle_of(),
+    braking=Braking(
+        m_m=0.0, b_m=-0.2, m_b=0.0, b_b=0.25, dead_time=0.4,
+        speed_range=(0.2, 1.0), grade_range=(-0.26, 0.26),
+    ),
+    terrain=Terrain(motion_resistance=0.13, lateral_resistance=0.2, slip_track=1.15),
+    limits=Limits(speed=1.0, accel=0.5, decel=0.8, jerk=2.0, lateral_accel=1.0, min_load=0.1),
+)  # fmt: skip
+
+
+def events(log, monitor=None):
+    monitor = TerrainMonitor(MODEL, HUSKY, estimator=QUIET) if monitor is None else monitor
+    found = []
+    for row in zip(*(log[name].tolist() for name in SAMPLE), strict=True):
+        found += monitor.update(*row)
+    return found + list(monitor.finish()), monitor
+
+
+@pytest.mark.parametrize(
+    ("ground", "name"),
+    [(plant.ASPHALT, "asphalt"), (plant.DIRT, "dirt_road"), (plant.SAND, "beach_sand")],
+)
+def test_the_class_of_a_square(ground, name):
+    found, _ = events(plant.drive(plant.square(), ground))
+    last = [e for e in found if isinstance(e, Classified)][-1]
+    assert last.answer.name == name
+    assert last.answer.probability > 0.8
+    assert not [e for e in found if isinstance(e, Change)]
+
+
+def test_a_change_is_noticed_and_what_was_known_forgotten():
+    legs = plant.square(sides=8)
+    when = 2.0 + 4 * 10.6 + 1.0
+
+    def ground(s):
+        return plant.ASPHALT if s < when else plant.SAND
+
+    found, _ = events(plant.drive(legs, ground))
+    changes = [e for e in found if isinstance(e, Change)]
+    assert len(changes) == 1
+    assert 0.0 < changes[0].time - when < 6.0
+    at = found.index(changes[0])
+    after = next(e for e in found[at + 1 :] if isinstance(e, Classified))
+    assert np.isnan(after.observation.known.values[1])  # not yet turned on the new ground
+    assert found[-1].answer.name == "beach_sand"
+
+
+def test_stuck_has_no_class():
+    found, _ = events(plant.drive([(2, 0, 0), (8, 0.5, 0.0), (6, 0.0, np.nan)], plant.DIRT))
+    stuck = [e for e in found if isinstance(e, Classified) and e.observation.phase is Phase.STUCK]
+    assert stuck
+    assert all(e.answer.name == "" for e in stuck)
+
+
+def test_adaptive_classes_are_taught_on_the_way():
+    adaptive = AdaptiveClassifier(HUSKY)
+    monitor = TerrainMonitor(MODEL, HUSKY, estimator=QUIET, adaptive=adaptive)
+    events(plant.drive(plant.square(sides=6), plant.ASPHALT), monitor)
+    assert adaptive.classes.terrain[0].lateral_resistance.samples > 6.0
+
+
+def test_the_model_on_the_ground_driven_now_is_rounded_towards_slower():
+    known = Features(Estimate(0.2, 0.02), Estimate(0.25, 0.01), Estimate(1.3, 0.1))
+    terrain = model_on(MODEL, known).terrain
+    assert terrain.motion_resistance == pytest.approx(0.22)
+    assert terrain.lateral_resistance == pytest.approx(0.26)
+    assert terrain.slip_track == pytest.approx(1.4)
+    assert model_on(MODEL, Features()).terrain == MODEL.terrain
+    narrow = Features(slip_track=Estimate(0.3, 0.01))
+    assert model_on(MODEL, narrow).terrain.slip_track == MODEL.vehicle.track_width
+
+
+def test_a_surface_brakes_less_where_it_rolls_more_easily_and_never_more():
+    easy = with_surface(MODEL, "asphalt", Estimate(0.03, 0.01), 0.13)
+    assert easy.braking.on("asphalt").b_b == pytest.approx(0.25 - (0.13 - 0.02))
+    hard = with_surface(easy, "sand", Estimate(0.40, 0.05), 0.13)
+    assert hard.braking.on("sand").b_b == 0.25
+    assert {t.class_id for t in hard.braking.terrain.values()} == {1, 2}
+    again = with_surface(hard, "asphalt", Estimate(0.0, 0.0), 0.13)
+    assert again is hard  # stops knew better
+    with pytest.raises(ParameterError, match=r"f_r is 0\.30 less"):
+        with_surface(MODEL, "ice", Estimate(0.0, 0.0), 0.30)
+
+
+def log_of(**changes):
+    log = plant.drive(plant.square(sides=2), plant.DIRT)
+    return {**log, **{name: change(log[name].copy()) for name, change in changes.items()}}
+
+
+def found_in(log):
+    return implausible(log, (slice(0, len(log["t"])),), vehicle_of())
+
+
+def test_logs_of_this_vehicle_are_plausible():
+    assert found_in(log_of()) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "channel", "kind", "words"),
+    [
+        (
+            {"v_left": lambda v: v / 0.13, "v_right": lambda v: v / 0.13},
+            "v_left", Kind.UNITS, "rad/s",
+        ),
+        ({"yaw_rate": np.rad2deg}, "yaw_rate", Kind.UNITS, "degrees per second"),
+        ({"current_left": lambda i: 1000.0 * i}, "current_left", Kind.SENTINEL, "thrust of"),
+    ],
+)  # fmt: skip
+def test_wrong_units(changes, channel, kind, words):
+    found = found_in(log_of(**changes))
+    assert {(s.channel, s.kind) for s in found} == {(channel, kind)}
+    assert words in found[0].reason
+
+
+def test_a_sentinel_marks_its_own_samples():
+    def sentinel(current):
+        current[400:420] = -1000.0
+        return current
+
+    (found,) = found_in(log_of(current_right=sentinel))
+    assert (found.start, found.stop, found.channel) == (400, 420, "current_right")
+
+
+def test_the_trace_of_a_run_settles_where_riccati_says():
+    log = plant.drive(plant.square(turn=4.0), plant.DIRT)
+    rows = list(zip(*(log[name].tolist() for name in SAMPLE), strict=True))
+    kept = trace(estimator_of(), rows, QUIET.filter)
+    assert len(kept.time) == len(log["t"])
+    assert kept.predicted_variance[0] == pytest.approx(0.3**2 + 1e-4)
+    assert kept.predicted_variance[100:].min() == pytest.approx(kept.settled_variance, rel=0.05)
+    assert kept.active.sum() > 1000
+    assert np.isnan(kept.slip_track[:200]).all()
+    standing = plant.drive([(3, 0, 0)], plant.DIRT)
+    rows = list(zip(*(standing[name].tolist() for name in SAMPLE), strict=True))
+    kept = trace(estimator_of(), rows, QUIET.filter)
+    assert not kept.active.any()
+    assert np.isnan(kept.settled_variance)
