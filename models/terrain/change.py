@@ -30,7 +30,7 @@ _LEAST = 3  # windows that decide at least
 class ChangeSettings:
     """How easily a change is believed."""
 
-    threshold: float = quantity("1", "T² per channel that is a change.", default=6.0, above=0.0)
+    threshold: float = quantity("1", "T² per channel that is a change.", default=5.0, above=0.0)
     seconds: float = quantity("s", "Latest driving that is compared.", default=5.0, at_least=3.0)
     memory: float = quantity("s", "Driving that a condition remembers.", default=60.0, at_least=5.0)
     before: float = quantity(
