@@ -62,6 +62,8 @@ class SurfaceBraking:
     dead_time: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
     distance_offset: float | None = quantity("m", "See [braking].", default=None, at_least=0.0)
     time_offset: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
+    force_std: float | None = quantity("1", "See [braking].", default=None, at_least=0.0)
+    dead_time_std: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
     covariance: Matrix | None = None
     speed_range: tuple[float, float] | None = None
     grade_range: tuple[float, float] | None = None
@@ -91,6 +93,12 @@ class Braking:
     speed_range: tuple[float, float]
     grade_range: tuple[float, float]
     covariance: Matrix | None = None
+    force_std: float = quantity(
+        "1", "Scatter of F_b/W from stop to stop that the model leaves.", default=0.0, at_least=0.0
+    )
+    dead_time_std: float = quantity(
+        "s", "Scatter of the dead time from stop to stop.", default=0.0, at_least=0.0
+    )
     sliding_friction: float | None = quantity(
         "1", "Friction of locked wheels; caps the force.", default=None, above=0.0
     )

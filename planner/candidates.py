@@ -28,6 +28,7 @@ from planner.settings import PlannerSettings
 from planner.smoothing import Smoother, SmoothingProblem
 from planner.terrain_profile import TerrainProfile, terrain_profile
 from planner.track import Track, track_of
+from planner.uncertainty import Uncertainty
 
 _BATCH = 256
 _REPAIRS = 12
@@ -68,6 +69,7 @@ def time_optimal_batch(
     speed_limit: Floats | None = None,
     settings: PlannerSettings | None = None,
     conditions: Conditions | None = None,
+    uncertainty: Uncertainty | None = None,
 ) -> TimeOptimalBatch:
     """Time-optimal profiles along candidates that are on even stations already.
 
@@ -80,10 +82,11 @@ def time_optimal_batch(
         speed_limit: (N, M) limits of the path itself [m/s].
         settings: weights of the ranking.
         conditions: of the moment.
+        uncertainty: what the plans are to survive; then ``model`` is its cautious one already.
     """
     vehicle = model.vehicle
     profile = terrain_profile(elevation_map, x, y, count, vehicle.wheelbase, vehicle.track_width)
-    ground = ground_along(profile, model, elevation_map.class_names, conditions)
+    ground = ground_along(profile, model, elevation_map.class_names, conditions, uncertainty)
     candidates = x.shape[1]
     bounds = speed_bounds(profile, ground, model, np.full(candidates, clear), speed_limit)
     speed_sq, reachable = time_optimal_profile(
@@ -122,8 +125,15 @@ def rank(plans: Sequence[SpeedPlan], settings: PlannerSettings) -> list[SpeedPla
 class CandidatePlanner:
     """Plans candidates with one model; keeps its solvers from call to call."""
 
-    def __init__(self, model: Model, settings: PlannerSettings | None = None) -> None:
-        self.model = model
+    def __init__(
+        self,
+        model: Model,
+        settings: PlannerSettings | None = None,
+        uncertainty: Uncertainty | None = None,
+    ) -> None:
+        """Plan with the model's mean, or with what remains of it under uncertainty."""
+        self.model = model if uncertainty is None else uncertainty.cautious(model)
+        self.uncertainty = uncertainty
         self.settings = settings or PlannerSettings()
         self._scalars: Numbers = numbers(model)
         self._smoothers: dict[int, Smoother] = {}
@@ -162,7 +172,7 @@ class CandidatePlanner:
             solved = time_optimal_batch(
                 elevation_map, part.x, part.y, part.count, self.model,
                 start_speed=start_speed, clear=clear, speed_limit=part.speed_limit,
-                settings=self.settings, conditions=conditions,
+                settings=self.settings, conditions=conditions, uncertainty=self.uncertainty,
             )  # fmt: skip
             for j, name in enumerate(part.names):
                 plans.append(self.finish(solved, j, name, start_speed, part.speed_limit))

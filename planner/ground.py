@@ -18,6 +18,7 @@ from models.parameters import Braking, Model
 from models.quantity import GRAVITY
 from planner.compiled import Bools, Floats, Ints, inlined, kernel, row_pass
 from planner.terrain_profile import TerrainProfile
+from planner.uncertainty import Uncertainty
 from planner.workspace import empty
 
 _M_M, _B_M, _M_B, _B_B, _UP_M_M, _UP_B_M, _DEAD, _OFFSET = range(8)
@@ -94,14 +95,19 @@ def resolve_surface(braking: Braking, name: str) -> tuple[str, ...]:
     return ("", *tables)
 
 
-def _surface_table(model: Model, class_names: tuple[str, ...]) -> tuple[Floats, Ints]:
-    """Coefficients of each surface, and for each class the bits of the surfaces it may be."""
+def _surface_table(
+    model: Model, class_names: tuple[str, ...], uncertainty: Uncertainty | None
+) -> tuple[Floats, Ints]:
+    """Coefficients of each surface, and for each class the bits of the surfaces it may be.
+
+    With uncertainty the last row is ground that the vehicle never braked on.
+    """
     names = ["", *model.braking.terrain]
     table = np.empty((len(names), _COLUMNS))
     scale = effects.force_scale(model.effect)
     lockup = effects.motion(model.effect).friction
     for row, name in zip(table, names, strict=True):
-        braking = model.braking.on(name) if name else model.braking
+        braking = braking_on(model, name)
         level, resistance = braking.level, model.terrain.motion_resistance
         up = braking.uphill or braking
         row[_M_M : _OFFSET + 1] = (
@@ -111,16 +117,40 @@ def _surface_table(model: Model, class_names: tuple[str, ...]) -> tuple[Floats, 
             scale * (level * braking.b_b + (1.0 - level) * resistance),
             scale * level * up.m_m,
             scale * level * up.b_m,
-            braking.dead_time,
+            braking.dead_time if uncertainty is None else uncertainty.dead_time(braking),
             braking.distance_offset,
         )
         sliding = np.inf if braking.sliding_friction is None else braking.sliding_friction
         row[_SLOWEST:] = (*braking.speed_range, *braking.grade_range, min(sliding, lockup))
     bits = np.zeros(len(class_names), np.int64)
+    strange = False
     for index, name in enumerate(class_names):
-        for surface in resolve_surface(model.braking, name):
+        surfaces = resolve_surface(model.braking, name)
+        for surface in surfaces:
             bits[index] |= 1 << names.index(surface)
+        if uncertainty is not None and len(surfaces) == len(names) and not _is_known(model, name):
+            bits[index] |= 1 << len(names)
+            strange = True
+    if uncertainty is not None and strange:
+        weakest = table[np.argmin(table[:, _B_B])].copy()
+        weakest[_M_M : _UP_B_M + 1] *= uncertainty.untrained_share
+        table = np.vstack((table, weakest))
     return table, bits
+
+
+def braking_on(model: Model, surface: str) -> Braking:
+    """The braking model on a named surface; "" is the base."""
+    return model.braking.on(surface) if surface else model.braking
+
+
+def _is_known(model: Model, name: str) -> bool:
+    """Is the class one that the model has learned, or the ground that it learned on?"""
+    known = resolve_surface(model.braking, name)
+    return (
+        name in ("", "#0")
+        or name in model.braking.terrain
+        or (name.startswith("#") and len(known) == 1)
+    )
 
 
 def ground_along(
@@ -128,6 +158,7 @@ def ground_along(
     model: Model,
     class_names: tuple[str, ...] = ("",),
     conditions: Conditions | None = None,
+    uncertainty: Uncertainty | None = None,
 ) -> Ground:
     """Braking force along candidates.
 
@@ -136,10 +167,11 @@ def ground_along(
         model: braking model, effects and limits.
         class_names: names of the map's terrain classes.
         conditions: session time and brake heat; both zero if left out.
+        uncertainty: what to survive; left out, the model's mean counts.
     """
     now = conditions or Conditions()
     braking = model.braking
-    table, class_bits = _surface_table(model, class_names)
+    table, class_bits = _surface_table(model, class_names, uncertainty)
     margin = braking.extrapolation_margin if braking.extrapolate else -1.0
     bits = _surface_bits(profile, class_bits)
     if len(table) == 1:
@@ -151,6 +183,9 @@ def ground_along(
     if model.effect:
         yaw = np.arctan2(profile.heading_y, profile.heading_x)
         lowest, highest = _ground_terms(model, profile, yaw, now.session_time)
+        if uncertainty is not None:
+            margin = sum(uncertainty.ground_margin(e) for e in model.effect)
+            lowest, highest = lowest - margin, highest + margin
         forces = forces._replace(
             weak_rest=forces.weak_rest + lowest, strong_rest=forces.strong_rest + highest
         )
@@ -159,6 +194,8 @@ def ground_along(
             for speed in (0.0, model.limits.speed)
         ]
         push = np.minimum(0.0, np.minimum(*pushes))
+    if uncertainty is not None:
+        forces = _widened(forces, profile.grade, bits, table, model, uncertainty)
     if np.isfinite(table[:, _FRICTION]).any():
         forces = _capped(forces, profile, bits, table)
     closed_form = motion == effects.motion(())._replace(heat=now.brake_heat)
@@ -182,6 +219,66 @@ def _surface_bits(profile: TerrainProfile, class_bits: Ints) -> Ints:
     for index, surfaces in enumerate(class_bits):
         bits |= np.where((classes >> index) & 1, surfaces, 0)
     return np.where(bits == 0, 1, bits)
+
+
+def _widened(
+    forces: _Forces,
+    grade: Floats,
+    bits: Ints,
+    table: Floats,
+    model: Model,
+    uncertainty: Uncertainty,
+) -> _Forces:
+    """Both forces with the margin of the least certain surface, (N, M)."""
+    names = ["", *model.braking.terrain]
+    scale = effects.force_scale(model.effect)
+    matrices = np.empty((len(table), 4, 4))
+    for i in range(len(table)):
+        # Ground that was never braked on is as uncertain as the ground that is known best of it.
+        name = names[i] if i < len(names) else ""
+        matrices[i] = scale**2 * uncertainty.force_matrix(braking_on(model, name))
+    if not matrices.any():
+        return forces
+    weak_speed, weak_rest, strong_speed, strong_rest = empty(4, *grade.shape)
+    _widen(
+        grade, np.ascontiguousarray(bits), matrices, forces.slowest, forces.fastest,
+        forces.weak_speed, forces.weak_rest, forces.strong_speed, forces.strong_rest,
+        weak_speed, weak_rest, strong_speed, strong_rest,
+    )  # fmt: skip
+    return forces._replace(
+        weak_speed=weak_speed, weak_rest=weak_rest, strong_speed=strong_speed,
+        strong_rest=strong_rest,
+    )  # fmt: skip
+
+
+@kernel
+def _widen(
+    grade: Floats, bits: Ints, matrices: Floats, slowest: Floats, fastest: Floats,
+    weak_speed_in: Floats, weak_rest_in: Floats, strong_speed_in: Floats, strong_rest_in: Floats,
+    weak_speed: Floats, weak_rest: Floats, strong_speed: Floats, strong_rest: Floats,
+) -> None:  # fmt: skip
+    """Give up √(φᵀ S φ), which is convex in v_i: its chord over the trained speeds is above it."""
+    stations, candidates = grade.shape
+    for k in range(stations):
+        for j in range(candidates):
+            theta, slow, fast = grade[k, j], slowest[k, j], fastest[k, j]
+            at_slow, at_fast = 0.0, 0.0
+            for i in range(matrices.shape[0]):
+                if (bits[k, j] >> i) & 1 == 0:
+                    continue
+                s = matrices[i]
+                vv = (s[0, 0] * theta + 2.0 * s[0, 2]) * theta + s[2, 2]
+                v1 = (s[0, 1] * theta + s[0, 3] + s[1, 2]) * theta + s[2, 3]
+                one = (s[1, 1] * theta + 2.0 * s[1, 3]) * theta + s[3, 3]
+                at_slow = max(at_slow, (vv * slow + 2.0 * v1) * slow + one)
+                at_fast = max(at_fast, (vv * fast + 2.0 * v1) * fast + one)
+            at_slow, at_fast = np.sqrt(at_slow), np.sqrt(at_fast)
+            rise = (at_fast - at_slow) / max(fast - slow, 1e-6)
+            rest = at_slow - rise * slow
+            weak_speed[k, j] = weak_speed_in[k, j] - rise
+            weak_rest[k, j] = weak_rest_in[k, j] - rest
+            strong_speed[k, j] = strong_speed_in[k, j] + rise
+            strong_rest[k, j] = strong_rest_in[k, j] + rest
 
 
 def _capped(forces: _Forces, profile: TerrainProfile, bits: Ints, table: Floats) -> _Forces:

@@ -99,12 +99,16 @@ def _shares_at(
     track: Track, survey: Survey, i: int, u: float, energy: float, v_i: float, braking: bool
 ) -> tuple[float, float]:
     """Rear share and least side share between stations i and i + 1 at v² = ``energy``."""
-    rear = at(survey.rear, i, u)
+    # Angles are linear in between: sines and cosines bulge above their chords.
+    pitched, rolled = track.grade[i + 1] - track.grade[i], track.roll[i + 1] - track.roll[i]
+    bulge = 1.0 + 0.5 * u * (1.0 - u) * (pitched * pitched + rolled * rolled)
+    rear = bulge * at(survey.rear, i, u)
     if braking:
         strong = v_i * at(track.strong_speed, i, u) + at(track.strong_rest, i, u)
-        rear -= survey.per_decel * GRAVITY * (strong + at(survey.sine, i, u))
+        rear -= survey.per_decel * GRAVITY * (strong + bulge * at(survey.sine, i, u))
     lateral = survey.per_lateral * energy * at(survey.lean, i, u)
-    return rear, min(at(survey.left, i, u) - lateral, at(survey.right, i, u) + lateral)
+    left, right = bulge * at(survey.left, i, u), bulge * at(survey.right, i, u)
+    return rear, min(left - lateral, right + lateral)
 
 
 @inlined

@@ -1,0 +1,123 @@
+"""What is not known exactly, and how much of it a plan is to survive.
+
+Braking coefficients come with a covariance, stops scatter around them, maps are noisy, and what was
+learned grows old. All of it becomes a margin on the braking force, on the dead time and on the
+loads, at a quantile that the user chooses; nothing of it ever makes a plan faster.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import ndtri
+
+from models.parameters import Braking, Effect, Model
+from models.quantity import quantity, validate_quantities
+from planner.compiled import Floats
+
+_WEAKER: dict[str, dict[str, float]] = {
+    "aerodynamic_drag": {"c": -1.0},
+    "headwind": {"c": -1.0, "wind": -1.0},
+    "viscous_resistance": {"c": -1.0},
+    "turning_resistance": {"k": -1.0},
+    "brake_lag": {"tau": 1.0},
+    "brake_fade": {"k": 1.0, "tau": 1.0},
+    "wheel_lockup": {"mu": -1.0},
+}
+"""Which way a parameter goes for stops to become longer, where that is the same everywhere."""
+
+HOUR = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uncertainty:
+    """What a plan has to survive beside the model's mean."""
+
+    quantile: float = quantity(
+        "1", "One-sided quantile that stopping path and loads survive.", default=0.999,
+        at_least=0.5, at_most=0.999999,
+    )  # fmt: skip
+    slope_std: float = quantity(
+        "rad", "Error of the map's grade and roll.", default=0.0, at_least=0.0, at_most=0.2
+    )
+    age: float = quantity("s", "Since the parameters were learned.", default=0.0, at_least=0.0)
+    drift: float = quantity(
+        "1/h^½", "Growth of the error of F_b/W with the root of age.", default=0.01, at_least=0.0
+    )
+    untrained_share: float = quantity(
+        "1", "Share of the weakest known force that counts on surfaces never braked on.",
+        default=0.6, above=0.0, at_most=1.0,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+    @property
+    def width(self) -> float:
+        """How many standard deviations the quantile is away from the mean."""
+        return float(ndtri(self.quantile))
+
+    def force_matrix(self, braking: Braking) -> Floats:
+        """(4, 4) matrix S with (margin of F_b/W)² = φᵀ S φ, φ = (θ v_i, θ, v_i, 1).
+
+        Covariance, scatter, age, and what an error of the grade does to force and weight.
+        """
+        learned = np.zeros((4, 4)) if braking.covariance is None else np.array(braking.covariance)
+        learned = learned * braking.level**2
+        learned[3, 3] += braking.force_std**2 + self.drift**2 * self.age / HOUR
+        slope = np.array([0.0, 0.0, braking.level * braking.m_m, 1.0 + braking.level * braking.b_m])
+        matrix: Floats = self.width**2 * (learned + self.slope_std**2 * np.outer(slope, slope))
+        return matrix
+
+    def dead_time(self, braking: Braking) -> float:
+        """Dead time that is rarely exceeded [s]."""
+        return braking.dead_time + self.width * braking.dead_time_std
+
+    def load_margin(self, model: Model) -> float:
+        """By how much an error of grade or roll may unload an axle or a side."""
+        v = model.vehicle
+        shorter = min(v.cg_x, v.wheelbase - v.cg_x, 0.5 * v.track_width)
+        return self.width * self.slope_std * v.cg_z / shorter
+
+    def cautious(self, model: Model) -> Model:
+        """The model with its load limits and effects moved to where the vehicle stops later."""
+        margin = self.load_margin(model)
+        limits = replace(model.limits, min_load=min(model.limits.min_load + margin, 0.9))
+        effects = tuple(self._weaker(e) for e in model.effect)
+        return replace(model, limits=limits, effect=effects)
+
+    def _weaker(self, effect: Effect) -> Effect:
+        signs = _WEAKER.get(effect.name, {})
+        if effect.covariance is None:
+            return effect
+        std = self.width * np.sqrt(np.diag(np.array(effect.covariance)))
+        parameters = dict(effect.parameters)
+        for name, own in zip(effect.parameters, std, strict=True):
+            sign = signs.get(name, 0.0)
+            moved = parameters[name] + sign * float(own)
+            parameters[name] = max(moved, 1e-9) if sign < 0.0 and name != "wind" else moved
+        return replace(effect, parameters=parameters, covariance=None) if signs else effect
+
+    def ground_margin(self, effect: Effect) -> float:
+        """Margin of F_b/W for a ground term that is uncertain, for terms that `_WEAKER` lacks.
+
+        To first order, at the largest that its factor can be on ground that is driven on.
+        """
+        if effect.covariance is None or effect.name in _WEAKER:
+            return 0.0
+        most = _FACTORS.get(effect.name, {})
+        factor = np.array([most.get(name, 0.0) for name in effect.parameters])
+        return self.width * float(np.sqrt(factor @ np.array(effect.covariance) @ factor))
+
+
+_FACTORS: dict[str, dict[str, float]] = {
+    "grade_asymmetry": {"k": 0.35},
+    "grade_nonlinearity": {"k": 0.12},
+    "cross_slope": {"k": 0.35},
+    "surface_patch": {"delta": 1.0},
+    "directional_surface": {"k": 1.0},
+    "step_change": {"scale": 1.0, "delta": 1.0},
+    "session_drift": {"k": 4.0 * HOUR},
+}
+"""The most that each parameter of a ground term is multiplied with: slopes of 20°, four hours."""
