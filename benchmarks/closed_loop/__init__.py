@@ -1,0 +1,1 @@
+"""The planner in the loop of a physics engine that knows none of its laws."""

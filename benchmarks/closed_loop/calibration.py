@@ -1,0 +1,58 @@
+"""Drives to learn from: even slopes of every steepness and hills, stops from every speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.closed_loop.course import Course
+from benchmarks.closed_loop.drive import run_drive
+from benchmarks.closed_loop.stop_sample import MappedGround, StopSample, samples_of
+from benchmarks.closed_loop.policies import Blind
+from benchmarks.closed_loop.quad import LIMITS, QUAD
+from benchmarks.closed_loop.route import draw_route
+from benchmarks.closed_loop.terrain import SURFACES, Terrain, hills, slope
+from planner.terrain_profile import terrain_profile
+
+_SLOPES = 0.7  # share of drives on even slopes
+_STEEPEST = np.deg2rad(22.5)
+_SIGHT = (20.0, 21.0)  # [m] the way is free
+
+
+def stops_of_drive(seed: int, exact: bool) -> list[StopSample]:
+    """Stops of one drive on ground that no test ever sees.
+
+    Args:
+        seed: of everything.
+        exact: sensors and map without noise.
+    """
+    rng = np.random.default_rng((77, seed))
+    route = None
+    while route is None:
+        terrain = _terrain(rng)
+        route = draw_route(terrain, rng, QUAD, steepest=_STEEPEST)
+    course = Course(route, rng, only_forced=True, sight=_SIGHT)
+    policy = Blind(rng, LIMITS.accel, LIMITS.speed + 0.3)
+    policy.exact = exact
+    drive = run_drive(terrain, route, course, policy, seed)
+    told = terrain.elevation_map(terrain.told(None if exact else rng))
+    x, y = (np.ascontiguousarray(c[::2, None]) for c in (route.x, route.y))
+    ground = terrain_profile(told, x, y, np.array([len(x)]), QUAD.wheelbase, QUAD.track_width)
+    return samples_of(
+        drive,
+        MappedGround(
+            *(c[:, 0] for c in (ground.station, ground.grade, ground.roll, ground.surfaces))
+        ),
+    )
+
+
+def _terrain(rng: np.random.Generator) -> Terrain:
+    """One surface throughout: a stop across two teaches neither."""
+    if rng.random() < _SLOPES:
+        ground = slope(rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, _STEEPEST), rng)
+    else:
+        ground = hills(rng)
+    surface = np.full_like(ground.surface, rng.integers(len(SURFACES)))
+    return replace(ground, surface=surface)

@@ -1,0 +1,177 @@
+"""The whole benchmark: learn from stops, then let every policy drive the same scenes."""
+
+from __future__ import annotations
+
+import dataclasses
+import multiprocessing
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from benchmarks.closed_loop.calibration import stops_of_drive
+from benchmarks.closed_loop.drive import Drive, run_drive
+from benchmarks.closed_loop.learning import fit
+from benchmarks.closed_loop.metrics import Result, summary, targets
+from benchmarks.closed_loop.policies import (
+    CurvatureOnly,
+    FixedSpeed,
+    LevelStop,
+    Planned,
+    Policy,
+    foresighted,
+)
+from benchmarks.closed_loop.scenes import dem_folder, scene
+from benchmarks.closed_loop.stop_sample import StopSample
+from models.parameters import Model
+
+OWN, PERFECT = "slopewise", "perfect knowledge"
+
+_PROCESSES = 2
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Size:
+    """How much is driven."""
+
+    drives: int
+    calibration: int
+    exact_calibration: int
+
+
+FULL = Size(drives=330, calibration=240, exact_calibration=120)
+QUICK = Size(drives=12, calibration=75, exact_calibration=45)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Campaign:
+    """Everything that came of it.
+
+    Attributes:
+        result: for JSON. drives: of each policy. model: learned.
+    """
+
+    result: Result
+    drives: dict[str, list[Drive]]
+    model: Model
+
+
+def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
+    """Makers of all policies by name; another planner joins by one more line."""
+    makers: list[Callable[[], Policy]] = [
+        partial(Planned, model),
+        partial(foresighted, perfect),
+        partial(FixedSpeed, model, 2.0),
+        partial(FixedSpeed, model, 3.5),
+        partial(LevelStop, model),
+        partial(CurvatureOnly, model),
+    ]
+    return {make().name: make for make in makers}
+
+
+def run(size: Size, progress: Callable[[str, int], Callable[[int], Any]]) -> Campaign:
+    """Learn and drive.
+
+    Args:
+        size: how much.
+        progress: called with a name and a total, gives what advances the bar.
+    """
+    began = time.perf_counter()
+    dem = dem_folder()
+    samples = _map(_stops, [(i, False) for i in range(size.calibration)], progress, "learning")
+    exact = _map(
+        _stops, [(10_000 + i, True) for i in range(size.exact_calibration)], progress,
+        "learning perfectly",
+    )  # fmt: skip
+    stops, exact_stops = _flat(samples), _flat(exact)
+    model, perfect = fit(stops, OWN), fit(exact_stops, PERFECT)
+    makers = policies(model, perfect)
+    drives = {
+        name: _map(_Driver(make, dem), range(size.drives), progress, f"driving: {name}")
+        for name, make in makers.items()
+    }
+    results = {name: summary(of, drives[PERFECT]) for name, of in drives.items()}
+    result = {
+        "ground": "public elevation models and hills" if dem else "generated hills",
+        "learned": {OWN: _learned(model, stops), PERFECT: _learned(perfect, exact_stops)},
+        "policies": results,
+        "targets": targets(results, OWN, PERFECT),
+        "stops": [
+            {
+                "speed": s.speed, "grade": s.grade, "surface": s.surface, "actual": s.actual,
+                "predicted": s.predicted, "left": s.left, "forced": s.forced,
+            }
+            for drive in drives[OWN]
+            for s in drive.stops
+        ],
+        "seconds": time.perf_counter() - began,
+    }  # fmt: skip
+    return Campaign(result, drives, model)
+
+
+class _Driver:
+    """One policy over scenes by number."""
+
+    def __init__(self, make: Callable[[], Policy], dem: Path | None) -> None:
+        self._make, self._dem = make, dem
+
+    def __call__(self, number: int) -> Drive:
+        terrain, route, course = scene(number, self._dem)
+        return run_drive(terrain, route, course, self._make(), number)
+
+
+def _stops(job: tuple[int, bool]) -> list[StopSample]:
+    return stops_of_drive(*job)
+
+
+_work: Callable[[Any], Any] | None = None
+
+
+def _prepare(work: Callable[[Any], Any]) -> None:
+    global _work
+    _work = work
+
+
+def _do(job: Any) -> Any:
+    assert _work is not None
+    return _work(job)
+
+
+def _map(
+    work: Callable[[Any], Any],
+    jobs: Iterable[Any],
+    progress: Callable[[str, int], Callable[[int], Any]],
+    what: str,
+) -> list[Any]:
+    """Do jobs in processes that inherit the work: models hold views that cannot be sent."""
+    wanted = list(jobs)
+    advance = progress(what, len(wanted))
+    done = []
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(_PROCESSES, context, _prepare, (work,)) as pool:
+        for result in pool.map(_do, wanted):
+            done.append(result)
+            advance(1)
+    return done
+
+
+def _flat(lists: list[list[StopSample]]) -> list[StopSample]:
+    return [stop for stops in lists for stop in stops]
+
+
+def _learned(model: Model, samples: list[StopSample]) -> Result:
+    return {
+        "stops": len(samples),
+        "dead_time": model.braking.dead_time,
+        "surfaces": {
+            name: {
+                key: getattr(model.braking.on(name), key)
+                for key in (
+                    "m_m", "b_m", "m_b", "b_b", "distance_offset", "speed_range", "grade_range"
+                )
+            }
+            for name in model.braking.terrain
+        },
+    }  # fmt: skip

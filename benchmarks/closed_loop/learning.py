@@ -1,0 +1,148 @@
+"""A braking model out of stops driven in the loop, from the robot's own log and map alone.
+
+Onset and deceleration follow from how stopping time and distance go together. Then each stop has
+a force ratio, gravity taken out, and one joint least squares over [v θ, θ, v, 1] a surface gives
+the four coefficients (Braking (9)–(10), the gravity-free form). One more column, the size of the
+roll, is the effect `cross_slope`: tyres that hold a vehicle sideways brake less. The grade is the map's: the body
+dives under braking, and its pitch would make the ground look steeper downhill than it is.
+
+What the stops then go beyond the model is covered in two parts: by a share of the force, for what
+grows with the square of the speed, and by the safety offset (Braking (12)), for what does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import norm
+
+from benchmarks.closed_loop.quad import LIMITS, QUAD, ROLLING
+from benchmarks.closed_loop.stop_sample import StopSample
+from models import braking
+from models.errors import ParameterError
+from models.parameters import Braking, Effect, Model, SurfaceBraking
+from models.quantity import GRAVITY
+from models.simulation import simulate_stop
+from planner.compiled import Floats
+
+QUANTILE = 0.9995
+"""Share of stops that a prediction has to cover: half of the misses that are allowed."""
+
+_FEWEST = 20  # stops on one surface
+_FAST = 1.2  # [m/s] slower stops say little on the dead time
+_MARGINS = np.linspace(0.0, 0.05, 26)  # shares of the weight, tried
+
+
+def fit(samples: list[StopSample], name: str) -> Model:
+    """The model that the planner uses.
+
+    Raises:
+        ParameterError: too few stops on a surface.
+    """
+    surfaces = sorted({s.surface for s in samples})
+    groups = [[s for s in samples if s.surface == surface] for surface in surfaces]
+    for surface, own in zip(surfaces, groups, strict=True):
+        if len(own) < _FEWEST:
+            raise ParameterError("samples", f">= {_FEWEST} stops on {surface}, got {len(own)}")
+    ordered = [s for own in groups for s in own]
+    dead_time = dead_time_of(samples)
+    rows, force, weight = _regression(ordered, dead_time)
+    columns = np.hstack(
+        [
+            np.where([[s.surface == surface] for s in ordered], rows[:, :4], 0.0)
+            for surface in surfaces
+        ]
+        + [rows[:, 4:]]
+    )
+    found, _, _, _ = np.linalg.lstsq(columns * weight[:, None], force * weight, rcond=None)
+    left = force - columns @ found
+    bread = np.linalg.inv(columns.T @ (weight[:, None] ** 2 * columns))
+    # Stops scatter by their force, whatever their weight: the sandwich form.
+    meat = columns.T @ ((weight**2 * left)[:, None] ** 2 * columns)
+    covariance = bread @ meat @ bread
+    lean = min(float(found[-1]), 0.0)
+    tables = {}
+    for i, (surface, own) in enumerate(zip(surfaces, groups, strict=True)):
+        four = slice(4 * i, 4 * i + 4)
+        b = _braking(own, dead_time, found[four], covariance[four, four])
+        beyond = residuals(own, b, lean)
+        margin = _cheapest_margin(beyond, weight[[s.surface == surface for s in ordered]])
+        b = replace(b, b_b=b.b_b - margin)
+        tables[surface] = replace(b, distance_offset=max(_cover(residuals(own, b, lean)), 0.0))
+    # On ground of no known surface the weakest of all holds.
+    weakest = min(tables.values(), key=lambda b: b.level_force(2.0))
+    keys = ("m_m", "b_m", "m_b", "b_b", "distance_offset", "covariance", "speed_range",
+            "grade_range")  # fmt: skip
+    base = replace(
+        weakest,
+        distance_offset=max(b.distance_offset for b in tables.values()),
+        terrain={
+            surface: SurfaceBraking(**{key: getattr(b, key) for key in keys})
+            for surface, b in tables.items()
+        },
+    )
+    return _model(name, base, lean)
+
+
+def dead_time_of(samples: list[StopSample]) -> float:
+    """From stop command to onset of an evenly braked stop that is as long in time and way [s].
+
+    v t_delay + v (t_f − t_delay)/2 = s, so t_delay = 2 s/v − t_f: half of a gradual build-up counts
+    as dead time, the rest as weaker braking. The median over stops fast enough to tell.
+    """
+    each = [2.0 * s.distance / s.speed - s.stop_time for s in samples if s.speed > _FAST]
+    return float(np.median(each))
+
+
+def _regression(samples: list[StopSample], dead_time: float) -> tuple[Floats, Floats, Floats]:
+    """Columns [v θ, θ, v, 1, |φ|], F_b/W, and how far each stop moves with its force [m]."""
+    speed = np.array([s.speed for s in samples])
+    grade = np.array([s.grade for s in samples])
+    lean = np.array([s.lean for s in samples])
+    time = np.array([s.stop_time for s in samples])
+    slowing = braking.mean_deceleration(speed, dead_time, np.maximum(time, 1.5 * dead_time))
+    force = braking.force_ratio_of_deceleration(slowing, grade)
+    weight = GRAVITY * speed**2 / (2.0 * slowing**2) * (time > 1.5 * dead_time)
+    columns = np.column_stack((speed * grade, grade, speed, np.ones_like(speed), lean))
+    return columns, force, weight
+
+
+def _braking(
+    samples: list[StopSample], dead_time: float, four: Floats, covariance: Floats
+) -> Braking:
+    speed, grade = [s.speed for s in samples], [s.grade for s in samples]
+    even = 0.5 * (covariance + covariance.T)
+    return Braking(
+        m_m=float(four[0]), b_m=float(four[1]), m_b=float(four[2]), b_b=float(four[3]),
+        dead_time=dead_time,
+        covariance=tuple(tuple(float(c) for c in row) for row in even),
+        speed_range=(float(np.quantile(speed, 0.02)), max(speed)),
+        grade_range=(min(grade), max(grade)),
+    )  # fmt: skip
+
+
+def _cheapest_margin(beyond: Floats, weight: Floats) -> float:
+    """Share of the weight to give up so that stops are covered at the least mean excess."""
+    means = [_cover(left := beyond - weight * m) - float(np.mean(left)) for m in _MARGINS]
+    return float(_MARGINS[int(np.argmin(means))])
+
+
+def _cover(beyond: Floats) -> float:
+    """Offset that covers the wanted share of stops: of a normal law, and of those seen."""
+    normal = np.mean(beyond) + norm.ppf(QUANTILE) * np.std(beyond, ddof=1)
+    return float(max(normal, np.max(beyond)))
+
+
+def residuals(samples: list[StopSample], b: Braking, lean: float) -> Floats:
+    """How much farther each stop went than the model says, without its offset, (n,) [m]."""
+    model = _model("fit", b, lean)
+    beyond = [s.distance - simulate_stop(model, s.track, s.speed).distance for s in samples]
+    return np.array(beyond)
+
+
+def _model(name: str, b: Braking, lean: float) -> Model:
+    effect = Effect(name="cross_slope", parameters={"k": lean}, source="stops of the closed loop")
+    return Model(
+        name=name, vehicle=QUAD, braking=b, terrain=ROLLING, limits=LIMITS, effect=(effect,)
+    )

@@ -1,0 +1,56 @@
+"""The vehicle of the closed loop: what its maker would tell, and what only its world knows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from models.parameters import Limits, Terrain
+from models.vehicle import Vehicle
+
+QUAD = Vehicle(
+    mass=500.0, wheelbase=1.2, track_width=1.0, cg_x=0.6, cg_z=0.55, wheel_radius=0.28,
+    drive="ackermann", max_wheel_speed=6.0, max_drive_force=3600.0, max_drive_power=14000.0,
+)  # fmt: skip
+"""Data sheet: weighed and measured, so the planner may know it."""
+
+OVERHANG = 0.95
+"""From the middle of the wheelbase to the front of the body [m]."""
+
+ROLLING = Terrain(motion_resistance=0.08, lateral_resistance=0.2, slip_track=1.0)
+"""Data sheet: the most that rolling costs on any of the surfaces."""
+
+LIMITS = Limits(
+    speed=4.0, accel=1.5, decel=2.0, jerk=4.0, lateral_accel=2.0, min_load=0.2
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hidden:
+    """What the physics engine has and nobody tells the planner.
+
+    Attributes:
+        friction: of the tyres on each surface [1].
+        resistance: rolling resistance on each surface, share of the load [1].
+        brake_ratio: full brake torque at the rims as share of the weight [1].
+        front_share: of the brake torque [1].
+        brake_scatter: standard deviation of the brake torque from stop to stop [1].
+        dead_time: of the brakes' hydraulics [s]; build_up: first-order time constant [s].
+        spring, damper: of one wheel [N/m], [N s/m].
+        wheel_mass: [kg].
+        slip: share of wheel slip at which the anti-lock lets go [1].
+    """
+
+    friction: tuple[float, ...] = (0.90, 0.66, 0.54)
+    resistance: tuple[float, ...] = (0.02, 0.06, 0.04)
+    brake_ratio: float = 0.55
+    front_share: float = 0.65
+    brake_scatter: float = 0.0075
+    dead_time: float = 0.12
+    build_up: float = 0.10
+    spring: float = 26000.0
+    damper: float = 1500.0
+    wheel_mass: float = 12.0
+    slip: float = 0.15
+
+
+HIDDEN = Hidden()

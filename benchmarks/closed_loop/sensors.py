@@ -1,0 +1,64 @@
+"""What the robot believes of its motion: odometry, localisation and attitude, with their errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.closed_loop.world import TICK, World
+
+_ODOMETRY_NOISE = 0.05  # [m/s] of one reading
+_ODOMETRY_SCALE = 0.004  # one standard deviation of a drive's scale error
+_ACCELEROMETER_NOISE = 0.3  # [m/s²]
+_TRUST = 0.10  # [s] time constant with which odometry corrects the integrated acceleration
+_POSITION_NOISE = 0.02  # [m] wandering
+_POSITION_TIME = 2.0  # [s] over which it wanders
+_PITCH_NOISE = 0.003  # [rad]
+_PITCH_MOUNT = 0.01  # [rad] one standard deviation of how askew the unit is mounted
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """The robot's estimate.
+
+    Attributes:
+        time: [s]. x, y: middle of the wheelbase [m]. yaw: [rad]. speed: [m/s].
+        pitch: of the body, nose down positive: ground, dive and mount together [rad].
+    """
+
+    time: float
+    x: float
+    y: float
+    yaw: float
+    speed: float
+    pitch: float
+
+
+class Sensors:
+    """Estimates at every tick; exact if there is no generator."""
+
+    def __init__(self, world: World, rng: np.random.Generator | None) -> None:
+        self._world, self._rng = world, rng
+        self._speed = self._last = world.speed
+        self._wander = np.zeros(2)
+        self._scale = 1.0 if rng is None else 1.0 + _ODOMETRY_SCALE * rng.standard_normal()
+        self._mount = 0.0 if rng is None else _PITCH_MOUNT * rng.standard_normal()
+
+    def read(self) -> State:
+        """Call once every tick."""
+        world, rng = self._world, self._rng
+        x, y, yaw = world.pose
+        if rng is None:
+            return State(world.time, x, y, yaw, world.speed, world.pitch)
+        speed = world.speed
+        forward = (speed - self._last) / TICK + _ACCELEROMETER_NOISE * rng.standard_normal()
+        self._last = speed
+        seen = speed * self._scale + _ODOMETRY_NOISE * rng.standard_normal()
+        self._speed += forward * TICK
+        self._speed += (seen - self._speed) * TICK / _TRUST
+        keep = np.exp(-TICK / _POSITION_TIME)
+        self._wander *= keep
+        self._wander += _POSITION_NOISE * np.sqrt(1.0 - keep**2) * rng.standard_normal(2)
+        pitch = world.pitch + self._mount + _PITCH_NOISE * rng.standard_normal()
+        return State(world.time, x + self._wander[0], y + self._wander[1], yaw, self._speed, pitch)

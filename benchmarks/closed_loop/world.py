@@ -1,0 +1,211 @@
+"""The vehicle in the physics engine: brakes with a build-up of their own, tyres, contact loads.
+
+The engine (MuJoCo) solves rigid bodies, suspension and Coulomb friction. What is added here is what
+a vehicle has beside them: a drive, brakes behind a hydraulic line, an anti-lock, and rolling
+resistance. None of it knows a law of `models`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from benchmarks.closed_loop.quad import HIDDEN, QUAD, Hidden
+from benchmarks.closed_loop.scene_xml import TIME_STEP, WHEELS, scene_xml
+from benchmarks.closed_loop.terrain import Terrain
+from models.quantity import GRAVITY
+from models.vehicle import Vehicle
+from planner.compiled import Floats, Ints
+
+TICK = 0.01
+"""Between two looks at drive, brakes and tyres [s]."""
+
+_STEPS = round(TICK / TIME_STEP)
+_LIFT = 0.05  # [m] dropped from when it is set down
+_SETTLE = 1.0  # [s] for the suspension to come to rest
+_LET_GO, _TAKE_UP = 0.75, 0.08  # anti-lock: factor down, share up, each tick
+_CRAWL = 0.5  # [m/s] slower than that the anti-lock sleeps
+_LOCK = 0.6  # [rad] of the front wheels
+_DEEP = -50.0  # [m] where the wall waits
+_WALL_HALF = 0.3  # [m]
+
+
+class World:
+    """One vehicle on one terrain, stepped by ticks.
+
+    Attributes:
+        time: since it was set down [s].
+        pose: x, y [m] and yaw [rad] of the middle of the wheelbase, at the height of the axles.
+        speed: of that point along the body [m/s].
+        pitch: of the body, nose down positive [rad]: ground, dive and all.
+        collided: it touched the wall.
+    """
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        rng: np.random.Generator,
+        vehicle: Vehicle = QUAD,
+        hidden: Hidden = HIDDEN,
+    ) -> None:
+        self.terrain = terrain
+        self.model = mujoco.MjModel.from_xml_string(scene_xml(terrain, vehicle, hidden))
+        relief = max(float(terrain.height.max()), 1e-3)
+        self.model.hfield_data[:] = (terrain.height / relief).ravel()
+        self.data = mujoco.MjData(self.model)
+        self._vehicle, self._hidden, self._rng = vehicle, hidden, rng
+
+        def ids(kind: mujoco.mjtObj, prefix: str) -> list[int]:
+            return [mujoco.mj_name2id(self.model, kind, f"{prefix}{name}") for name in WHEELS]
+
+        joints = ids(mujoco.mjtObj.mjOBJ_JOINT, "axle_")
+        self._spin = self.model.jnt_dofadr[joints]
+        self._tyres = np.array(ids(mujoco.mjtObj.mjOBJ_GEOM, ""))
+        self._wall_geom = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, "wall")
+        share = np.array([hidden.front_share] * 2 + [1.0 - hidden.front_share] * 2) / 2.0
+        weight = vehicle.mass * GRAVITY
+        self._full = share * hidden.brake_ratio * weight * vehicle.wheel_radius
+        self._friction = np.array(hidden.friction)
+        self._resistance = np.array(hidden.resistance)
+        self._lag = np.exp(-TICK / hidden.build_up)
+        self._line: list[float] = []
+        self.reset(0.5 * terrain.size, 0.5 * terrain.size, 0.0)
+
+    def reset(self, x: float, y: float, yaw: float) -> None:
+        """Set the vehicle down, parallel to the ground, and let it come to rest, brakes on."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.wall(None)
+        self._pressure = np.zeros(4)
+        self._held, self._driven = np.ones(4), np.ones(4)
+        self._strength = 1.0
+        self._line = [0.0] * max(round(self._hidden.dead_time / TICK), 1)
+        self.time = 0.0
+        self.collided = self.braking = False
+        height, normal = self._plane(x, y)
+        ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+        ahead -= normal * (ahead @ normal)
+        ahead /= np.linalg.norm(ahead)
+        frame = np.column_stack((ahead, np.cross(normal, ahead), normal))
+        position = np.array([x, y, height]) + normal * (self._vehicle.wheel_radius + _LIFT)
+        self.data.qpos[:3] = position
+        mujoco.mju_mat2Quat(self.data.qpos[3:7], frame.ravel())
+        self.look()
+        for _ in range(round(_SETTLE / TICK)):
+            self.tick(0.0, 1.0, 0.0)
+        self.time = 0.0
+
+    def _plane(self, x: float, y: float) -> tuple[float, Floats]:
+        """Height and normal of the ground over the size of the vehicle."""
+        reach = 0.5 * self._vehicle.wheelbase
+        points = np.array([[0, 0], [reach, 0], [-reach, 0], [0, reach], [0, -reach]]) + [x, y]
+        h = [self.height(px, py) for px, py in points]
+        normal = np.array([-(h[1] - h[2]) / (2 * reach), -(h[3] - h[4]) / (2 * reach), 1.0])
+        return max(h), normal / np.linalg.norm(normal)
+
+    def height(self, x: float, y: float) -> float:
+        """Height of the ground, bilinear [m]."""
+        per_cell = (len(self.terrain.height) - 1) / self.terrain.size
+        u, v = x * per_cell, y * per_cell
+        last = len(self.terrain.height) - 2
+        j, i = min(max(int(u), 0), last), min(max(int(v), 0), last)
+        corner = self.terrain.height[i : i + 2, j : j + 2]
+        u, v = u - j, v - i
+        return float(
+            (1 - v) * ((1 - u) * corner[0, 0] + u * corner[0, 1])
+            + v * ((1 - u) * corner[1, 0] + u * corner[1, 1])
+        )
+
+    def wall(self, pose: tuple[float, float, float] | None) -> None:
+        """Put the wall with its near face at x, y, square to a heading; None takes it away."""
+        if pose is None:
+            self.data.mocap_pos[0] = (0.0, 0.0, _DEEP)
+            return
+        x, y, heading = pose
+        x, y = x + _WALL_HALF * np.cos(heading), y + _WALL_HALF * np.sin(heading)
+        self.data.mocap_pos[0] = (x, y, self.height(x, y) + 0.6)
+        self.data.mocap_quat[0] = (np.cos(0.5 * heading), 0.0, 0.0, np.sin(0.5 * heading))
+
+    def tick(self, thrust: float, brake: float, steer: float) -> None:
+        """Advance by :data:`TICK`.
+
+        Args:
+            thrust: of all wheels together [N].
+            brake: wanted brake application, 0 … 1; 1 is the emergency stop.
+            steer: wanted curvature of the path of the middle of the wheelbase [1/m].
+        """
+        data, hidden, radius = self.data, self._hidden, self._vehicle.wheel_radius
+        surface = self._surfaces()
+        self.model.geom_friction[self._tyres, 0] = self._friction[surface]
+        emergency = brake >= 1.0
+        if emergency and not self.braking:
+            self._strength = 1.0 + hidden.brake_scatter * float(self._rng.standard_normal())
+        self.braking = emergency
+        self._line.append(min(max(brake, 0.0), 1.0))
+        wanted = self._line.pop(0) * self._full * self._strength
+        self._pressure = wanted + (self._pressure - wanted) * self._lag
+        spin = data.qvel[self._spin]
+        self._anti_lock(spin)
+        loads = np.maximum(self.loads, 0.0)
+        torque = self._pressure * self._held + self._resistance[surface] * loads * radius
+        self.model.dof_frictionloss[self._spin] = np.maximum(torque, 0.1)
+        data.ctrl[:4] = self._traction(thrust * radius / 4.0, spin)
+        data.ctrl[4:6] = self._steering(steer)
+        mujoco.mj_step(self.model, data, nstep=_STEPS)
+        self.look()
+        self.time += TICK
+        if data.mocap_pos[0, 2] > _DEEP and data.ncon:
+            self.collided = self.collided or bool(np.any(data.contact.geom == self._wall_geom))
+
+    def _anti_lock(self, spin: Floats) -> None:
+        speed = self.speed
+        if speed < _CRAWL:
+            self._held[:] = 1.0
+            return
+        slip = 1.0 - spin * self._vehicle.wheel_radius / speed
+        locking = (slip > self._hidden.slip) & (self._pressure > 0.05 * self._full)
+        self._held = np.where(locking, self._held * _LET_GO, self._held + _TAKE_UP)
+        self._held = np.minimum(np.maximum(self._held, 0.05), 1.0)
+
+    def _traction(self, torque: float, spin: Floats) -> Floats:
+        """Torque of each wheel; a wheel that spins gets less."""
+        spinning = spin * self._vehicle.wheel_radius > max(1.15 * self.speed, self.speed + 0.25)
+        self._driven = np.where(spinning, self._driven * _LET_GO, self._driven + _TAKE_UP)
+        self._driven = np.minimum(np.maximum(self._driven, 0.05), 1.0)
+        return torque * self._driven
+
+    def _steering(self, curvature: float) -> tuple[float, float]:
+        """Angles of both front wheels about the point that the vehicle turns around."""
+        length, half = self._vehicle.wheelbase, 0.5 * self._vehicle.track_width
+        left = math.atan2(length * curvature, 1.0 - half * curvature)
+        right = math.atan2(length * curvature, 1.0 + half * curvature)
+        return min(max(left, -_LOCK), _LOCK), min(max(right, -_LOCK), _LOCK)
+
+    def _surfaces(self) -> Ints:
+        where = self.data.geom_xpos[self._tyres]
+        surfaces: Ints = self.terrain.surface_at(where[:, 0], where[:, 1])
+        return surfaces
+
+    @property
+    def surface(self) -> int:
+        """Index of the surface under the middle of the wheelbase."""
+        x, y, _ = self.pose
+        return int(self.terrain.surface_at(np.array([x]), np.array([y]))[0])
+
+    @property
+    def loads(self) -> Floats:
+        """Normal load of front left, front right, rear left, rear right wheel [N], (4,)."""
+        loads: Floats = self.data.sensordata
+        return loads
+
+    def look(self) -> None:
+        """Motion of the middle of the wheelbase, once a step: many ask for it."""
+        w, i, j, k = (float(q) for q in self.data.qpos[3:7])
+        ahead = (1.0 - 2.0 * (j * j + k * k), 2.0 * (i * j + w * k), 2.0 * (i * k - w * j))
+        east, north, up = (float(v) for v in self.data.qvel[:3])
+        self.speed = ahead[0] * east + ahead[1] * north + ahead[2] * up
+        self.pose = (
+            float(self.data.qpos[0]), float(self.data.qpos[1]), math.atan2(ahead[1], ahead[0])
+        )  # fmt: skip
+        self.pitch = -math.asin(min(max(ahead[2], -1.0), 1.0))
