@@ -109,18 +109,23 @@ class ChangeDetector:
             for window in reversed(self._latest)
             if (usual := self._usual.get(window.condition)) and usual.count >= s.before
         ]
+        if len(known) < _LEAST:
+            return 0.0
+        differences = np.array([difference for difference, _ in known])
+        measured = np.isfinite(differences).all(axis=0)
+        differences = differences[:, measured]
         largest = 0.0
         for count in range(_LEAST, len(known) + 1):
-            part = known[:count]
-            off = np.median([difference for difference, _ in part], axis=0)
-            measured = np.isfinite(off)
-            off = off[measured]
-            covariance = np.mean([usual.covariance for _, usual in part], axis=0)
-            covariance = covariance[np.ix_(measured, measured)]
+            usual_ones = [usual for _, usual in known[:count]]
+            covariance = usual_ones[0].covariance
+            if any(usual is not usual_ones[0] for usual in usual_ones):
+                covariance = np.mean([usual.covariance for usual in usual_ones], axis=0)
+            covariance = covariance[measured][:, measured]
+            off = np.median(differences[:count], axis=0)
             distance = float(off @ np.linalg.solve(covariance, off)) / len(off)
             # the median of so many is 1.2 times as uncertain as their mean
             late = 1.2 * (1.0 + (count - 1.0) * s.alike) / count
-            early = 1.0 / float(np.mean([usual.count for _, usual in part]))
+            early = count / sum(usual.count for usual in usual_ones)
             largest = max(largest, distance / (late + early))
         return largest
 

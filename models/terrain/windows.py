@@ -60,35 +60,38 @@ def summarise(samples: Floats, least_rim_speed: float, turn_begin: float) -> Win
     """
     if len(samples) < _LEAST:
         return None
-    left, right = samples[:, 0], samples[:, 1]
-    means = (float(np.mean(left)), float(np.mean(right)))
-    rim = max(abs(mean) for mean in means)
-    wander = float(np.std(left) + np.std(right))
-    if rim < least_rim_speed or wander > 0.1 * rim + 0.01:
+    means, spreads = samples.mean(axis=0), samples[:, :2].std(axis=0)
+    left, right = float(means[0]), float(means[1])
+    rim = max(abs(left), abs(right))
+    if rim < least_rim_speed or float(spreads.sum()) > 0.1 * rim + 0.01:
         return None
-    difference = means[1] - means[0]
+    difference = right - left
     turning = abs(difference) >= turn_begin
-    kind = "straight" if not turning else "spot" if means[0] * means[1] < 0.0 else "turn"
-    current = np.abs(samples[:, 2]) + np.abs(samples[:, 3])
-    achieved = float(np.mean(samples[:, 4])) / difference if turning else 0.0
+    kind = "straight" if not turning else "spot" if left * right < 0.0 else "turn"
+    current = np.abs(samples[:, 2:4]).sum(axis=1)
+    achieved = float(means[4]) / difference if turning else 0.0
     channels = [
-        math.log(_NO_CURRENT + float(np.mean(current))),
-        math.log(_NO_CURRENT + float(np.std(current))),
+        math.log(_NO_CURRENT + float(current.mean())),
+        math.log(_NO_CURRENT + float(current.std())),
         min(max(achieved, -0.5), 3.0),
-        *_shaking(samples[:, 4:], rim),
+        *_shaking(samples[:, 4:] - means[4:], rim),
     ]
     return Window((kind, round(_SPEED_STEPS * math.log2(rim))), np.array(channels))
 
 
 def _shaking(rates: Floats, rim: float) -> Floats:
-    """Log of the amplitude in each band of each rate over the rim speed; NaN beyond Nyquist."""
+    """Log of the amplitude in each band of each rate over the rim speed; NaN beyond Nyquist.
+
+    Args:
+        rates: (n, rates) about their means, over one second: line k of the spectrum is k Hz.
+        rim: speed of the wheels [m/s].
+    """
     count = len(rates)
-    shaped = (rates - np.mean(rates, axis=0)) * np.hanning(count)[:, None]
-    power = np.abs(np.fft.rfft(shaped, axis=0)) ** 2 / count
-    frequency = np.arange(len(power), dtype=np.float64)  # the window lasts one second
+    spectrum = np.fft.rfft(rates * np.hanning(count)[:, None], axis=0)
+    power = (spectrum.real**2 + spectrum.imag**2) / count
     amplitudes = np.full((rates.shape[1], len(_BANDS)), math.nan)
     for index, (low, high) in enumerate(_BANDS):
-        band = (frequency >= low) & (frequency <= high)
-        if 2.0 * high <= count + 1.0 and band.any():
-            amplitudes[:, index] = np.sqrt(np.mean(power[band], axis=0))
+        if 2.0 * high <= count + 1.0:
+            band = power[math.ceil(low) : math.floor(high) + 1]
+            amplitudes[:, index] = np.sqrt(band.mean(axis=0))
     return np.asarray(np.log((amplitudes + _NO_SHAKING) / rim).ravel())
