@@ -224,7 +224,7 @@ def terrain(
     from services.commands import terrain as command
     from services.commands import terrain_view as view
 
-    job = command.TerrainJob(logs, model, terrains, adapt or learn is not None, topics)
+    job = command.TerrainJob(logs, model, terrains, adapt, learn is not None, topics)
     result = command.run(job, quiet=as_json)
     if out is not None:
         view.write(result, out)

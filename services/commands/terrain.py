@@ -50,6 +50,7 @@ class TerrainJob:
         logs: drive logs. model_file: vehicle and terrain so far.
         terrains: file or name of known classes; those named as the model, if there are, else none.
         adapt: classes go on learning, and new ones arise.
+        learn: classes are wanted afterwards; without labels in the log they have to arise.
         topics: topic mapping of ROS 2 recordings.
     """
 
@@ -57,6 +58,7 @@ class TerrainJob:
     model_file: str
     terrains: str | None = None
     adapt: bool = False
+    learn: bool = False
     topics: Path | None = None
 
 
@@ -134,7 +136,7 @@ def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
     begin = time.perf_counter()
     rates = _rates(log)
     adaptive = None
-    if job.adapt:
+    if job.adapt or (job.learn and "terrain" not in log.columns):
         adaptive = AdaptiveClassifier(terrains.classes, terrains.adaptation, terrains.classifier)
     monitor = monitor_of(model, terrains, len(rates), adaptive)
     suspects = [*find_suspects(log.columns, log.runs)]

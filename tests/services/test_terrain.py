@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import sys
 import time
 from pathlib import Path
 
@@ -116,6 +117,38 @@ def test_labels_make_classes_that_are_read_again(driven, tmp_path, capsys) -> No
     capsys.readouterr()
     assert status_of("terrain", log, "-m", husky, "--terrains", learned, "--json") == 0
     assert json.loads(capsys.readouterr().out)["agreement"] > 0.9
+
+
+def test_without_labels_classes_arise_from_what_lies_together(tmp_path) -> None:
+    pytest.importorskip("sklearn", reason="the learn extra is not installed")
+    legs = plant.square(sides=16, straight=4.0)
+    runs = [("1", plant.drive(legs, plant.ASPHALT)), ("2", plant.drive(legs, plant.SAND, seed=1))]
+    log, unknown = written(tmp_path / "log.csv", *runs), tmp_path / "unknown.toml"
+    unknown.write_text(QUIET)
+    learned = tmp_path / "learned.toml"
+    words = ("terrain", log, "-m", model(tmp_path), "--terrains", unknown, "--learn", learned)
+    assert status_of(*words) == 0
+    first, second = read_terrains(learned).terrain
+    assert (first.name, second.name) == ("new_1", "new_2")
+    assert first.lateral_resistance.mean == pytest.approx(0.26, abs=0.02)
+    assert second.lateral_resistance.mean == pytest.approx(0.11, abs=0.02)
+    assert second.slip_track.mean == pytest.approx(1.62, abs=0.15)
+
+
+def test_labels_need_no_clustering(driven, tmp_path, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn.cluster", None)
+    log, husky = driven
+    assert status_of("terrain", log, "-m", husky, "--learn", tmp_path / "mine.toml") == 0
+
+
+def test_clustering_without_scikit_learn_is_one_line(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn.cluster", None)
+    log = written(tmp_path / "log.csv", ("1", plant.drive(plant.square(sides=9), plant.DIRT)))
+    unknown = tmp_path / "unknown.toml"
+    unknown.write_text(QUIET)
+    words = ("terrain", log, "-m", model(tmp_path), "--terrains", unknown, "--adapt")
+    assert status_of(*words) == 2
+    assert "pip install slopewise[learn]" in capsys.readouterr().err
 
 
 def test_terrain_files_come_back_the_same(tmp_path) -> None:
