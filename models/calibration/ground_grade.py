@@ -28,6 +28,7 @@ Floats = NDArray[np.float64]
 _SETTLING = (0.0, 0.03, 0.06, 0.1, 0.15, 0.22, 0.3)  # [s] time constants tried
 _DIVE_PRIOR = 0.02  # [rad s²/m] twice the dive of a soft suspension
 _FEWEST = 8  # samples of pitch that a stop must have
+_FEWEST_GRADES = 5
 _LEAST_SHARE = 1e-3  # of the dive's shape that ground cannot explain
 
 
@@ -124,3 +125,23 @@ def _estimate(stops: Sequence[StopPitch], settling: float) -> tuple[float, Dive]
     value = float(fit.coefficients[0])
     cost = sum(remains) + float(np.sum(weight * np.minimum((each - value) ** 2, noise**2 * 9.0)))
     return cost, Dive(value, float(np.sqrt(fit.covariance[0, 0])), settling)
+
+
+def shrunk(grade: Floats, noise: Floats) -> Floats:
+    """(n,) best estimates of grades that were measured with noise: drawn towards their mean.
+
+    An error of the grade is also one of the gravity-free force, with the opposite sign. On ground
+    as level as the sensor can tell, a regression on the measured grades would find these errors and
+    a slope coefficient near −1. Slopes well beyond the noise are left as they are.
+
+    Args:
+        grade: (n,) [rad]. noise: (n,) standard deviations [rad].
+    """
+    n = len(grade)
+    if n < _FEWEST_GRADES:
+        return grade
+    own = float(np.mean(noise**2))
+    real = float(np.var(grade, ddof=1)) - own * (1.0 + 3.0 * np.sqrt(2.0 / (n - 1)))
+    trust = max(real, 0.0) / (max(real, 0.0) + noise**2 + 1e-18)
+    result: Floats = np.mean(grade) + trust * (grade - np.mean(grade))
+    return result

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.calibration import mount_offset
 from models.calibration.dead_time import DeadTime
 from models.calibration.find_stops import StopWindow, Verdict, find_stops
 from models.calibration.force_fit import NAMES
 from models.calibration.ground_grade import Dive
 from models.calibration.measure import Measured, measure
+from models.calibration.mount_of_log import mount_of_log
 from models.calibration.mount_offset import Mount
 from models.calibration.stop_record import cut
 from models.calibration.surface_fit import (
@@ -95,46 +95,16 @@ def learn(
     stops = [cut(columns, w, ground) for w in windows if w.usable]
     if len(stops) < FEWEST_STOPS:
         raise ParameterError("stops", _too_few(windows, suspects))
-    mount = mount_of(columns, runs, good, ground)
-    measured = measure(stops, mount, lambda v: known.m_m * v + known.b_m)
-    first = fit_records(measured.records, measured, known)
-    m_m, b_m = float(first.coefficients[0]), float(first.coefficients[1])
-    measured = measure(stops, mount, lambda v: m_m * v + b_m, measured.dive)
+    first = measure(stops, Mount(), lambda v: known.m_m * v + known.b_m)
+    mount = mount_of_log(columns, runs, good, ground, first)
+    m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
+    measured = measure(stops, mount, lambda v: m_m * v + b_m, first.dive)
     surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
     warnings += _warnings(measured, surfaces[0], mount, windows)
     return Calibration(
         _braking(known, surfaces, measured.dead_time), tuple(surfaces), tuple(windows), suspects,
         measured.dead_time, measured.dive, mount, tuple(warnings),
     )  # fmt: skip
-
-
-def mount_of(
-    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], good: NDArray[np.bool_],
-    ground: Floats | None,
-) -> Mount:  # fmt: skip
-    """Mount offset of the pitch sensor by the best source that the log has."""
-    pitch = columns["pitch"]
-    use = np.zeros(len(pitch), np.bool_)
-    heights = np.full(len(pitch), np.nan)
-    heading = np.full(len(pitch), np.nan)
-    for run in runs:
-        t, v = columns["t"][run], columns["v"][run]
-        if len(t) < 3:
-            continue
-        use[run] = mount_offset.steady(t, v)
-        forward = 0.5 * np.maximum(v[1:] + v[:-1], 0.0) * np.diff(t)
-        station = np.concatenate(([0.0], np.cumsum(forward)))
-        if "z" in columns and np.isfinite(columns["z"][run]).all():
-            heights[run] = mount_offset.from_heights(station, columns["z"][run])
-        if "yaw" in columns:
-            heading[run] = columns["yaw"][run]
-    use &= good
-    if ground is not None:
-        return mount_offset.from_grade(pitch, ground, use, "map")
-    mount = mount_offset.from_grade(pitch, heights, use, "heights along the way")
-    if not mount.known and {"x", "y", "yaw"} <= columns.keys():
-        mount = mount_offset.from_headings(pitch, columns["x"], columns["y"], heading, use)
-    return mount
 
 
 def _braking(known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime) -> Braking:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.calibration.dead_time import DeadTime, dead_time, sharpen
-from models.calibration.ground_grade import Dive, StopPitch, estimate_dive
+from models.calibration.ground_grade import Dive, StopPitch, estimate_dive, shrunk
 from models.calibration.mount_offset import Mount
 from models.calibration.onset import Knee, fit_knee
 from models.calibration.stop_record import StopRecord, StopSamples
@@ -72,15 +72,31 @@ def measure(
     noise = speed_noise(measured)
     common = dead_time(measured, noise)
     sharp = sharpen(measured, noise, common)
+    seen = np.array([knee.mean_grade for knee in measured])
+    grade = shrunk(seen, _grade_noise([stops[i] for i in good]))
+    force = sharp.force_ratio + np.sin(seen) - np.sin(grade)
     records = tuple(
         StopRecord(
             stops[i], measured[j], grounds[i], float(noise[j]), float(sharp.onset_speed[j]),
-            measured[j].mean_grade, float(sharp.force_ratio[j]), float(sharp.force_std[j]),
+            float(grade[j]), float(force[j]), float(sharp.force_std[j]),
         )
         for j, i in enumerate(good)
     )  # fmt: skip
     missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
     return Measured(records, missing, common, sharp.by_dead_time, dive)
+
+
+def _grade_noise(stops: Sequence[StopSamples]) -> Floats:
+    """(stops,) noise of each mean grade, out of how much the pitch changes between samples [rad].
+
+    A grade from a map has none.
+    """
+    jumps = np.concatenate([np.diff(stop.pitch) for stop in stops])
+    each = 1.4826 * float(np.median(np.abs(jumps))) / np.sqrt(2.0)
+    count = np.array([max(stop.at_rest - stop.at_command, 1) for stop in stops])
+    mapped = np.array([s.grade is not None and np.isfinite(s.grade).all() for s in stops])
+    noise: Floats = np.where(mapped, 0.0, each / np.sqrt(count))
+    return noise
 
 
 def speed_noise(knees: Sequence[Knee]) -> Floats:
@@ -106,21 +122,29 @@ def _dive(stops: Sequence[StopSamples], knees: Sequence[Knee | None]) -> Dive:
         still = float(stop.time[-1]) - stop.rest_time
         if knee is None or still < _FEWEST_AFTER or not np.isfinite(stop.pitch).all():
             continue
-        deceleration = knee.onset_speed / max(stop.rest_time - knee.onset_time, 1e-3)
         pitches.append(
             StopPitch(
-                stop.time, stop.station, stop.pitch, knee.onset_time, stop.rest_time, deceleration
+                stop.time, stop.station, stop.pitch, knee.onset_time, stop.rest_time,
+                _mean_deceleration(stop, knee),
             )
-        )
+        )  # fmt: skip
     return estimate_dive(pitches)
+
+
+def dive_pitch(stop: StopSamples, knee: Knee, dive: Dive) -> Floats:
+    """(n,) pitch of the body by its dive, at the samples of a stop [rad]."""
+    return dive.pitch(stop.time, knee.onset_time, stop.rest_time, _mean_deceleration(stop, knee))
+
+
+def _mean_deceleration(stop: StopSamples, knee: Knee) -> float:
+    return knee.onset_speed / max(stop.rest_time - knee.onset_time, 1e-3)
 
 
 def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> Floats:
     """Grade of the ground at the samples: the map's where there is one, else out of the pitch."""
     grade = mount.offset - stop.pitch
     if knee is not None:
-        deceleration = knee.onset_speed / max(stop.rest_time - knee.onset_time, 1e-3)
-        grade = grade + dive.pitch(stop.time, knee.onset_time, stop.rest_time, deceleration)
+        grade = grade + dive_pitch(stop, knee, dive)
     if stop.grade is not None:
         grade = np.where(np.isfinite(stop.grade), stop.grade, grade)
     return grade

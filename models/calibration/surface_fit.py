@@ -28,6 +28,9 @@ from models.quantity import GRAVITY
 Floats = NDArray[np.float64]
 
 FEWEST_STOPS = 8
+_LONG, _COSTLY = 0.97, 0.9  # quantiles of stops that count as long, as costly
+_SENSOR = 0.01  # [m] what any measured distance is off
+_LEAST_PULL = 0.02  # [1] of the weight, net of gravity
 _PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
 
 
@@ -127,17 +130,16 @@ def _surface(
     fit = fit_records(records, measured, on, mount.std if from_pitch and mount.known else 0.0)
     seen = _predicted(records, fit, measured.dead_time.value)
     kept = [r for r in seen if r.kept]
-    distance = np.array([r.samples.distance - r.predicted_distance for r in kept])
     time = np.array([r.samples.rest_time - r.predicted_time for r in kept])
-    distance, time = distance[np.isfinite(distance)], time[np.isfinite(time)]
-    margin = _mount_margin(kept, fit, mount.std) if from_pitch else 0.0
+    time = time[np.isfinite(time)]
+    mount_std = mount.std if from_pitch else 0.0
     speeds = [r.onset_speed for r in kept]
     grades = [r.grade for r in kept]
     return SurfaceFit(
         name,
         fit,
         tuple(seen),
-        offset_for(settings.coverage, distance) + margin,
+        _distance_offset(kept, fit, settings.coverage, mount_std),
         offset_for(settings.coverage, time),
         (float(min(speeds)), float(max(speeds))),
         (float(min(grades)) - _PAD, float(max(grades)) + _PAD),
@@ -170,12 +172,24 @@ def _predicted(records: Sequence[StopRecord], fit: ForceFit, dead_time: float) -
     return seen
 
 
-def _mount_margin(records: Sequence[StopRecord], fit: ForceFit, mount_std: float) -> float:
-    """Way that two standard deviations of the mount offset cost in nine stops of ten [m]."""
-    costs = []
-    for r in records:
-        m = float(fit.coefficients[0]) * r.onset_speed + float(fit.coefficients[1])
-        deceleration = r.force_ratio + np.sin(r.grade)
-        way = r.onset_speed**2 / (2.0 * GRAVITY * max(deceleration, 0.02))
-        costs.append(way * abs(1.0 + m) * 2.0 * mount_std / max(deceleration, 0.02))
-    return float(np.quantile(costs, 0.9))
+def _distance_offset(
+    records: Sequence[StopRecord], fit: ForceFit, coverage: float, mount_std: float
+) -> float:
+    """Margin [m] for the stops as they were, for longer ones of their kind, and for the mount.
+
+    What a stop scatters grows with its length, so one margin for all would be short for fast stops
+    downhill: shortfalls are also taken in units of what each stop scatters, and the margin covers
+    the wanted share of stops among the longest. The mount adds two standard deviations.
+    """
+    shortfall = np.array([r.samples.distance - r.predicted_distance for r in records])
+    finite = np.isfinite(shortfall)
+    speed = np.array([r.onset_speed for r in records])
+    grade = np.array([r.grade for r in records])
+    pull = np.maximum(np.array([r.force_ratio for r in records]) + np.sin(grade), _LEAST_PULL)
+    per_force = speed**2 / (2.0 * GRAVITY * pull**2)  # [m] by which less force makes it longer
+    scatter = np.hypot(per_force * np.hypot(fit.scatter, fit.force_std(speed, grade)), _SENSOR)
+    scaled = offset_for(coverage, (shortfall / scatter)[finite])
+    slope = fit.coefficients[0] * speed + fit.coefficients[1]
+    askew = 2.0 * mount_std * np.abs(1.0 + slope) * per_force
+    long, costly = float(np.quantile(scatter, _LONG)), float(np.quantile(askew, _COSTLY))
+    return max(offset_for(coverage, shortfall[finite]), scaled * long) + costly

@@ -44,12 +44,16 @@ class Plant:
 
 @dataclass(frozen=True)
 class Truth:
-    """(stops,) what really happened: speed at the command, mean grade, way and time to rest."""
+    """What really happened, (stops,): speed at the command, mean grade, way and time to rest.
+
+    ``ahead`` is the grade at every centimetre from the stop command on, (ways, stops).
+    """
 
     speed: np.ndarray
     grade: np.ndarray
     distance: np.ndarray
     time: np.ndarray
+    ahead: np.ndarray
 
 
 def drive(
@@ -144,12 +148,17 @@ def drive(
         runs.append(slice(begin, begin + n))
         begin, clock = begin + n, clock + float(times[i, n - 1]) + 5.0
     log = {name: np.concatenate(parts) for name, parts in columns.items()}
-    return log, runs, Truth(speed, mean / count, way - at, done)
+    ahead = np.array([ground(at + d) for d in np.arange(0.0, 1.2 * np.max(way - at) + 2.0, 0.01)])
+    return log, runs, Truth(speed, mean / count, way - at, done, ahead)
 
 
 def predicted(coefficients: np.ndarray, dead_time: float, truth: Truth) -> np.ndarray:
-    """(stops,) Braking (12) at the mean grade, written out once more."""
+    """(stops,) way to rest by these coefficients along the ground ahead, inf if it never ends."""
     m_m, b_m, m_b, b_b = coefficients
-    v, theta = truth.speed, truth.grade
+    v = truth.speed
+    theta = truth.ahead
     a = G * ((m_m * v + b_m) * theta + m_b * v + b_b + np.sin(theta))
-    return v * v / (2 * a) + dead_time * v
+    station = 0.01 * np.arange(len(theta))[:, None]
+    work = np.cumsum(np.where(station >= dead_time * v, 0.01 * a, 0.0), axis=0)
+    spent = work >= 0.5 * v * v
+    return np.where(spent.any(axis=0), 0.01 * (np.argmax(spent, axis=0) + 0.5), np.inf)

@@ -3,7 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.calibration.ground_grade import Dive, StopPitch, estimate_dive, felt_deceleration
+from models.calibration.ground_grade import (
+    Dive,
+    StopPitch,
+    estimate_dive,
+    felt_deceleration,
+    shrunk,
+)
 
 PER = np.deg2rad(0.3)  # [rad s²/m]
 
@@ -48,3 +54,12 @@ def test_felt_deceleration_builds_up_and_fades() -> None:
 
 def test_nothing_to_see_is_no_dive() -> None:
     assert estimate_dive([]) == Dive()
+
+
+def test_grades_are_believed_as_far_as_they_exceed_their_noise() -> None:
+    rng = np.random.default_rng(0)
+    slopes = rng.uniform(-0.2, 0.2, 50)
+    np.testing.assert_allclose(shrunk(slopes, np.full(50, 0.001)), slopes, atol=1e-4)
+    level = 0.01 + 0.002 * rng.standard_normal(50)
+    np.testing.assert_allclose(shrunk(level, np.full(50, 0.002)), np.mean(level), atol=5e-4)
+    np.testing.assert_allclose(shrunk(level, np.zeros(50)), level, rtol=1e-9)

@@ -131,8 +131,8 @@ def test_a_mount_that_cannot_be_told_is_said_and_paid_for() -> None:
 
 def test_level_ground_keeps_the_slopes_and_narrows_the_grades() -> None:
     learned = learn(*drive(Plant(), 40, 0, level=True)[:2], KNOWN)
-    assert learned.braking.m_m == pytest.approx(KNOWN.m_m, abs=0.2)  # the noise of the pitch
-    assert learned.braking.b_m == pytest.approx(KNOWN.b_m, abs=0.5)
+    assert learned.braking.m_m == pytest.approx(KNOWN.m_m, abs=0.02)
+    assert learned.braking.b_m == pytest.approx(KNOWN.b_m, abs=0.05)
     assert learned.braking.grade_range == pytest.approx((-0.01, 0.01), abs=0.004)
     assert any("m_m, b_m" in words for words in learned.warnings)
     assert learned.braking.b_b == pytest.approx(0.40, abs=0.01)
