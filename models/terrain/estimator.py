@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import deque
+from math import isfinite
 
 import numpy as np
 
@@ -101,16 +102,20 @@ class TerrainEstimator:
         """One sample; an observation if it ends a stretch that tells something.
 
         Args:
-            time: [s], later than the sample before.
+            time: [s]; a sample that is not later than the one before is passed over.
             v_left, v_right: rim speeds [m/s].
             yaw_rate: ω_z as measured [rad/s].
             current_left, current_right: of the sides' motors [A].
             pitch: nose down positive [rad]. roll: left side up positive [rad].
-            usable: False excludes the sample and ends the stretch.
+            usable: False excludes the sample and ends the stretch, as a number that is not finite
+                does.
         """
         elapsed = 0.0 if self._time is None else time - self._time
+        if elapsed < 0.0 or (elapsed == 0.0 and self._time is not None) or not isfinite(time):
+            return None
         self._time = time
-        if not usable or elapsed > self._gap:
+        numbers = v_left + v_right + yaw_rate + current_left + current_right + pitch + roll
+        if not usable or elapsed > self._gap or not isfinite(numbers):
             done = self._close(trim=True)
             self.phases.begin()
             return done

@@ -6,6 +6,7 @@ What a robot runs while it drives, and what a log is sent through afterwards: th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
@@ -137,8 +138,9 @@ class TerrainMonitor:
             time, v_left, v_right, yaw_rate, current_left, current_right, pitch, roll, usable
         )
         change = self._watch(time) if time >= self._window_end else None
-        self._window.append((v_left, v_right, current_left, current_right, yaw_rate, *rates))
-        if not usable or self.estimator.phases.phase is Phase.STUCK:
+        sample = (v_left, v_right, current_left, current_right, yaw_rate, *rates)
+        self._window.append(sample)
+        if not (usable and isfinite(sum(sample))) or self.estimator.phases.phase is Phase.STUCK:
             self._whole = False
         if done is None and change is None:
             return ()

@@ -4,6 +4,8 @@ import time
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from models.errors import ParameterError
 from models.terrain.estimator import TerrainEstimator
@@ -158,6 +160,56 @@ def test_unusable_samples_and_gaps_end_a_stretch():
     gap = estimator_of()
     found = [gap.update(*row) for i, row in enumerate(rows) if not 400 <= i < 500]
     assert len([o for o in [*found, gap.finish()] if o is not None]) == 2
+
+
+def test_late_samples_and_numbers_that_are_none_change_nothing():
+    log = plant.drive(plant.square(sides=2), plant.DIRT)
+    rows = list(zip(*(log[name].tolist() for name in SAMPLE), strict=True))
+    clean, troubled = estimator_of(), estimator_of()
+    expected = [clean.update(*row) for row in rows]
+    found = []
+    for row in rows:
+        found.append(troubled.update(*row))
+        assert troubled.update(row[0] - 0.02, 9.0, -9.0, 9.0, 9.0, 9.0, 0.0, 0.0) is None
+        assert troubled.update(*row) is None  # a second time
+        assert troubled.update(np.nan, *row[1:]) is None
+    assert troubled.filter.slip_track == clean.filter.slip_track
+    assert repr([o for o in found if o]) == repr([o for o in expected if o])
+    holed = estimator_of()
+    for i, row in enumerate(rows):
+        broken = list(row)
+        if 300 <= i < 320:
+            broken[1 + i % 7] = np.nan
+        holed.update(*broken)
+    assert np.isfinite(holed.known.values).all()
+    assert holed.known.values == pytest.approx(clean.known.values, abs=0.03)
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(0.0, 1.0), st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3),
+            st.floats(-50, 50), st.floats(-50, 50), st.floats(-1, 1), st.floats(-1, 1),
+        ),
+        max_size=60,
+    )
+)  # fmt: skip
+def test_any_samples_leave_sound_numbers(steps):
+    estimator = estimator_of()
+    now = 0.0
+    found = []
+    for step in steps:
+        now += step[0]
+        found.append(estimator.update(now, *step[1:]))
+    found.append(estimator.finish())
+    assert estimator.filter.variance > 0.0
+    assert np.isfinite(estimator.filter.inverse)
+    assert np.isfinite(estimator.bias.bias)
+    for observation in found:
+        if observation is not None:
+            assert observation.end >= observation.begin
+            for value, std in zip(observation.known.values, observation.known.stds, strict=True):
+                assert np.isnan(value) or std >= 0.0
 
 
 def test_online_and_offline_are_the_same_and_quick():
