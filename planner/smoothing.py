@@ -4,8 +4,8 @@ The fastest profile is, within hundredths of a percent, the one nearest to the t
 from below, which is a quadratic program. Its one nonlinear constraint, the time in which the
 acceleration changes, is convex in v² and stands there as its tangent (see
 :mod:`planner.symbolic`): the program's set lies inside the exact one, so what it returns may be
-driven. OSQP is set up once for a
-number of stations, then only updated and warm-started.
+driven. The first answer for a path comes from an interior-point method; from cycle to cycle OSQP,
+set up once for a number of stations, is updated and starts from the answer before.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import osqp
 from scipy import sparse
 
 from planner.compiled import Floats
-from planner.symbolic import nearest_exactly, time_model
+from planner.symbolic import MidTimes, nearest_exactly
 
 _TOLERANCE = 1e-4
 _TIGHTER = 1.5e-4
@@ -27,6 +27,12 @@ _TIGHTER = 1.5e-4
 _REST = 1e-9
 _FREE = 1e6
 _STEP = 0.1
+_STEPS = 3
+_NEAR = 0.02
+"""Share of the highest v² by which a profile may differ from that of its tangents."""
+
+_Answer = tuple[Floats, Floats]
+"""v² and multipliers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,17 +73,16 @@ class Smoothed:
 class Smoother:
     """OSQP for one number of stations, warm from call to call."""
 
-    def __init__(self, stations: int, *, max_iterations: int = 1500, exact: bool = True) -> None:
+    def __init__(self, stations: int, *, max_iterations: int = 300) -> None:
         """Set the sparsity up.
 
         Args:
             stations: N, at least 4.
-            max_iterations: of OSQP before it gives up.
-            exact: then solve the program once more by an interior-point method.
+            max_iterations: of OSQP before the interior-point method takes over.
         """
         self._n = stations
-        self._exact = exact
-        self._last: tuple[Floats, Floats] | None = None
+        self._times = MidTimes(stations)
+        self._last: _Answer | None = None
         rows, n = self._pattern(), stations
         self._a = sparse.csc_matrix(
             (np.ones(len(rows[0])), (rows[0], rows[1])), shape=(n + (n - 1) + 2 * (n - 2), n)
@@ -114,44 +119,61 @@ class Smoother:
         Args:
             problem: bounds and limits.
             shift: stations that the path's start has moved on since this object's last solution of
-                the same path; it then starts from there. None starts cold.
+                the same path; OSQP then starts from there. None solves by an interior-point
+                method, whose answer depends on nothing that was solved before.
         """
-        if shift is None or self._last is None:
-            around = problem.speed_sq_max
-            dual = np.zeros(self._a.shape[0])
-            # What it adapted to before must not show in the answer.
-            self._solver.update_settings(rho=_STEP)
-        else:
-            ends = np.cumsum([0, self._n, self._n - 1, self._n - 2, self._n - 2])
-            blocks = [self._last[1][i:j] for i, j in pairwise(ends)]
-            dual = np.concatenate([_shifted(block, shift) for block in blocks])
-            around = np.minimum(_shifted(self._last[0], shift), problem.speed_sq_max)
-        self._last = None
-        lower, upper = self._linearise(problem, around)
-        if np.any(lower > upper):
-            return Smoothed(None, 0, "no profile keeps the jerk limit from this start")
-        self._solver.warm_start(x=around, y=dual)
-        result = self._solver.solve(raise_error=False)
-        used = int(result.info.iter)
         top = problem.speed_sq_max
-        solved = result.info.status_val == osqp.SolverStatus.OSQP_SOLVED
-        answer = np.asarray(result.x) if solved else None
-        if answer is None and self._exact:
-            # Long stretches at the jerk limit are what first-order methods are worst at.
-            answer = nearest_exactly(self._a, lower, upper, top)
+        answer, used = None, 0
+        if shift is not None and self._last is not None:
+            answer, used = self._warmly(problem, shift)
         if answer is None:
-            return Smoothed(None, used, f"OSQP: {result.info.status} after {used} iterations")
-        solution = np.clip(answer, 0.0, top)
+            # The first time, and where a first-order method is slow: long at the jerk limit.
+            lower, upper = self._linearise(problem, top)
+            if np.all(lower <= upper):
+                answer = nearest_exactly(self._a, lower, upper, top)
+        if answer is None:
+            self._last = None
+            return Smoothed(None, used, f"no profile keeps the jerk limit ({used} iterations)")
+        solution = np.clip(answer[0], 0.0, top)
         solution[0] = top[0]
         solution[top <= _REST] = 0.0
-        if solved:
-            self._last = (solution, np.array(result.y))
+        self._last = (solution, answer[1])
         return Smoothed(solution, used)
+
+    def _warmly(self, problem: SmoothingProblem, shift: int) -> tuple[_Answer | None, int]:
+        """OSQP from the last answer, moved on; None if it does not get there, and its iterations.
+
+        Where the answer is far from the profile that the tangents were taken at, they are taken
+        anew: a step of sequential quadratic programming.
+        """
+        assert self._last is not None
+        top, used = problem.speed_sq_max, 0
+        ends = np.cumsum([0, self._n, self._n - 1, self._n - 2, self._n - 2])
+        blocks = [self._last[1][i:j] for i, j in pairwise(ends)]
+        answer: _Answer = (
+            _shifted(self._last[0], shift),
+            np.concatenate([_shifted(block, shift) for block in blocks]),
+        )
+        for _ in range(_STEPS):
+            around = np.clip(answer[0], 0.0, top)
+            lower, upper = self._linearise(problem, around)
+            if np.any(lower > upper):
+                return None, used
+            self._solver.update(q=-top, l=lower, u=upper, Ax=self._a.data)
+            self._solver.warm_start(x=around, y=answer[1])
+            result = self._solver.solve(raise_error=False)
+            used += int(result.info.iter)
+            if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
+                return None, used
+            answer = np.array(result.x), np.array(result.y)
+            if np.max(np.abs(answer[0] - around)) < _NEAR * np.max(top):
+                return answer, used
+        return None, used
 
     def _linearise(self, problem: SmoothingProblem, around: Floats) -> tuple[Floats, Floats]:
         """Update the program around a profile; returns its lower and upper limits."""
         n, ds, top = self._n, problem.ds, problem.speed_sq_max
-        times = time_model(around, ds)
+        times = self._times.around(around, ds)
         # Stations at rest stay there, and nothing is asked of the segments between them.
         rest = top <= _REST
         idle = rest[:-1] & rest[1:]
@@ -183,7 +205,6 @@ class Smoother:
             upper[n] = min(upper[n], problem.start_accel + reach)
             lower[n] = max(lower[n], problem.start_accel - reach)
         self._a.data = data[self._slot]
-        self._solver.update(q=-top, l=lower, u=upper, Ax=self._a.data)
         return lower, upper
 
 

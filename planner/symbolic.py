@@ -36,29 +36,51 @@ class TimeModel:
 
 @lru_cache(maxsize=16)
 def _between(stations: int) -> Any:
-    a, b, c = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("c")
-    before, after = ca.SX.sym("ds_before"), ca.SX.sym("ds_after")
+    row = stations - 2
+    a, b, c = (ca.SX.sym(name, 1, row) for name in "abc")
+    before, after = ca.SX.sym("ds_before", 1, row), ca.SX.sym("ds_after", 1, row)
     time = before / (ca.sqrt(a) + ca.sqrt(b)) + after / (ca.sqrt(b) + ca.sqrt(c))
-    gradient = ca.gradient(time, ca.vertcat(a, b, c))
-    return ca.Function("between", [a, b, c, before, after], [time, gradient]).map(stations - 2)
+    # Each time depends on its own three stations only: one gradient of their sum holds all.
+    gradients = [ca.gradient(ca.sum2(time), v) for v in (a, b, c)]
+    return ca.Function("between", [a, b, c, before, after], [time, *gradients])
+
+
+class MidTimes:
+    """The mid-to-mid times of profiles of N stations, evaluated in place; one for each thread."""
+
+    def __init__(self, stations: int) -> None:
+        row = stations - 2
+        self._inputs = np.zeros((5, row))
+        self._value, self._gradient = np.zeros(row), np.zeros((3, row))
+        self._buffer, self._evaluate = _between(stations).buffer()
+        for i, values in enumerate(self._inputs):
+            self._buffer.set_arg(i, values.data)
+        for i, values in enumerate((self._value, *self._gradient)):
+            self._buffer.set_res(i, values.data)
+
+    def around(self, speed_sq: Floats, ds: Floats) -> TimeModel:
+        """Linearise around a profile; the arrays hold until the next call.
+
+        Args:
+            speed_sq: (N,) v² at the stations [m²/s²].
+            ds: (N − 1,) segment lengths [m].
+        """
+        stations = len(speed_sq)
+        y = np.maximum(speed_sq, SLOWEST**2)
+        for i in range(3):
+            self._inputs[i] = y[i : stations - 2 + i]
+        self._inputs[3], self._inputs[4] = ds[:-1], ds[1:]
+        self._evaluate()
+        # Where the profile is slower than the tangent's point, carry the tangent back to it.
+        carried = speed_sq - y
+        for i in range(3):
+            self._value += self._gradient[i] * carried[i : stations - 2 + i]
+        return TimeModel(self._value, self._gradient)
 
 
 def time_model(speed_sq: Floats, ds: Floats) -> TimeModel:
-    """Linearise the mid-to-mid times around a profile.
-
-    Args:
-        speed_sq: (N,) v² at the stations [m²/s²].
-        ds: (N − 1,) segment lengths [m].
-    """
-    stations = len(speed_sq)
-    y = np.maximum(speed_sq, SLOWEST**2)
-    between, tangent = _between(stations)(y[:-2], y[1:-1], y[2:], ds[:-1], ds[1:])
-    tangent = np.asarray(tangent)
-    value = np.asarray(between).ravel()
-    # Where the profile is slower than the tangent's point, carry the tangent back to it.
-    for i in range(3):
-        value += tangent[i] * (speed_sq[i : stations - 2 + i] - y[i : stations - 2 + i])
-    return TimeModel(value, tangent)
+    """As :meth:`MidTimes.around`, in arrays of its own."""
+    return MidTimes(len(speed_sq)).around(speed_sq, ds)
 
 
 @lru_cache(maxsize=16)
@@ -71,7 +93,7 @@ def _exact_solver(sparsity: tuple[int, int, tuple[int, ...], tuple[int, ...]]) -
 
 def nearest_exactly(
     constraints: sparse.csc_matrix, lower: Floats, upper: Floats, wanted: Floats
-) -> Floats | None:
+) -> tuple[Floats, Floats] | None:
     """The point nearest to another under linear constraints, by an interior-point method.
 
     Args:
@@ -79,7 +101,8 @@ def nearest_exactly(
         wanted: (N,) the other point.
 
     Returns:
-        (N,) x, None if there is none. Slower than OSQP on easy programs, but never in doubt.
+        (N,) x and the (rows,) multipliers of A x, as OSQP signs them; None if there is no such x.
+        Slower than a warm OSQP, but never in doubt.
     """
     a = constraints
     rows, columns = a.shape
@@ -93,4 +116,4 @@ def nearest_exactly(
     )
     if not solver.stats()["success"]:
         return None
-    return np.asarray(result["x"]).ravel()
+    return np.asarray(result["x"]).ravel(), np.asarray(result["lam_a"]).ravel()

@@ -207,13 +207,18 @@ def test_warm_starts_give_the_cold_answer(seed: int) -> None:
     )
 
 
-def test_a_failed_solve_returns_nothing_but_says_why_and_the_next_one_is_clean() -> None:
+def test_a_failed_solve_returns_nothing_but_says_why_and_the_next_one_is_clean(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     p = problem_of(wavy(5), 2.0)
-    weak = Smoother(101, max_iterations=1, exact=False)
-    failed = weak.smooth(p)
-    assert failed.speed_sq is None
-    assert "iterations" in failed.reason
-    assert weak.smooth(p, shift=3).speed_sq is None
+    weak = Smoother(101, max_iterations=1)
+    with monkeypatch.context() as patched:
+        patched.setattr("planner.smoothing.nearest_exactly", lambda *_: None)
+        failed = weak.smooth(p)
+        assert failed.speed_sq is None
+        assert "iterations" in failed.reason
+        assert weak.smooth(p, shift=3).speed_sq is None
+    assert weak.smooth(p).speed_sq is not None
     smoother = Smoother(101)
     impossible = SmoothingProblem(
         p.ds, p.speed_sq_max, np.full(100, -1.0), np.full(100, -1.0), p.jerk
@@ -228,7 +233,10 @@ def test_a_failed_solve_returns_nothing_but_says_why_and_the_next_one_is_clean()
 
 def test_where_the_first_solver_gives_up_the_second_is_exact() -> None:
     p = problem_of(wavy(6), 2.0)
-    result = Smoother(101, max_iterations=1).smooth(p)
+    hasty = Smoother(101, max_iterations=1)
+    hasty.smooth(p)
+    result = hasty.smooth(p, shift=7)
+    assert result.iterations > 0
     full = Smoother(101).smooth(p)
     assert result.speed_sq is not None
     assert full.speed_sq is not None
