@@ -216,4 +216,5 @@ def _verdict(result: TerrainResult) -> str:
     changes = sum(len(run.changes) for run in result.runs)
     stuck = sum(stuck_seconds(run) for run in result.runs)
     ground = f"In the end {', '.join(told)}." if told else "Nothing was told of the ground."
-    return f"{ground} {changes} changes of ground, stuck for {stuck:.0f} s."
+    changed = "1 change" if changes == 1 else f"{changes} changes"
+    return f"{ground} {changed} of ground, stuck for {stuck:.0f} s."
