@@ -18,9 +18,9 @@ from models.quantity import GRAVITY
 from planner.compiled import Bools, Floats, Ints, inlined, kernel
 from planner.limiting import Limiting
 from planner.scalars import Numbers, numbers
-from planner.stop_by_energy import loads_by_energy, stop_by_energy
+from planner.stop_by_energy import ends_before, loads_by_energy, stop_by_energy, work_up_to
 from planner.stop_in_time import stop_in_time
-from planner.track import Body, Survey, Track, at, body_of, survey_of
+from planner.track import Body, Survey, Track, at, body_of, segment, survey_of
 
 TIME_STEP = 0.02
 """Step of the integrator in time [s]; halving it moves a stop by less than 10 µm."""
@@ -128,12 +128,30 @@ def _check(
     clear_distance: float, distance_offset: float, between: int, h: float,
     stop_distance: Floats, rear_load: Floats, side_load: Floats, worst: Floats, bad: Bools,
 ) -> None:  # fmt: skip
+    survey = survey_of(track, body, np.empty((8, speed_sq.shape[0])))
+    judge_track(
+        track, body, n, motion, in_time, speed_sq, clear_distance, distance_offset, between, h,
+        True, survey, stop_distance, rear_load, side_load, worst, bad,
+    )  # fmt: skip
+
+
+@kernel
+def judge_track(
+    track: Track, body: Body, n: Numbers, motion: Motion, in_time: bool, speed_sq: Floats,
+    clear_distance: float, distance_offset: float, between: int, h: float, all_loads: bool,
+    survey: Survey, stop_distance: Floats, rear_load: Floats, side_load: Floats, worst: Floats,
+    bad: Bools,
+) -> None:  # fmt: skip
     stations = speed_sq.shape[0]
     station = track.station
-    survey = survey_of(track, body, np.empty((8, stations)))
     limit = max(clear_distance, station[0]) + 5.0
     at_risk = _loads_at_risk(track, survey, n.min_load, np.sqrt(speed_sq.max()))
     onset_in, end_in = 0, 0
+    target = clear_distance - distance_offset
+    last = segment(station, target, stations - 2)
+    rest_work = work_up_to(track, survey, target, last, 0.0)
+    speed_work = work_up_to(track, survey, target, last, 1.0) - rest_work
+    quick = not (in_time or at_risk or all_loads)
     for k in range(stations):
         i = min(k, stations - 2)
         stop_distance[k] = 0.0
@@ -151,7 +169,15 @@ def _check(
                 # A surface that begins in a segment counts at both of its ends.
                 dead = min(dead, track.dead_time[k + 1])
                 top = max(top, track.speed_limit[k + 1])
-            if in_time:
+            rear, side, end = np.inf, np.inf, s
+            well = False
+            if quick:
+                well, onset_in = ends_before(
+                    track, survey, s, v, dead, slowest, onset_in, target, speed_work, rest_work
+                )
+            if well:
+                end = min(s, target)
+            elif in_time:
                 end, rear, side = stop_in_time(
                     track, body, motion, s, v, dead, slowest, i, limit, h
                 )
@@ -159,8 +185,7 @@ def _check(
                 end, onset, needed, onset_in, end_in = stop_by_energy(
                     track, survey, s, v, dead, slowest, onset_in, end_in
                 )
-                rear, side = np.inf, np.inf
-                if at_risk or point == 0:
+                if at_risk or (all_loads and point == 0):
                     rear, side = loads_by_energy(
                         track, survey, s, v, slowest, i, end, onset, needed, onset_in, end_in
                     )

@@ -19,7 +19,7 @@ _LONGEST = 1e3
 
 
 @inlined
-def _work(track: Track, survey: Survey, s: float, i: int, v_i: float) -> float:
+def work_up_to(track: Track, survey: Survey, s: float, i: int, v_i: float) -> float:
     """What full braking takes out from the first station to s in segment i, over m g [m].
 
     Beyond the last station the ground stays as it was there.
@@ -39,6 +39,27 @@ def _work(track: Track, survey: Survey, s: float, i: int, v_i: float) -> float:
     first, second = ds * first, ds * second
     rise = first + second - 2.0 * gain
     return float(before + u * (first + u * (3.0 * gain - 2.0 * first - second + u * rise)))
+
+
+@inlined
+def ends_before(
+    track: Track, survey: Survey, s: float, v: float, dead: float, slowest: float, i: int,
+    target: float, speed_work: float, rest_work: float,
+) -> tuple[bool, int]:  # fmt: skip
+    """Does a stop end before the target? The same as asking :func:`stop_by_energy` where.
+
+    Args:
+        track, survey, s, v, dead, slowest, i: as there.
+        target: [m]; speed_work, rest_work: the sums up to it.
+
+    Returns:
+        The answer, and the segment of the onset.
+    """
+    v_i = max(v, slowest)
+    onset = s + v * dead
+    i = segment(track.station, onset, i)
+    needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
+    return (onset <= target) & (v_i * speed_work + rest_work >= needed), i
 
 
 @inlined
@@ -62,7 +83,7 @@ def stop_by_energy(
     v_i = max(v, slowest)
     onset = s + v * dead
     i = segment(station, onset, i)
-    needed = _work(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
+    needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
     j = max(j, i)
     last = station.shape[0] - 2
     while j > i and v_i * survey.speed_work[j] + survey.rest_work[j] >= needed:
@@ -71,12 +92,12 @@ def stop_by_energy(
         j += 1
     low = max(onset, station[j])
     high = station[j + 1]
-    at_low = _work(track, survey, low, j, v_i) - needed
+    at_low = work_up_to(track, survey, low, j, v_i) - needed
     at_high = v_i * survey.speed_work[j + 1] + survey.rest_work[j + 1] - needed
     if at_high < 0.0 or onset >= high:
         # Off the end of the path.
         low = max(onset, high)
-        at_low = _work(track, survey, low, j, v_i) - needed
+        at_low = work_up_to(track, survey, low, j, v_i) - needed
         force = v_i * track.weak_speed[j + 1] + track.weak_rest[j + 1] + survey.sine[j + 1]
         end = low - at_low / force if force > 0.0 else np.inf
         return min(end, s + _LONGEST), onset, needed, i, j
@@ -84,7 +105,7 @@ def stop_by_energy(
     for _ in range(4):
         # Regula falsi on what is as good as linear.
         end = low - at_low * (high - low) / (at_high - at_low) if at_high > at_low else high
-        left = _work(track, survey, end, j, v_i) - needed
+        left = work_up_to(track, survey, end, j, v_i) - needed
         if abs(left) < 1e-12:
             break
         if left < 0.0:

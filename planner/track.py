@@ -135,9 +135,9 @@ def survey_of(track: Track, body: Body, memory: Floats) -> Survey:
     for k in range(n - 1):
         ds = track.station[k + 1] - track.station[k]
         turn = 0.5 * (track.grade[k + 1] - track.grade[k])
-        # The mean of sin θ over a linear grade: sin of its middle times sin(turn) / turn.
-        middle = np.sin(track.grade[k] + turn)
-        mean = middle * (np.sin(turn) / turn if abs(turn) > 1e-4 else 1.0)
+        # The mean of sin θ over a linear grade is that of its ends times tan(turn) / turn.
+        t = turn * turn
+        mean = 0.5 * (survey.sine[k] + survey.sine[k + 1]) * (1.0 + t / 3.0 + t * t * 2.0 / 15.0)
         speed = 0.5 * (track.weak_speed[k] + track.weak_speed[k + 1])
         rest = 0.5 * (track.weak_rest[k] + track.weak_rest[k + 1]) + mean
         survey.speed_work[k + 1] = survey.speed_work[k] + ds * speed

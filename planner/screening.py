@@ -1,0 +1,93 @@
+"""The judge on all candidates of a batch at once: valid or not.
+
+The same judge as of a plan that is emitted (:mod:`planner.check`), without the columns of a plan
+file.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models import effects
+from models.effects import Motion
+from models.parameters import Model
+from planner.bounds import SpeedBounds
+from planner.check import BETWEEN, TIME_STEP, Offence, judge_track
+from planner.compiled import Floats, Ints, kernel
+from planner.ground import Ground
+from planner.scalars import Numbers, numbers
+from planner.terrain_profile import TerrainProfile
+from planner.track import Body, Track, body_of, survey_of
+
+
+def screen(
+    profile: TerrainProfile, ground: Ground, bounds: SpeedBounds, speed_sq: Floats, model: Model,
+    speed_limit: Floats | None = None,
+) -> Floats:  # fmt: skip
+    """Judge M profiles of up to N stations.
+
+    Args:
+        profile, ground, bounds: of the batch.
+        speed_sq: (N, M) v² [m²/s²].
+        model: vehicle and limits.
+        speed_limit: (N, M) limits of the paths themselves [m/s].
+
+    Returns:
+        (M, 8) worst breaches in the order of :class:`planner.check.Offence`, 0 where none.
+    """
+    candidates = speed_sq.shape[1]
+    worst = np.zeros((candidates, len(Offence._fields)))
+    limit = ground.fastest if speed_limit is None else np.minimum(ground.fastest, speed_limit)
+    in_time = ground.motion != effects.motion(())._replace(heat=ground.motion.heat)
+    _screen(
+        profile.count, profile.station, profile.grade, profile.sin_roll, profile.curvature,
+        profile.heading_x, profile.heading_y, ground.weak_speed, ground.weak_rest,
+        ground.strong_speed, ground.strong_rest, ground.dead_time, ground.slowest, limit,
+        speed_sq, bounds.clear_distance, ground.distance_offset, body_of(model), numbers(model),
+        ground.motion, in_time, BETWEEN, TIME_STEP, worst,
+    )  # fmt: skip
+    return worst
+
+
+@kernel
+def _screen(
+    count: Ints, station: Floats, grade: Floats, sin_roll: Floats, curvature: Floats,
+    heading_x: Floats, heading_y: Floats, weak_speed: Floats, weak_rest: Floats,
+    strong_speed: Floats, strong_rest: Floats, dead_time: Floats, slowest: Floats,
+    speed_limit: Floats, speed_sq: Floats, clear: Floats, offset: Floats, body: Body, n: Numbers,
+    motion: Motion, in_time: bool, between: int, h: float, worst: Floats,
+) -> None:  # fmt: skip
+    stations, candidates = station.shape
+    column, memory = np.empty((13, stations)), np.empty((8, stations))
+    answers = np.empty((3, stations))
+    bad = np.zeros(stations, np.bool_)
+    for j in range(candidates):
+        m = count[j]
+        for k in range(m):
+            column[0, k] = station[k, j]
+            column[1, k] = grade[k, j]
+            column[2, k] = np.arcsin(sin_roll[k, j])
+            column[3, k] = curvature[k, j]
+            column[4, k] = 0.0
+            if motion.wind_drag > 0.0:
+                yaw = np.arctan2(heading_y[k, j], heading_x[k, j])
+                turned = yaw - column[4, max(k - 1, 0)]
+                column[4, k] = yaw - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
+            column[5, k] = weak_speed[k, j]
+            column[6, k] = weak_rest[k, j]
+            column[7, k] = strong_speed[k, j]
+            column[8, k] = strong_rest[k, j]
+            column[9, k] = dead_time[k, j]
+            column[10, k] = slowest[k, j]
+            column[11, k] = speed_limit[k, j]
+            column[12, k] = speed_sq[k, j]
+        track = Track(
+            column[0, :m], column[1, :m], column[2, :m], column[3, :m], column[4, :m],
+            column[5, :m], column[6, :m], column[7, :m], column[8, :m], column[9, :m],
+            column[10, :m], column[11, :m],
+        )  # fmt: skip
+        survey = survey_of(track, body, memory)
+        judge_track(
+            track, body, n, motion, in_time, column[12, :m], clear[j], offset[j], between, h,
+            False, survey, answers[0], answers[1], answers[2], worst[j], bad,
+        )  # fmt: skip
