@@ -182,12 +182,15 @@ def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[in
     stops = np.concatenate((edges, [len(values)]))
     length = stops - starts
     lasting = t[stops - 1] - t[starts]
-    moved = np.concatenate(([0], np.cumsum(moving)))
-    matters = (moved[stops] - moved[starts] >= 0.9 * length) & np.isfinite(values[starts])
+    total = np.concatenate(([0], np.cumsum(moving)))
+    moved = total[stops] - total[starts]
+    matters = (moved >= 0.9 * length) & np.isfinite(values[starts])
     if not matters.any():
         return []
     usual = float(np.median(np.repeat(length[matters], length[matters])))
-    frozen = matters & (lasting >= _FROZEN_FOR) & (length >= max(8.0, _FROZEN_TIMES * usual))
+    # A sensor may freeze while the vehicle comes to rest: enough of the stretch has to be driven.
+    enough = (moved >= max(8.0, _FROZEN_TIMES * usual)) & np.isfinite(values[starts])
+    frozen = enough & (lasting >= _FROZEN_FOR)
     if name == "v" and "v_cmd" in part:
         told = np.append(np.flatnonzero(part["v_cmd"] <= 0.0), len(t))
         first = told[np.searchsorted(told, starts)]

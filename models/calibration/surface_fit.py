@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from models.calibration.find_stops import StopSettings
 from models.calibration.force_fit import ForceFit, design, fit_force, fit_two_stages
@@ -177,9 +178,9 @@ def _distance_offset(
 ) -> float:
     """Margin [m] for the stops as they were, for longer ones of their kind, and for the mount.
 
-    What a stop scatters grows with its length, so one margin for all would be short for fast stops
-    downhill: shortfalls are also taken in units of what each stop scatters, and the margin covers
-    the wanted share of stops among the longest. The mount adds two standard deviations.
+    What a stop scatters grows with its length, so a margin for all stops may be short for fast ones
+    downhill. It is therefore at least what a normal scatter of the force asks for where stops are
+    long. The mount adds two standard deviations.
     """
     shortfall = np.array([r.samples.distance - r.predicted_distance for r in records])
     finite = np.isfinite(shortfall)
@@ -188,8 +189,8 @@ def _distance_offset(
     pull = np.maximum(np.array([r.force_ratio for r in records]) + np.sin(grade), _LEAST_PULL)
     per_force = speed**2 / (2.0 * GRAVITY * pull**2)  # [m] by which less force makes it longer
     scatter = np.hypot(per_force * np.hypot(fit.scatter, fit.force_std(speed, grade)), _SENSOR)
-    scaled = offset_for(coverage, (shortfall / scatter)[finite])
+    usual = float(stats.norm.ppf(coverage))
     slope = fit.coefficients[0] * speed + fit.coefficients[1]
     askew = 2.0 * mount_std * np.abs(1.0 + slope) * per_force
     long, costly = float(np.quantile(scatter, _LONG)), float(np.quantile(askew, _COSTLY))
-    return max(offset_for(coverage, shortfall[finite]), scaled * long) + costly
+    return max(offset_for(coverage, shortfall[finite]), usual * long) + costly

@@ -1,0 +1,74 @@
+"""The example readers on the public recordings: stops counted by eye, sessions left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from examples.recordings import cuadriga, f1tenth, husky_drive
+from models.calibration.held_out import leave_sessions_out
+from models.calibration.learn import learn
+from services.files.drive_log import DriveLog, read_drive_log
+from services.files.model_file import find_model, read_model
+from services.files.table import write_csv
+from tests.services.faults import real_data
+
+KNOWN = read_model(find_model("ugv")).braking
+
+
+def log_of(columns: dict[str, np.ndarray], path: Path) -> DriveLog:
+    write_csv({n: list(v) if v.dtype.kind in "UO" else v for n, v in columns.items()}, path)
+    return read_drive_log([path])
+
+
+# Counted by eye on plots of speed and command over time, commands to stop at 0.3 m/s or faster:
+# Husky: changes of direction, or stops, from a plateau of at least 0.3 m/s: 72 or 73.
+# Cuadriga, forward: 23, one of them at 0.25 m/s, seven that went on at once or came down slowly.
+# Car: 13, 4 and 4 in the first three sessions, and 141 in the fourth, most of them let go early.
+@pytest.mark.parametrize(
+    ("reader", "folder", "by_eye", "least_usable"),
+    [
+        (husky_drive, "stops/drive_norlab", 73, 65),
+        (cuadriga, "stops/cuadriga", 23, 13),
+        (f1tenth, "stops/f1tenth_frictionmaps", 162, 12),
+    ],
+)
+def test_stops_are_found_as_an_eye_finds_them(
+    tmp_path: Path, reader: object, folder: str, by_eye: int, least_usable: int
+) -> None:
+    columns = reader.read(real_data(folder))  # type: ignore[attr-defined]
+    log = log_of(columns, tmp_path / "log.csv")
+    learned = learn(log.columns, log.runs, KNOWN)
+    assert len(learned.windows) == pytest.approx(by_eye, rel=0.1)
+    assert learned.verdicts["usable"] >= least_usable
+    assert 0.0 <= learned.dead_time.value < 0.8
+    low, high = learned.braking.speed_range
+    assert learned.braking.level_force(0.5 * (low + high)) > 0.03
+
+
+def test_husky_stops_of_sessions_left_out_end_within_their_prediction(tmp_path: Path) -> None:
+    log = log_of(husky_drive.read(real_data("stops/drive_norlab")), tmp_path / "log.csv")
+    runs = list(log.runs)
+    sixths = [runs[len(runs) * k // 6 : len(runs) * (k + 1) // 6] for k in range(6)]
+    held_out = leave_sessions_out(log.columns, sixths, KNOWN)
+    assert len(held_out.excess) >= 65
+    assert held_out.coverage >= 0.98
+    assert held_out.mean_excess < 0.4
+    assert held_out.unpredicted == ()
+
+
+@pytest.mark.nightly
+def test_cuadriga_stops_of_sessions_left_out_end_within_their_prediction(tmp_path: Path) -> None:
+    log = log_of(cuadriga.read(real_data("stops/cuadriga")), tmp_path / "log.csv")
+    held_out = leave_sessions_out(log.columns, [[run] for run in log.runs], KNOWN)
+    assert len(held_out.excess) >= 13
+    assert held_out.coverage == 1.0
+    assert held_out.mean_excess < 0.5
+
+
+def test_folders_without_recordings_say_so(tmp_path: Path) -> None:
+    for reader in (cuadriga, f1tenth):
+        with pytest.raises(FileNotFoundError, match=str(tmp_path)):
+            reader.read(tmp_path)
