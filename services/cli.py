@@ -222,6 +222,7 @@ def terrain(
     [bold]Example[/]  slopewise terrain drive.csv --model husky --out terrain.csv --update mine.toml
     """
     from services.commands import terrain as command
+    from services.commands import terrain_result as results
     from services.commands import terrain_view as view
 
     job = command.TerrainJob(logs, model, terrains, adapt, learn is not None, topics)
@@ -229,9 +230,9 @@ def terrain(
     if out is not None:
         view.write(result, out)
     if update is not None:
-        command.write_updated_model(result, update)
+        results.write_updated_model(result, update)
     if learn is not None:
-        command.write_learned(result, learn)
+        results.write_learned(result, learn)
     if report is not None:
         view.write_page(result, job, report)
     _print(as_json, lambda: view.as_json(result), lambda screen: view.show(result, screen))

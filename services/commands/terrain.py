@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,25 +14,21 @@ from numpy.typing import NDArray
 from models.drive_quality import Stretch, find_suspects, usable
 from models.errors import ParameterError
 from models.parameters import Model
-from models.terrain.adaptation import AdaptiveClassifier, classes_of
-from models.terrain.classes import TerrainClasses
+from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.log_checks import implausible
 from models.terrain.monitor import Change, Classified, TerrainMonitor
-from models.terrain.observation import Features
-from models.terrain.phases import Phase
-from models.terrain.resistances import Drive, Estimate
-from models.terrain.surfaces import model_on, with_surface
+from models.terrain.resistances import Drive
 from models.terrain.trace import Trace, trace
+from services.commands.terrain_result import RunEvents, TerrainResult
 from services.files.access import fault
 from services.files.drive_log import DriveLog
 from services.files.log_source import read_logs
-from services.files.model_file import find_model, read_model, write_model
+from services.files.model_file import find_model, read_model
 from services.files.terrain_file import (
     TerrainFile,
     find_terrains,
     read_terrains,
     shipped_terrains,
-    write_terrains,
 )
 from services.screen import progress_bar
 
@@ -60,65 +55,6 @@ class TerrainJob:
     adapt: bool = False
     learn: bool = False
     topics: Path | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class RunEvents:
-    """What one run told, in order of time.
-
-    Attributes:
-        run: its name. samples: of the log.
-        events: stretches with their classes, and changes.
-        excluded: stretches that nothing was learned from.
-        known: of the ground at its end.
-        labels: terrain as the log names it, for each classified stretch.
-    """
-
-    run: str
-    samples: slice
-    events: list[Classified | Change]
-    excluded: list[Stretch]
-    known: Features
-    labels: list[str]
-
-    @property
-    def classified(self) -> list[Classified]:
-        """Stretches alone."""
-        return [event for event in self.events if isinstance(event, Classified)]
-
-    @property
-    def changes(self) -> list[Change]:
-        """Changes alone."""
-        return [event for event in self.events if isinstance(event, Change)]
-
-
-@dataclass(frozen=True, slots=True)
-class TerrainResult:
-    """Events of all runs, and what they were made from.
-
-    Attributes:
-        classes: as they are in the end.
-        good: (samples,) what may be learned from.
-        seconds: computing, without reading.
-        notes: what a reader has to know.
-    """
-
-    runs: list[RunEvents]
-    log: DriveLog
-    model: Model
-    terrains: TerrainFile
-    classes: TerrainClasses
-    good: NDArray[np.bool_]
-    seconds: float
-    notes: list[str] = field(default_factory=list)
-
-    @property
-    def known(self) -> Features:
-        """The ground at the end of the log: the last run that told something."""
-        for run in reversed(self.runs):
-            if np.isfinite(run.known.values).any():
-                return run.known
-        return Features()
 
 
 def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
@@ -262,71 +198,8 @@ def _notes(log: DriveLog, terrains: TerrainFile, monitor: TerrainMonitor) -> lis
     return notes
 
 
-def learned_terrains(result: TerrainResult) -> TerrainFile:
-    """Classes learned from the log: from its column terrain if it has one, else adapted ones."""
-    labels, rows = labelled(result)
-    learned = result.classes
-    if any(labels):
-        learned = classes_of(result.terrains.name, labels, np.array(rows))
-    return dataclasses.replace(result.terrains, terrain=learned.terrain)
-
-
-def labelled(result: TerrainResult) -> tuple[list[str], list[tuple[float, float, float]]]:
-    """Labels of the log, and features, of each stretch but those stuck."""
-    labels, rows = [], []
-    for one in result.runs:
-        for event, label in zip(one.classified, one.labels, strict=True):
-            if event.observation.phase is not Phase.STUCK:
-                labels.append(label)
-                rows.append(event.observation.known.values)
-    return labels, rows
-
-
 def trace_of(result: TerrainResult, one: RunEvents) -> Trace:
     """How the filter went through a run."""
     monitor = monitor_of(result.model, result.terrains, 0)
     rows = rows_of(result.log, one.samples, result.good, ())
     return trace(monitor.estimator, rows, result.terrains.filter)
-
-
-def updated_model(result: TerrainResult) -> Model:
-    """The model on the ground driven now, with a table of braking for each class met.
-
-    Raises:
-        InputError: a class with so little resistance that the brakes would not stop the vehicle.
-    """
-    model = model_on(result.model, result.known)
-    reference = result.model.terrain.motion_resistance
-    for name, values in class_values(result).items():
-        f_r = np.array(values)[:, 0]
-        f_r = f_r[np.isfinite(f_r)]
-        if len(f_r) < 2:
-            continue
-        found = Estimate(float(np.mean(f_r)), float(np.std(f_r, ddof=1)))
-        try:
-            model = with_surface(model, name, found, reference)
-        except ParameterError as error:
-            raise fault(result.model.name, error.field, f"{name}: {error.expected}") from None
-    return model
-
-
-def class_values(result: TerrainResult) -> dict[str, list[tuple[float, float, float]]]:
-    """Features of the stretches by the class they were given, known classes only."""
-    names = {one.name for one in result.classes.terrain}
-    found: dict[str, list[tuple[float, float, float]]] = {}
-    for one in result.runs:
-        for event in one.classified:
-            if event.answer.name in names:
-                values = found.setdefault(event.answer.name, [])
-                values.append(event.observation.known.values)
-    return found
-
-
-def write_updated_model(result: TerrainResult, path: Path) -> None:
-    """Write :func:`updated_model`, all or nothing."""
-    write_model(updated_model(result), path)
-
-
-def write_learned(result: TerrainResult, path: Path) -> None:
-    """Write :func:`learned_terrains`, all or nothing."""
-    write_terrains(learned_terrains(result), path)

@@ -14,13 +14,14 @@ from rich.table import Table
 
 from models.terrain.observation import Features
 from models.terrain.phases import Phase
-from services.commands.terrain import (
+from services.commands.terrain import TerrainJob, trace_of
+from services.commands.terrain_result import (
     RunEvents,
-    TerrainJob,
     TerrainResult,
+    agreement,
     class_values,
-    labelled,
-    trace_of,
+    stuck_seconds,
+    usual_class,
 )
 from services.files.terrain_table import event_row, excluded_row, write_terrain_table
 
@@ -96,40 +97,6 @@ def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:
         mean = float(np.mean(known)) if len(known) else None
         table[name] = {"mean": mean, "std": float(np.std(known)) if len(known) else None}
     return table
-
-
-def usual_class(one: RunEvents) -> str:
-    """The class of most stretches of a run, empty if none was told."""
-    names = [e.answer.name for e in one.classified if e.answer.name]
-    return max(set(names), key=names.count) if names else ""
-
-
-def stuck_seconds(one: RunEvents) -> float:
-    """How long the wheels spun without turning the vehicle [s]."""
-    stuck = [e.observation for e in one.classified if e.observation.phase is Phase.STUCK]
-    return sum(o.end - o.begin for o in stuck)
-
-
-def agreement(result: TerrainResult) -> float | None:
-    """Balanced share of stretches whose class is the log's own label; None without labels.
-
-    Classes learned from these very labels agree better than with ground they were not shown.
-    """
-    labels, _ = labelled(result)
-    told = [
-        event.answer.name
-        for one in result.runs
-        for event in one.classified
-        if event.observation.phase is not Phase.STUCK
-    ]
-    names = [name for name in dict.fromkeys(labels) if name]
-    if not names or not result.classes.terrain:
-        return None
-    shares = [
-        np.mean([t == name for t, label in zip(told, labels, strict=True) if label == name])
-        for name in names
-    ]
-    return float(np.mean(shares))
 
 
 def show(result: TerrainResult, console: Console) -> None:

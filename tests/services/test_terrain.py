@@ -13,6 +13,7 @@ import pytest
 from models.errors import InputError
 from services.cli import main
 from services.commands import terrain as command
+from services.commands import terrain_result as results
 from services.commands import terrain_view as view
 from services.files.model_file import find_model, read_model, write_model
 from services.files.table import write_csv
@@ -316,7 +317,7 @@ def test_a_class_too_slippery_to_stop_on_is_refused(tmp_path) -> None:
     job = command.TerrainJob([path], str(tmp_path / "weak.toml"))
     result = command.run(job, quiet=True)
     with pytest.raises(InputError, match="asphalt"):
-        command.updated_model(result)
+        results.updated_model(result)
 
 
 def test_an_hour_at_100_hertz_is_quick() -> None:
