@@ -1,4 +1,4 @@
-"""What a vehicle's own sizes say of a log: channels that cannot be in the unit of their name.
+"""What a vehicle's own sizes say of a log: channels that cannot have the unit or sign they should.
 
 Beside :mod:`models.drive_quality`, which knows no vehicle. Thresholds are far from anything that
 driving does: they mark wrong units and sentinels, not bad driving. Source: Slip (3) with B_s ≥ B;
@@ -25,6 +25,10 @@ _MOVING = 0.1  # [m/s]
 _TURNING = 0.1  # [m/s] difference of the sides
 _NARROW = 0.1  # a slip track below this share of the track width is none
 _LEAST = 20  # samples
+_CLEAR = 0.5  # [A] mean current that is no noise about zero
+_AGAINST = 0.2  # share of the yaw rate without slip
+_SIDES = ("left", "right")
+_CHANNELS = ("v", "v_left", "v_right", "yaw_rate", "current_left", "current_right")
 
 
 def implausible(
@@ -48,8 +52,8 @@ def implausible(
             )
             found.append(Stretch(start, stop, name, Kind.SENTINEL, words))
     for run in runs:
-        part = {name: columns[name][run] for name in ("v", "v_left", "v_right", "yaw_rate")}
-        for channel, words in _units(part, vehicle):
+        part = {name: columns[name][run] for name in _CHANNELS}
+        for channel, words in [*_units(part, vehicle), *_signs(part, vehicle)]:
             found.append(Stretch(run.start, run.stop, channel, Kind.UNITS, words))
     return found
 
@@ -72,4 +76,30 @@ def _units(part: Mapping[str, Floats], vehicle: Vehicle) -> list[tuple[str, str]
         if asked < _NARROW * vehicle.track_width * turned:
             words = f"{turned:.1f} where the wheels give at most {asked / vehicle.track_width:.2f}"
             found.append(("yaw_rate", f"expected rad/s, got {words}: degrees per second?"))
+    return found
+
+
+def _signs(part: Mapping[str, Floats], vehicle: Vehicle) -> list[tuple[str, str]]:
+    """Channels whose sign is another than REP-103 and a positive current forward have it."""
+    found = []
+    rim = 0.5 * (part["v_left"] + part["v_right"])
+    difference = part["v_right"] - part["v_left"]
+    straight = (np.abs(difference) < _TURNING) & (np.abs(rim) > _MOVING)
+    straight &= np.isfinite(part["current_left"] + part["current_right"])
+    if straight.sum() >= _LEAST:
+        way = np.sign(rim[straight])
+        left, right = (float(np.median(part[f"current_{s}"][straight] * way)) for s in _SIDES)
+        if min(left, right) < -_CLEAR and max(left, right) > _CLEAR:
+            side = _SIDES[0] if left < right else _SIDES[1]
+            words = f"got {left:.1f} A left and {right:.1f} A right on straights"
+            found.append(
+                (f"current_{side}", f"expected positive currents to drive forward, {words}")
+            )
+    turning = (np.abs(difference) > _TURNING) & np.isfinite(part["yaw_rate"])
+    if turning.sum() >= _LEAST:
+        achieved = float(np.median(part["yaw_rate"][turning] * np.sign(difference[turning])))
+        asked = float(np.median(np.abs(difference[turning]))) / vehicle.track_width
+        if achieved < -_AGAINST * asked:
+            words = "it turns against the wheels: sides exchanged, or clockwise positive?"
+            found.append(("yaw_rate", f"expected counter-clockwise positive: {words}"))
     return found

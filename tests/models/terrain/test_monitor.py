@@ -127,12 +127,20 @@ def test_logs_of_this_vehicle_are_plausible():
         ),
         ({"yaw_rate": np.rad2deg}, "yaw_rate", Kind.UNITS, "degrees per second"),
         ({"current_left": lambda i: 1000.0 * i}, "current_left", Kind.SENTINEL, "thrust of"),
+        ({"current_left": np.negative}, "current_left", Kind.UNITS, "positive currents"),
+        ({"yaw_rate": np.negative}, "yaw_rate", Kind.UNITS, "turns against the wheels"),
     ],
 )  # fmt: skip
 def test_wrong_units(changes, channel, kind, words):
     found = found_in(log_of(**changes))
     assert {(s.channel, s.kind) for s in found} == {(channel, kind)}
     assert words in found[0].reason
+
+
+def test_motors_that_hold_back_downhill_have_the_right_sign():
+    log = plant.drive(plant.square(sides=2), plant.DIRT, pitch=0.4)
+    assert np.median(log["current_left"][400:800]) < -0.5
+    assert found_in(log) == []
 
 
 def test_a_sentinel_marks_its_own_samples():
