@@ -51,6 +51,24 @@ def test_the_class_of_a_square(ground, name):
     assert not [e for e in found if isinstance(e, Change)]
 
 
+@pytest.mark.parametrize("name", ["ASPHALT", "DIRT", "PLOWED", "SAND"])
+def test_the_class_with_the_gyroscope_and_the_settings_of_print(name):
+    # Slip 2.1: a yaw rate with noise of 0.3 rad/s
+    log = plant.drive(plant.square(), getattr(plant, name), gyro_std=0.3)
+    found, _ = events(log, TerrainMonitor(MODEL, HUSKY))
+    whole = [e for e in found if np.isfinite(e.observation.known.values).all()]
+    expected = {"DIRT": "dirt_road", "PLOWED": "plowed_terrain", "SAND": "beach_sand"}
+    assert {e.answer.name for e in whole} == {expected.get(name, "asphalt")}
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.05, 0.02])
+def test_slow_logs_tell_the_same(dt):
+    found, _ = events(plant.drive(plant.square(turn=4.0), plant.DIRT, dt=dt))
+    assert found[-1].answer.name == "dirt_road"
+    assert found[-1].observation.known.values == pytest.approx((0.13, 0.20, 1.15), abs=0.1)
+    assert not [e for e in found if isinstance(e, Change)]
+
+
 def test_a_change_is_noticed_and_what_was_known_forgotten():
     legs = plant.square(sides=8)
     when = 2.0 + 4 * 10.6 + 1.0
