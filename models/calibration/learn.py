@@ -96,6 +96,8 @@ def learn(
     if len(stops) < FEWEST_STOPS:
         raise ParameterError("stops", _too_few(windows, suspects))
     first = measure(stops, Mount(), lambda v: known.m_m * v + known.b_m)
+    if len(first.records) < FEWEST_STOPS:
+        raise ParameterError("stops", _too_few(windows, suspects, len(first.records)))
     mount = mount_of_log(columns, runs, good, ground, first)
     m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
     measured = measure(stops, mount, lambda v: m_m * v + b_m, first.dive)
@@ -153,9 +155,11 @@ def _warnings(
     return said
 
 
-def _too_few(windows: Sequence[StopWindow], suspects: Sequence[Stretch]) -> str:
+def _too_few(
+    windows: Sequence[StopWindow], suspects: Sequence[Stretch], measured: int | None = None
+) -> str:
     found = Counter(w.verdict for w in windows if w.verdict is not Verdict.USABLE)
-    usable_count = sum(w.usable for w in windows)
+    usable_count = sum(w.usable for w in windows) if measured is None else measured
     words = f"at least {FEWEST_STOPS} usable stops, got {usable_count} of {len(windows)} found"
     if found:
         words += "; " + ", ".join(f"{n} {v.name.lower()}" for v, n in found.most_common())

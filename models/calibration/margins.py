@@ -22,7 +22,9 @@ Floats = NDArray[np.float64]
 _CONFIDENCE = 0.95
 """That the tolerance bound covers the wanted share in truth."""
 
-_FEWEST = 5
+FEWEST_STOPS = 5
+"""Without which there is no offset."""
+
 _EXACT = 100
 
 
@@ -37,8 +39,8 @@ def offset_for(coverage: float, shortfall: Floats) -> float:
         ValueError: fewer than five stops.
     """
     n = len(shortfall)
-    if n < _FEWEST:
-        raise ValueError(f"an offset takes at least {_FEWEST} stops, got {n}")
+    if n < FEWEST_STOPS:
+        raise ValueError(f"an offset takes at least {FEWEST_STOPS} stops, got {n}")
     rank = min(math.ceil((n + 1) * coverage), n)
     return max(normal_bound(coverage, shortfall), float(np.sort(shortfall)[rank - 1]), 0.0)
 

@@ -51,13 +51,10 @@ def measure(
     """Measure stops.
 
     Args:
-        stops: at least one that has a knee.
+        stops: as they were cut out of the log.
         mount: of the pitch sensor.
         slope: as far as it is known; it only matters where the grade varies along a stop.
         dive: if it is known already, such as from an earlier call.
-
-    Raises:
-        ValueError: no stop shows a knee.
     """
     # The dive is in proportion to the deceleration, which the first knees give.
     first = [_knee(stop, _ground(stop, None, mount, Dive()), slope) for stop in stops]
@@ -66,8 +63,9 @@ def measure(
     grounds = [_ground(s, k, mount, dive) for s, k in zip(stops, first, strict=True)]
     knees = [_knee(stop, ground, slope) for stop, ground in zip(stops, grounds, strict=True)]
     good = [i for i, knee in enumerate(knees) if knee is not None]
+    missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
     if not good:
-        raise ValueError("no stop shows when its brakes took hold")
+        return Measured((), missing, DeadTime(0.0, 0.0, 0.0), np.empty(0), dive)
     measured = [knee for knee in knees if knee is not None]
     noise = speed_noise(measured)
     common = dead_time(measured, noise)
@@ -82,7 +80,6 @@ def measure(
         )
         for j, i in enumerate(good)
     )  # fmt: skip
-    missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
     return Measured(records, missing, common, sharp.by_dead_time, dive)
 
 

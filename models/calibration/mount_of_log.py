@@ -18,6 +18,8 @@ from models.calibration.mount_offset import Mount
 
 Floats = NDArray[np.float64]
 
+_PLACE = ("x", "y", "z", "yaw")
+
 
 def mount_of_log(
     columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], good: NDArray[np.bool_],
@@ -33,15 +35,21 @@ def mount_of_log(
     pitch = np.array(columns["pitch"], np.float64)
     use = np.zeros(len(pitch), np.bool_)
     heights = np.full(len(pitch), np.nan)
+    heading = np.full(len(pitch), np.nan)
     for run in runs:
         t, v = columns["t"][run], columns["v"][run]
         if len(t) < 3:
             continue
         use[run] = mount_offset.steady(t, v)
-        if "z" in columns and np.isfinite(columns["z"][run]).all():
-            forward = 0.5 * np.maximum(v[1:] + v[:-1], 0.0) * np.diff(t)
-            station = np.concatenate(([0.0], np.cumsum(forward)))
-            heights[run] = mount_offset.from_heights(station, columns["z"][run])
+        forward = 0.5 * np.maximum(v[1:] + v[:-1], 0.0) * np.diff(t)
+        station = np.concatenate(([0.0], np.cumsum(forward)))
+        place = {n: c[run] for n, c in columns.items() if n in _PLACE and np.isfinite(c[run]).all()}
+        if "z" in place:
+            heights[run] = mount_offset.from_heights(station, place["z"])
+        if "yaw" in place:
+            heading[run] = place["yaw"]
+        elif {"x", "y"} <= place.keys():
+            heading[run] = mount_offset.course(station, place["x"], place["y"])
     for record in measured.records:
         window = record.samples.window
         part = slice(window.begin, window.rest)
@@ -53,6 +61,6 @@ def mount_of_log(
     if ground is not None:
         return mount_offset.from_grade(pitch, ground, use, "map")
     mount = mount_offset.from_grade(pitch, heights, use, "heights along the way")
-    if not mount.known and {"x", "y", "yaw"} <= columns.keys():
-        mount = mount_offset.from_headings(pitch, columns["x"], columns["y"], columns["yaw"], use)
+    if not mount.known and {"x", "y"} <= columns.keys():
+        mount = mount_offset.from_headings(pitch, columns["x"], columns["y"], heading, use)
     return mount

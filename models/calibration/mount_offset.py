@@ -24,7 +24,7 @@ USUAL_MOUNTING = 0.5 * np.pi / 180.0
 
 _CELL = 2.0  # [m] ground within is a plane
 _STEADY = 0.5  # [m/s²] harder braking or drive pitches the body
-_LEAST_STEP = 0.3  # [m]
+_LEAST_STEP = 1.0  # [m]
 _FEWEST = 20
 _BLOCKS = 40
 
@@ -74,6 +74,19 @@ def from_heights(station: Floats, height: Floats) -> Floats:
     rise = np.divide(ahead - behind, way, out=np.full_like(way, np.nan), where=good)
     grade: Floats = np.arcsin(np.clip(rise, -1.0, 1.0))
     return grade
+
+
+def course(station: Floats, x: Floats, y: Floats) -> Floats:
+    """(n,) direction of travel out of positions, over half a metre to each side [rad].
+
+    NaN where the vehicle did not move far enough to have one.
+    """
+    ahead, behind = station + 0.5 * _LEAST_STEP, station - 0.5 * _LEAST_STEP
+    dx = np.interp(ahead, station, x) - np.interp(behind, station, x)
+    dy = np.interp(ahead, station, y) - np.interp(behind, station, y)
+    moved = np.hypot(dx, dy) > 0.3 * _LEAST_STEP
+    direction: Floats = np.where(moved, np.arctan2(dy, dx), np.nan)
+    return direction
 
 
 def from_headings(pitch: Floats, x: Floats, y: Floats, heading: Floats, use: Bools) -> Mount:

@@ -17,6 +17,7 @@ from scipy import stats
 
 from models.calibration.find_stops import StopSettings
 from models.calibration.force_fit import ForceFit, design, fit_force, fit_two_stages
+from models.calibration.margins import FEWEST_STOPS as FEWEST_MEASURED
 from models.calibration.margins import offset_for
 from models.calibration.measure import Measured
 from models.calibration.mount_offset import Mount
@@ -184,6 +185,11 @@ def _distance_offset(
     """
     shortfall = np.array([r.samples.distance - r.predicted_distance for r in records])
     finite = np.isfinite(shortfall)
+    if int(finite.sum()) < FEWEST_MEASURED:
+        words = (
+            f"at least {FEWEST_MEASURED} stops that the fit can explain, got {int(finite.sum())}"
+        )
+        raise ParameterError("stops", words)
     speed = np.array([r.onset_speed for r in records])
     grade = np.array([r.grade for r in records])
     pull = np.maximum(np.array([r.force_ratio for r in records]) + np.sin(grade), _LEAST_PULL)

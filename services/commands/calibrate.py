@@ -120,7 +120,7 @@ def write_stops(result: CalibrateResult, path: Path) -> None:
         row: dict[str, Any] = {
             "run": str(result.log.columns["run"][window.command]),
             "t": float(result.log.columns["t"][window.command]),
-            "verdict": window.verdict.name.lower() if record or not window.usable else "unmeasured",
+            "verdict": window.verdict.name.lower() if record or not window.usable else "unused",
             "reason": window.reason,
             "speed": window.held_speed,
         }

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from models.calibration.learn import Calibration, learn
 from models.calibration.surface_fit import CalibrationSettings
@@ -185,3 +187,34 @@ def test_too_few_stops_say_what_there_was() -> None:
     log["v_cmd"] = log["v_cmd"] + 0.5
     with pytest.raises(ParameterError, match="got 0 of 0 found"):
         learn(log, runs, KNOWN)
+
+
+def test_positions_without_yaw_tell_the_mount_as_well() -> None:
+    plant = plant_of(2, **DIVING)
+    log, runs, _ = drive(plant, 60, 2, out_and_back=True)
+    log["x"] = log["x"] + 0.02 * np.random.default_rng(0).standard_normal(len(log["x"]))
+    learned = learn({n: v for n, v in log.items() if n != "yaw"}, runs, KNOWN)
+    assert learned.mount.known
+    assert learned.mount.offset == pytest.approx(DIVING["mount"], abs=np.deg2rad(0.2))
+
+
+@given(seed=st.integers(0, 10_000), size=st.integers(1, 400))
+@settings(max_examples=60, deadline=None)
+def test_any_log_is_learned_from_or_refused_in_words(seed: int, size: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns = {
+        "run": np.full(size, "1"), "t": np.cumsum(rng.uniform(0.005, 0.4, size)),
+        "v": rng.normal(1.0, 2.0, size), "v_cmd": rng.choice([0.0, 2.0], size),
+        "pitch": rng.normal(0.0, 0.3, size), "x": rng.normal(0.0, 5.0, size),
+        "y": rng.normal(0.0, 5.0, size), "yaw_rate": rng.normal(0.0, 0.2, size),
+    }  # fmt: skip
+    if seed % 3 == 0:
+        columns["v_cmd"] = np.repeat(rng.choice([0.0, 2.0], size // 20 + 1), 20)[:size]
+        columns["v"] = np.convolve(columns["v_cmd"], np.ones(8) / 8.0, mode="same")
+    try:
+        learned = learn(columns, [slice(0, size)], KNOWN)
+    except ParameterError as error:
+        assert str(error).isprintable()  # noqa: PT017  either outcome is right
+        return
+    assert np.isfinite(learned.braking.distance_offset)
+    assert learned.braking.b_b > 0.0 or learned.braking.m_b > 0.0

@@ -72,3 +72,10 @@ def test_steady_driving_only() -> None:
     assert use[(t > 0.5) & (t < 3.5)].all()
     assert not use[(t > 4.05) & (t < 4.6)].any()
     assert not use[t > 5.2].any()
+
+
+def test_the_course_comes_from_positions_where_there_are_any() -> None:
+    s = np.concatenate((np.linspace(0.0, 10.0, 200), np.full(50, 10.0)))
+    found = mount_offset.course(s, s * np.cos(2.0), s * np.sin(2.0))
+    np.testing.assert_allclose(found[:200], 2.0, atol=1e-9)
+    assert np.isnan(mount_offset.course(np.zeros(9), np.zeros(9), np.zeros(9))).all()
