@@ -80,7 +80,7 @@ class Smoother:
             stations: N, at least 4.
             max_iterations: of OSQP before the interior-point method takes over.
         """
-        self._n = stations
+        self.stations = self._n = stations
         self._times = MidTimes(stations)
         self._last: _Answer | None = None
         rows, n = self._pattern(), stations

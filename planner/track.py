@@ -82,19 +82,25 @@ class Survey(NamedTuple):
 
 
 def track_of(
-    profile: TerrainProfile, ground: Ground, candidate: int, speed_limit: Floats | None = None
+    profile: TerrainProfile,
+    ground: Ground,
+    candidate: int,
+    speed_limit: Floats | None = None,
+    first: int = 0,
 ) -> Track:
-    """One candidate out of a batch, contiguous and without padding."""
+    """One candidate out of a batch, contiguous, without padding and without its first stations."""
     n, j = int(profile.count[candidate]), candidate
 
     def column(array: Floats) -> Floats:
-        return np.ascontiguousarray(array[:n, j])
+        return np.ascontiguousarray(array[first:n, j])
 
     limit = column(ground.fastest)
     if speed_limit is not None:
         limit = np.minimum(limit, column(speed_limit))
+    station = column(profile.station)
     return Track(
-        column(profile.station), column(profile.grade), np.arcsin(column(profile.sin_roll)),
+        station - station[0] if first else station,
+        column(profile.grade), np.arcsin(column(profile.sin_roll)),
         column(profile.curvature),
         np.unwrap(np.arctan2(column(profile.heading_y), column(profile.heading_x))),
         column(ground.weak_speed), column(ground.weak_rest),

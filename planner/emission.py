@@ -1,0 +1,395 @@
+"""One candidate, from its time-optimal profile to its plan: smoothed, judged, explained.
+
+Nothing leaves without the judge's word: a plan that fails is repaired, then slowed, then replaced
+by the emergency stop, and says so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.parameters import Model
+from models.quantity import GRAVITY
+from planner.bounds import SpeedBounds
+from planner.check import Verdict, check
+from planner.compiled import Floats, Ints
+from planner.ground import Ground
+from planner.limiting import Limiting
+from planner.plan import SpeedPlan, Status, motion_of, resting_at
+from planner.profile import time_optimal_profile
+from planner.scalars import Numbers
+from planner.smoothing import Smoother, SmoothingProblem
+from planner.terrain_profile import TerrainProfile
+from planner.track import track_of
+
+_REPAIRS = 12
+_REPAIR_SHARE = 0.96
+_STATION_STEP = 50
+_HARDLY = 0.01
+"""Accelerations closer than this are one to a reader [m/s²]."""
+
+
+def smoother_size(stations: int) -> int:
+    """Stations of the smoother that serves a candidate: one serves all of about the same length."""
+    return -(-max(stations, _STATION_STEP) // _STATION_STEP) * _STATION_STEP
+
+
+class Emission:
+    """One candidate on its way through smoothing, judge, repair and labels.
+
+    Its first stations may be driven already: ``lead`` holds their v², and planning goes on from the
+    last of them. Stations before ``first`` only give the next one its heading.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        scalars: Numbers,
+        profile: TerrainProfile,
+        ground: Ground,
+        bounds: SpeedBounds,
+        j: int,
+        lead: Floats,
+        *,
+        speed_limit: Floats | None = None,
+        first: int = 0,
+    ) -> None:
+        """Take candidate j out of a batch.
+
+        Args:
+            model, scalars: vehicle, braking, limits; and its numbers.
+            profile, ground, bounds: of the batch.
+            j: index of the candidate.
+            lead: (h,) v² of its first h >= 1 stations, from ``first`` on [m²/s²].
+            speed_limit: (N, M) limits of the paths themselves [m/s].
+            first: stations at the beginning that are left out.
+        """
+        self.track = track_of(profile, ground, j, speed_limit, first)
+        n = first + len(self.track.station)
+        begin = float(profile.station[first, j])
+        self.x, self.y, self.z = (a[first:n, j] for a in (profile.x, profile.y, profile.z))
+        self._model, self._scalars = model, scalars
+        self._lead = lead
+        self._motion = ground.motion
+        self._offset = float(ground.distance_offset[j])
+        self.clear = float(bounds.clear_distance[j]) - begin
+        self._barrier = Limiting(int(bounds.barrier[j]))
+        self._barrier_station = int(bounds.barrier_station[j]) - first
+        self._speed_sq_max = bounds.speed_sq_max[first:n, j]
+        self._bound = self._speed_sq_max.copy()
+        self._label = bounds.limiting[first:n, j]
+        self._accel_max = bounds.accel_max[first:n, j]
+        self._demand = bounds.demand[first:n, j]
+        self._sine = np.sin(self.track.grade)
+        self._braking_rest = ground.braking_rest[first:n, j]
+        self._stops_at: float | None = None
+        """Where an emergency stop ends, if the plan is one [m]."""
+
+    def emit(
+        self,
+        name: str,
+        speed_sq: Floats,
+        smoother: Smoother | None,
+        *,
+        reachable: bool = True,
+        start_accel: float | None = None,
+        shift: int | None = None,
+        unsmoothed: str = "",
+    ) -> SpeedPlan:
+        """The plan of this candidate.
+
+        Args:
+            name: of the candidate.
+            speed_sq: (N,) its time-optimal profile, beginning with the lead [m²/s²].
+            smoother: of :func:`smoother_size`, None to leave the profile as it is.
+            reachable: service braking can bring down the speed at the start.
+            start_accel: acceleration before the lead's last station [m/s²], None if any will do.
+            shift: stations moved on since the smoother's last answer, None if that was no relative.
+            unsmoothed: why it is not smoothed, if that is less than what was wanted.
+        """
+        status, reason = self.standing()
+        smoothed = False
+        if not reachable:
+            speed_sq, verdict, status, reason = self.brake_hard(status, reason)
+        else:
+            speed_sq, verdict, repaired = self.repair(speed_sq)
+            if repaired:
+                status, reason = Status.DEGRADED, repaired
+            if unsmoothed and speed_sq.any():
+                status, reason = Status.DEGRADED, unsmoothed
+            if smoother is not None and speed_sq.any() and verdict.valid:
+                answer, why = self._smooth(smoother, speed_sq, start_accel, shift)
+                judged = self.judge(answer) if answer is not None else verdict
+                if answer is not None and judged.valid:
+                    speed_sq, verdict, smoothed = answer, judged, True
+                else:
+                    status = Status.DEGRADED
+                    reason = f"not smoothed, so faster changes of acceleration than wanted: {why}"
+        status, reason = self.stands_early(speed_sq, status, reason)
+        return self._plan(name, status, reason, speed_sq, verdict, smoothed)
+
+    def keep(self, name: str, speed_sq: Floats) -> SpeedPlan | None:
+        """The plan that drives a given profile, None if the judge objects to it."""
+        verdict = self.judge(speed_sq)
+        if not verdict.valid:
+            return None
+        status, reason = self.stands_early(speed_sq, *self.standing())
+        return self._plan(name, status, reason, speed_sq, verdict, True)
+
+    def _plan(
+        self, name: str, status: Status, reason: str, speed_sq: Floats, verdict: Verdict,
+        smoothed: bool,
+    ) -> SpeedPlan:  # fmt: skip
+        track = self.track
+        accel, time = motion_of(track.station, speed_sq)
+        bound = np.sqrt(np.maximum(self._speed_sq_max, speed_sq))
+        plan = SpeedPlan(
+            candidate=name, status=status, reason=reason,
+            station=track.station, x=self.x, y=self.y, z=self.z,
+            grade=track.grade, roll=track.roll, curvature=track.curvature,
+            speed=np.sqrt(speed_sq), accel=accel, time=time, speed_bound=bound,
+            limiting=self.limiting(speed_sq, accel, smoothed),
+            stop_distance=verdict.stop_distance, clear_distance=self.clear,
+            rear_load=verdict.rear_load, side_load=verdict.side_load,
+        )  # fmt: skip
+        return plan if self._stops_at is None else resting_at(plan, self._stops_at)
+
+    def _smooth(
+        self, smoother: Smoother, speed_sq: Floats, start_accel: float | None, shift: int | None
+    ) -> tuple[Floats | None, str]:
+        begin, n = len(self._lead) - 1, len(speed_sq)
+        accel_max, decel_max = self.segment_limits(speed_sq)
+        pad = smoother.stations - (n - begin)
+        problem = SmoothingProblem(
+            np.pad(np.diff(self.track.station[begin:]), (0, pad), constant_values=1.0),
+            np.pad(speed_sq[begin:], (0, pad)),
+            np.pad(accel_max[begin:], (0, pad)),
+            np.pad(decel_max[begin:], (0, pad)),
+            self._model.limits.jerk,
+            start_accel,
+        )
+        if pad and speed_sq[-1] > 0.0:
+            raise AssertionError("a plan must rest at the end of its path")
+        result = smoother.smooth(problem, shift)
+        if result.speed_sq is None:
+            return None, result.reason
+        answer = result.speed_sq[: n - begin]
+        return np.concatenate((self._lead[:-1], answer)), "the judge found a breach"
+
+    def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Verdict:
+        """Exact constraints of the plan."""
+        return check(
+            self.track, speed_sq, self.clear, self._offset, self._motion, self._model, decel=decel
+        )
+
+    def standing(self) -> tuple[Status, str]:
+        """Status by what ends the clear distance, if nothing goes wrong."""
+        station = self.track.station
+        length = float(station[-1])
+        k = self._barrier_station
+        if k >= len(station) and self.clear >= length:
+            return Status.OK, ""
+        where = f"stops before {self.clear:.2f} m of {length:.2f} m"
+        if k >= len(station) or (k > 0 and self.clear < station[k - 1]):
+            return Status.BLOCKED, f"{where}: the way is known free up to there"
+        return Status.BLOCKED, f"{where}: {self._why_barred(k)}"
+
+    def stands_early(self, speed_sq: Floats, status: Status, reason: str) -> tuple[Status, str]:
+        """A plan that rests well before the end of its path is not ok, whatever the cause."""
+        station = self.track.station
+        moving = np.flatnonzero(speed_sq > 0.0)
+        k = min(int(moving[-1]) + 1, len(station) - 1) if len(moving) else 0
+        short = float(station[-1] - station[k])
+        if status is not Status.OK or short <= self._offset + 1.0:
+            return status, reason
+        label = Limiting(int(self._label[k])).label
+        return Status.BLOCKED, f"stops at {station[k]:.2f} m of {station[-1]:.2f} m: {label}"
+
+    def _why_barred(self, k: int) -> str:
+        station = self.track.station[k]
+        grade, roll = np.rad2deg(self.track.grade[k]), np.rad2deg(self.track.roll[k])
+        vehicle = self._model.vehicle
+        match self._barrier:
+            case Limiting.UNKNOWN_TERRAIN:
+                return f"unknown ground under the wheels at {station:.2f} m"
+            case Limiting.MODEL_VALIDITY:
+                low, high = np.rad2deg(self._model.braking.grade_range)
+                return (
+                    f"grade {grade:.1f}° at {station:.2f} m is outside the trained "
+                    f"{low:.1f}° … {high:.1f}°"
+                )
+            case Limiting.TIP_OVER:
+                return f"an axle keeps too little load on grade {grade:.1f}° at {station:.2f} m"
+            case Limiting.ROLLOVER:
+                return f"a side keeps too little load on roll {roll:.1f}° at {station:.2f} m"
+            case Limiting.SPEED_LIMIT:
+                return f"the speed limit of the path is 0 at {station:.2f} m"
+            case Limiting.TRACTION:
+                needed = self._demand[k] * vehicle.mass * GRAVITY
+                return (
+                    f"grade {grade:.1f}° at {station:.2f} m needs {needed:.0f} N of thrust, "
+                    f"the drive has {vehicle.max_drive_force:.0f} N"
+                )
+            case _:
+                return f"the brakes do not hold on grade {grade:.1f}° at {station:.2f} m"
+
+    def repair(self, speed_sq: Floats) -> tuple[Floats, Verdict, str]:
+        """Lower the bound where the judge objects; at last slow the whole plan down."""
+        verdict = self.judge(speed_sq)
+        for _ in range(_REPAIRS):
+            if verdict.valid:
+                return speed_sq, verdict, ""
+            for k in (verdict.where, np.minimum(verdict.where + 1, len(speed_sq) - 1)):
+                self._bound[k] = np.minimum(self._bound[k], speed_sq[k]) * _REPAIR_SHARE
+            answer, reachable = self.fastest()
+            if not reachable:
+                break
+            speed_sq, verdict = answer, self.judge(answer)
+        if verdict.valid:
+            return speed_sq, verdict, ""
+        worst = max(verdict.offence)
+        name = verdict.offence._fields[int(np.argmax(verdict.offence))]
+        share = 1.0
+        for _ in range(40):
+            share *= 0.9
+            slower = speed_sq * share
+            slower[: len(self._lead)] = speed_sq[: len(self._lead)]
+            verdict = self.judge(slower)
+            if verdict.valid:
+                return slower, verdict, f"slowed to {share:.0%} of v²: {name} by {worst:.3g}"
+        still = np.zeros_like(speed_sq)
+        return still, self.judge(still), f"not driven: {name} by {worst:.3g} at any speed"
+
+    def brake_hard(self, status: Status, reason: str) -> tuple[Floats, Verdict, Status, str]:
+        """The start is faster than service braking can bring down: brake fully until it can."""
+        station, track = self.track.station, self.track
+        start_sq = float(self._lead[0])
+        speed = np.sqrt(start_sq)
+        answer, _ = self._profile(0, start_sq)
+        reachable = answer[0]
+        answer[0] = start_sq
+        for k in range(len(station) - 1):
+            ds = station[k + 1] - station[k]
+            braking = min(self._braking(k, answer[k]), self._braking(k + 1, answer[k]))
+            after = max(answer[k] - 2.0 * ds * max(braking, 0.0), 0.0)
+            if after <= answer[k + 1]:
+                break
+            answer[k + 1] = after
+        verdict = self.judge(answer, decel=np.inf)
+        breach = verdict.offence
+        if max(breach.overrun, breach.axle_load, breach.side_load, breach.decel) > 0.0:
+            return self._emergency(start_sq)
+        if self._bound[0] < start_sq:
+            label = Limiting(int(self._label[0])).label
+            allowed = f"{np.sqrt(self._bound[0]):.2f} m/s ({label})"
+        else:
+            allowed = f"{np.sqrt(reachable):.2f} m/s, what service braking can bring down"
+        hardest = -motion_of(track.station, answer)[0].min()
+        text = f"starts at {speed:.2f} m/s, above {allowed}: brakes at {hardest:.2f} m/s²"
+        text += f"; {reason}" if status is Status.BLOCKED else ""
+        return answer, verdict, Status.DEGRADED, text
+
+    def _braking(self, k: int, speed_sq: float) -> float:
+        """Least deceleration of full braking at station k from this v² down [m/s²]."""
+        track = self.track
+        slow = float(track.slowest[k])
+        fast = max(float(np.sqrt(speed_sq)), slow)
+        force = min(slow * track.weak_speed[k], fast * track.weak_speed[k])
+        force += self._braking_rest[k]
+        return float(GRAVITY * (force + self._sine[k]))
+
+    def _emergency(self, start_sq: float) -> tuple[Floats, Verdict, Status, str]:
+        """Full braking from the start, and why even that is not enough, if it is not."""
+        station, n = self.track.station, self._scalars
+        speed = np.sqrt(start_sq)
+        only_start = np.zeros_like(station)
+        only_start[0] = start_sq
+        verdict = self.judge(only_start, decel=np.inf)
+        stop = float(verdict.stop_distance[0])
+        onset = speed * self.track.dead_time[0]
+        braking = max(stop - self._offset - onset, 1e-6)
+        self._stops_at = float(onset + braking)
+        speed_sq = start_sq * np.clip(1.0 - (station - onset) / braking, 0.0, 1.0)
+        moving = speed_sq > 0.0
+        # It brakes already: what is left of this one stop, and its least loads.
+        verdict = Verdict(
+            np.where(moving, np.maximum(stop - station, 0.0), 0.0),
+            np.where(moving, verdict.rear_load[0], verdict.rear_load),
+            np.where(moving, verdict.side_load[0], verdict.side_load),
+            verdict.offence,
+            verdict.where,
+        )
+        over = stop - self.clear
+        if over > 0.0:
+            text = (
+                f"even full braking from {speed:.2f} m/s takes {stop:.2f} m, "
+                f"{over:.2f} m beyond the clear distance of {self.clear:.2f} m"
+            )
+        elif (lightest := min(verdict.rear_load[0], verdict.side_load[0])) < n.min_load:
+            text = (
+                f"braking from {speed:.2f} m/s leaves an axle or side {lightest:.1%} of its load, "
+                f"{n.min_load:.0%} is wanted"
+            )
+        else:
+            text = f"starts at {speed:.2f} m/s: nothing but full braking to a stop is safe"
+            return speed_sq, verdict, Status.DEGRADED, text
+        return speed_sq, verdict, Status.INFEASIBLE, text
+
+    def fastest(self) -> tuple[Floats, bool]:
+        """The fastest profile that begins with the lead; and does service braking get it there?"""
+        begin = len(self._lead) - 1
+        answer, reachable = self._profile(begin, float(self._lead[-1]))
+        fits = bool(reachable >= self._lead[-1] - 1e-9)
+        return np.concatenate((self._lead[:-1], answer)), fits
+
+    def _profile(self, begin: int, start_sq: float) -> tuple[Floats, float]:
+        def column(array: Floats) -> Floats:
+            return np.ascontiguousarray(array[begin:, None])
+
+        track = self.track
+        answer, reachable = time_optimal_profile(
+            column(track.station), column(self._bound), column(self._sine),
+            column(track.weak_speed), column(self._braking_rest), column(track.slowest),
+            column(self._accel_max), column(self._demand), np.array([start_sq]), self._scalars,
+        )  # fmt: skip
+        return answer[:, 0], float(reachable[0])
+
+    def segment_limits(self, speed_sq: Floats) -> tuple[Floats, Floats]:
+        """Accelerations allowed on each segment at any speed up to this profile, (N − 1,)."""
+        track, n = self.track, self._scalars
+        fast = np.sqrt(np.maximum(speed_sq, 1e-6))
+        accel = np.minimum(self._accel_max[:-1], self._accel_max[1:])
+        hold = GRAVITY * np.maximum(self._demand[:-1], self._demand[1:])
+        powered = GRAVITY * n.specific_power / np.maximum(fast[:-1], fast[1:]) - hold
+        slow_force = track.slowest * track.weak_speed
+        fast_force = np.maximum(fast, track.slowest) * track.weak_speed
+        braking = np.minimum(slow_force, fast_force) + self._braking_rest + self._sine
+        decel = GRAVITY * np.minimum(braking[:-1], braking[1:])
+        return (
+            np.clip(np.minimum(accel, powered), 0.0, None),
+            np.clip(decel, 0.0, n.decel),
+        )
+
+    def limiting(self, speed_sq: Floats, accel: Floats, smoothed: bool) -> Ints:
+        """What holds at each station, (N,)."""
+        bound = self._bound
+        at_bound = speed_sq >= bound - 1e-3 * np.maximum(bound, 0.05)
+        accel_max, decel_max = self.segment_limits(speed_sq)
+        accel_max = np.append(accel_max, accel_max[-1])
+        decel_max = np.append(decel_max, decel_max[-1])
+        before = np.concatenate((accel[:1], accel[:-1]))
+        lowest, highest = np.minimum(accel, before), np.maximum(accel, before)
+        slowing = lowest < -_HARDLY
+        full = np.where(
+            slowing,
+            lowest <= -decel_max * 0.99,
+            highest >= accel_max * 0.99 - _HARDLY,
+        )
+        weak_drive = accel_max < 0.99 * self._scalars.accel
+        label = np.where(
+            slowing, Limiting.DECEL, np.where(weak_drive, Limiting.TRACTION, Limiting.ACCEL)
+        )
+        if smoothed:
+            label = np.where(full, label, Limiting.JERK)
+        result: Ints = np.where(at_bound, self._label, label).astype(np.int64)
+        return result
