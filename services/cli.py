@@ -10,7 +10,7 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -284,6 +284,10 @@ def demo(
 
 @app.command()
 def bench(
+    what: Annotated[
+        Literal["planner", "closed-loop"],
+        typer.Argument(help="The planner beside its peers, or in the loop of a physics engine."),
+    ] = "planner",
     quick: Annotated[bool, typer.Option(help="Fewer repetitions, half a minute.")] = False,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write all figures as JSON.")
@@ -291,14 +295,24 @@ def bench(
     plot: Annotated[
         Path | None, typer.Option(metavar="out.html", help="Write the growth plots as a page.")
     ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="closed-loop: write pictures (PNG).")
+    ] = None,
 ) -> None:
     """Benchmark the planner beside its peers, in one run on one thread.
+
+    [bold]closed-loop[/] learns a braking model from stops in a physics engine, then lets planner
+    and plainer policies drive there, with walls and unknown ground at random, on two processes; the
+    extra `sim` brings the engine.
 
     Times depend on the machine, so ratios are the result. Peers that are not installed are said to
     be missing; `pip install slopewise[bench]` brings them.
     """
     from services.commands import bench as command
 
+    if what == "closed-loop":
+        command.closed_loop(quick=quick, json_file=json_file, pictures=pictures)
+        return
     command.run(quick=quick, json_file=json_file, plot=plot)
 
 

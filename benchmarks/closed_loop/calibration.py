@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.closed_loop.course import Course
 from benchmarks.closed_loop.drive import run_drive
-from benchmarks.closed_loop.stop_sample import MappedGround, StopSample, samples_of
 from benchmarks.closed_loop.policies import Blind
 from benchmarks.closed_loop.quad import LIMITS, QUAD
 from benchmarks.closed_loop.route import draw_route
+from benchmarks.closed_loop.stop_sample import MappedGround, StopSample, samples_of
 from benchmarks.closed_loop.terrain import SURFACES, Terrain, hills, slope
 from planner.terrain_profile import terrain_profile
 
@@ -21,17 +20,18 @@ _STEEPEST = np.deg2rad(22.5)
 _SIGHT = (20.0, 21.0)  # [m] the way is free
 
 
-def stops_of_drive(seed: int, exact: bool) -> list[StopSample]:
+def stops_of_drive(seed: int, exact: bool, surface: int | None = None) -> list[StopSample]:
     """Stops of one drive on ground that no test ever sees.
 
     Args:
         seed: of everything.
         exact: sensors and map without noise.
+        surface: index into `SURFACES`, drawn if left out.
     """
     rng = np.random.default_rng((77, seed))
     route = None
     while route is None:
-        terrain = _terrain(rng)
+        terrain = _terrain(rng, surface)
         route = draw_route(terrain, rng, QUAD, steepest=_STEEPEST)
     course = Course(route, rng, only_forced=True, sight=_SIGHT)
     policy = Blind(rng, LIMITS.accel, LIMITS.speed + 0.3)
@@ -48,11 +48,12 @@ def stops_of_drive(seed: int, exact: bool) -> list[StopSample]:
     )
 
 
-def _terrain(rng: np.random.Generator) -> Terrain:
+def _terrain(rng: np.random.Generator, surface: int | None) -> Terrain:
     """One surface throughout: a stop across two teaches neither."""
     if rng.random() < _SLOPES:
-        ground = slope(rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, _STEEPEST), rng)
+        ground = slope(rng.uniform(0.0, 2.0 * np.pi), _STEEPEST * rng.uniform() ** 0.6, rng)
     else:
         ground = hills(rng)
-    surface = np.full_like(ground.surface, rng.integers(len(SURFACES)))
-    return replace(ground, surface=surface)
+    drawn = int(rng.integers(len(SURFACES)))
+    on = drawn if surface is None else surface
+    return replace(ground, surface=np.full_like(ground.surface, on))

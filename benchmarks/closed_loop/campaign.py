@@ -34,15 +34,16 @@ _PROCESSES = 2
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Size:
-    """How much is driven."""
+    """How much is driven: by planner and perfect knowledge, by each baseline, and to learn from."""
 
     drives: int
+    baseline_drives: int
     calibration: int
     exact_calibration: int
 
 
-FULL = Size(drives=330, calibration=240, exact_calibration=120)
-QUICK = Size(drives=12, calibration=75, exact_calibration=45)
+FULL = Size(drives=315, baseline_drives=45, calibration=180, exact_calibration=75)
+QUICK = Size(drives=12, baseline_drives=6, calibration=75, exact_calibration=45)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -50,12 +51,13 @@ class Campaign:
     """Everything that came of it.
 
     Attributes:
-        result: for JSON. drives: of each policy. model: learned.
+        result: for JSON. drives: of each policy. model: learned. dem: folder, if there is one.
     """
 
     result: Result
     drives: dict[str, list[Drive]]
     model: Model
+    dem: Path | None
 
 
 def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
@@ -89,10 +91,15 @@ def run(size: Size, progress: Callable[[str, int], Callable[[int], Any]]) -> Cam
     model, perfect = fit(stops, OWN), fit(exact_stops, PERFECT)
     makers = policies(model, perfect)
     drives = {
-        name: _map(_Driver(make, dem), range(size.drives), progress, f"driving: {name}")
+        name: _map(
+            _Driver(make, dem),
+            range(size.drives if name in (OWN, PERFECT) else size.baseline_drives),
+            progress,
+            f"driving: {name}",
+        )
         for name, make in makers.items()
     }
-    results = {name: summary(of, drives[PERFECT]) for name, of in drives.items()}
+    results = {name: summary(of, drives[PERFECT][: len(of)]) for name, of in drives.items()}
     result = {
         "ground": "public elevation models and hills" if dem else "generated hills",
         "learned": {OWN: _learned(model, stops), PERFECT: _learned(perfect, exact_stops)},
@@ -108,7 +115,7 @@ def run(size: Size, progress: Callable[[str, int], Callable[[int], Any]]) -> Cam
         ],
         "seconds": time.perf_counter() - began,
     }  # fmt: skip
-    return Campaign(result, drives, model)
+    return Campaign(result, drives, model, dem)
 
 
 class _Driver:

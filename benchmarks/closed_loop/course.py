@@ -24,7 +24,7 @@ _FIRST = 0.0  # [m] before the first
 _KINDS: tuple[Kind, ...] = ("forced", "obstacle", "unknown")
 _SHARES = (0.8, 0.1, 0.1)
 _STRETCH = (5.0, 12.0)  # [m] over which the range of sight stays the same
-_SIGHT = (2.5, 9.0)  # [m]
+_SIGHT = (2.0, 7.0)  # [m]
 _FOOTPRINT = 0.7  # [m] from the middle of the wheelbase to where the front wheels touch
 
 

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks.closed_loop.course import Course, Happening
+from benchmarks.closed_loop.course import Course
 from benchmarks.closed_loop.policies import CYCLE, Policy, View
 from benchmarks.closed_loop.quad import OVERHANG, QUAD
+from benchmarks.closed_loop.records import Drive, ForcedStop, Trace
 from benchmarks.closed_loop.route import Route
-from benchmarks.closed_loop.sensors import Sensors, State
+from benchmarks.closed_loop.sensors import Sensors
 from benchmarks.closed_loop.terrain import SURFACES, Terrain
 from benchmarks.closed_loop.tracking import Command, Tracker
 from benchmarks.closed_loop.world import TICK, World
 from models.quantity import GRAVITY
-from planner.compiled import Floats
+from planner.elevation_map import ElevationMap
 
 ROLLING = 0.5
 """A stop from below this speed is none [m/s]."""
 
 FINISH = 6.0
-"""A drive ends this far before the end of its route, where no plan slows down for the end yet [m]."""
+"""A drive ends this far before its route, where no plan slows down for the end yet [m]."""
 
 _STANDING = 0.03  # [m/s]
 _PAUSE = 0.5  # [s] at rest until what bars the way is gone
@@ -31,86 +31,6 @@ _STUCK = 5.0  # [s] at rest before nothing
 _LONGEST = 180.0  # [s]
 _LOAD_FILTER = 0.15  # [s] rocking that is faster tips nothing over
 _BITES = 0.12  # [s] after a stop command the drive lets go: the brake line reports pressure
-
-
-@dataclass(frozen=True, slots=True)
-class Trace:
-    """A stop as the robot's own log has it; arrays are (n,), a row a tick from the command on.
-
-    Attributes:
-        time: since the command [s]. speed: odometry [m/s]. pitch: IMU, dive and mount [rad].
-        held: odometry at the command [m/s].
-        station: localised, along the route [m]. station0: at the command [m].
-    """
-
-    time: Floats
-    speed: Floats
-    pitch: Floats
-    station: Floats
-    held: float
-    station0: float
-
-
-@dataclass(frozen=True, slots=True)
-class ForcedStop:
-    """One emergency stop, judged by the truth.
-
-    Attributes:
-        speed: at the command [m/s]. grade: of the ground there [rad]. surface: there.
-        actual: way from command to rest [m]. predicted: by the policy, offset included [m].
-        left: of the clear distance at rest, below 0 if it was not enough [m].
-        forced: by a wall, not by the policy itself.
-        trace: the robot's own log.
-    """
-
-    speed: float
-    grade: float
-    surface: str
-    actual: float
-    predicted: float
-    left: float
-    forced: bool
-    trace: Trace
-
-
-@dataclass(slots=True)
-class Drive:
-    """What came of one drive.
-
-    Attributes:
-        policy, source: who drove, on which ground.
-        finished: it came to the end. distance: [m]; moving_time: without waiting before what
-            barred the way [s].
-        stops: emergency stops from above :data:`ROLLING`.
-        collisions: walls touched. past_clear: times that it stood or drove beyond a barrier;
-        farthest: worst of them [m].
-        least_share: least filtered load of front, rear, left, right, as share of level; (4,).
-        least_wheel: least filtered load of any wheel, as share of level.
-        track_error: largest distance from the route [m].
-        reasons: why the policy stopped by itself.
-        history: (n, 8) time, station, speed, told station, limit, grade, roll, surface; a cycle a
-            row.
-    """
-
-    policy: str
-    source: str
-    finished: bool = False
-    distance: float = 0.0
-    moving_time: float = 0.0
-    stops: list[ForcedStop] = field(default_factory=list)
-    collisions: int = 0
-    past_clear: int = 0
-    farthest: float = -np.inf
-    least_share: Floats = field(default_factory=lambda: np.ones(4))
-    least_wheel: float = 1.0
-    track_error: float = 0.0
-    reasons: list[str] = field(default_factory=list)
-    history: Floats = field(default_factory=lambda: np.zeros((0, 8)))
-
-    @property
-    def mean_speed(self) -> float:
-        """[m/s]."""
-        return self.distance / self.moving_time if self.moving_time > 0.0 else 0.0
 
 
 class _Loop:
@@ -144,7 +64,7 @@ class _Loop:
         front = QUAD.cg_x / QUAD.wheelbase
         self.level = weight * np.array([front, 1.0 - front, 0.5, 0.5])
 
-    def _map(self):  # type: ignore[no-untyped-def]
+    def _map(self) -> ElevationMap:
         heights = self.told_heights
         unknown = self.course.unknown_cells(self.terrain)
         if unknown is not None:
@@ -212,7 +132,8 @@ class _Loop:
             self.finish_stop()
         if self.rest < _PAUSE:
             return
-        self.command = replace_stop(self.command)
+        if self.command.stop:
+            self.command = Command()
         gone = False
         for h in self.course.happenings:
             near = h.barrier - self.station < _NEAR
@@ -243,7 +164,7 @@ class _Loop:
                 self.course.limit - self.station,
                 forced,
                 trace,
-            )  # fmt: skip
+            )
         )
 
     def judge(self) -> None:
@@ -285,6 +206,17 @@ class _Loop:
             since = self.world.time - self.commanded_at
             self.rows.append((since, self.state.speed, self.state.pitch, self.seen_station))
 
+    def remember(self) -> None:
+        """Keep a row of this cycle."""
+        route, station = self.route, self.station
+        row = (
+            self.world.time, station, self.world.speed,
+            self.course.told(station, self.policy.exact), self.course.limit,
+            route.at(station, route.grade), route.at(station, route.roll),
+            float(self.world.surface),
+        )  # fmt: skip
+        self.history.append(row)
+
     def cycle(self) -> None:
         """Ask the policy."""
         if self.command.stop:
@@ -296,11 +228,6 @@ class _Loop:
             return
         self.command = command
         self.commanded_at = self.world.time
-
-
-def replace_stop(command: Command) -> Command:
-    """No stop any longer."""
-    return Command() if command.stop else command
 
 
 def run_drive(
@@ -321,7 +248,7 @@ def run_drive(
     while loop.world.time < _LONGEST:
         if ticks % cycle == 0:
             loop.cycle()
-            drive_row(loop)
+            loop.remember()
             if watch is not None:
                 watch(loop.world)
         loop.trigger()
@@ -339,19 +266,3 @@ def run_drive(
     drive.distance = loop.station
     drive.history = np.array(loop.history)
     return drive
-
-
-def drive_row(loop: _Loop) -> None:
-    """Remember a cycle."""
-    route, station = loop.route, loop.station
-    loop.history.append((
-        loop.world.time, station, loop.world.speed,
-        loop.course.told(station, loop.policy.exact), loop.course.limit,
-        route.at(station, route.grade), route.at(station, route.roll), float(loop.world.surface),
-    ))  # fmt: skip
-
-
-def reset_happenings(happenings: list[Happening]) -> None:
-    """Make a course fresh again."""
-    for h in happenings:
-        h.over = h.active = False

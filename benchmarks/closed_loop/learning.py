@@ -3,8 +3,9 @@
 Onset and deceleration follow from how stopping time and distance go together. Then each stop has
 a force ratio, gravity taken out, and one joint least squares over [v θ, θ, v, 1] a surface gives
 the four coefficients (Braking (9)–(10), the gravity-free form). One more column, the size of the
-roll, is the effect `cross_slope`: tyres that hold a vehicle sideways brake less. The grade is the map's: the body
-dives under braking, and its pitch would make the ground look steeper downhill than it is.
+roll, is the effect `cross_slope`: tyres that hold a vehicle sideways brake less. The grade is the
+map's: the body dives under braking, and its pitch would make the ground look steeper downhill than
+it is.
 
 What the stops then go beyond the model is covered in two parts: by a share of the force, for what
 grows with the square of the speed, and by the safety offset (Braking (12)), for what does not.

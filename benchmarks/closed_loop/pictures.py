@@ -13,8 +13,13 @@ from benchmarks.closed_loop.campaign import Campaign
 from benchmarks.closed_loop.drive import Drive
 from benchmarks.closed_loop.terrain import SURFACES
 
+STRIP = 1
+"""Number of the scene that is shown as a strip."""
+
+FRAMES = 5
+"""Of the strip."""
+
 _COLOURS = ("#35608d", "#c8862b", "#4f8a4b")
-_FRAMES = 5
 
 
 def write(campaign: Campaign, folder: Path, frames: list[tuple[float, Any]]) -> list[Path]:
@@ -37,10 +42,6 @@ def write(campaign: Campaign, folder: Path, frames: list[tuple[float, Any]]) -> 
         figure.savefig(folder / name, dpi=130)
         paths.append(folder / name)
     return paths
-
-
-STRIP = 1
-"""Number of the scene that is shown."""
 
 
 def stops(rows: list[dict[str, Any]]) -> Figure:

@@ -88,7 +88,7 @@ class Planned:
         self.plan: SpeedPlan | None = None
 
     def command(self, view: View) -> Command:
-        """Plan from the speed that was to be reached by now, or from the measured one if far off."""
+        """Plan from the speed that was to be reached by now, or near the measured one."""
         speed = float(np.clip(self._wanted, view.state.speed - 0.1, view.state.speed + 0.1))
         plan = self.plan = self._plan(view, max(speed, 0.0), view.clear - self._reserve)
         if plan.status is Status.INFEASIBLE:

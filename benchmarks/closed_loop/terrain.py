@@ -59,7 +59,7 @@ class Terrain:
         return self.surface[row, column]
 
     def told(self, rng: np.random.Generator | None, unknown: np.ndarray | None = None) -> Floats:
-        """Heights as a robot's map has them: noisy, unknown cells NaN; exact without a generator."""
+        """Heights as a robot's map has them: noisy, or exact without a generator; NaN unknown."""
         height = self.height.copy()
         if rng is not None:
             height += rng.normal(0.0, _MAP_NOISE, height.shape)

@@ -99,8 +99,8 @@ class World:
     def _plane(self, x: float, y: float) -> tuple[float, Floats]:
         """Height and normal of the ground over the size of the vehicle."""
         reach = 0.5 * self._vehicle.wheelbase
-        points = np.array([[0, 0], [reach, 0], [-reach, 0], [0, reach], [0, -reach]]) + [x, y]
-        h = [self.height(px, py) for px, py in points]
+        offsets = ((0.0, 0.0), (reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach))
+        h = [self.height(x + dx, y + dy) for dx, dy in offsets]
         normal = np.array([-(h[1] - h[2]) / (2 * reach), -(h[3] - h[4]) / (2 * reach), 1.0])
         return max(h), normal / np.linalg.norm(normal)
 

@@ -1,14 +1,20 @@
-"""`slopewise bench`: the planner beside its peers."""
+"""`slopewise bench`: the planner beside its peers, or in the loop of a physics engine."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from models.errors import InputError
+
+if TYPE_CHECKING:
+    from benchmarks.closed_loop.campaign import Campaign
 
 
 def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
@@ -30,6 +36,49 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
     if plot is not None:
         _write_plots(planner_speed.figures(result), plot)
         console.print(f"wrote {plot}")
+
+
+def closed_loop(*, quick: bool, json_file: Path | None, pictures: Path | None) -> None:
+    """Learn, drive, show, and write what was asked for.
+
+    Raises:
+        InputError: the physics engine is not installed.
+    """
+    for module in ("mujoco", "matplotlib"):
+        if find_spec(module) is None:
+            raise InputError("closed-loop", "", f"needs {module}: pip install slopewise[sim]")
+    from benchmarks.closed_loop import campaign, tables
+    from services.screen import progress_bar
+
+    console = Console()
+    with ExitStack() as bars:
+
+        def progress(what: str, total: int) -> Callable[[int], None]:
+            bars.close()
+            return bars.enter_context(progress_bar(what, total))
+
+        driven = campaign.run(campaign.QUICK if quick else campaign.FULL, progress)
+    for table in tables.tables(driven.result):
+        console.print(table)
+    if json_file is not None:
+        json_file.write_text(json.dumps(driven.result, indent=1, allow_nan=False) + "\n")
+        console.print(f"wrote {json_file}")
+    if pictures is not None:
+        _write_pictures(driven, pictures, console)
+
+
+def _write_pictures(driven: Campaign, folder: Path, console: Console) -> None:
+    from benchmarks.closed_loop import pictures
+    from benchmarks.closed_loop.film import film
+    from benchmarks.closed_loop.policies import Planned
+
+    frames = []
+    try:
+        frames = film(pictures.STRIP, driven.dem, Planned(driven.model), pictures.FRAMES)
+    except RuntimeError as error:
+        console.print(f"no frames of the drive: {error}")
+    for path in pictures.write(driven, folder, frames):
+        console.print(f"wrote {path}")
 
 
 def _write_plots(figures: list, path: Path) -> None:  # type: ignore[type-arg]
