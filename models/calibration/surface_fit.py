@@ -181,7 +181,7 @@ def _distance_offset(
 
     What a stop scatters grows with its length, so a margin for all stops may be short for fast ones
     downhill. It is therefore at least what a normal scatter of the force asks for where stops are
-    long. The mount adds two standard deviations.
+    long. Two standard deviations of the mount add to it, as independent errors do.
     """
     shortfall = np.array([r.samples.distance - r.predicted_distance for r in records])
     finite = np.isfinite(shortfall)
@@ -199,4 +199,5 @@ def _distance_offset(
     slope = fit.coefficients[0] * speed + fit.coefficients[1]
     askew = 2.0 * mount_std * np.abs(1.0 + slope) * per_force
     long, costly = float(np.quantile(scatter, _LONG)), float(np.quantile(askew, _COSTLY))
-    return max(offset_for(coverage, shortfall[finite]), usual * long) + costly
+    margin = max(offset_for(coverage, shortfall[finite]), usual * long)
+    return float(np.hypot(margin, costly))
