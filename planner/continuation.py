@@ -20,7 +20,7 @@ _HERE = 0.02
 _SEARCH = 15.0
 """The vehicle is looked for on this much of a path: it may cross itself later [m]."""
 
-_STEEP = 1.1
+STEEP = 1.1
 """No path is longer than this times its length in the plan view, on ground that is driven on."""
 
 _FEWEST = 3
@@ -110,7 +110,7 @@ def cut(paths: PathBatch, place: Place, at: tuple[float, float]) -> tuple[PathBa
         limit = np.vstack((first_limit, np.take_along_axis(limit, rows, axis=0)))
     x = np.vstack((start_x, np.take_along_axis(paths.x, rows, axis=0)))
     y = np.vstack((start_y, np.take_along_axis(paths.y, rows, axis=0)))
-    left = np.where(place.along > 0.0, place.along * _STEEP, place.along)
+    left = np.where(place.along > 0.0, place.along * STEEP, place.along)
     return PathBatch(paths.names, x, y, count, limit), left
 
 
@@ -121,32 +121,35 @@ class Driven:
     Attributes:
         plan: as it was emitted.
         speed_limit: (N,) limits of the path itself [m/s], None if it has none.
+        begin: station at which its smoother's answer begins; may lie before the first one.
     """
 
     plan: SpeedPlan
     speed_limit: Floats | None
+    begin: int
 
-    def place(self, at: tuple[float, float], heading: float) -> Place:
+    def locate(self, at: tuple[float, float], heading: float) -> Place:
         """The vehicle on the plan's path."""
         x, y = self.plan.x[:, None], self.plan.y[:, None]
         return locate(x, y, np.array([len(x)]), at, heading)
 
+    def _share(self, place: Place) -> float:
+        """How much of its segment the vehicle has driven."""
+        x, y, i = self.plan.x, self.plan.y, int(place.segment[0])
+        step = np.hypot(x[i + 1] - x[i], y[i + 1] - y[i])
+        gone = np.hypot(place.x[0] - x[i], place.y[0] - y[i])
+        return min(float(gone / max(step, 1e-9)), 1.0)
+
     def speed_at(self, place: Place) -> tuple[float, float]:
         """Speed [m/s] and acceleration [m/s²] of the plan where the vehicle is."""
-        plan, i = self.plan, int(place.segment[0])
-        step = np.hypot(plan.x[i + 1] - plan.x[i], plan.y[i + 1] - plan.y[i])
-        gone = np.hypot(place.x[0] - plan.x[i], place.y[0] - plan.y[i])
-        u = min(float(gone / max(step, 1e-9)), 1.0)
+        plan, i, u = self.plan, int(place.segment[0]), self._share(place)
         speed_sq = (1.0 - u) * plan.speed[i] ** 2 + u * plan.speed[i + 1] ** 2
         return float(np.sqrt(speed_sq)), float(plan.accel[i])
 
     def station_at(self, place: Place) -> float:
         """Station of the vehicle on the plan [m]."""
-        plan, i = self.plan, int(place.segment[0])
-        step = np.hypot(plan.x[i + 1] - plan.x[i], plan.y[i + 1] - plan.y[i])
-        gone = np.hypot(place.x[0] - plan.x[i], place.y[0] - plan.y[i])
-        u = min(float(gone / max(step, 1e-9)), 1.0)
-        return float(plan.station[i] + u * (plan.station[i + 1] - plan.station[i]))
+        station, i = self.plan.station, int(place.segment[0])
+        return float(station[i] + self._share(place) * (station[i + 1] - station[i]))
 
     def agrees(self, x: Floats, y: Floats, tolerance: float) -> bool:
         """Does a path run along this one, as far as both go?
@@ -167,27 +170,64 @@ class Driven:
         beyond = np.cumsum(off > tolerance)
         return bool(beyond[-1] == 0 or share[beyond > 0][:, -1].min() > 1.0 - 1e-9)
 
-    def going_on(self, place: Place, x: Floats, y: Floats) -> tuple[Floats, Floats, int]:
-        """Stations of this path from just behind the vehicle, and those with which it goes on.
+    def rest(self, place: Place) -> tuple[PathBatch, int]:
+        """The path from just behind the vehicle, and how many of its stations are left out."""
+        behind = max(int(place.segment[0]) - 1, 0)
+        limit = None if self.speed_limit is None else self.speed_limit[behind:]
+        return _alone(self.plan, self.plan.x[behind:], self.plan.y[behind:], limit), behind
+
+    def going_on(
+        self, place: Place, x: Floats, y: Floats, limit: Floats | None
+    ) -> tuple[PathBatch, int]:
+        """As :meth:`rest`, with the stations with which the path goes on now, and its limits.
 
         Args:
             place: the vehicle on this path.
-            x, y: (n,) stations of the path as it is offered now [m].
-
-        Returns:
-            x, y: (m,) [m]; how many of this plan's stations are left out.
+            x, y: (n,) stations of the path as it is offered [m]; limit: (n,) [m/s].
         """
         own_x, own_y = self.plan.x, self.plan.y
-        behind = max(int(place.segment[0]) - 1, 0)
         step = float(np.hypot(own_x[-1] - own_x[-2], own_y[-1] - own_y[-2]))
         direction = (own_x[-1] - own_x[-2]) / step, (own_y[-1] - own_y[-2]) / step
+        off = np.hypot(x - own_x[-1], y - own_y[-1])
         further = (x - own_x[-1]) * direction[0] + (y - own_y[-1]) * direction[1]
-        nearest = int(np.argmin(np.hypot(x - own_x[-1], y - own_y[-1])))
-        begin = nearest + int(further[nearest] < 0.5 * step)
+        begin = int(np.argmin(off))
         while begin < len(x) and further[begin] < 0.5 * step:
             begin += 1
+        path, behind = self.rest(place)
+        limits = None
+        if limit is not None or path.speed_limit is not None:
+            offered = np.full(len(x), np.inf) if limit is None else limit
+            near = np.argmin(np.hypot(x[:, None] - path.x[:, 0], y[:, None] - path.y[:, 0]), axis=0)
+            own = offered[near]
+            if path.speed_limit is not None:
+                own = np.minimum(own, path.speed_limit[:, 0])
+            limits = np.concatenate((own, offered[begin:]))
         return (
-            np.concatenate((own_x[behind:], x[begin:])),
-            np.concatenate((own_y[behind:], y[begin:])),
+            _alone(
+                self.plan,
+                np.concatenate((path.x[:, 0], x[begin:])),
+                np.concatenate((path.y[:, 0], y[begin:])),
+                limits,
+            ),
             behind,
         )
+
+
+def _alone(plan: SpeedPlan, x: Floats, y: Floats, limit: Floats | None) -> PathBatch:
+    """One path as a batch."""
+    column = None if limit is None else np.ascontiguousarray(limit[:, None])
+    count = np.array([len(x)], np.int64)
+    return PathBatch(
+        (plan.candidate,), np.ascontiguousarray(x[:, None]), np.ascontiguousarray(y[:, None]),
+        count, column,
+    )  # fmt: skip
+
+
+def only(paths: PathBatch, place: Place, usable: Ints) -> tuple[PathBatch, Place]:
+    """Some of the candidates, and the vehicle on them."""
+    limit = None if paths.speed_limit is None else paths.speed_limit[:, usable]
+    names = tuple(paths.names[j] for j in usable)
+    x, y = (np.ascontiguousarray(a[:, usable]) for a in (paths.x, paths.y))
+    fewer = PathBatch(names, x, y, paths.count[usable], limit)
+    values = (getattr(place, name)[usable] for name in Place.__dataclass_fields__)
+    return fewer, Place(*values)
