@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -15,12 +14,12 @@ from rich.console import Console
 from rich.table import Table
 
 from models import unit_suspects
-from models.calibration.force_fit import NAMES
 from models.calibration.learn import Calibration, learn
 from models.calibration.stop_record import StopRecord
-from models.calibration.surface_fit import CalibrationSettings, SurfaceFit
+from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Model
+from services.commands.calibration_rows import ROWS, surface_json
 from services.files.access import fault
 from services.files.drive_log import DriveLog
 from services.files.log_source import read_logs
@@ -139,7 +138,7 @@ def write_page(result: CalibrateResult, job: CalibrateJob, path: Path) -> None:
     from services.report.calibration_page import write_report
 
     c = result.calibration
-    rows = {label: [cell(s) for s in c.surfaces] for label, cell in _ROWS.items()}
+    rows = {label: [cell(s) for s in c.surfaces] for label, cell in ROWS.items()}
     clock = {s.start: float(result.log.columns["t"][s.start]) for s in c.suspects}
     provenance = {
         "logs": ", ".join(log.name for log in job.logs),
@@ -171,18 +170,6 @@ def _by_command(calibration: Calibration) -> dict[int, StopRecord]:
     return {r.samples.window.command: r for s in calibration.surfaces for r in s.records}
 
 
-def coverage(surface: SurfaceFit) -> tuple[float, float]:
-    """Share of its stops that end within the prediction, and by how much on average [m].
-
-    Each prediction is by a fit that has not seen the stop; stops left out of the fit count, too.
-    """
-    actual = np.array([r.samples.distance for r in surface.records])
-    bound = np.array([r.predicted_distance for r in surface.records]) + surface.distance_offset
-    excess = bound - actual
-    finite = excess[np.isfinite(excess)]
-    return float(np.mean(excess >= 0.0)), float(np.mean(finite)) if len(finite) else 0.0
-
-
 def as_json(result: CalibrateResult) -> dict[str, Any]:
     """Everything for machines, SI units and radians."""
     c = result.calibration
@@ -195,7 +182,7 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
             "value": c.dive.per_deceleration, "std": c.dive.std, "settling": c.dive.settling,
         },
         "mount": {"value": c.mount.offset, "std": c.mount.std, "source": c.mount.source},
-        "surfaces": [_surface_json(s) for s in c.surfaces],
+        "surfaces": [surface_json(s) for s in c.surfaces],
         "suspects": [
             {
                 "start": float(result.log.columns["t"][s.start]),
@@ -209,57 +196,6 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _surface_json(s: SurfaceFit) -> dict[str, Any]:
-    std = np.sqrt(np.diag(s.fit.covariance))
-    covered, excess = coverage(s)
-    return {
-        "name": s.name,
-        "stops": len(s.records),
-        "left_out": sum(not r.kept for r in s.records),
-        "coefficients": {
-            name: {"value": float(v), "std": float(e), "learned": float(share)}
-            for name, v, e, share in zip(NAMES, s.fit.coefficients, std, s.fit.learned, strict=True)
-        },
-        "covariance": s.fit.covariance.tolist(),
-        "scatter": s.fit.scatter,
-        "two_stages": None if s.two_stages is None else s.two_stages.tolist(),
-        "distance_offset": s.distance_offset,
-        "time_offset": s.time_offset,
-        "speed_range": list(s.speed_range),
-        "grade_range": list(s.grade_range),
-        "coverage": covered,
-        "mean_excess": excess,
-    }
-
-
-def _coefficient(index: int) -> Callable[[SurfaceFit], str]:
-    def cell(s: SurfaceFit) -> str:
-        std = float(np.sqrt(s.fit.covariance[index, index]))
-        return f"{s.fit.coefficients[index]:+.4f} ± {std:.4f}"
-
-    return cell
-
-
-def _grades(s: SurfaceFit) -> str:
-    low, high = np.rad2deg(s.grade_range)
-    return f"{low:.1f}° … {high:.1f}°"
-
-
-_ROWS: dict[str, Callable[[SurfaceFit], str]] = {
-    "m_m, s/m": _coefficient(0),
-    "b_m": _coefficient(1),
-    "m_b, s/m": _coefficient(2),
-    "b_b": _coefficient(3),
-    "stops learned from": lambda s: f"{sum(r.kept for r in s.records)} of {len(s.records)}",
-    "distance offset, m": lambda s: f"{s.distance_offset:.3f}",
-    "time offset, s": lambda s: f"{s.time_offset:.3f}",
-    "unseen stops within prediction": lambda s: f"{coverage(s)[0]:.1%}",
-    "predictions longer by, mean m": lambda s: f"{coverage(s)[1]:.3f}",
-    "speeds, m/s": lambda s: f"{s.speed_range[0]:.2f} … {s.speed_range[1]:.2f}",
-    "grades": _grades,
-}
-
-
 def show(result: CalibrateResult, console: Console) -> None:
     """Coefficients of each surface, what the stops were, what to know before trusting it."""
     c = result.calibration
@@ -267,7 +203,7 @@ def show(result: CalibrateResult, console: Console) -> None:
     table.add_column("")
     for surface in c.surfaces:
         table.add_column(surface.name or "base", justify="right")
-    for label, cell in _ROWS.items():
+    for label, cell in ROWS.items():
         table.add_row(label, *map(cell, c.surfaces))
     console.print(table)
     dead = f"dead time {c.dead_time.value:.3f} ± {c.dead_time.std:.3f} s"

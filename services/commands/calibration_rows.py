@@ -1,0 +1,76 @@
+"""What a calibration says of one surface: the rows of its tables, and the same as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from models.calibration.force_fit import NAMES
+from models.calibration.surface_fit import SurfaceFit
+
+
+def coverage(surface: SurfaceFit) -> tuple[float, float]:
+    """Share of its stops that end within the prediction, and by how much on average [m].
+
+    Each prediction is by a fit that has not seen the stop; stops left out of the fit count, too.
+    """
+    actual = np.array([r.samples.distance for r in surface.records])
+    bound = np.array([r.predicted_distance for r in surface.records]) + surface.distance_offset
+    excess = bound - actual
+    finite = excess[np.isfinite(excess)]
+    return float(np.mean(excess >= 0.0)), float(np.mean(finite)) if len(finite) else 0.0
+
+
+def surface_json(s: SurfaceFit) -> dict[str, Any]:
+    """Everything for machines, SI units and radians."""
+    std = np.sqrt(np.diag(s.fit.covariance))
+    covered, excess = coverage(s)
+    return {
+        "name": s.name,
+        "stops": len(s.records),
+        "left_out": sum(not r.kept for r in s.records),
+        "coefficients": {
+            name: {"value": float(v), "std": float(e), "learned": float(share)}
+            for name, v, e, share in zip(NAMES, s.fit.coefficients, std, s.fit.learned, strict=True)
+        },
+        "covariance": s.fit.covariance.tolist(),
+        "scatter": s.fit.scatter,
+        "two_stages": None if s.two_stages is None else s.two_stages.tolist(),
+        "distance_offset": s.distance_offset,
+        "time_offset": s.time_offset,
+        "speed_range": list(s.speed_range),
+        "grade_range": list(s.grade_range),
+        "coverage": covered,
+        "mean_excess": excess,
+    }
+
+
+def _coefficient(index: int) -> Callable[[SurfaceFit], str]:
+    def cell(s: SurfaceFit) -> str:
+        std = float(np.sqrt(s.fit.covariance[index, index]))
+        return f"{s.fit.coefficients[index]:+.4f} ± {std:.4f}"
+
+    return cell
+
+
+def _grades(s: SurfaceFit) -> str:
+    low, high = np.rad2deg(s.grade_range)
+    return f"{low:.1f}° … {high:.1f}°"
+
+
+ROWS: dict[str, Callable[[SurfaceFit], str]] = {
+    "m_m, s/m": _coefficient(0),
+    "b_m": _coefficient(1),
+    "m_b, s/m": _coefficient(2),
+    "b_b": _coefficient(3),
+    "stops learned from": lambda s: f"{sum(r.kept for r in s.records)} of {len(s.records)}",
+    "distance offset, m": lambda s: f"{s.distance_offset:.3f}",
+    "time offset, s": lambda s: f"{s.time_offset:.3f}",
+    "unseen stops within prediction": lambda s: f"{coverage(s)[0]:.1%}",
+    "predictions longer by, mean m": lambda s: f"{coverage(s)[1]:.3f}",
+    "speeds, m/s": lambda s: f"{s.speed_range[0]:.2f} … {s.speed_range[1]:.2f}",
+    "grades": _grades,
+}
+"""Label -> cell of a surface, as people read it."""
