@@ -102,7 +102,7 @@ def learn(
     m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
     measured = measure(stops, mount, lambda v: m_m * v + b_m, first.dive)
     surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
-    warnings += _warnings(measured, surfaces[0], mount, windows)
+    warnings += _warnings(surfaces[0], mount, known)
     return Calibration(
         _braking(known, surfaces, measured.dead_time), tuple(surfaces), tuple(windows), suspects,
         measured.dead_time, measured.dive, mount, tuple(warnings),
@@ -132,9 +132,7 @@ def _values(surface: SurfaceFit) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _warnings(
-    measured: Measured, base: SurfaceFit, mount: Mount, windows: Sequence[StopWindow]
-) -> list[str]:
+def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
     said = []
     if not mount.known and base.records[0].samples.grade is None:
         shift = float(np.deg2rad(1.0) * (1.0 + base.fit.coefficients[1]))
@@ -142,6 +140,8 @@ def _warnings(
             "mount offset of the pitch sensor cannot be told from this log (it takes a map, "
             f"heights, or ground driven both ways): each degree would shift b_b by {shift:.4f}"
         )
+    if known.uphill is not None:
+        said.append("coefficients of their own for uphill were dropped: one slope fits both ways")
     weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
     if weak:
         said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -218,3 +219,24 @@ def test_any_log_is_learned_from_or_refused_in_words(seed: int, size: int) -> No
         return
     assert np.isfinite(learned.braking.distance_offset)
     assert learned.braking.b_b > 0.0 or learned.braking.m_b > 0.0
+
+
+@pytest.mark.nightly
+def test_an_hour_at_100_hz_takes_seconds() -> None:
+    stops, samples = 240, 360_000
+    log, runs, _ = drive(Plant(), stops, 1)
+    rng = np.random.default_rng(0)
+    each = samples // stops
+    parts: dict[str, list[np.ndarray]] = {"v": [], "v_cmd": [], "pitch": []}
+    noise = {"v": 0.03, "v_cmd": 0.0, "pitch": 0.005}
+    for run in runs:
+        for name, kept in parts.items():
+            values = log[name][run]
+            cruise = values[0] + noise[name] * rng.standard_normal(each - len(values))
+            kept.append(np.concatenate((cruise, values)))
+    hour = {name: np.concatenate(kept) for name, kept in parts.items()}
+    hour |= {"t": 0.01 * np.arange(samples), "run": np.full(samples, "1")}
+    begin = time.process_time()
+    learned = learn(hour, [slice(0, samples)], KNOWN)
+    assert time.process_time() - begin < 5.0
+    assert learned.verdicts == {"usable": stops}
