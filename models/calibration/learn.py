@@ -21,7 +21,7 @@ from models.calibration.dead_time import DeadTime
 from models.calibration.find_stops import StopWindow, Verdict, find_stops
 from models.calibration.force_fit import NAMES
 from models.calibration.ground_grade import Dive
-from models.calibration.measure import Measured, measure
+from models.calibration.measure import measure
 from models.calibration.mount_of_log import mount_of_log
 from models.calibration.mount_offset import Mount
 from models.calibration.stop_record import cut
