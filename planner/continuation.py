@@ -121,12 +121,10 @@ class Driven:
     Attributes:
         plan: as it was emitted.
         speed_limit: (N,) limits of the path itself [m/s], None if it has none.
-        begin: station at which its smoother's answer begins; may lie before the first one.
     """
 
     plan: SpeedPlan
     speed_limit: Floats | None
-    begin: int
 
     def locate(self, at: tuple[float, float], heading: float) -> Place:
         """The vehicle on the plan's path."""
@@ -163,12 +161,13 @@ class Driven:
         squared = np.maximum(dx * dx + dy * dy, 1e-18)
         share = ((x[:, None] - own_x[:-1]) * dx + (y[:, None] - own_y[:-1]) * dy) / squared
         inside = np.clip(share, 0.0, 1.0)
-        off = np.hypot(
-            own_x[:-1] + inside * dx - x[:, None], own_y[:-1] + inside * dy - y[:, None]
-        ).min(axis=1)
-        # What lies beyond the end of this path goes on from there.
-        beyond = np.cumsum(off > tolerance)
-        return bool(beyond[-1] == 0 or share[beyond > 0][:, -1].min() > 1.0 - 1e-9)
+        off = np.hypot(own_x[:-1] + inside * dx - x[:, None], own_y[:-1] + inside * dy - y[:, None])
+        nearest = np.argmin(off, axis=1)
+        rows = np.arange(len(x))
+        # What lies before or beyond this path says nothing.
+        before = (nearest == 0) & (share[rows, 0] < 0.0)
+        beyond = (nearest == len(dx) - 1) & (share[rows, -1] > 1.0)
+        return bool(np.all((off[rows, nearest] <= tolerance) | before | beyond))
 
     def rest(self, place: Place) -> tuple[PathBatch, int]:
         """The path from just behind the vehicle, and how many of its stations are left out."""

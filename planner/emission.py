@@ -15,7 +15,7 @@ from planner.check import Verdict, check
 from planner.compiled import Floats, Ints
 from planner.ground import Ground
 from planner.limiting import Limiting
-from planner.plan import SpeedPlan, Status, motion_of, resting_at
+from planner.plan import SpeedPlan, Status, motion_of
 from planner.profile import time_optimal_profile
 from planner.scalars import Numbers
 from planner.smoothing import Smoother, SmoothingProblem
@@ -82,8 +82,6 @@ class Emission:
         self._demand = bounds.demand[first:n, j]
         self._sine = np.sin(self.track.grade)
         self._braking_rest = ground.braking_rest[first:n, j]
-        self._stops_at: float | None = None
-        """Where an emergency stop ends, if the plan is one [m]."""
 
     def emit(
         self,
@@ -92,6 +90,7 @@ class Emission:
         smoother: Smoother | None,
         *,
         reachable: bool = True,
+        innocent: bool = False,
         start_accel: float | None = None,
         shift: int | None = None,
         unsmoothed: str = "",
@@ -103,11 +102,19 @@ class Emission:
             speed_sq: (N,) its time-optimal profile, beginning with the lead [m²/s²].
             smoother: of :func:`smoother_size`, None to leave the profile as it is.
             reachable: service braking can bring down the speed at the start.
+            innocent: the judge had no objection to the profile already.
             start_accel: acceleration before the lead's last station [m/s²], None if any will do.
             shift: stations moved on since the smoother's last answer, None if that was no relative.
             unsmoothed: why it is not smoothed, if that is less than what was wanted.
         """
         status, reason = self.standing()
+        wanted = smoother if speed_sq.any() else None
+        if wanted is not None and innocent and reachable:
+            answer, _ = self._smooth(wanted, speed_sq, start_accel, shift)
+            verdict = None if answer is None else self.judge(answer)
+            if answer is not None and verdict is not None and verdict.valid:
+                status, reason = self.stands_early(answer, status, reason)
+                return self._plan(name, status, reason, answer, verdict, True)
         smoothed = False
         if not reachable:
             speed_sq, verdict, status, reason = self.brake_hard(status, reason)
@@ -117,8 +124,8 @@ class Emission:
                 status, reason = Status.DEGRADED, repaired
             if unsmoothed and speed_sq.any():
                 status, reason = Status.DEGRADED, unsmoothed
-            if smoother is not None and speed_sq.any() and verdict.valid:
-                answer, why = self._smooth(smoother, speed_sq, start_accel, shift)
+            if wanted is not None and verdict.valid:
+                answer, why = self._smooth(wanted, speed_sq, start_accel, None)
                 judged = self.judge(answer) if answer is not None else verdict
                 if answer is not None and judged.valid:
                     speed_sq, verdict, smoothed = answer, judged, True
@@ -143,7 +150,7 @@ class Emission:
         track = self.track
         accel, time = motion_of(track.station, speed_sq)
         bound = np.sqrt(np.maximum(self._speed_sq_max, speed_sq))
-        plan = SpeedPlan(
+        return SpeedPlan(
             candidate=name, status=status, reason=reason,
             station=track.station, x=self.x, y=self.y, z=self.z,
             grade=track.grade, roll=track.roll, curvature=track.curvature,
@@ -152,7 +159,6 @@ class Emission:
             stop_distance=verdict.stop_distance, clear_distance=self.clear,
             rear_load=verdict.rear_load, side_load=verdict.side_load,
         )  # fmt: skip
-        return plan if self._stops_at is None else resting_at(plan, self._stops_at)
 
     def _smooth(
         self, smoother: Smoother, speed_sq: Floats, start_accel: float | None, shift: int | None
@@ -271,8 +277,10 @@ class Emission:
         for k in range(len(station) - 1):
             ds = station[k + 1] - station[k]
             braking = min(self._braking(k, answer[k]), self._braking(k + 1, answer[k]))
-            after = max(answer[k] - 2.0 * ds * max(braking, 0.0), 0.0)
+            after = answer[k] - 2.0 * ds * max(braking, 0.0)
             if after <= answer[k + 1]:
+                if answer[k + 1] == 0.0:
+                    self._rest_at(float(station[k] + 0.5 * answer[k] / braking), k + 1)
                 break
             answer[k + 1] = after
         verdict = self.judge(answer, decel=np.inf)
@@ -288,6 +296,27 @@ class Emission:
         text = f"starts at {speed:.2f} m/s, above {allowed}: brakes at {hardest:.2f} m/s²"
         text += f"; {reason}" if status is Status.BLOCKED else ""
         return answer, verdict, Status.DEGRADED, text
+
+    def _rest_at(self, rest: float, k: int) -> None:
+        """Move station k back to where the vehicle comes to rest before it.
+
+        A hard stop ends where it ends; to move on to the next station would be further.
+        """
+        track = self.track
+        u = (rest - track.station[k - 1]) / (track.station[k] - track.station[k - 1])
+        if u >= 1.0:
+            return
+        u = max(u, 1e-6)
+
+        def moved(values: Floats) -> Floats:
+            values = values.copy()
+            values[k] = values[k - 1] + u * (values[k] - values[k - 1])
+            return values
+
+        names = ("station", "grade", "roll", "curvature", "yaw")
+        self.track = track._replace(**{name: moved(getattr(track, name)) for name in names})
+        self.x, self.y, self.z = moved(self.x), moved(self.y), moved(self.z)
+        self._sine = np.sin(self.track.grade)
 
     def _braking(self, k: int, speed_sq: float) -> float:
         """Least deceleration of full braking at station k from this v² down [m/s²]."""
@@ -308,8 +337,11 @@ class Emission:
         stop = float(verdict.stop_distance[0])
         onset = speed * self.track.dead_time[0]
         braking = max(stop - self._offset - onset, 1e-6)
-        self._stops_at = float(onset + braking)
         speed_sq = start_sq * np.clip(1.0 - (station - onset) / braking, 0.0, 1.0)
+        k = int(np.argmin(speed_sq > 0.0))
+        if k > 0:
+            self._rest_at(float(onset + braking), k)
+            station = self.track.station
         moving = speed_sq > 0.0
         # It brakes already: what is left of this one stop, and its least loads.
         verdict = Verdict(
@@ -331,8 +363,7 @@ class Emission:
                 f"{n.min_load:.0%} is wanted"
             )
         else:
-            text = f"starts at {speed:.2f} m/s: nothing but full braking to a stop is safe"
-            return speed_sq, verdict, Status.DEGRADED, text
+            text = f"starts at {speed:.2f} m/s: only full braking at once stops in time"
         return speed_sq, verdict, Status.INFEASIBLE, text
 
     def fastest(self) -> tuple[Floats, bool]:

@@ -33,6 +33,12 @@ from planner.smoothing import Smoother
 from planner.uncertainty import Uncertainty
 
 _FEWEST = 3
+_INSIDE = 2
+"""A station of a path that lies ahead of the vehicle for certain."""
+
+_SAME = 1e-3
+"""Stations as close as that are the same [m]."""
+
 _SAFE = (Status.OK, Status.BLOCKED)
 
 
@@ -90,7 +96,7 @@ class Horizon:
         self.settings = settings or HorizonSettings()
         self.planner = planner or PlannerSettings()
         self._driven: Driven | None = None
-        self._smoothers: dict[str, Smoother] = {}
+        self._smoothers: dict[str, _Remembering] = {}
         self.uncertainty = uncertainty or Uncertainty()
         self.learn(model)
 
@@ -142,19 +148,41 @@ class Horizon:
         self._driven = driven
         return replace(answer, seconds=cycle.seconds)
 
-    def smoother(self, name: str, stations: int) -> tuple[Smoother, bool]:
-        """The candidate's own smoother; and does it remember the candidate?"""
+    def smoother(self, name: str, stations: int) -> _Remembering:
+        """The candidate's own smoother, or one that remembers nothing yet."""
         size, known = smoother_size(stations), self._smoothers
         own = known.pop(name, None)
-        if own is not None and own.stations == size:
-            known[name] = own
-            return own, True
-        spare = None
-        if len(known) >= 2 * self.settings.smoothed:
-            # The one that waited longest makes room.
-            spare = known.pop(next(iter(known)))
-        known[name] = spare if spare is not None and spare.stations == size else Smoother(size)
-        return known[name], False
+        if own is None or own.smoother.stations != size:
+            spare = None
+            if len(known) >= 2 * self.settings.smoothed:
+                # The one that waited longest makes room.
+                spare = known.pop(next(iter(known))).smoother
+            fits = spare is not None and spare.stations == size
+            own = _Remembering(spare if spare is not None and fits else Smoother(size))
+        known[name] = own
+        return own
+
+
+@dataclass(slots=True)
+class _Remembering:
+    """A smoother, and the stations of the answer that it remembers; None if it has none."""
+
+    smoother: Smoother
+    stations: Floats | None = None
+
+    def shift(self, x: Floats, y: Floats) -> int | None:
+        """Stations from the answer that it remembers to a path that begins now.
+
+        The same path goes on with the same stations, but for its first one, which is where the
+        vehicle is; on another path, or on other stations, an answer is no help.
+        """
+        now = np.stack((x, y))
+        before, self.stations = self.stations, now
+        if before is None:
+            return None
+        off = np.hypot(*(before - now[:, _INSIDE, None]))
+        m = int(np.argmin(off))
+        return m - _INSIDE if off[m] < _SAME and m >= _INSIDE else None
 
 
 class _Cycle:
@@ -213,7 +241,8 @@ class _Cycle:
             if plans and self._is_late():
                 break
             plan = self._go_on(paths, j, clear[j] - left[j]) if j == ours else None
-            plans.append(plan or self._begin(solved, begun, j, start, bool(too_fast[j])))
+            innocent = not worst[j].max() > 0.0
+            plans.append(plan or self._begin(solved, begun, j, start, bool(too_fast[j]), innocent))
         self._time("smooth")
         own_clear = None if ours is None else float(clear[ours] - left[ours])
         return self._choose(plans, (*ranking, *refused), own_clear)
@@ -277,7 +306,13 @@ class _Cycle:
     # ------------------------------------------------------------------ plans
 
     def _begin(
-        self, solved: TimeOptimalBatch, paths: PathBatch, j: int, start: float, too_fast: bool
+        self,
+        solved: TimeOptimalBatch,
+        paths: PathBatch,
+        j: int,
+        start: float,
+        too_fast: bool,
+        innocent: bool,
     ) -> Driven:
         """The plan of a candidate that begins at the vehicle."""
         n, limit = int(paths.count[j]), paths.speed_limit
@@ -285,12 +320,13 @@ class _Cycle:
         accel = None
         if self._driven is not None and self._place is not None and start > 0.0:
             _, accel = self._driven.speed_at(self._place)
-        smoother, knows, late = self._smoother(paths.names[j], n)
+        smoother, shift, late = self._smoother(paths.names[j], paths.x[:n, j], paths.y[:n, j])
         plan = emission.emit(
             paths.names[j], np.ascontiguousarray(solved.speed_sq[:n, j]), smoother,
-            reachable=not too_fast, start_accel=accel, shift=0 if knows else None, unsmoothed=late,
+            reachable=not too_fast, innocent=innocent, start_accel=accel, shift=shift,
+            unsmoothed=late,
         )  # fmt: skip
-        return Driven(plan, None if limit is None else limit[:n, j], 0)
+        return Driven(plan, None if limit is None else limit[:n, j])
 
     def _go_on(self, paths: PathBatch, j: int, clear: float) -> Driven | None:
         """The plan of the path that is driven, on its stations; None if it has to begin anew."""
@@ -307,13 +343,15 @@ class _Cycle:
         speed_sq, reachable = emission.fastest()
         if not reachable:
             return None
-        smoother, knows, late = self._smoother(plan.candidate, len(speed_sq) - 1)
-        answer = emission.emit(
-            plan.candidate, speed_sq, smoother, start_accel=float(plan.accel[i]),
-            shift=i + 1 - driven.begin if knows else None, unsmoothed=late,
-        )  # fmt: skip
         first = i - behind
-        return Driven(answer, None if path.speed_limit is None else path.speed_limit[first:, 0], 1)
+        smoother, shift, late = self._smoother(
+            plan.candidate, path.x[first + 1 :, 0], path.y[first + 1 :, 0]
+        )
+        answer = emission.emit(
+            plan.candidate, speed_sq, smoother, innocent=True, start_accel=float(plan.accel[i]),
+            shift=shift, unsmoothed=late,
+        )  # fmt: skip
+        return Driven(answer, None if path.speed_limit is None else path.speed_limit[first:, 0])
 
     def _on_own_stations(self, path: PathBatch, behind: int, clear: float) -> Emission:
         """The driven path from the segment on in which the vehicle is.
@@ -339,13 +377,14 @@ class _Cycle:
             speed_limit=limit, first=first,
         )  # fmt: skip
 
-    def _smoother(self, name: str, stations: int) -> tuple[Smoother | None, bool, str]:
-        """Smoother, whether it remembers the candidate, and why there is none though wanted."""
+    def _smoother(self, name: str, x: Floats, y: Floats) -> tuple[Smoother | None, int | None, str]:
+        """Smoother, stations since its last answer, and why there is none though wanted."""
         if not self._horizon.planner.smooth:
-            return None, False, ""
+            return None, None, ""
         if self._is_late():
-            return None, False, f"not smoothed within {1e3 * self._settings.budget:.0f} ms"
-        return *self._horizon.smoother(name, stations), ""
+            return None, None, f"not smoothed within {1e3 * self._settings.budget:.0f} ms"
+        own = self._horizon.smoother(name, len(x))
+        return own.smoother, own.shift(x, y), ""
 
     # ------------------------------------------------------------------ what is driven
 
@@ -395,7 +434,7 @@ class _Cycle:
         plan = emission.keep(driven.plan.candidate, speed_sq)
         if plan is not None:
             limit = None if driven.speed_limit is None else driven.speed_limit[i:]
-            return Driven(plan, limit, driven.begin - i), None
+            return Driven(plan, limit), None
         verdict = emission.judge(speed_sq)
         kind = int(np.argmax(verdict.offence))
         k = int(verdict.where[0]) if len(verdict.where) else 0
@@ -426,7 +465,7 @@ class _Cycle:
         reason = f"{why}: stops on the path driven so far"
         stop = replace(stop, status=Status.DEGRADED, reason=reason)
         limit = None if driven.speed_limit is None else driven.speed_limit[i:]
-        return self._answer(Driven(stop, limit, 1), (stop,), ranking, None, False)
+        return self._answer(Driven(stop, limit), (stop,), ranking, None, False)
 
     def _answer(
         self, best: Driven, plans: tuple[SpeedPlan, ...], ranking: tuple[Ranked, ...],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -134,22 +134,3 @@ def motion_of(station: Floats, speed_sq: Floats) -> tuple[Floats, Floats]:
     both = speed[1:] + speed[:-1]
     step = np.divide(2.0 * ds, both, out=np.zeros_like(ds), where=both > 0.0)
     return accel, np.concatenate(([0.0], np.cumsum(step)))
-
-
-def resting_at(plan: SpeedPlan, station: float) -> SpeedPlan:
-    """The plan with its station of rest moved back to where the vehicle stops before it.
-
-    An emergency stop ends where it ends; to move on to the next station would be further.
-    """
-    moving = np.flatnonzero(plan.speed > 0.0)
-    k = int(moving[-1]) + 1 if len(moving) else 0
-    if k == 0 or k >= len(plan.station) or station >= plan.station[k]:
-        return plan
-    u = (station - plan.station[k - 1]) / (plan.station[k] - plan.station[k - 1])
-    moved = {}
-    for name in ("station", "x", "y", "z", "grade", "roll", "curvature"):
-        values = getattr(plan, name).copy()
-        values[k] = values[k - 1] + max(u, 1e-6) * (values[k] - values[k - 1])
-        moved[name] = values
-    accel, time = motion_of(moved["station"], plan.speed**2)
-    return replace(plan, **moved, accel=accel, time=time)
