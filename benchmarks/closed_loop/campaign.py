@@ -15,6 +15,7 @@ from benchmarks.closed_loop.calibration import stops_of_drive
 from benchmarks.closed_loop.drive import Drive, run_drive
 from benchmarks.closed_loop.learning import fit
 from benchmarks.closed_loop.metrics import Result, summary, targets
+from benchmarks.closed_loop.moving_horizon import MovingHorizon
 from benchmarks.closed_loop.policies import (
     CurvatureOnly,
     FixedSpeed,
@@ -34,7 +35,7 @@ _PROCESSES = 2
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Size:
-    """How much is driven: by planner and perfect knowledge, by each baseline, and to learn from."""
+    """How many drives: of slopewise and perfect knowledge, of each other policy, and to learn."""
 
     drives: int
     baseline_drives: int
@@ -63,6 +64,7 @@ class Campaign:
 def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
     """Makers of all policies by name; another planner joins by one more line."""
     makers: list[Callable[[], Policy]] = [
+        partial(MovingHorizon, model),
         partial(Planned, model),
         partial(foresighted, perfect),
         partial(FixedSpeed, model, 2.0),

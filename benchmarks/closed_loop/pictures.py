@@ -99,9 +99,9 @@ def policies(results: dict[str, dict[str, Any]]) -> Figure:
 def strip(drive: Drive, frames: list[tuple[float, Any]]) -> Figure:
     """One drive: what it looked like, how fast it was, how far it could see."""
     h = drive.history
-    figure = Figure(figsize=(11.0, 6.4 if frames else 4.4), layout="constrained")
+    figure = Figure(figsize=(11.0, 5.8 if frames else 4.4), layout="constrained")
     if frames:
-        above, below = figure.subfigures(2, 1, height_ratios=(1.0, 1.6))
+        above, below = figure.subfigures(2, 1, height_ratios=(1.0, 2.1))
         for axes, (time, image) in zip(above.subplots(1, len(frames)), frames, strict=True):
             axes.imshow(image)
             axes.set_axis_off()

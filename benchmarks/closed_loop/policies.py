@@ -69,10 +69,15 @@ class Policy(Protocol):
 
 
 class Planned:
-    """The planner: the fastest plan along the route that can always still stop."""
+    """The bare planner: in every cycle the fastest plan from here, not smoothed."""
 
     def __init__(
-        self, model: Model, *, name: str = "slopewise", exact: bool = False, reserve: float = 0.15
+        self,
+        model: Model,
+        *,
+        name: str = "without memory",
+        exact: bool = False,
+        reserve: float = 0.15,
     ) -> None:
         """Plan with a model.
 

@@ -70,11 +70,11 @@ def closed_loop(*, quick: bool, json_file: Path | None, pictures: Path | None) -
 def _write_pictures(driven: Campaign, folder: Path, console: Console) -> None:
     from benchmarks.closed_loop import pictures
     from benchmarks.closed_loop.film import film
-    from benchmarks.closed_loop.policies import Planned
+    from benchmarks.closed_loop.moving_horizon import MovingHorizon
 
     frames = []
     try:
-        frames = film(pictures.STRIP, driven.dem, Planned(driven.model), pictures.FRAMES)
+        frames = film(pictures.STRIP, driven.dem, MovingHorizon(driven.model), pictures.FRAMES)
     except RuntimeError as error:
         console.print(f"no frames of the drive: {error}")
     for path in pictures.write(driven, folder, frames):

@@ -10,7 +10,8 @@ pytest.importorskip("mujoco", reason="the extra sim is not installed")
 from benchmarks.closed_loop.course import Course
 from benchmarks.closed_loop.drive import run_drive
 from benchmarks.closed_loop.metrics import summary
-from benchmarks.closed_loop.policies import FixedSpeed, Planned
+from benchmarks.closed_loop.moving_horizon import MovingHorizon
+from benchmarks.closed_loop.policies import FixedSpeed
 from benchmarks.closed_loop.quad import LIMITS, QUAD, ROLLING
 from benchmarks.closed_loop.route import STEEPEST
 from benchmarks.closed_loop.scenes import scene
@@ -30,7 +31,7 @@ def cautious() -> Model:
 
 
 def test_the_planner_stops_before_walls_and_unknown_ground(cautious: Model) -> None:
-    drives = [run_drive(*scene(n, None), Planned(cautious), n) for n in SCENES]
+    drives = [run_drive(*scene(n, None), MovingHorizon(cautious), n) for n in SCENES]
     found = summary(drives, drives)
     assert found["finished"] == len(SCENES)
     assert found["forced_stops"] >= 3
