@@ -64,7 +64,7 @@ class StopSettings:
     step: float = 0.7
     turn_rate: float = 0.35
     full_brake: float = 0.9
-    fewest: int = 4
+    fewest: int = 6
     longest: float = 30.0
     settled: float = 0.3
     settled_speed: float = 0.03

@@ -30,7 +30,7 @@ def log_of(columns: dict[str, np.ndarray], path: Path) -> DriveLog:
 @pytest.mark.parametrize(
     ("reader", "folder", "by_eye", "least_usable"),
     [
-        (husky_drive, "stops/drive_norlab", 73, 65),
+        (husky_drive, "stops/drive_norlab", 73, 60),
         (cuadriga, "stops/cuadriga", 23, 13),
         (f1tenth, "stops/f1tenth_frictionmaps", 162, 12),
     ],
@@ -53,7 +53,7 @@ def test_husky_stops_of_sessions_left_out_end_within_their_prediction(tmp_path: 
     runs = list(log.runs)
     sixths = [runs[len(runs) * k // 6 : len(runs) * (k + 1) // 6] for k in range(6)]
     held_out = leave_sessions_out(log.columns, sixths, KNOWN)
-    assert len(held_out.excess) >= 65
+    assert len(held_out.excess) >= 60
     assert held_out.coverage >= 0.98
     assert held_out.mean_excess < 0.4
     assert held_out.unpredicted == ()
