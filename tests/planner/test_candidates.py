@@ -127,9 +127,13 @@ def test_starts_too_fast_for_a_short_path_are_told_apart(speed: float, dead_time
     assert plan.speed[0] == pytest.approx(speed)
     if plan.status is Status.INFEASIBLE:
         found = re.search(r"takes (\d+\.\d\d) m, (\d+\.\d\d) m beyond", plan.reason)
-        assert found, plan.reason
-        assert float(found[2]) > 0.0
-        assert plan.stop_distance[0] > plan.clear_distance
+        if found:
+            assert float(found[2]) > 0.0
+            assert plan.stop_distance[0] > plan.clear_distance
+        else:
+            # So tight that no profile on stations ends in time, though the stop itself does.
+            assert "only full braking at once stops in time" in plan.reason
+            assert 0.0 <= plan.clear_distance - plan.stop_distance[0] < 0.1
     else:
         assert plan.speed[-1] == 0.0
         moving = plan.speed > 0.0
