@@ -131,9 +131,9 @@ def test_starts_too_fast_for_a_short_path_are_told_apart(speed: float, dead_time
             assert float(found[2]) > 0.0
             assert plan.stop_distance[0] > plan.clear_distance
         else:
-            # So tight that no profile on stations ends in time, though the stop itself does.
+            # So tight that to begin a stop any later would be too late.
             assert "only full braking at once stops in time" in plan.reason
-            assert 0.0 <= plan.clear_distance - plan.stop_distance[0] < 0.1
+            assert 0.0 <= plan.clear_distance - plan.stop_distance[0] < 0.25
     else:
         assert plan.speed[-1] == 0.0
         moving = plan.speed > 0.0
