@@ -151,7 +151,7 @@ def judge_track(
     last = segment(station, target, stations - 2)
     rest_work = work_up_to(track, survey, target, last, 0.0)
     speed_work = work_up_to(track, survey, target, last, 1.0) - rest_work
-    quick = not (in_time or at_risk or all_loads)
+    quick = not (in_time or at_risk)
     for k in range(stations):
         i = min(k, stations - 2)
         stop_distance[k] = 0.0
@@ -171,7 +171,7 @@ def judge_track(
                 top = max(top, track.speed_limit[k + 1])
             rear, side, end = np.inf, np.inf, s
             well = False
-            if quick:
+            if quick and (point > 0 or not all_loads):
                 well, onset_in = ends_before(
                     track, survey, s, v, dead, slowest, onset_in, target, speed_work, rest_work
                 )
