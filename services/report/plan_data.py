@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.parameters import Model
+from planner.bound_curves import bound_curves
 from planner.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan
@@ -83,12 +84,17 @@ def _surfaces(elevation_map: ElevationMap, factor: int) -> list[dict[str, str]]:
 
 
 def plan_table(
-    plan: SpeedPlan, summary: PlanSummary, origin: tuple[float, float], most: int
+    plan: SpeedPlan,
+    summary: PlanSummary,
+    origin: tuple[float, float],
+    most: int,
+    bounds: Mapping[Limiting, Floats],
 ) -> dict[str, Any]:
     """One plan: its summary and columns, positions relative to the map's origin.
 
     Args:
         most: stations to keep; those at which something happens are kept first.
+        bounds: (N,) what each bound by itself allows [m/s].
     """
     kept = thinned(plan, most)
     columns: dict[str, Any] = {
@@ -115,6 +121,11 @@ def plan_table(
         "side": number(summary.side_load),
         "limits": None if summary.limits_most is None else int(summary.limits_most),
         "columns": columns,
+        "bounds": [
+            {"code": int(bound), "speed": numbers(speed[kept], 3)}
+            for bound, speed in bounds.items()
+            if np.isfinite(speed).any()
+        ],
     }
 
 
@@ -160,7 +171,7 @@ def page_data(
     return picture, {
         "map": ground,
         "plans": [
-            plan_table(plan, summary, origin, most)
+            plan_table(plan, summary, origin, most, bound_curves(elevation_map, plan, model))
             for plan, summary in zip(plans, summaries, strict=True)
         ],
         "selected": selected or 0,

@@ -225,6 +225,12 @@ function drawSpeed(plot) {
     addPath(plot, area, "area", { style: `fill:${colour};opacity:.17` });
     if (run.from < restOf(plan)) addPath(plot, line, "line", { style: `stroke:${colour};stroke-width:6.5;stroke-linecap:butt` });
   }
+  for (const one of plan.bounds) {
+    const key = data.limiting[one.code];
+    const line = draw("path", { d: pathOf(plot, station, one.speed), class: "each", style: `stroke:var(--${key.key})` });
+    line.append(draw("title", {}, `${key.word} by itself: ${key.meaning}`));
+    plot.inside.append(line);
+  }
   addPath(plot, pathOf(plot, station, bound), "bound");
   const driven = restOf(plan) * pieces + 1;
   addPath(plot, pathOf(plot, at.slice(0, driven), v.slice(0, driven)), "line ink", { style: "stroke-width:1.7" });
@@ -274,7 +280,17 @@ function ribbonKeys(plan) {
     const what = data.limiting[code];
     return make("span", { class: "item", title: what.meaning }, swatch(what), `${what.word} ${number(100 * share, 0, "%")}`);
   });
-  return make("div", { class: "legend ribbon-keys" }, "limited by", ...keys);
+  const top = CHARTS[0].range(plan)[1];
+  const shown = plan.bounds.filter(({ speed }) => speed.some((value) => value !== null && value < top));
+  const curves = shown.map(({ code }) => make("span", { class: "item", title: data.limiting[code].meaning }, dash(data.limiting[code]), data.limiting[code].word));
+  const limited = make("div", { class: "legend ribbon-keys" }, "limited by", ...keys);
+  return make("div", {}, limited, make("div", { class: "legend ribbon-keys" }, "each bound by itself", ...curves));
+}
+
+function dash(what) {
+  const box = draw("svg", { class: "dash", width: 22, height: 8, "aria-hidden": "true" });
+  box.append(draw("line", { x1: 0, x2: 22, y1: 4, y2: 4, class: "each", style: `stroke:var(--${what.key})` }));
+  return box;
 }
 
 // What lies beyond the stop is not driven.
