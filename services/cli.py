@@ -85,6 +85,16 @@ def plan(
     spacing: Annotated[
         float | None, typer.Option(metavar="METRES", help="Distance between stations.")
     ] = None,
+    quantile: Annotated[
+        float | None,
+        typer.Option(
+            metavar="Q",
+            help="Survive this share of what the model leaves open, e.g. 0.999; else its mean.",
+        ),
+    ] = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Say what the best candidate loses to each bound.")
+    ] = False,
     smooth: Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")] = True,
     out: Annotated[
         Path | None, typer.Option(metavar="plan.csv", help="Write all plans, a row a station.")
@@ -115,6 +125,8 @@ def plan(
         speed,
         math.inf if clear is None else clear,
         command.with_spacing(settings, spacing),
+        command.uncertainty_at(quantile),
+        explain,
     )
     result = command.run(job, quiet=as_json)
     if out is not None:

@@ -19,10 +19,13 @@ from models.errors import InputError, ParameterError
 from models.parameters import Model
 from planner.candidates import CandidatePlanner, rank
 from planner.elevation_map import ElevationMap
+from planner.explain import Explanation, explain
 from planner.limiting import Limiting
 from planner.path import CandidatePath
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
+from planner.uncertainty import Uncertainty
+from services.commands import explain_view
 from services.files.map_file import map_info, read_map
 from services.files.model_file import find_model, read_model
 from services.files.path_file import check_paths_on_map, read_paths
@@ -47,6 +50,8 @@ class PlanJob:
     start_speed: float = 0.0
     clear: float = np.inf
     settings: PlannerSettings = field(default_factory=PlannerSettings)
+    uncertainty: Uncertainty | None = None
+    explain: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +62,8 @@ class PlanResult:
     elevation_map: ElevationMap
     model: Model
     seconds: float
+    uncertainty: Uncertainty | None = None
+    explanation: Explanation | None = None
 
     @property
     def admissible(self) -> bool:
@@ -90,7 +97,7 @@ def plan_on(
 ) -> PlanResult:
     """Plan and rank on ground that is in memory already; the job gives speed, clear, settings."""
     begin = time.perf_counter()
-    planner = CandidatePlanner(model, job.settings)
+    planner = CandidatePlanner(model, job.settings, job.uncertainty)
     with progress_bar("planning", len(paths), quiet=quiet) as advance:
         try:
             plans = planner.plan(
@@ -102,7 +109,15 @@ def plan_on(
             where = (f"--{error.field}", "") if option else (source, error.field)
             raise InputError(*where, f"expected {error.expected}") from None
     seconds = time.perf_counter() - begin
-    return PlanResult(rank(plans, job.settings), elevation_map, model, seconds)
+    ranked = rank(plans, job.settings)
+    explanation = None
+    if job.explain:
+        best = next(path for path in paths if path.name == ranked[0].candidate)
+        explanation = explain(
+            model, elevation_map, best, settings=job.settings, uncertainty=job.uncertainty,
+            start_speed=job.start_speed, clear=job.clear,
+        )  # fmt: skip
+    return PlanResult(ranked, elevation_map, model, seconds, job.uncertainty, explanation)
 
 
 def _around(paths: list[CandidatePath], margin: float) -> tuple[float, float, float, float]:
@@ -142,23 +157,42 @@ def write_page(result: PlanResult, job: PlanJob, path: Path) -> None:
         "model": f"{result.model.name} ({job.model_file})",
         "start speed": f"{job.start_speed:g} m/s",
         "way known free": clear,
+        "survives": _survives(job.uncertainty, result.model),
         "stations every": f"{job.settings.spacing_on(result.elevation_map.resolution):g} m",
         "planned in": f"{result.seconds:.2f} s",
         "date": time.strftime("%Y-%m-%d %H:%M"),
     }
     title = f"{job.path_file.stem} on {job.map_file.stem}"
     write_report(
-        path, result.elevation_map, result.plans, result.model, title=title, provenance=facts
-    )
+        path, result.elevation_map, result.plans, result.model, title=title, provenance=facts,
+        explanation=result.explanation,
+    )  # fmt: skip
+
+
+def _survives(uncertainty: Uncertainty | None, model: Model) -> str:
+    if uncertainty is None:
+        return "the model's mean"
+    share = f"{100.0 * uncertainty.quantile:g} % of what the model leaves open"
+    return share if _leaves_open(model) else f"{share}, which it does not state"
+
+
+def _leaves_open(model: Model) -> bool:
+    """Does the model say how uncertain it is?"""
+    tables = (model.braking, *model.braking.terrain.values())
+    stated = (t.covariance or t.force_std or t.dead_time_std for t in tables)
+    return any(stated) or any(effect.covariance for effect in model.effect)
 
 
 def as_json(result: PlanResult) -> dict[str, Any]:
     """Plans for machines: a summary and the columns of each, best first."""
+    found = result.explanation
+    explained = {} if found is None else {"explain": explain_view.as_json(found)}
     return {
         "model": result.model.name,
         "admissible": result.admissible,
         "seconds": result.seconds,
         "plans": [{**_summary(plan), "columns": _columns(plan)} for plan in result.plans],
+        **explained,
     }
 
 
@@ -218,6 +252,10 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
         if plan.reason:
             line = Text.assemble((plan.candidate, "bold"), f": {plan.reason}")
             console.print(Padding(line, (0, 0, 0, 2)))
+    if result.uncertainty is not None and not _leaves_open(result.model):
+        console.print("The model states no covariance or scatter: --quantile changes little.")
+    if result.explanation is not None:
+        explain_view.show(result.explanation, console)
 
 
 def _limited_most(plan: SpeedPlan) -> str:
@@ -225,6 +263,16 @@ def _limited_most(plan: SpeedPlan) -> str:
     if len(moving) == 0:
         return "–"
     return Limiting(int(np.bincount(moving).argmax())).label
+
+
+def uncertainty_at(quantile: float | None) -> Uncertainty | None:
+    """What plans survive at a quantile, None for the model's mean."""
+    if quantile is None:
+        return None
+    try:
+        return Uncertainty(quantile=quantile)
+    except ParameterError as error:
+        raise InputError("--quantile", "", f"expected {error.expected}") from None
 
 
 def with_spacing(settings: PlannerSettings, spacing: float | None) -> PlannerSettings:

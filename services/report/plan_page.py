@@ -13,10 +13,12 @@ import numpy as np
 
 from models.parameters import Model
 from planner.elevation_map import ElevationMap
+from planner.explain import Explanation
 from planner.plan import SpeedPlan, Status
 from services.files.access import write_atomic
 from services.report.page import asset, escaped, page
 from services.report.plan_data import page_data
+from services.report.plan_reasons import reasons
 from services.report.plan_summary import PlanSummary, chosen, summarise, verdict
 from services.report.png import data_uri
 from services.report.words import LIMITING_MEANING, STATUS_MEANING, word
@@ -33,6 +35,7 @@ def write_report(
     *,
     title: str,
     provenance: Mapping[str, str],
+    explanation: Explanation | None = None,
 ) -> None:
     """Write the page of some plans, all or nothing.
 
@@ -43,11 +46,14 @@ def write_report(
         model: vehicle and limits that were planned with.
         title: what was planned, in a few words.
         provenance: map, paths, date and whatever else tells the page from others: name -> value.
+        explanation: of the best plan, None to leave it out.
 
     Raises:
         InputError: the file cannot be written.
     """
-    text = render_report(elevation_map, plans, model, title=title, provenance=provenance)
+    text = render_report(
+        elevation_map, plans, model, title=title, provenance=provenance, explanation=explanation
+    )
     write_atomic(path, text.encode("utf-8", "replace"))
 
 
@@ -58,6 +64,7 @@ def render_report(
     *,
     title: str,
     provenance: Mapping[str, str],
+    explanation: Explanation | None = None,
 ) -> str:
     """The page as text; see :func:`write_report`."""
     summaries = [summarise(plan, rank) for rank, plan in enumerate(plans, start=1)]
@@ -76,6 +83,7 @@ def render_report(
             for i, s in enumerate(summaries)
         ),
         "rows": "\n".join(_row(i, summary) for i, summary in enumerate(summaries)),
+        "reasons": reasons(explanation),
         "icons": asset("icons.svg"),
         "empty": "" if plans else " hidden",
     }
@@ -83,7 +91,7 @@ def render_report(
         "plan.html",
         fields,
         title=f"{title} – slopewise plan",
-        styles=("page.css", "plan.css"),
+        styles=("page.css", "plan.css", "reasons.css"),
         scripts=_SCRIPTS,
         data=data,
     )
