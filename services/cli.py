@@ -318,7 +318,7 @@ def bench(
     extra `sim` brings the engine.
 
     Times depend on the machine, so ratios are the result. Peers that are not installed are said to
-    be missing; `pip install slopewise[bench]` brings them.
+    be missing; `pip install slopewise\\[bench]` brings them.
     """
     from services.commands import bench as command
 
