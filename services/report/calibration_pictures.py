@@ -6,8 +6,6 @@ and actual stopping distance, stop by stop).
 
 from __future__ import annotations
 
-import base64
-import io
 from typing import Any
 
 import numpy as np
@@ -15,18 +13,11 @@ import numpy as np
 from models.calibration.learn import Calibration
 from models.calibration.stop_record import StopRecord
 from models.calibration.surface_fit import SurfaceFit
-from models.errors import InputError
 from models.quantity import GRAVITY
+from services.report.figures import FAINT, FIRST, INK, SECOND, house_style, svg_uri
 
-_INK, _FIRST, _SECOND, _FAINT = "#1b1d1f", "#0b5c8f", "#d55e00", "#8a9097"
 _WIDE = (7.4, 4.2)
 _LINES = 3
-_STYLE = {
-    "font.size": 9.5, "axes.edgecolor": _FAINT, "axes.labelcolor": _INK, "text.color": _INK,
-    "xtick.color": _INK, "ytick.color": _INK, "axes.grid": True, "grid.color": "#ebeae5",
-    "axes.axisbelow": True, "axes.spines.top": False, "axes.spines.right": False,
-    "legend.frameon": False, "svg.fonttype": "path", "svg.hashsalt": "slopewise",
-}  # fmt: skip
 
 
 def pictures(calibration: Calibration) -> dict[str, str]:
@@ -35,28 +26,15 @@ def pictures(calibration: Calibration) -> dict[str, str]:
     Raises:
         InputError: matplotlib is not installed.
     """
-    try:
-        import matplotlib
-    except ImportError:
-        hint = "expected matplotlib for the pictures, got none: pip install slopewise[report]"
-        raise InputError("report", "", hint) from None
-    from matplotlib.figure import Figure
-
     surface = calibration.surfaces[0]
-    with matplotlib.rc_context(_STYLE):
+    with house_style() as figure:
         drawn = {
-            "force": _force(Figure(_WIDE, layout="constrained"), surface),
-            "distance": _distance(Figure(_WIDE, layout="constrained"), surface),
-            "excess": _excess(Figure(_WIDE, layout="constrained"), surface),
-            "stop": _stop(Figure(_WIDE, layout="constrained"), calibration, surface),
+            "force": _force(figure(_WIDE, layout="constrained"), surface),
+            "distance": _distance(figure(_WIDE, layout="constrained"), surface),
+            "excess": _excess(figure(_WIDE, layout="constrained"), surface),
+            "stop": _stop(figure(_WIDE, layout="constrained"), calibration, surface),
         }
-        return {name: _data_uri(figure) for name, figure in drawn.items()}
-
-
-def _data_uri(figure: Any) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+        return {name: svg_uri(picture) for name, picture in drawn.items()}
 
 
 def _arrays(records: tuple[StopRecord, ...]) -> tuple[Any, Any, Any, Any]:
@@ -74,7 +52,7 @@ def _force(figure: Any, surface: SurfaceFit) -> Any:
     dots = axes.scatter(grade[kept], force[kept], c=speed[kept], s=18, cmap="viridis", zorder=3)
     figure.colorbar(dots, ax=axes, label="speed at onset, m/s")
     if not kept.all():
-        axes.scatter(grade[~kept], force[~kept], marker="x", c=_SECOND, s=26, label="left out")
+        axes.scatter(grade[~kept], force[~kept], marker="x", c=SECOND, s=26, label="left out")
     theta = np.linspace(*surface.grade_range, 50)
     for v in np.linspace(*surface.speed_range, _LINES):
         colour = dots.cmap(dots.norm(v))
@@ -95,9 +73,9 @@ def _distance(figure: Any, surface: SurfaceFit) -> Any:
     actual = np.array([r.samples.distance for r in surface.records])
     bound = np.array([r.predicted_distance for r in surface.records]) + surface.distance_offset
     bound[~np.isfinite(bound)] = np.nan
-    axes.vlines(number, actual, bound, color=_FAINT, lw=0.7)
-    axes.plot(number, bound, "^", ms=4, color=_SECOND, label="predicted, with offset")
-    axes.plot(number, actual, "o", ms=3.2, color=_FIRST, label="actual")
+    axes.vlines(number, actual, bound, color=FAINT, lw=0.7)
+    axes.plot(number, bound, "^", ms=4, color=SECOND, label="predicted, with offset")
+    axes.plot(number, actual, "o", ms=3.2, color=FIRST, label="actual")
     short = bound < actual
     if short.any():
         axes.plot(number[short], actual[short], "o", ms=9, mfc="none", color="#a82a0c")
@@ -117,7 +95,7 @@ def _excess(figure: Any, surface: SurfaceFit) -> Any:
     )
     excess[~np.isfinite(excess)] = np.nan
     axes.axhline(0.0, color="#a82a0c", lw=1.0)
-    axes.scatter(speed, excess, s=16, color=_FIRST, zorder=3)
+    axes.scatter(speed, excess, s=16, color=FIRST, zorder=3)
     axes.set(xlabel="speed at onset, m/s", ylabel="predicted minus actual, m")
     return figure
 
@@ -128,15 +106,15 @@ def _stop(figure: Any, calibration: Calibration, surface: SurfaceFit) -> Any:
     kept = sorted((r for r in surface.records if r.kept), key=lambda r: r.force_ratio)
     record = kept[len(kept) // 2]
     s, knee = record.samples, record.knee
-    axes.plot(s.time, s.speed, ".-", ms=3, lw=0.6, color=_FIRST, label="measured")
+    axes.plot(s.time, s.speed, ".-", ms=3, lw=0.6, color=FIRST, label="measured")
     deceleration = GRAVITY * (knee.force_ratio + np.sin(knee.mean_grade))
     rest = knee.onset_time + knee.onset_speed / max(deceleration, 1e-3)
     axes.plot(
         [s.time[0], knee.onset_time, rest], [knee.onset_speed, knee.onset_speed, 0.0],
-        color=_SECOND, lw=1.4, label=f"held speed, onset, F_b/W = {knee.force_ratio:.3f}",
+        color=SECOND, lw=1.4, label=f"held speed, onset, F_b/W = {knee.force_ratio:.3f}",
     )  # fmt: skip
-    axes.axvline(0.0, color=_INK, lw=0.8, ls=":")
-    axes.axvspan(0.0, calibration.dead_time.value, color=_FAINT, alpha=0.18, lw=0)
+    axes.axvline(0.0, color=INK, lw=0.8, ls=":")
+    axes.axvspan(0.0, calibration.dead_time.value, color=FAINT, alpha=0.18, lw=0)
     axes.annotate("dead time", (0.0, 0.02), xycoords=("data", "axes fraction"), fontsize=8.5)
     axes.set(xlabel="time since the stop command, s", ylabel="speed, m/s")
     axes.legend(fontsize=8.5)
