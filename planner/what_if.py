@@ -17,13 +17,14 @@ from planner.bounds import speed_bounds
 from planner.compiled import Floats
 from planner.elevation_map import ElevationMap
 from planner.emission import Emission, smoother_size
-from planner.ground import Conditions, Ground, ground_along, resolve_surface
+from planner.ground import Conditions, Ground, ground_along
 from planner.path import CandidatePath, batch
 from planner.plan import SpeedPlan
 from planner.profile import time_optimal_profile
 from planner.scalars import numbers
 from planner.settings import PlannerSettings
 from planner.smoothing import Smoother
+from planner.surface_table import resolve_surface
 from planner.terrain_profile import terrain_profile
 from planner.uncertainty import Uncertainty
 
