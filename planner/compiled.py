@@ -7,7 +7,9 @@ so that only the first run after an installation pays for the compiler.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
@@ -48,6 +50,12 @@ def row_pass(function: Callable[P, R]) -> Callable[P, R]:
         nogil=True, error_model="numpy", forceinline=True, fastmath={"contract"}
     )(function)
     return cast(Callable[P, R], compiled)
+
+
+def is_first_run() -> bool:
+    """Nothing is compiled yet: the first plan will take half a minute."""
+    cache = Path(__file__).parent / "__pycache__"
+    return os.access(cache.parent, os.W_OK) and not any(cache.glob("*.nbi"))
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

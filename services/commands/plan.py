@@ -18,6 +18,7 @@ from rich.text import Text
 from models.errors import InputError, ParameterError
 from models.parameters import Model
 from planner.candidates import CandidatePlanner, rank
+from planner.compiled import is_first_run
 from planner.elevation_map import ElevationMap
 from planner.explain import Explanation, explain
 from planner.limiting import Limiting
@@ -98,7 +99,8 @@ def plan_on(
     """Plan and rank on ground that is in memory already; the job gives speed, clear, settings."""
     begin = time.perf_counter()
     planner = CandidatePlanner(model, job.settings, job.uncertainty)
-    with progress_bar("planning", len(paths), quiet=quiet) as advance:
+    what = "compiling once, then planning" if is_first_run() else "planning"
+    with progress_bar(what, len(paths), quiet=quiet) as advance:
         try:
             plans = planner.plan(
                 elevation_map, paths, start_speed=job.start_speed, clear=job.clear,
