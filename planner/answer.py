@@ -6,7 +6,43 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from models.errors import ParameterError
+from models.quantity import quantity, validate_quantities
 from planner.plan import SpeedPlan, Status
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HorizonSettings:
+    """How one cycle works, and when it changes its mind."""
+
+    budget: float = quantity(
+        "s", "Time for one cycle; what does not fit is smoothing.", default=0.02, above=0.0
+    )
+    smoothed: int = 4
+    period: float = quantity("s", "From one cycle to the next.", default=0.1, above=0.0)
+    switch_gain: float = quantity(
+        "s", "By how much another candidate must be better to be chosen.", default=0.3, at_least=0.0
+    )
+    beside: float = quantity(
+        "m", "Farthest that a path may lie beside the vehicle.", default=0.5, above=0.0
+    )
+    ahead: float = quantity(
+        "m", "Farthest that a path may begin ahead of the vehicle.", default=1.0, above=0.0
+    )
+    turned: float = quantity(
+        "rad", "Largest angle between a path and the heading.", default=1.0, above=0.0
+    )
+    same_path: float = quantity(
+        "m", "How exactly a path of the same name is the same path.", default=0.1, above=0.0
+    )
+    speed_error: float = quantity(
+        "m/s", "Difference to the planned speed that tracking removes.", default=0.1, at_least=0.0
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+        if self.smoothed < 1:
+            raise ParameterError("smoothed", f"at least 1 candidate, got {self.smoothed}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +130,7 @@ class Answer:
         status, reason: in a word and a sentence; those of the chosen plan, if there is one.
         chosen: the plan to drive, None where there is nothing to drive along.
         command: what to do now; always there.
-        plans: those that were finished, best first.
+        plans: those that were finished, best first; the plan driven so far may be one.
         ranking: all candidates, best first.
         deficit: what the plan driven so far lacks, None if that was not asked or is nothing.
         kept: the plan driven so far is driven on as it is.
@@ -133,4 +169,5 @@ def command_of(plan: SpeedPlan, station: float, period: float) -> Command:
     wanted = plan.speed[m] + plan.accel[m] * (later - plan.time[m])
     if later >= plan.time[-1]:
         wanted = 0.0
-    return Command(max(float(wanted), 0.0), accel, False, max(plan.travel_time - now, 0.0))
+    left = max(float(plan.time[-1]) - now, 0.0)
+    return Command(max(float(wanted), 0.0), accel, False, left)

@@ -1,0 +1,120 @@
+"""What all plans of one cycle have in common: model, ground of the moment, solvers, time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from models.parameters import Model
+from planner.answer import HorizonSettings
+from planner.candidates import TimeOptimalBatch, time_optimal_batch
+from planner.compiled import Floats
+from planner.elevation_map import ElevationMap
+from planner.emission import Emission
+from planner.ground import Conditions
+from planner.path import PathBatch
+from planner.plan import SpeedPlan
+from planner.scalars import Numbers
+from planner.settings import PlannerSettings
+from planner.smoothers import Smoothers
+from planner.terrain_profile import terrain_profile
+from planner.uncertainty import Uncertainty
+
+
+@dataclass(frozen=True, slots=True)
+class Equipment:
+    """What stays from cycle to cycle; the model is cautious already."""
+
+    model: Model
+    scalars: Numbers
+    uncertainty: Uncertainty
+    settings: HorizonSettings
+    planner: PlannerSettings
+    smoothers: Smoothers
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """How a plan is to be emitted; as the arguments of :meth:`planner.emission.Emission.emit`."""
+
+    speed_sq: Floats
+    reachable: bool = True
+    innocent: bool = False
+    start_accel: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CyclePlanner:
+    """Plans of one cycle."""
+
+    equipment: Equipment
+    elevation_map: ElevationMap
+    conditions: Conditions | None
+    begun: float
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """Wheelbase and track width [m]."""
+        vehicle = self.equipment.model.vehicle
+        return vehicle.wheelbase, vehicle.track_width
+
+    def late(self) -> bool:
+        """The time for this cycle is over."""
+        return perf_counter() - self.begun > self.equipment.settings.budget
+
+    def stations(self, path: PathBatch) -> Floats:
+        """Stations of a single path along the ground, (N,) [m]."""
+        profile = terrain_profile(self.elevation_map, path.x, path.y, path.count, *self.footprint)
+        return np.ascontiguousarray(profile.station[:, 0])
+
+    def solve(self, paths: PathBatch, clear: Floats, start: float) -> TimeOptimalBatch:
+        """Time-optimal profiles of candidates that begin at the vehicle."""
+        own = self.equipment
+        return time_optimal_batch(
+            self.elevation_map, paths.x, paths.y, paths.count, own.model, start_speed=start,
+            clear=np.maximum(clear, 0.0), speed_limit=paths.speed_limit, settings=own.planner,
+            conditions=self.conditions, uncertainty=own.uncertainty,
+        )  # fmt: skip
+
+    def emission(
+        self, solved: TimeOptimalBatch, j: int, lead: Floats, limit: Floats | None, first: int = 0
+    ) -> Emission:
+        """Candidate j of a batch on its way; see :class:`planner.emission.Emission`."""
+        own = self.equipment
+        return Emission(
+            own.model, own.scalars, solved.profile, solved.ground, solved.bounds, j, lead,
+            speed_limit=limit, first=first,
+        )  # fmt: skip
+
+    def emit(
+        self, name: str, emission: Callable[[], Emission], x: Floats, y: Floats, work: Work
+    ) -> SpeedPlan:
+        """The plan of a candidate: smoothed, if there is time, and if the solver does not fail.
+
+        Args:
+            name: of the candidate.
+            emission: makes it; twice, if smoothing has to be given up.
+            x, y: stations that are smoothed [m].
+            work: see there.
+        """
+        own, why = self.equipment, ""
+        if own.planner.smooth and self.late():
+            why = f"not smoothed within {1e3 * own.settings.budget:g} ms"
+        elif own.planner.smooth:
+            try:
+                warm = own.smoothers.of(name, len(x))
+                return emission().emit(
+                    name, work.speed_sq, warm.smoother, reachable=work.reachable,
+                    innocent=work.innocent, start_accel=work.start_accel, shift=warm.shift(x, y),
+                )  # fmt: skip
+            except Exception as error:  # noqa: BLE001
+                # Whatever a solver raises: the plan does not need it, and is labelled.
+                own.smoothers.drop(name)
+                why = f"not smoothed: {type(error).__name__}: {error}"
+        return emission().emit(
+            name, work.speed_sq, None, reachable=work.reachable, innocent=work.innocent,
+            unsmoothed=why,
+        )  # fmt: skip

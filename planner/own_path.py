@@ -1,0 +1,169 @@
+"""The plan of the last cycle in this one: gone on with, kept as it is, or braked to a stop.
+
+All of it happens on the stations of that plan. What is left of it is one of the profiles that are
+possible now; if nothing got worse, the judge can have no objection (docs/decisions/0008).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.answer import Deficit
+from planner.check import Offence
+from planner.compiled import Floats
+from planner.continuation import BEHIND, Driven, Points, reached
+from planner.cycle_planner import CyclePlanner, Work
+from planner.emission import Emission
+from planner.path import PathBatch
+from planner.place import Place
+from planner.plan import SpeedPlan, Status
+
+
+@dataclass(frozen=True, slots=True)
+class Offered:
+    """The driven path as it is offered in this cycle.
+
+    Attributes:
+        x, y: (n,) stations from the vehicle on [m].
+        limit: (n,) limits of the path itself [m/s], None if it has none.
+        far: end of the path or of the free way, whichever is first [m].
+        free: way along the ground from the vehicle to there [m].
+    """
+
+    x: Floats
+    y: Floats
+    limit: Floats | None
+    far: tuple[float, float]
+    free: float
+
+
+def offered_path(
+    path: PathBatch, begun: tuple[Floats, Floats, Floats | None], station: Floats, left: float,
+    clear: float,
+) -> Offered:  # fmt: skip
+    """What a path offers.
+
+    Args:
+        path: as it came, alone; begun: x, y and limits from the vehicle on.
+        station: (n,) stations of the whole path along the ground [m].
+        left: station of the vehicle on it; clear: station up to which it is free [m].
+    """
+    n = int(path.count[0])
+    end = min(max(clear, 0.0), float(station[n - 1]))
+    far = tuple(float(np.interp(end, station[:n], a[:n, 0])) for a in (path.x, path.y))
+    return Offered(*begun, (far[0], far[1]), end - left)
+
+
+@dataclass(frozen=True, slots=True)
+class OwnPath:
+    """The plan driven so far, where the vehicle is on it, and as what it is offered now.
+
+    Attributes:
+        driven: the plan; place: of the vehicle on it.
+        offered: None if no candidate is that path.
+    """
+
+    planner: CyclePlanner
+    driven: Driven
+    place: Place
+    offered: Offered | None
+
+    @property
+    def _segment(self) -> int:
+        return int(self.place.segment[0])
+
+    @property
+    def rests(self) -> bool:
+        """The plan comes to rest before the next station."""
+        return bool(self.driven.plan.speed[self._segment + 1] <= 0.0)
+
+    def go_on(self) -> Driven | None:
+        """A new plan that goes on from the end of the segment; None if it has to begin anew."""
+        i, plan = self._segment, self.driven.plan
+        if self.rests:
+            return None
+        path, first, emission = self._emission(extended=True)
+        speed_sq, reachable = emission.fastest()
+        if not reachable:
+            return None
+        work = Work(speed_sq, innocent=True, start_accel=float(plan.accel[i]))
+        again = [emission]
+        answer = self.planner.emit(
+            plan.candidate, lambda: again.pop() if again else self._emission(extended=True)[2],
+            path.x[first + 1 :, 0], path.y[first + 1 :, 0], work,
+        )  # fmt: skip
+        return _driven(answer, path, first)
+
+    def keep(self) -> tuple[Driven | None, Deficit | None]:
+        """What is left of the plan, as it is; or what it lacks by what is known now."""
+        i, plan = self._segment, self.driven.plan
+        path, first, emission = self._emission(extended=False)
+        speed_sq = plan.speed[i:] ** 2
+        kept = emission.keep(plan.candidate, speed_sq)
+        if kept is not None:
+            if plan.status is Status.DEGRADED:
+                kept = replace(kept, status=plan.status, reason=plan.reason)
+            return _driven(kept, path, first), None
+        verdict = emission.judge(speed_sq)
+        kind = int(np.argmax(verdict.offence))
+        k = int(verdict.where[0]) if len(verdict.where) else 0
+        distance = float(plan.station[i + k]) - self.driven.station_at(self.place)
+        name = Offence._fields[kind]
+        return None, Deficit(float(verdict.offence[kind]), max(distance, 0.0), name)
+
+    def stop(self, why: str) -> Driven | None:
+        """Service braking on this path, None if that breaches anything."""
+        i, plan = self._segment, self.driven.plan
+        path, first, emission = self._emission(extended=False)
+        station = plan.station[i:]
+        decel = self.planner.equipment.model.limits.decel
+        slowing = plan.speed[i + 1] ** 2 - 2.0 * decel * (station - station[1])
+        speed_sq = np.minimum(plan.speed[i:] ** 2, np.maximum(slowing, 0.0))
+        speed_sq[:2] = plan.speed[i : i + 2] ** 2
+        stop = emission.keep(plan.candidate, speed_sq)
+        if stop is None:
+            return None
+        reason = f"{why}: stops on the path driven so far"
+        return _driven(replace(stop, status=Status.DEGRADED, reason=reason), path, first)
+
+    def _emission(self, *, extended: bool) -> tuple[PathBatch, int, Emission]:
+        """The path from the vehicle's segment on, judged with the stations behind it.
+
+        Ground behind the vehicle that is not known any more, or never was, bars nothing ahead: then
+        fewer stations are taken from there.
+        """
+        i, plan = self._segment, self.driven.plan
+        for behind in range(BEHIND, -1, -1):
+            path, first = self._path(behind, extended=extended)
+            clear = self._clear(path, first)
+            solved = self.planner.solve(path, np.array([clear]), float(plan.speed[i]))
+            if solved.bounds.barrier_station[0] >= first:
+                break
+        lead = plan.speed[i : i + 2] ** 2
+        return path, first, self.planner.emission(solved, 0, lead, path.speed_limit, first)
+
+    def _path(self, behind: int, *, extended: bool) -> tuple[PathBatch, int]:
+        if self.offered is None:
+            return self.driven.rest(self.place, behind)
+        now = self.offered.x, self.offered.y, self.offered.limit
+        return self.driven.going_on(self.place, now, behind, extended=extended)
+
+    def _clear(self, path: PathBatch, first: int) -> float:
+        """Station of the path up to which it is free: what is offered, else what was known [m]."""
+        station = self.planner.stations(path)
+        i, plan = self._segment, self.driven.plan
+        if self.offered is None:
+            return float(station[first] + plan.clear_distance - plan.station[i])
+        here = self.driven.station_at(self.place) - float(plan.station[i])
+        expected = float(station[first]) + here + self.offered.free
+        points = Points(path.x[:, 0], path.y[:, 0])
+        return reached(points, station, self.offered.far, expected)
+
+
+def _driven(plan: SpeedPlan, path: PathBatch, first: int) -> Driven:
+    """A plan that begins at station ``first`` of a path."""
+    limit = None if path.speed_limit is None else path.speed_limit[first:, 0]
+    early = slice(max(first - BEHIND, 0), first)
+    return Driven(plan, limit, Points(path.x[early, 0], path.y[early, 0]))
