@@ -138,7 +138,7 @@ def _driven_on(problems: Sequence[SmoothingProblem], cycles: int) -> Result:
         for _ in range(cycles):
             if result.speed_sq is None:
                 break
-            problem = _one_station_on(problem, result.speed_sq)
+            problem = one_station_on(problem, result.speed_sq)
             taken, result = timed(partial(smoother.smooth, problem, 1))
             seconds.append(taken)
         if result.speed_sq is not None:
@@ -148,7 +148,7 @@ def _driven_on(problems: Sequence[SmoothingProblem], cycles: int) -> Result:
     return row | {"excess": max(worst)} if worst else row
 
 
-def _one_station_on(problem: SmoothingProblem, speed_sq: Floats) -> SmoothingProblem:
+def one_station_on(problem: SmoothingProblem, speed_sq: Floats) -> SmoothingProblem:
     """The same path after a station has been driven at the speeds of a solution."""
 
     def moved(values: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""`slopewise bench`: the planner beside its peers, or in the loop of a physics engine."""
+"""`slopewise bench`: the planner beside its peers, its cycles and optimality, the closed loop."""
 
 from __future__ import annotations
 
@@ -36,6 +36,21 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
     if plot is not None:
         _write_plots(planner_speed.figures(result), plot)
         console.print(f"wrote {plot}")
+
+
+def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
+    """Time cycles (`cycle`), or hold smoothed plans against the optimum (`optimality`)."""
+    from benchmarks import cycle, optimality
+    from services.screen import progress_bar
+
+    module = {"cycle": cycle, "optimality": optimality}[what]
+    console = Console()
+    with progress_bar(what, module.total(quick)) as advance:
+        result = module.run(quick, advance)
+    module.show(result, console)
+    if json_file is not None:
+        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
+        console.print(f"wrote {json_file}")
 
 
 def closed_loop(*, quick: bool, json_file: Path | None, pictures: Path | None) -> None:
