@@ -128,7 +128,7 @@ class CandidatePlanner:
         self.model = model if uncertainty is None else uncertainty.cautious(model)
         self.uncertainty = uncertainty
         self.settings = settings or PlannerSettings()
-        self.scalars: Numbers = numbers(model)
+        self.scalars: Numbers = numbers(self.model)
         self._smoothers: dict[int, Smoother] = {}
 
     def plan(
