@@ -10,10 +10,12 @@ import numpy as np
 
 from models.parameters import Model
 from models.quantity import GRAVITY
+from planner import labels
 from planner.bounds import SpeedBounds
 from planner.check import Verdict, check
 from planner.compiled import Floats, Ints
 from planner.ground import Ground
+from planner.labels import padded
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan, Status, motion_of
 from planner.profile import time_optimal_profile
@@ -25,8 +27,6 @@ from planner.track import track_of
 _REPAIRS = 12
 _REPAIR_SHARE = 0.96
 _STATION_STEP = 50
-_HARDLY = 0.01
-"""Accelerations closer than this are one to a reader [m/s²]."""
 
 
 def smoother_size(stations: int) -> int:
@@ -77,11 +77,11 @@ class Emission:
         self._barrier_station = int(bounds.barrier_station[j]) - first
         self._speed_sq_max = bounds.speed_sq_max[first:n, j]
         self._bound = self._speed_sq_max.copy()
-        self._label = bounds.limiting[first:n, j]
-        self._accel_max = bounds.accel_max[first:n, j]
-        self._demand = bounds.demand[first:n, j]
+        self._label = np.ascontiguousarray(bounds.limiting[first:n, j])
+        self._accel_max = np.ascontiguousarray(bounds.accel_max[first:n, j])
+        self._demand = np.ascontiguousarray(bounds.demand[first:n, j])
         self._sine = np.sin(self.track.grade)
-        self._braking_rest = ground.braking_rest[first:n, j]
+        self._braking_rest = np.ascontiguousarray(ground.braking_rest[first:n, j])
 
     def emit(
         self,
@@ -165,16 +165,16 @@ class Emission:
     ) -> tuple[Floats | None, str]:
         begin, n = len(self._lead) - 1, len(speed_sq)
         accel_max, decel_max = self.segment_limits(speed_sq)
-        pad = smoother.stations - (n - begin)
+        size = smoother.stations
         problem = SmoothingProblem(
-            np.pad(np.diff(self.track.station[begin:]), (0, pad), constant_values=1.0),
-            np.pad(speed_sq[begin:], (0, pad)),
-            np.pad(accel_max[begin:], (0, pad)),
-            np.pad(decel_max[begin:], (0, pad)),
+            padded(np.diff(self.track.station[begin:]), size - 1, 1.0),
+            padded(speed_sq[begin:], size),
+            padded(accel_max[begin:], size - 1),
+            padded(decel_max[begin:], size - 1),
             self._model.limits.jerk,
             start_accel,
         )
-        if pad and speed_sq[-1] > 0.0:
+        if size > n - begin and speed_sq[-1] > 0.0:
             raise AssertionError("a plan must rest at the end of its path")
         result = smoother.smooth(problem, shift)
         if result.speed_sq is None:
@@ -300,11 +300,12 @@ class Emission:
     def _rest_at(self, rest: float, k: int) -> None:
         """Move station k back to where the vehicle comes to rest before it.
 
-        A hard stop ends where it ends; to move on to the next station would be further.
+        A hard stop ends where it ends; to move on to the next station would be further. The end of
+        the path stays where it is.
         """
         track = self.track
         u = (rest - track.station[k - 1]) / (track.station[k] - track.station[k - 1])
-        if u >= 1.0:
+        if u >= 1.0 or k == len(track.station) - 1:
             return
         u = max(u, 1e-6)
 
@@ -387,40 +388,19 @@ class Emission:
 
     def segment_limits(self, speed_sq: Floats) -> tuple[Floats, Floats]:
         """Accelerations allowed on each segment at any speed up to this profile, (N − 1,)."""
-        track, n = self.track, self._scalars
-        fast = np.sqrt(np.maximum(speed_sq, 1e-6))
-        accel = np.minimum(self._accel_max[:-1], self._accel_max[1:])
-        hold = GRAVITY * np.maximum(self._demand[:-1], self._demand[1:])
-        powered = GRAVITY * n.specific_power / np.maximum(fast[:-1], fast[1:]) - hold
-        slow_force = track.slowest * track.weak_speed
-        fast_force = np.maximum(fast, track.slowest) * track.weak_speed
-        braking = np.minimum(slow_force, fast_force) + self._braking_rest + self._sine
-        decel = GRAVITY * np.minimum(braking[:-1], braking[1:])
-        return (
-            np.clip(np.minimum(accel, powered), 0.0, None),
-            np.clip(decel, 0.0, n.decel),
-        )
+        accel, decel = np.empty((2, len(speed_sq) - 1))
+        labels.segment_limits(
+            self.track, speed_sq, self._accel_max, self._demand, self._braking_rest,
+            self._scalars, accel, decel,
+        )  # fmt: skip
+        return accel, decel
 
     def limiting(self, speed_sq: Floats, accel: Floats, smoothed: bool) -> Ints:
         """What holds at each station, (N,)."""
-        bound = self._bound
-        at_bound = speed_sq >= bound - 1e-3 * np.maximum(bound, 0.05)
         accel_max, decel_max = self.segment_limits(speed_sq)
-        accel_max = np.append(accel_max, accel_max[-1])
-        decel_max = np.append(decel_max, decel_max[-1])
-        before = np.concatenate((accel[:1], accel[:-1]))
-        lowest, highest = np.minimum(accel, before), np.maximum(accel, before)
-        slowing = lowest < -_HARDLY
-        full = np.where(
-            slowing,
-            lowest <= -decel_max * 0.99,
-            highest >= accel_max * 0.99 - _HARDLY,
-        )
-        weak_drive = accel_max < 0.99 * self._scalars.accel
-        label = np.where(
-            slowing, Limiting.DECEL, np.where(weak_drive, Limiting.TRACTION, Limiting.ACCEL)
-        )
-        if smoothed:
-            label = np.where(full, label, Limiting.JERK)
-        result: Ints = np.where(at_bound, self._label, label).astype(np.int64)
+        result = np.empty(len(speed_sq), np.int64)
+        labels.labels(
+            speed_sq, accel, self._bound, self._label, accel_max, decel_max,
+            self._scalars.accel, smoothed, result,
+        )  # fmt: skip
         return result
