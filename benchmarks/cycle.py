@@ -37,13 +37,15 @@ class Tally:
     """What a run of cycles adds up to."""
 
     seconds: list[float] = field(default_factory=list)
+    worked: list[float] = field(default_factory=list)
     stages: Counter[str] = field(default_factory=Counter)
     statuses: Counter[str] = field(default_factory=Counter)
     fewer: int = 0
 
-    def add(self, seconds: float, answer: Answer) -> None:
+    def add(self, seconds: float, worked: float, answer: Answer) -> None:
         """One cycle."""
         self.seconds.append(seconds)
+        self.worked.append(worked)
         self.stages.update(answer.seconds)
         self.statuses[answer.status.value] += 1
         late = any(p.status is Status.DEGRADED and "within" in p.reason for p in answer.plans)
@@ -59,6 +61,8 @@ class Tally:
             "p50": float(np.percentile(times, 50)),
             "p99": float(np.percentile(times, 99)),
             "max": float(times.max()),
+            "processor_p50": float(np.percentile(self.worked, 50)),
+            "processor_p99": float(np.percentile(self.worked, 99)),
             "fewer_smoothed": self.fewer / cycles,
             "stages": {stage: total / cycles for stage, total in self.stages.items()},
             "statuses": dict(self.statuses),
@@ -152,6 +156,9 @@ def show(result: Result, console: Console | None = None) -> None:
     for name in ("p50", "p99", "max"):
         limit = f" (wanted ≤ {duration(wanted[name])})" if name in wanted else ""
         table.add_row(f"{name}{limit}", *(duration(r[name]) for r in result["runs"]))
+    for name in ("p50", "p99"):
+        cells = (duration(r[f"processor_{name}"]) for r in result["runs"])
+        table.add_row(f"{name} of processor time", *cells)
     table.add_row("fewer smoothed", *(f"{r['fewer_smoothed']:.2%}" for r in result["runs"]))
     for stage in result["runs"][0]["stages"]:
         cells = (duration(r["stages"].get(stage, 0.0)) for r in result["runs"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import numpy as np
 
@@ -37,17 +37,21 @@ class Drive:
         self._fan = self._draw()
         self.metres = 0.0
 
-    def step(self) -> tuple[float, Answer]:
-        """One cycle, and what the vehicle does after it; returns its seconds and its answer."""
+    def step(self) -> tuple[float, float, Answer]:
+        """One cycle, and what the vehicle does after it.
+
+        Returns:
+            Seconds by the clock, seconds of the processor, and the answer.
+        """
         if self._cycle % self._kept == 0:
             self._fan = self._draw()
         self._cycle += 1
         state = State(x=self._x, y=self._y, heading=self._heading, speed=self._speed)
-        begun = perf_counter()
+        worked, begun = thread_time(), perf_counter()
         answer = self.horizon.step(state, self._fan, self._map)
-        seconds = perf_counter() - begun
+        seconds, worked = perf_counter() - begun, thread_time() - worked
         self._obey(answer)
-        return seconds, answer
+        return seconds, worked, answer
 
     def _draw(self) -> PathBatch:
         """Arcs from where the vehicle is."""

@@ -20,8 +20,9 @@ def test_the_vehicle_drives_and_fans_begin_at_it() -> None:
     drive = Drive(cycles_a_fan=5)
     answers = []
     for _ in range(60):
-        seconds, answer = drive.step()
+        seconds, worked, answer = drive.step()
         assert seconds > 0.0
+        assert worked > 0.0
         assert len(answer.ranking) == CANDIDATES
         answers.append(answer)
     assert drive.metres > 5.0
@@ -38,17 +39,17 @@ def test_arcs_are_as_long_as_they_should_be() -> None:
 
 def test_cycles_that_smooth_fewer_are_counted() -> None:
     drive = Drive()
-    _, whole = drive.step()
+    _, _, whole = drive.step()
     tally = cycle.Tally()
-    tally.add(1.0, whole)
+    tally.add(1.0, 0.5, whole)
     assert tally.fewer == 0
-    tally.add(2.0, replace(whole, plans=whole.plans[:2]))
+    tally.add(2.0, 0.5, replace(whole, plans=whole.plans[:2]))
     assert tally.fewer == 1
     late = replace(whole.plans[1], status=Status.DEGRADED, reason="not smoothed within 20 ms")
-    tally.add(3.0, replace(whole, plans=(whole.plans[0], late, *whole.plans[2:])))
+    tally.add(3.0, 0.5, replace(whole, plans=(whole.plans[0], late, *whole.plans[2:])))
     assert tally.fewer == 2
     alone = Answer(Status.DEGRADED, "", None, FULL_STOP, ranking=(Ranked("a", np.inf, False, ""),))
-    tally.add(4.0, alone)
+    tally.add(4.0, 0.5, alone)
     assert tally.fewer == 2, "where nothing can be smoothed nothing is missing"
     found = tally.result("x", 1.0)
     assert (found["p50"], found["max"], found["cycles"]) == (2.5, 4.0, 4)
@@ -59,6 +60,7 @@ def test_a_drive_and_its_memory_are_measured() -> None:
     found = cycle.timed_drive("short", 20, counted.append)
     assert sum(counted) == found["cycles"] == 20
     assert 0.0 < found["p50"] <= found["p99"] <= found["max"]
+    assert 0.0 < found["processor_p50"] <= found["processor_p99"]
     stages = sum(found["stages"].values())
     assert stages == pytest.approx(found["p50"], rel=2.0)
     held = cycle.memory(40)
