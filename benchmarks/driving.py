@@ -26,10 +26,15 @@ _PATIENCE = 10
 class Drive:
     """A vehicle that drives where the horizon leads it."""
 
-    def __init__(self, cycles_a_fan: int = _KEPT) -> None:
-        """Begin in the middle of the map, at rest."""
+    def __init__(self, cycles_a_fan: int = _KEPT, budget: float = 0.02) -> None:
+        """Begin in the middle of the map, at rest.
+
+        Args:
+            cycles_a_fan: cycles for which a fan is kept.
+            budget: time for a cycle [s].
+        """
         self._map = hills(patches=6)
-        settings = HorizonSettings(smoothed=SMOOTHED, period=_PERIOD)
+        settings = HorizonSettings(smoothed=SMOOTHED, period=_PERIOD, budget=budget)
         self.horizon = Horizon(atv(), settings, uncertainty=Uncertainty(slope_std=0.002))
         self._kept = cycles_a_fan
         self._x, self._y, self._heading, self._speed = 40.0, 40.0, 0.0, 0.0

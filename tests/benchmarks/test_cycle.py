@@ -17,7 +17,7 @@ from planner.plan import Status
 
 
 def test_the_vehicle_drives_and_fans_begin_at_it() -> None:
-    drive = Drive(cycles_a_fan=5)
+    drive = Drive(cycles_a_fan=5, budget=60.0)
     answers = []
     for _ in range(60):
         seconds, worked, answer = drive.step()
@@ -26,8 +26,7 @@ def test_the_vehicle_drives_and_fans_begin_at_it() -> None:
         assert len(answer.ranking) == CANDIDATES
         answers.append(answer)
     assert drive.metres > 5.0
-    for answer in answers:  # on a busy machine some are not smoothed in time, nothing else
-        assert answer.status in (Status.OK, Status.BLOCKED) or "within" in answer.reason
+    assert {answer.status for answer in answers} <= {Status.OK, Status.BLOCKED}
 
 
 def test_arcs_are_as_long_as_they_should_be() -> None:
@@ -38,7 +37,7 @@ def test_arcs_are_as_long_as_they_should_be() -> None:
 
 
 def test_cycles_that_smooth_fewer_are_counted() -> None:
-    drive = Drive()
+    drive = Drive(budget=60.0)
     _, _, whole = drive.step()
     tally = cycle.Tally()
     tally.add(1.0, 0.5, whole)
