@@ -91,7 +91,7 @@ def jerk_limited(scene: Scene, tasks: Sequence[Task], rounds: int) -> list[Resul
         return lambda: program.solve(problem).speed_sq
 
     peers = {
-        "planner (OSQP), cold": smoother_of,
+        "planner, first answer": smoother_of,
         "PIQP": quadratic.piqp,
         "Clarabel": quadratic.clarabel,
         "CasADi + IPOPT": reference,
