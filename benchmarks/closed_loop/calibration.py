@@ -11,11 +11,13 @@ from benchmarks.closed_loop.drive import run_drive
 from benchmarks.closed_loop.policies import Blind
 from benchmarks.closed_loop.quad import LIMITS, QUAD
 from benchmarks.closed_loop.route import draw_route
+from benchmarks.closed_loop.scenes import LEARNED, dem_folder
 from benchmarks.closed_loop.stop_sample import MappedGround, StopSample, samples_of
-from benchmarks.closed_loop.terrain import SURFACES, Terrain, hills, slope
+from benchmarks.closed_loop.terrain import SURFACES, Terrain, crop, hills, slope
 from planner.terrain_profile import terrain_profile
 
-_SLOPES = 0.7  # share of drives on even slopes
+_SLOPES = 0.5  # share of drives on even slopes
+_REAL = 0.7  # share of the others on public elevation models, where there are any
 _STEEPEST = np.deg2rad(22.5)
 _SIGHT = (20.0, 21.0)  # [m] the way is free
 
@@ -51,7 +53,9 @@ def stops_of_drive(seed: int, exact: bool, surface: int | None = None) -> list[S
 def _terrain(rng: np.random.Generator, surface: int | None) -> Terrain:
     """One surface throughout: a stop across two teaches neither."""
     if rng.random() < _SLOPES:
-        ground = slope(rng.uniform(0.0, 2.0 * np.pi), _STEEPEST * rng.uniform() ** 0.6, rng)
+        ground = slope(rng.uniform(0.0, 2.0 * np.pi), _STEEPEST * rng.uniform() ** 0.4, rng)
+    elif (dem := dem_folder()) is not None and rng.random() < _REAL:
+        ground = crop(dem, rng, LEARNED)
     else:
         ground = hills(rng)
     drawn = int(rng.integers(len(SURFACES)))

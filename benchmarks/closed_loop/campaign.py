@@ -43,7 +43,7 @@ class Size:
     exact_calibration: int
 
 
-FULL = Size(drives=315, baseline_drives=45, calibration=180, exact_calibration=75)
+FULL = Size(drives=315, baseline_drives=45, calibration=180, exact_calibration=120)
 QUICK = Size(drives=12, baseline_drives=6, calibration=75, exact_calibration=45)
 
 

@@ -23,6 +23,8 @@ Frame = tuple[float, Any]
 
 _SIZE = (360, 480)  # rows, columns
 _COLOURS = np.array([[150, 140, 125], [196, 178, 140], [112, 150, 88]], np.uint8)
+_WALL = -1  # the last of what is placed
+_DEEP = -20.0  # [m] below that it is out of the way
 _GRID = 2.0  # [m]
 _ASIDE = 35.0  # [deg] of the camera from behind
 
@@ -37,8 +39,8 @@ class Pose:
 
     time: float
     joints: Floats
-    wall: Floats
-    wall_turn: Floats
+    places: Floats
+    turns: Floats
 
 
 def film(number: int, dem: Path | None, policy: Policy, frames: int) -> list[Frame]:
@@ -58,7 +60,7 @@ def film(number: int, dem: Path | None, policy: Policy, frames: int) -> list[Fra
 
     terrain, route, course = scene(number, dem)
     run_drive(terrain, route, course, policy, number, watch)
-    walled = [p for p in poses if p.wall[2] > -1.0] or poses
+    walled = [p for p in poses if p.places[_WALL, 2] > _DEEP] or poses
     chosen = [walled[i] for i in np.linspace(0, len(walled) - 1, frames).astype(int)]
     os.environ.setdefault("MUJOCO_GL", "egl")
     spawn = multiprocessing.get_context("spawn")
@@ -80,7 +82,7 @@ def render(number: int, dem: Path | None, poses: list[Pose]) -> list[Frame]:
     images = []
     for pose in poses:
         world.data.qpos[:] = pose.joints
-        world.data.mocap_pos[0], world.data.mocap_quat[0] = pose.wall, pose.wall_turn
+        world.data.mocap_pos[:], world.data.mocap_quat[:] = pose.places, pose.turns
         mujoco.mj_forward(world.model, world.data)
         world.look()
         camera = mujoco.MjvCamera()

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.closed_loop.policies import CYCLE, HORIZON, Planned, View
+from benchmarks.closed_loop.policies import CYCLE, HORIZON, Planned, View, with_lead
 from benchmarks.closed_loop.tracking import Command
 from models.parameters import Model
 from planner.answer import State
@@ -56,8 +56,10 @@ class MovingHorizon:
         if wanted.stop:
             self._horizon.forget()
             return Command(stop=True, reason=answer.reason)
-        now = max(wanted.speed - wanted.accel * CYCLE, 0.0)
-        return Command(speed=now, accel=(wanted.speed - now) / CYCLE, reason=answer.reason)
+        if answer.chosen is None:
+            return Command(reason=answer.reason)
+        speed, accel = with_lead(answer.chosen, answer.chosen.travel_time - wanted.valid_for)
+        return Command(speed=speed, accel=accel, reason=answer.reason)
 
     def stopping_distance(self, view: View) -> float:
         """What the model says of full brakes from here; what was planned is void then."""

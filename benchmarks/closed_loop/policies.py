@@ -29,6 +29,8 @@ CYCLE = 0.1
 HORIZON = 15.0
 """Of a path that is planned [m]."""
 
+_LEAD = (0.1, 0.3)  # [s] ahead of now
+
 
 @dataclass(frozen=True, slots=True)
 class View:
@@ -48,6 +50,12 @@ class View:
     elevation_map: ElevationMap
     clear: float
     known: float
+
+
+def with_lead(plan: SpeedPlan, time: float) -> tuple[float, float]:
+    """Speed of a plan at a time, and its acceleration a little later: brakes need time to act."""
+    now, first, last = np.interp(time + np.array((0.0, *_LEAD)), plan.time, plan.speed)
+    return float(now), float((last - first) / (_LEAD[1] - _LEAD[0]))
 
 
 class Policy(Protocol):
@@ -99,10 +107,9 @@ class Planned:
         if plan.status is Status.INFEASIBLE:
             self._wanted = 0.0
             return Command(stop=True, reason=plan.reason)
-        after = float(np.interp(2.0 * CYCLE, plan.time, plan.speed))
-        accel = (after - plan.speed[0]) / (2.0 * CYCLE)
-        self._wanted = max(float(plan.speed[0]) + accel * CYCLE, 0.0)
-        return Command(speed=float(plan.speed[0]), accel=float(accel), reason=plan.reason)
+        speed, accel = with_lead(plan, 0.0)
+        self._wanted = max(speed + accel * CYCLE, 0.0)
+        return Command(speed=speed, accel=accel, reason=plan.reason)
 
     def stopping_distance(self, view: View) -> float:
         """What the model says of full brakes from here, its safety offset included."""

@@ -12,6 +12,9 @@ from benchmarks.closed_loop.quad import QUAD
 from benchmarks.closed_loop.route import Route, draw_route
 from benchmarks.closed_loop.terrain import Terrain, crop, hills
 
+LEARNED, TESTED = (0.0, 0.4), (0.4, 1.0)
+"""Rows of each elevation model, as shares: ground to learn on, and ground that only tests see."""
+
 _SERIES = 5
 _ATTEMPTS = 200
 
@@ -35,7 +38,7 @@ def scene(number: int, dem: Path | None) -> tuple[Terrain, Route, Course]:
     """
     rng = np.random.default_rng((_SERIES, number))
     for _ in range(_ATTEMPTS):
-        terrain = hills(rng) if dem is None or number % 3 == 0 else crop(dem, rng)
+        terrain = hills(rng) if dem is None or number % 3 == 0 else crop(dem, rng, TESTED)
         route = draw_route(terrain, rng, QUAD)
         if route is not None:
             return terrain, route, Course(route, rng)

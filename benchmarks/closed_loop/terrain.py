@@ -97,17 +97,23 @@ def hills(rng: np.random.Generator) -> Terrain:
     return Terrain(height - height.min(), _patches(rng), "generated hills")
 
 
-def crop(folder: Path, rng: np.random.Generator) -> Terrain:
+def crop(folder: Path, rng: np.random.Generator, part: tuple[float, float] = (0.0, 1.0)) -> Terrain:
     """A piece of a one-metre elevation model (GeoTIFF) that is hilly and nowhere too steep.
 
     Heights are as surveyed, smoothed over a metre and drawn out between the points by a spline.
+
+    Args:
+        folder: with elevation models. rng: draws one of them, and the place.
+        part: of its rows, from and to, as shares.
     """
     files = sorted(folder.glob("*.tif"))
     cells = int(_SIZE) + 1
     while True:
         file = files[rng.integers(len(files))]
         model = _read(file)
-        row, column = (int(rng.integers(0, n - cells)) for n in model.shape)
+        first, last = (int(share * len(model)) for share in part)
+        row = int(rng.integers(first, last - cells))
+        column = int(rng.integers(0, model.shape[1] - cells))
         piece = model[row : row + cells, column : column + cells]
         if not np.isfinite(piece).all():
             continue

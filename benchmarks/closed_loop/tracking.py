@@ -61,7 +61,7 @@ class Tracker:
         windup = self._windup + _RESET * error * TICK
         self._windup = min(max(windup, -_MOST_WINDUP), _MOST_WINDUP)
         accel = command.accel + _GAIN * error + self._windup
-        share = accel / GRAVITY - math.sin(state.pitch) + _ROLLING * min(state.speed / 0.2, 1.0)
+        share = accel / GRAVITY - math.sin(state.pitch) + (0.0 if resting else _ROLLING)
         if command.stop:
             return max(share, 0.0) * self._vehicle.mass * GRAVITY, 1.0, curvature
         if resting:

@@ -63,6 +63,10 @@ class World:
         joints = ids(mujoco.mjtObj.mjOBJ_JOINT, "axle_")
         self._spin = self.model.jnt_dofadr[joints]
         self._tyres = np.array(ids(mujoco.mjtObj.mjOBJ_GEOM, ""))
+        tiles = [self.model.body(f"tile_{name}").mocapid[0] for name in WHEELS]
+        self._tiles = np.array(tiles, np.int64)
+        self._wall = int(self.model.body("wall").mocapid[0])
+        self._slopes = np.gradient(terrain.height, terrain.size / (len(terrain.height) - 1))
         self._wall_geom = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, "wall")
         share = np.array([hidden.front_share] * 2 + [1.0 - hidden.front_share] * 2) / 2.0
         weight = vehicle.mass * GRAVITY
@@ -91,6 +95,8 @@ class World:
         position = np.array([x, y, height]) + normal * (self._vehicle.wheel_radius + _LIFT)
         self.data.qpos[:3] = position
         mujoco.mju_mat2Quat(self.data.qpos[3:7], frame.ravel())
+        # Where the wheels are decides where the ground is laid under them.
+        mujoco.mj_kinematics(self.model, self.data)
         self.look()
         for _ in range(round(_SETTLE / TICK)):
             self.tick(0.0, 1.0, 0.0)
@@ -105,27 +111,18 @@ class World:
         return max(h), normal / np.linalg.norm(normal)
 
     def height(self, x: float, y: float) -> float:
-        """Height of the ground, bilinear [m]."""
-        per_cell = (len(self.terrain.height) - 1) / self.terrain.size
-        u, v = x * per_cell, y * per_cell
-        last = len(self.terrain.height) - 2
-        j, i = min(max(int(u), 0), last), min(max(int(v), 0), last)
-        corner = self.terrain.height[i : i + 2, j : j + 2]
-        u, v = u - j, v - i
-        return float(
-            (1 - v) * ((1 - u) * corner[0, 0] + u * corner[0, 1])
-            + v * ((1 - u) * corner[1, 0] + u * corner[1, 1])
-        )
+        """Height of the ground [m]."""
+        return float(self._ground(np.array([x]), np.array([y]))[0][0])
 
     def wall(self, pose: tuple[float, float, float] | None) -> None:
         """Put the wall with its near face at x, y, square to a heading; None takes it away."""
         if pose is None:
-            self.data.mocap_pos[0] = (0.0, 0.0, _DEEP)
+            self.data.mocap_pos[self._wall] = (0.0, 0.0, _DEEP)
             return
         x, y, heading = pose
         x, y = x + _WALL_HALF * np.cos(heading), y + _WALL_HALF * np.sin(heading)
-        self.data.mocap_pos[0] = (x, y, self.height(x, y) + 0.6)
-        self.data.mocap_quat[0] = (np.cos(0.5 * heading), 0.0, 0.0, np.sin(0.5 * heading))
+        self.data.mocap_pos[self._wall] = (x, y, self.height(x, y) + 0.6)
+        self.data.mocap_quat[self._wall] = (np.cos(0.5 * heading), 0.0, 0.0, np.sin(0.5 * heading))
 
     def tick(self, thrust: float, brake: float, steer: float) -> None:
         """Advance by :data:`TICK`.
@@ -137,6 +134,7 @@ class World:
         """
         data, hidden, radius = self.data, self._hidden, self._vehicle.wheel_radius
         surface = self._surfaces()
+        self._lay_tiles()
         self.model.geom_friction[self._tyres, 0] = self._friction[surface]
         emergency = brake >= 1.0
         if emergency and not self.braking:
@@ -153,10 +151,43 @@ class World:
         data.ctrl[:4] = self._traction(thrust * radius / 4.0, spin)
         data.ctrl[4:6] = self._steering(steer)
         mujoco.mj_step(self.model, data, nstep=_STEPS)
+        if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
+            raise RuntimeError(f"the physics engine diverged at {self.time:.2f} s")
         self.look()
         self.time += TICK
-        if data.mocap_pos[0, 2] > _DEEP and data.ncon:
+        if data.mocap_pos[self._wall, 2] > _DEEP and data.ncon:
             self.collided = self.collided or bool(np.any(data.contact.geom == self._wall_geom))
+
+    def _lay_tiles(self) -> None:
+        """Lay the plane of each wheel where the wheel will be in the middle of the tick."""
+        _, _, yaw = self.pose
+        ahead = 0.5 * TICK * self.speed
+        where = self.data.geom_xpos[self._tyres]
+        x, y = where[:, 0] + ahead * math.cos(yaw), where[:, 1] + ahead * math.sin(yaw)
+        height, rise_y, rise_x = self._ground(x, y)
+        self.data.mocap_pos[self._tiles] = np.column_stack((x, y, height))
+        # The shortest turn from straight up to the normal.
+        length = np.sqrt(1.0 + rise_x**2 + rise_y**2)
+        turn = np.column_stack((length + 1.0, rise_y, -rise_x, np.zeros(4)))
+        turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+        self.data.mocap_quat[self._tiles] = turn
+
+    def _ground(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Height and slopes towards y and x, bilinear, (k,) each."""
+        last = len(self.terrain.height) - 2
+        per_cell = (last + 1) / self.terrain.size
+        u, v = x * per_cell, y * per_cell
+        j = np.minimum(np.maximum(u, 0.0), last).astype(np.int64)
+        i = np.minimum(np.maximum(v, 0.0), last).astype(np.int64)
+        u, v = u - j, v - i
+        shares = ((1.0 - v) * (1.0 - u), (1.0 - v) * u, v * (1.0 - u), v * u)
+        corners = ((i, j), (i, j + 1), (i + 1, j), (i + 1, j + 1))
+
+        def between(values: Floats) -> Floats:
+            total: Floats = sum(s * values[c] for s, c in zip(shares, corners, strict=True))
+            return total
+
+        return between(self.terrain.height), between(self._slopes[0]), between(self._slopes[1])
 
     def _anti_lock(self, spin: Floats) -> None:
         speed = self.speed

@@ -45,7 +45,7 @@ def test_an_exact_law_is_found_again() -> None:
 
 
 def test_scatter_is_covered_and_no_more_than_needed() -> None:
-    samples = made_up(300, scatter=0.02)
+    samples = made_up(150, scatter=0.02)
     model = fit(samples, "made up")
     b = model.braking.on("firm")
     beyond = residuals(samples, b, model.effect[0].parameters["k"])
