@@ -21,7 +21,10 @@ class HorizonSettings:
     smoothed: int = 4
     period: float = quantity("s", "From one cycle to the next.", default=0.1, above=0.0)
     switch_gain: float = quantity(
-        "s", "By how much another candidate must be better to be chosen.", default=0.3, at_least=0.0
+        "s",
+        "By how much, beside a station of progress, a rival must be better to be chosen.",
+        default=0.3,
+        at_least=0.0,
     )
     beside: float = quantity(
         "m", "Farthest that a path may lie beside the vehicle.", default=0.5, above=0.0
@@ -148,26 +151,18 @@ class Answer:
     seconds: dict[str, float] = field(default_factory=dict)
 
 
-def command_of(plan: SpeedPlan, station: float, period: float) -> Command:
+def command_of(plan: SpeedPlan, station: float, now: float, period: float) -> Command:
     """What to do at a station of a plan.
 
     Args:
         plan: followed from there.
-        station: of the vehicle [m].
+        station: of the vehicle [m]; now: time of the plan there [s].
         period: until the next cycle [s].
     """
-    if plan.status is Status.INFEASIBLE:
-        return FULL_STOP
     k = int(np.clip(np.searchsorted(plan.station, station, "right") - 1, 0, len(plan.station) - 2))
-    gone = max(station - plan.station[k], 0.0)
-    speed = float(np.sqrt(max(plan.speed[k] ** 2 + 2.0 * plan.accel[k] * gone, 0.0)))
-    mean = 0.5 * (speed + plan.speed[k])
-    now = float(plan.time[k]) + (gone / mean if mean > 0.0 else 0.0)
-    accel = float(plan.accel[k])
     later = now + period
-    m = int(np.clip(np.searchsorted(plan.time, later, "right") - 1, 0, len(plan.time) - 1))
-    wanted = plan.speed[m] + plan.accel[m] * (later - plan.time[m])
-    if later >= plan.time[-1]:
-        wanted = 0.0
-    left = max(float(plan.time[-1]) - now, 0.0)
-    return Command(max(float(wanted), 0.0), accel, False, left)
+    m = int(np.searchsorted(plan.time, later, "right")) - 1
+    speed = 0.0
+    if later < plan.travel_time:
+        speed = max(float(plan.speed[m] + plan.accel[m] * (later - plan.time[m])), 0.0)
+    return Command(speed, float(plan.accel[k]), False, max(plan.travel_time - now, 0.0))

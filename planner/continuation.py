@@ -91,6 +91,13 @@ class Driven:
         station, i = self.plan.station, int(place.segment[0])
         return float(station[i] + self._share(place) * (station[i + 1] - station[i]))
 
+    def time_at(self, place: Place) -> float:
+        """Time of the plan where the vehicle is [s]."""
+        plan, i = self.plan, int(place.segment[0])
+        mean = 0.5 * float(plan.speed[i] + self.speed_at(place)[0])
+        gone = self._share(place) * float(plan.station[i + 1] - plan.station[i])
+        return float(plan.time[i]) + (gone / mean if mean > 0.0 else 0.0)
+
     def ahead(self, place: Place) -> Points:
         """The vehicle's place and the stations after it."""
         i = int(place.segment[0])

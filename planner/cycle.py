@@ -26,6 +26,9 @@ _SAFE = (Status.OK, Status.BLOCKED)
 _ENDS = 0.01
 """A path that ends this close to the vehicle is driven [m]."""
 
+_STEP = 1e-4
+"""Stations closer than that are one place [m]."""
+
 _STARTS = 0.05
 """A plan that begins so much slower than the vehicle does not begin at the vehicle [m/s]."""
 
@@ -44,6 +47,7 @@ class Cycle:
         self._state = state
         self._at = (state.x, state.y)
         self._lap = planner.begun
+        self._gain = self._settings.switch_gain
         self.seconds: dict[str, float] = {}
         self._own: OwnPath | None = None
         if driven is not None and not state.flaw():
@@ -88,6 +92,9 @@ class Cycle:
         """The answer where there are candidates to drive."""
         planner = self._planner
         begun = cut(paths, place, self._at)
+        # Plans rest at stations: what a path costs jumps by the way from one to the next.
+        step = float(np.hypot(np.diff(begun.x[1:3], axis=0), np.diff(begun.y[1:3], axis=0)).max())
+        self._gain = self._settings.switch_gain + planner.equipment.planner.horizon_penalty * step
         left = left_behind(paths, place, planner.elevation_map, planner.footprint)
         ours = self._find_own(paths, begun, left, clear)
         start = max(self._state.speed, 0.0)
@@ -117,7 +124,7 @@ class Cycle:
             plans.append(begin(j))
         self._time("smooth")
         name = "" if ours is None else begun.names[ours]
-        plans.sort(key=lambda driven: self._key(driven.plan, name))
+        plans.sort(key=lambda driven: self._key(driven, name))
         if own is not None and own.plan.status is Status.OK:
             # What reaches its end gives way only to what does so as well.
             plans.sort(key=lambda driven: driven.plan.status is not Status.OK)
@@ -185,7 +192,7 @@ class Cycle:
         """All candidates by cost, those that the judge objects to last; and their indices."""
         invalid = (worst.max(axis=1) > 0.0) | too_fast
         own = np.arange(len(names)) == ours
-        order = np.lexsort((cost - self._settings.switch_gain * own, invalid))
+        order = np.lexsort((cost - self._gain * own, invalid))
         ranking = tuple(
             Ranked(
                 names[j], float(cost[j]), not invalid[j], _objection(worst[j], bool(too_fast[j]))
@@ -235,17 +242,20 @@ class Cycle:
         )  # fmt: skip
         return Driven(plan, None if limit is None else limit[:n, j], Points(*np.empty((2, 0))))
 
-    def _key(self, plan: SpeedPlan, own: str) -> tuple[bool, bool, float]:
+    def _key(self, driven: Driven, own: str) -> tuple[bool, bool, float]:
         """The smaller, the better: what is safe, as wanted, and soon there."""
+        plan = driven.plan
         planner = self._planner.equipment.planner
         is_own = plan.candidate == own
         if plan.status is Status.INFEASIBLE:
             return True, not is_own, 0.0
         missed = float(plan.station[-1]) - plan.progress
-        cost = plan.travel_time + planner.horizon_penalty * missed
+        # The driven plan begins behind the vehicle.
+        gone = driven.time_at(driven.locate(self._at, self._state.heading))
+        cost = plan.travel_time - gone + planner.horizon_penalty * missed
         margin = min(plan.least_margin, planner.margin_enough)
         cost -= planner.margin_weight * max(margin, 0.0)
-        cost -= self._settings.switch_gain * is_own
+        cost -= self._gain * is_own
         return False, plan.status is Status.DEGRADED, cost
 
     def _stop(self, why: str, ranking: tuple[Ranked, ...]) -> tuple[Answer, Driven | None]:
@@ -271,7 +281,9 @@ class Cycle:
         ):
             status = Status.INFEASIBLE
             return Answer(status, reason, plan, FULL_STOP, plans, ranking, deficit), None
-        command = command_of(plan, best.station_at(place), self._settings.period)
+        command = command_of(
+            plan, best.station_at(place), best.time_at(place), self._settings.period
+        )
         return Answer(plan.status, reason, plan, command, plans, ranking, deficit, kept), best
 
     def _time(self, stage: str) -> None:
@@ -284,15 +296,25 @@ def _malformed(paths: PathBatch, clear: Floats) -> list[str]:
     """Why candidates cannot be planned at all, empty for those that can."""
     rows = np.arange(len(paths.x))[:, None] < paths.count
     finite = np.all(np.isfinite(paths.x + paths.y) | ~rows, axis=0)
+    step = np.hypot(np.diff(paths.x, axis=0), np.diff(paths.y, axis=0))
+    moving = np.all(~(step < _STEP) | ~rows[1:], axis=0)
     reasons = []
-    for n, known, free in zip(paths.count, finite, clear, strict=True):
+    names: set[str] = set()
+    for name, n, known, moves, free in zip(
+        paths.names, paths.count, finite, moving, clear, strict=True
+    ):
         why = ""
-        if n < FEWEST:
+        if name in names:
+            why = "another candidate has this name"
+        elif n < FEWEST:
             why = f"the path has {n} stations, {FEWEST} at least"
         elif not known:
             why = "the path has stations that are no numbers"
+        elif not moves:
+            why = "the path has two stations in one place"
         elif np.isnan(free):
             why = "its clear distance is not a number"
+        names.add(name)
         reasons.append(why)
     return reasons
 

@@ -14,7 +14,7 @@ from planner.terrain_profile import terrain_profile
 FEWEST = 3
 """Stations that a path needs, so that it has a curvature."""
 
-_HERE = 0.02
+_HERE = 1e-4
 """A path that begins this close to the vehicle begins at it [m]."""
 
 _SEARCH = 15.0

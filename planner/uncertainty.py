@@ -13,12 +13,11 @@ import numpy as np
 from scipy.special import ndtri
 
 from models.parameters import Braking, Effect, Model
-from models.quantity import quantity, validate_quantities
+from models.quantity import GRAVITY, quantity, validate_quantities
 from planner.compiled import Floats
 
 _WEAKER: dict[str, dict[str, float]] = {
     "aerodynamic_drag": {"c": -1.0},
-    "headwind": {"c": -1.0, "wind": -1.0},
     "viscous_resistance": {"c": -1.0},
     "turning_resistance": {"k": -1.0},
     "brake_lag": {"tau": 1.0},
@@ -66,8 +65,14 @@ class Uncertainty:
         learned = np.zeros((4, 4)) if braking.covariance is None else np.array(braking.covariance)
         learned = learned * braking.level**2
         learned[3, 3] += braking.force_std**2 + self.drift**2 * self.age / HOUR
-        slope = np.array([0.0, 0.0, braking.level * braking.m_m, 1.0 + braking.level * braking.b_m])
-        matrix: Floats = self.width**2 * (learned + self.slope_std**2 * np.outer(slope, slope))
+        # Where the slope coefficients differ uphill, the sum of both is above either.
+        slopes = [(braking.m_m, braking.b_m)]
+        if braking.uphill is not None:
+            slopes.append((braking.uphill.m_m, braking.uphill.b_m))
+        for m_m, b_m in slopes:
+            change = np.array([0.0, 0.0, braking.level * m_m, 1.0 + braking.level * b_m])
+            learned = learned + self.slope_std**2 * np.outer(change, change)
+        matrix: Floats = self.width**2 * learned
         return matrix
 
     def dead_time(self, braking: Braking) -> float:
@@ -75,10 +80,14 @@ class Uncertainty:
         return braking.dead_time + self.width * braking.dead_time_std
 
     def load_margin(self, model: Model) -> float:
-        """By how much an error of grade or roll may unload an axle or a side."""
+        """By how much an error of grade or roll may unload an axle or a side.
+
+        A share of load is cos θ ± (cg_z / lever) sin θ: no slope changes it faster than the root of
+        1 + (cg_z / lever)². Source: Braking (5), Slip (18)-(21), sines corrected.
+        """
         v = model.vehicle
         shorter = min(v.cg_x, v.wheelbase - v.cg_x, 0.5 * v.track_width)
-        return self.width * self.slope_std * v.cg_z / shorter
+        return self.width * self.slope_std * float(np.hypot(1.0, v.cg_z / shorter))
 
     def cautious(self, model: Model) -> Model:
         """The model with its load limits and effects moved to where the vehicle stops later."""
@@ -96,20 +105,30 @@ class Uncertainty:
         for name, own in zip(effect.parameters, std, strict=True):
             sign = signs.get(name, 0.0)
             moved = parameters[name] + sign * float(own)
-            parameters[name] = max(moved, 1e-9) if sign < 0.0 and name != "wind" else moved
+            parameters[name] = max(moved, 1e-9) if sign < 0.0 else moved
         return replace(effect, parameters=parameters, covariance=None) if signs else effect
 
     def ground_margin(self, effect: Effect) -> float:
-        """Margin of F_b/W for a ground term that is uncertain, for terms that `_WEAKER` lacks.
+        """Margin of F_b/W for an effect that is uncertain, or that the map's errors change.
 
-        To first order, at the largest that its factor can be on ground that is driven on.
+        To first order, at the largest that its factors can be on ground that is driven on; for the
+        effects that `_WEAKER` lacks.
         """
-        if effect.covariance is None or effect.name in _WEAKER:
-            return 0.0
-        most = _FACTORS.get(effect.name, {})
-        factor = np.array([most.get(name, 0.0) for name in effect.parameters])
-        return self.width * float(np.sqrt(factor @ np.array(effect.covariance) @ factor))
+        margin = 0.0
+        if effect.covariance is not None and effect.name not in _WEAKER:
+            most = _factors(effect)
+            factor = np.array([most.get(name, 0.0) for name in effect.parameters])
+            # Each factor may have either sign where the vehicle is.
+            spread = factor * np.sqrt(np.diag(np.array(effect.covariance)))
+            margin = self.width * float(np.sum(spread))
+        per_slope = _PER_SLOPE.get(effect.name, 0.0)
+        if per_slope > 0.0:
+            margin += self.width * self.slope_std * per_slope * abs(effect.parameters["k"])
+        return margin
 
+
+_FASTEST = 10.0
+"""No vehicle here is faster, relative to the ground [m/s]."""
 
 _FACTORS: dict[str, dict[str, float]] = {
     "grade_asymmetry": {"k": 0.35},
@@ -121,3 +140,20 @@ _FACTORS: dict[str, dict[str, float]] = {
     "session_drift": {"k": 4.0 * HOUR},
 }
 """The most that each parameter of a ground term is multiplied with: slopes of 20°, four hours."""
+
+_PER_SLOPE = {"grade_asymmetry": 1.0, "grade_nonlinearity": 0.7, "cross_slope": 1.0}
+"""The most that k of a ground term is multiplied with for each radian of slope."""
+
+
+def _factors(effect: Effect) -> dict[str, float]:
+    """The most that a change of each parameter changes F_b/W."""
+    if effect.name != "headwind":
+        return _FACTORS.get(effect.name, {})
+    # Wind helps in one direction and pushes in the other: c (u |u| − v²), u = v + wind cos(…).
+    c, wind = abs(effect.parameters["c"]), abs(effect.parameters["wind"])
+    relative = _FASTEST + wind
+    return {
+        "c": wind * (2.0 * _FASTEST + wind) / GRAVITY,
+        "wind": 2.0 * c * relative / GRAVITY,
+        "direction": 2.0 * c * relative * wind / GRAVITY,
+    }

@@ -1,0 +1,177 @@
+"""A vehicle that drives what the moving horizon answers: cycle by cycle, exactly or with noise.
+
+It knows plans as columns only, and moves along them with arithmetic of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+from planner.answer import Answer, State
+from planner.elevation_map import ElevationMap
+from planner.horizon import Horizon, HorizonSettings
+from planner.path import CandidatePath, PathBatch, batch
+from planner.plan import SpeedPlan, Status
+from planner.settings import PlannerSettings
+from planner.uncertainty import Uncertainty
+from tests.planner import generated
+from tests.planner.scenes import Tables, arc, ground_map, model_of, straight
+
+PERIOD = 0.1
+PATIENT = HorizonSettings(budget=60.0, smoothed=2)
+"""Time enough for all smoothing, on any machine."""
+
+SAFE = (Status.OK, Status.BLOCKED)
+
+
+@dataclass
+class Drive:
+    """A vehicle, its planner, and its way over some ground."""
+
+    tables: Tables
+    ground: ElevationMap
+    paths: PathBatch | list[CandidatePath]
+    clear: Any = np.inf
+    settings: HorizonSettings = PATIENT
+    uncertainty: Uncertainty = field(default_factory=lambda: Uncertainty(quantile=0.5))
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+    speed: float = 0.0
+    noise: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        self.horizon = Horizon(
+            model_of(self.tables), self.settings, PlannerSettings(), self.uncertainty
+        )
+        self.rng = np.random.default_rng(self.seed)
+        self.answers: list[Answer] = []
+
+    def state(self) -> State:
+        """What is measured: up to the noise in speed, and half as many metres sideways."""
+        off, aside = self.rng.uniform(-1.0, 1.0, 2) * self.noise
+        return State(
+            x=self.x - 0.5 * aside * np.sin(self.heading),
+            y=self.y + 0.5 * aside * np.cos(self.heading),
+            heading=self.heading,
+            speed=max(self.speed + off, 0.0),
+        )
+
+    def cycle(self) -> Answer:
+        """Ask once, and drive for one period."""
+        answer = self.horizon.step(self.state(), self.paths, self.ground, clear=self.clear)
+        self.answers.append(answer)
+        self.move(answer)
+        return answer
+
+    def move(self, answer: Answer) -> None:
+        """One period on along the chosen plan; noise makes the way a little shorter or longer."""
+        plan = answer.chosen
+        if plan is None or answer.command.stop:
+            self.brake(plan)
+            return
+        station = nearest_station(plan, self.x, self.y)
+        later, self.speed = after(plan, station, PERIOD)
+        if self.speed > 0.0:
+            later += self.rng.uniform(-0.5, 0.5) * self.noise * PERIOD
+        self.put(plan, max(later, station))
+
+    def brake(self, plan: SpeedPlan | None, deceleration: float = 3.0) -> None:
+        """Full braking, along the plan if there is one."""
+        way = max(self.speed - 0.5 * deceleration * PERIOD, 0.0) * PERIOD
+        self.speed = max(self.speed - deceleration * PERIOD, 0.0)
+        if plan is None:
+            self.x += way * np.cos(self.heading)
+            self.y += way * np.sin(self.heading)
+        else:
+            self.put(plan, nearest_station(plan, self.x, self.y) + way)
+
+    def put(self, plan: SpeedPlan, station: float) -> None:
+        """The vehicle on a station of a plan."""
+        self.x = float(np.interp(station, plan.station, plan.x))
+        self.y = float(np.interp(station, plan.station, plan.y))
+        k = int(np.clip(np.searchsorted(plan.station, station, "right") - 1, 0, len(plan.x) - 2))
+        self.heading = float(np.arctan2(plan.y[k + 1] - plan.y[k], plan.x[k + 1] - plan.x[k]))
+
+
+def nearest_station(plan: SpeedPlan, x: float, y: float) -> float:
+    """Where a place is on the first dozen segments of a plan."""
+    best, found = np.inf, 0.0
+    for k in range(min(12, len(plan.station) - 1)):
+        begin = np.array([plan.x[k], plan.y[k]])
+        step = np.array([plan.x[k + 1], plan.y[k + 1]]) - begin
+        share = float(np.clip(step @ (np.array([x, y]) - begin) / (step @ step), 0.0, 1.0))
+        off = float(np.hypot(*(begin + share * step - (x, y))))
+        if off < best:
+            best = off
+            found = plan.station[k] + share * (plan.station[k + 1] - plan.station[k])
+    return float(found)
+
+
+def speed_at(plan: SpeedPlan, station: float) -> float:
+    """v² is linear in station."""
+    return float(np.sqrt(np.interp(station, plan.station, plan.speed**2)))
+
+
+def accel_at(plan: SpeedPlan, station: float) -> float:
+    """Constant from station to station."""
+    k = int(np.searchsorted(plan.station, station + 1e-6, "right")) - 1
+    return float(plan.accel[min(max(k, 0), len(plan.accel) - 1)])
+
+
+def after(plan: SpeedPlan, station: float, period: float) -> tuple[float, float]:
+    """Station and speed a period later, by small steps along the plan's own v²."""
+    grid = np.union1d(plan.station[plan.station > station], [station])
+    energy = np.interp(grid, plan.station, plan.speed**2)
+    speed = np.sqrt(energy)
+    both = speed[1:] + speed[:-1]
+    with np.errstate(divide="ignore"):
+        time = np.concatenate(([0.0], np.cumsum(2.0 * np.diff(grid) / both)))
+    k = int(np.searchsorted(time, period, "right")) - 1
+    if k >= len(grid) - 1 or not np.isfinite(time[k + 1]):
+        return float(grid[min(k, len(grid) - 1)]), 0.0
+    rest = period - time[k]
+    accel = (energy[k + 1] - energy[k]) / (2.0 * (grid[k + 1] - grid[k]))
+    return float(grid[k] + speed[k] * rest + 0.5 * accel * rest**2), float(speed[k] + accel * rest)
+
+
+@st.composite
+def drives(draw: st.DrawFn, noise: float = 0.0, longest: float = 20.0) -> Drive:
+    """A vehicle at the beginning of a few paths over ground that it can mostly drive on."""
+    tables = draw(generated.tables())
+    tables["braking"]["grade_range"] = [-0.4, 0.4]
+    tables["limits"]["min_load"] = min(tables["limits"]["min_load"], 0.2)
+    height = draw(generated.heights())
+    share = draw(st.sampled_from([0.3, 0.6, 1.0]))
+    hole = draw(
+        generated.maybe(3, st.tuples(generated.between(6.0, 18.0), generated.between(-3.0, 3.0)))
+    )
+    ground = ground_map(
+        lambda x, y: share * height(x, y),
+        x=(-4.0, 26.0),
+        y=(-16.0, 16.0),
+        resolution=draw(st.sampled_from([0.25, 0.5])),
+        unknown=(lambda x, y: np.hypot(x - hole[0], y - hole[1]) < 0.8) if hole else None,
+    )
+    bends = draw(st.lists(generated.between(-0.12, 0.12), min_size=1, max_size=3, unique=True))
+    length = draw(generated.between(8.0, longest))
+    fan = [
+        arc(length, k, name=f"{i}") if abs(k) > 1e-3 else straight(length, name=f"{i}")
+        for i, k in enumerate(bends)
+    ]
+    return Drive(
+        tables,
+        ground,
+        batch(fan, 0.25),
+        clear=draw(st.one_of(st.just(np.inf), generated.between(4.0, longest))),
+        uncertainty=draw(
+            st.sampled_from([Uncertainty(quantile=0.5), Uncertainty(slope_std=0.005, age=7200.0)])
+        ),
+        noise=noise,
+        seed=draw(st.integers(0, 1000)),
+    )
