@@ -23,8 +23,11 @@ _SEARCH = 15.0
 _FOUND = 1.0
 """Where the vehicle is farther from that, or beyond its end, all of the path is searched [m]."""
 
-_BACKWARDS = 1e6
-"""A segment that points backwards counts as farther off than any other [m]."""
+_ASIDE = 1e6
+"""A segment that points elsewhere counts as farther off than any that does not [m]."""
+
+_ITS_WAY = 0.36
+"""Cosine of the largest angle between the heading and a segment that goes the same way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +67,8 @@ def locate(x: Floats, y: Floats, count: Ints, at: tuple[float, float], heading: 
     share = ((at[0] - x[:-1]) * dx + (at[1] - y[:-1]) * dy) / squared
     inside = np.clip(share, 0.0, 1.0)
     off = np.hypot(x[:-1] + inside * dx - at[0], y[:-1] + inside * dy - at[1])
-    off += np.where(dx * np.cos(heading) + dy * np.sin(heading) < 0.0, _BACKWARDS, 0.0)
+    ahead = dx * np.cos(heading) + dy * np.sin(heading)
+    off += np.where(ahead < _ITS_WAY * length, _ASIDE, 0.0)
     off = np.where(np.arange(len(off))[:, None] < count - 1, off, np.inf)
     early = np.where(begins[:-1] <= _SEARCH, off, np.inf)
     segment: Ints = np.argmin(early, axis=0).astype(np.int64)
