@@ -1,0 +1,205 @@
+"""The service's own settings: one TOML file, strict, every key with a range."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from models.errors import ParameterError
+from models.quantity import quantity, validate_quantities
+from planner.answer import HorizonSettings
+from planner.settings import PlannerSettings
+from planner.uncertainty import Uncertainty
+from services.files.access import fault, read_text, reason
+from services.files.decode import decode_table
+
+if TYPE_CHECKING:
+    import zenoh
+
+_KEY = re.compile(r"[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*")
+_MEGABYTE = 1_000_000
+_MOST_QUEUE = 1024
+_SLACK = 4
+"""Larger than a limit by that much, a message is not even let in; up to there it is answered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZenohSettings:
+    """How to meet others. The default listens on loopback only and looks for nobody."""
+
+    mode: Literal["peer", "client", "router"] = "peer"
+    listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    connect: tuple[str, ...] = ()
+    multicast: bool = False
+    config: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planning:
+    """Who plans, and how long a question may wait."""
+
+    workers: int = quantity("1", "Threads that plan.", default=1, at_least=1, at_most=16)
+    queue: int = quantity(
+        "1", "Questions that may wait; further ones are told busy.", default=8, at_least=1,
+        at_most=_MOST_QUEUE,
+    )  # fmt: skip
+    deadline: float = quantity(
+        "s", "From arrival to answer, if the question says nothing else.", default=0.1, above=0.0,
+        at_most=60.0,
+    )  # fmt: skip
+    longest_deadline: float = quantity(
+        "s", "No question may wait longer.", default=10.0, above=0.0, at_most=600.0
+    )
+    early: float = quantity(
+        "s", "How long before its deadline a question is told busy.", default=0.01, at_least=0.0
+    )
+    clients: int = quantity(
+        "1", "Clients that are remembered.", default=8, at_least=1, at_most=1000
+    )
+    smooth: bool = True
+    spacing: float = quantity("m", "Distance between stations.", default=0.25, above=0.0)
+    budget: float = quantity("s", "Time for one cycle of a client.", default=0.02, above=0.0)
+    period: float = quantity("s", "From one cycle of a client to the next.", default=0.1, above=0.0)
+    quantile: float = quantity(
+        "1", "Share of what the model leaves open that plans survive.", default=0.999,
+        at_least=0.5, at_most=0.999999,
+    )  # fmt: skip
+    slope_std: float = quantity(
+        "rad", "Error of the map's grade and roll.", default=0.0, at_least=0.0, at_most=0.2
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+        if self.early >= self.deadline:
+            raise ParameterError("early", f"less than deadline, {self.deadline:g} s")
+        if self.deadline > self.longest_deadline:
+            words = f"at most longest_deadline, {self.longest_deadline:g} s"
+            raise ParameterError("deadline", words)
+
+    def horizon(self) -> HorizonSettings:
+        """What a client's moving horizon takes of it."""
+        return HorizonSettings(budget=self.budget, period=self.period)
+
+    def planner(self) -> PlannerSettings:
+        """What planning takes of it."""
+        return PlannerSettings(spacing=self.spacing, smooth=self.smooth)
+
+    def uncertainty(self) -> Uncertainty:
+        """What plans have to survive."""
+        return Uncertainty(quantile=self.quantile, slope_std=self.slope_std)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sizes:
+    """What is larger is answered with an error, or counted and left alone."""
+
+    request_bytes: int = quantity(
+        "B", "Of a question.", default=4 * _MEGABYTE, at_least=1000, at_most=1000 * _MEGABYTE
+    )
+    map_bytes: int = quantity(
+        "B", "Of a map update.", default=64 * _MEGABYTE, at_least=1000, at_most=1000 * _MEGABYTE
+    )
+    candidates: int = quantity("1", "In one question.", default=1000, at_least=1, at_most=100_000)
+    points: int = quantity("1", "Of one path.", default=5000, at_least=3, at_most=1_000_000)
+    stations: int = quantity(
+        "1", "Of all candidates of a question together.", default=200_000, at_least=100,
+        at_most=10_000_000,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatusSettings:
+    """What the service tells of itself."""
+
+    period: float = quantity("s", "From one status to the next.", default=1.0, at_least=0.05)
+    map_age: float = quantity("s", "A map older than that is flagged.", default=5.0, above=0.0)
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceConfig:
+    """One service.
+
+    Attributes:
+        model: model file, or the name of a shipped vehicle; relative to the settings file.
+        namespace: of all keys. id: of this service among others.
+        map: elevation map to begin with; empty: none until one comes.
+    """
+
+    model: str
+    namespace: str = "slopewise/robot"
+    id: str = "planner"
+    map: str = ""
+    zenoh: ZenohSettings = field(default_factory=ZenohSettings)
+    planning: Planning = field(default_factory=Planning)
+    sizes: Sizes = field(default_factory=Sizes)
+    status: StatusSettings = field(default_factory=StatusSettings)
+
+    def __post_init__(self) -> None:
+        if not _KEY.fullmatch(self.namespace):
+            raise ParameterError("namespace", f"words joined by /, got {self.namespace!r}")
+        if not _KEY.fullmatch(self.id) or "/" in self.id:
+            raise ParameterError("id", f"one word of letters, digits, _ . -, got {self.id!r}")
+
+    def key(self, name: str) -> str:
+        """The key of something, e.g. ``slopewise/robot/v1/plan``."""
+        return f"{self.namespace}/v1/{name}"
+
+
+def read_config(path: Path) -> ServiceConfig:
+    """The settings in a TOML file; files named in it are taken relative to it.
+
+    Raises:
+        InputError: names the file and the key.
+    """
+    try:
+        data = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
+    for table, key in (("", "model"), ("", "map"), ("zenoh", "config")):
+        inside = data.get(table, {}) if table else data
+        name = inside.get(key) if isinstance(inside, dict) else None
+        if isinstance(name, str) and name and (path.parent / name).is_file():
+            inside[key] = str(path.parent / name)
+    return decode_table(ServiceConfig, data, str(path))
+
+
+def zenoh_config(settings: ZenohSettings, sizes: Sizes | None = None) -> zenoh.Config:
+    """What zenoh needs of it.
+
+    Args:
+        settings: of the session.
+        sizes: with them, what is far too large does not even come in.
+
+    Raises:
+        InputError: zenoh refuses it.
+    """
+    import zenoh
+
+    try:
+        config = zenoh.Config.from_file(settings.config) if settings.config else zenoh.Config()
+        config.insert_json5("mode", json.dumps(settings.mode))
+        if settings.mode != "client":
+            config.insert_json5("listen/endpoints", json.dumps(settings.listen))
+        if settings.connect:
+            config.insert_json5("connect/endpoints", json.dumps(settings.connect))
+        config.insert_json5("scouting/multicast/enabled", json.dumps(settings.multicast))
+        if sizes is not None:
+            largest = _SLACK * max(sizes.request_bytes, sizes.map_bytes)
+            rule = {
+                "flows": ["ingress"], "messages": ["put", "query"], "key_exprs": ["**"],
+                "size_limit": largest,
+            }  # fmt: skip
+            config.insert_json5("low_pass_filter", json.dumps([rule]))
+    except zenoh.ZError as error:
+        raise fault(settings.config or "zenoh", "", f"expected usable settings: {error}") from None
+    return config

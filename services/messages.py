@@ -1,0 +1,214 @@
+"""What travels between robot and service; SI units, angles in radians, the map's coordinates.
+
+Arrays are float64: (n, 2) is n rows of two. What each word means is in docs/nomenclature.md.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+Name = Annotated[str, Meta(min_length=1, max_length=120)]
+Text = Annotated[str, Meta(max_length=120)]
+Number = Annotated[int, Meta(ge=0, le=2**53)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+
+BUSY = "busy"
+ERROR = "error"
+"""Statuses of a reply beside those of a plan: no time for it; the request cannot be used."""
+
+PLAN_COLUMNS = (
+    "station", "x", "y", "z", "grade", "roll", "curvature", "speed", "accel", "time",
+    "speed_bound", "stop_distance", "rear_load", "side_load",
+)  # fmt: skip
+"""Rows of a plan's values, in order."""
+
+
+class _Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    pass
+
+
+class Path(_Message):
+    """One candidate.
+
+    Attributes:
+        name: unique within the request.
+        points: (n, 2) of x, y, at least three, none the same as the one before [m].
+        speed_limit: (n,) of the path itself [m/s].
+        clear: station up to which the way is known free [m]; None: as in the request.
+    """
+
+    name: Name
+    points: np.ndarray
+    speed_limit: np.ndarray | None = None
+    clear: float | None = None
+
+
+class PlanRequest(_Message):
+    """A question for plans.
+
+    Attributes:
+        speed: of the vehicle, along its heading [m/s].
+        paths: candidates.
+        client: who asks. Named, the service remembers what it drives, and goes on with it; without
+            a name each question stands alone, and each path begins at the vehicle.
+        pose: x, y, heading of the vehicle [m, m, rad]; a named client has to give it.
+        clear: station up to which the way is known free [m]; None: to the end of each path.
+        sequence: comes back in the reply.
+        session_time, brake_heat: [s], [J/kg] for the effects that depend on them.
+    """
+
+    speed: float
+    paths: list[Path]
+    client: Text = ""
+    pose: tuple[float, float, float] | None = None
+    clear: NotNegative | None = None
+    sequence: Number = 0
+    session_time: NotNegative = 0.0
+    brake_heat: NotNegative = 0.0
+
+
+class Parameters(_Message):
+    """Which parameters a plan was made with.
+
+    Attributes:
+        version: grows with every change. name: of the model. fingerprint: of the vehicle.
+        age: since they were taken up [s].
+    """
+
+    version: int
+    name: str
+    fingerprint: str
+    age: float
+
+
+class Command(_Message):
+    """What to do until the next answer: reach ``speed`` [m/s] within a period at ``accel`` [m/s²];
+    ``stop``: brake as hard as the brakes can. The plan may be followed for ``valid_for`` [s].
+    """
+
+    speed: float
+    accel: float
+    stop: bool
+    valid_for: float
+
+
+class Candidate(_Message):
+    """How one candidate fared. ``cost`` [s] is None where it was not planned."""
+
+    name: str
+    usable: bool
+    reason: str
+    cost: float | None = None
+
+
+class Limit(_Message):
+    """From station number ``first`` on, up to the next of these, ``name`` limits the speed."""
+
+    first: int
+    name: str
+
+
+class Plan(_Message):
+    """One plan of N stations.
+
+    Attributes:
+        status, reason: ok, blocked, infeasible or degraded; what, where, by how much.
+        travel_time: [s]. progress: station where it comes to rest [m].
+        clear_distance: station before which every emergency stop ends [m].
+        least_margin: what the tightest one leaves of it [m], None at rest.
+        least_rear_load: of all emergency stops, as a share of the level static load.
+        limits: what limits the speed, a change an entry.
+        columns: names of the rows of values. values: (rows, N).
+    """
+
+    candidate: str
+    status: str
+    reason: str
+    travel_time: float
+    progress: float
+    clear_distance: float
+    least_margin: float | None
+    least_rear_load: float
+    limits: list[Limit]
+    columns: list[str]
+    values: np.ndarray
+
+    def column(self, name: str) -> np.ndarray:
+        """One row of the values, (N,)."""
+        row: np.ndarray = self.values[self.columns.index(name)]
+        return row
+
+
+class PlanReply(_Message):
+    """The answer to one question; there is always one.
+
+    Attributes:
+        status, reason: those of the chosen plan, or `busy`, or `error`; then there are no plans.
+        service, sequence: who answers, and to which question.
+        parameters, map_version, map_age: what the plans were made from; age in s.
+        command: what to do now; None if this answer is none.
+        chosen: name of the candidate to drive, None where there is nothing to drive along.
+        kept: the plan driven so far is driven on as it is.
+        ranking: all candidates, best first. plans: those that were finished, best first.
+        flags: what is not as it should be, in words.
+        seconds: what took how long; `planner` is all of planning.
+    """
+
+    status: str
+    reason: str
+    service: str
+    sequence: int = 0
+    parameters: Parameters | None = None
+    map_version: int = 0
+    map_age: float | None = None
+    command: Command | None = None
+    chosen: str | None = None
+    kept: bool = False
+    ranking: list[Candidate] = []
+    plans: list[Plan] = []
+    flags: list[str] = []
+    seconds: dict[str, float] = {}
+
+
+class MapUpdate(_Message):
+    """Ground, whole or a patch of it.
+
+    Attributes:
+        source: who saw it. sequence: grows with every update of that source.
+        elevation: (rows, columns) [m], row 0 at minimum y; NaN (null) is unknown ground.
+        resolution: edge of a cell [m]. origin: x, y of the centre of cell [0, 0] [m].
+        patch: these cells only, on the grid of the whole map that is known already.
+        terrain_class: (rows, columns) whole numbers into class_names, 0 is the base surface.
+    """
+
+    source: Name
+    sequence: Number
+    elevation: np.ndarray
+    resolution: Annotated[float, Meta(gt=0.0)]
+    origin: tuple[float, float]
+    patch: bool = False
+    terrain_class: np.ndarray | None = None
+    class_names: Annotated[list[Text], Meta(min_length=1, max_length=62)] | None = None
+
+
+class Status(_Message):
+    """How the service is.
+
+    Attributes:
+        service: its id. uptime: [s]. parameters, map_version, map_age: as in a reply.
+        flags: what is not as it should be. counters: since the start.
+        seconds: median and 99th percentile of late answers, from arrival to reply [s].
+    """
+
+    service: str
+    uptime: float
+    parameters: Parameters
+    map_version: int
+    map_age: float | None
+    flags: list[str]
+    counters: dict[str, int]
+    seconds: dict[str, float]

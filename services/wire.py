@@ -1,0 +1,186 @@
+"""Messages on the wire: JSON for people, MessagePack for machines, from one set of schemas.
+
+An array is nested lists in JSON (null where there is no number) and ``{"shape": …, "data": …}`` in
+MessagePack, data being little-endian float64 in C order; either reader takes both. The encoding
+that travels with a payload names format, schema and major version:
+``application/msgpack;slopewise.plan_request.v1``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from enum import Enum
+from functools import cache
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from models.errors import InputError
+
+T = TypeVar("T", bound=msgspec.Struct)
+
+VERSION = 1
+"""Major version of all schemas; it is in the keys, too."""
+
+_MOST_AXES = 2
+_MOST_ITEMS = 2**32
+_WHERE = re.compile(r"^(?P<what>.*?)(?: - at `\$\.?(?P<where>.*)`)?$", re.DOTALL)
+_MISSING = re.compile(r"^Object missing required field `(?P<name>.*)`$")
+_UNKNOWN = re.compile(r"^Object contains unknown field `(?P<name>.*)`$", re.DOTALL)
+_CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
+
+
+class Format(Enum):
+    """How a payload is written; the value is the first part of its encoding."""
+
+    JSON = "application/json"
+    MESSAGEPACK = "application/msgpack"
+
+
+def schema_of(kind: type[msgspec.Struct]) -> str:
+    """Name and major version of a schema, e.g. ``slopewise.plan_request.v1``."""
+    return f"slopewise.{_CAPITAL.sub('_', kind.__name__).lower()}.v{VERSION}"
+
+
+def encoding_of(kind: type[msgspec.Struct], written: Format) -> str:
+    """What travels beside a payload."""
+    return f"{written.value};{schema_of(kind)}"
+
+
+def format_of(encoding: str) -> Format:
+    """How a sender writes, as far as its encoding tells; what cannot be told is for machines."""
+    return Format.JSON if encoding.startswith(Format.JSON.value) else Format.MESSAGEPACK
+
+
+def encode(message: msgspec.Struct, written: Format) -> bytes:
+    """The payload of a message; its encoding is that of :func:`encoding_of`."""
+    if written is Format.JSON:
+        return msgspec.json.encode(message, enc_hook=_as_lists)
+    return msgspec.msgpack.encode(message, enc_hook=_as_block)
+
+
+def decode(kind: type[T], payload: Any, encoding: str, source: str, most_bytes: int) -> T:
+    """A message out of a payload that somebody else wrote.
+
+    Args:
+        kind: schema that is expected.
+        payload: anything with a length that ``bytes`` takes; not copied while it is too long.
+        encoding: that travelled beside it; in JSON the schema may be left out.
+        source: key it came on, for errors.
+        most_bytes: size beyond which it is not looked at.
+
+    Raises:
+        InputError: names key and field, and what was expected. No NaN passes in a single number; in
+            arrays it does, because there it means something.
+    """
+    size = len(payload)
+    if size > most_bytes:
+        raise InputError(source, "", f"expected at most {most_bytes} bytes, got {size}")
+    written, _, schema = encoding.partition(";")
+    known = [choice.value for choice in Format]
+    wanted = schema_of(kind)
+    if written not in known:
+        shown = repr(encoding[:80])
+        raise InputError(source, "encoding", f"expected {' or '.join(known)}, got {shown}")
+    if schema != wanted and (schema or written != Format.JSON.value):
+        raise InputError(source, "encoding", f"expected schema {wanted}, got {schema[:80]!r}")
+    try:
+        message: T = _decoder(kind, Format(written)).decode(bytes(payload))
+    except msgspec.ValidationError as error:
+        raise _fault(source, str(error)) from None
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+        words = f"expected {wanted} as {written}, got: {_line(str(error))}"
+        raise InputError(source, "", words) from None
+    _check_numbers(message, source, "")
+    return message
+
+
+@cache
+def _decoder(kind: type[msgspec.Struct], written: Format) -> Any:
+    if written is Format.JSON:
+        return msgspec.json.Decoder(kind, dec_hook=_hook)
+    return msgspec.msgpack.Decoder(kind, dec_hook=_hook)
+
+
+def _hook(kind: type, value: Any) -> Any:
+    if kind is np.ndarray:
+        return _from_block(value) if isinstance(value, dict) else _from_lists(value)
+    raise NotImplementedError(f"no wire form of {kind}")
+
+
+def _from_block(value: dict[Any, Any]) -> np.ndarray:
+    shape, data = value.get("shape"), value.get("data")
+    if set(value) != {"shape", "data"} or not isinstance(data, bytes):
+        raise ValueError("Expected an array as shape and binary data")
+    axes = isinstance(shape, list) and 1 <= len(shape) <= _MOST_AXES
+    if not axes or not all(type(n) is int and 0 <= n <= _MOST_ITEMS for n in shape):
+        raise ValueError(f"Expected a shape of 1 or {_MOST_AXES} whole numbers")
+    if math.prod(shape) * 8 != len(data):
+        words = " x ".join(str(n) for n in shape)
+        raise ValueError(f"Expected {words} float64, got {len(data)} bytes")
+    # What is read here belongs to nobody else, and nobody may write to it.
+    return np.frombuffer(data, "<f8").reshape(shape)
+
+
+def _from_lists(value: Any) -> np.ndarray:
+    nested = isinstance(value, list) and bool(value) and isinstance(value[0], list)
+    kind: Any = list[list[float | None]] if nested else list[float | None]
+    try:
+        rows = msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        found = _WHERE.match(str(error))
+        assert found is not None
+        raise ValueError(f"{found['what']} at {found['where']}") from None
+    if nested and len({len(row) for row in rows}) > 1:
+        raise ValueError("Expected rows of one length")
+    return np.array(rows, np.float64)
+
+
+def _as_block(value: Any) -> dict[str, Any]:
+    array = _array(value)
+    return {"shape": array.shape, "data": array.tobytes()}
+
+
+def _as_lists(value: Any) -> Any:
+    # JSON has no word for numbers that are none; the encoder writes null.
+    return _array(value).tolist()
+
+
+def _array(value: Any) -> np.ndarray:
+    if not isinstance(value, np.ndarray):
+        raise NotImplementedError(f"no wire form of {type(value)}")
+    return np.ascontiguousarray(value, "<f8")
+
+
+def _check_numbers(value: Any, source: str, where: str) -> None:
+    """Refuse what MessagePack lets through. Lists are left to whoever can refuse one of many."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise InputError(source, where, f"expected a finite number, got {value}")
+    elif isinstance(value, msgspec.Struct):
+        for name in value.__struct_fields__:
+            _check_numbers(getattr(value, name), source, f"{where}.{name}" if where else name)
+    elif isinstance(value, tuple):
+        for i, item in enumerate(value):
+            _check_numbers(item, source, f"{where}[{i}]")
+
+
+def _fault(source: str, text: str) -> InputError:
+    """The reader's own words as one of ours."""
+    found = _WHERE.match(text)
+    assert found is not None
+    what, where = found["what"], found["where"] or ""
+    for pattern, words in (
+        (_MISSING, "expected this field, got none"),
+        (_UNKNOWN, "unknown field"),
+    ):
+        if named := pattern.match(what):
+            name = _line(named["name"])[:80]
+            return InputError(source, f"{where}.{name}" if where else name, words)
+    return InputError(source, _line(where), _line(what[:1].lower() + what[1:].replace("`", "")))
+
+
+def _line(text: str) -> str:
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

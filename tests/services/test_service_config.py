@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from services.config import ServiceConfig, ZenohSettings, read_config, zenoh_config
+from tests.services.faults import fault_in
+
+SHIPPED = Path(__file__).parents[2] / "configs" / "service.toml"
+
+
+def test_shipped_file_says_the_defaults() -> None:
+    assert read_config(SHIPPED) == ServiceConfig(model="atv")
+
+
+def test_shipped_file_names_every_key() -> None:
+    named = set(re.findall(r"^(?:# )?(\w+) = ", SHIPPED.read_text(), re.MULTILINE))
+    config = ServiceConfig(model="atv")
+    tables = [config, config.zenoh, config.planning, config.sizes, config.status]
+    keys = {name for table in tables for name in table.__dataclass_fields__}
+    assert keys - named == {"zenoh", "planning", "sizes", "status"}
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "words"),
+    [
+        ("", "model", "missing key"),
+        ('model = "atv"\nnamespace = "a//b"', "namespace", "words joined by /"),
+        ('model = "atv"\nnamespace = "a/**"', "namespace", "words joined by /"),
+        ('model = "atv"\nid = "a/b"', "id", "one word"),
+        ('model = "atv"\n[planning]\nworkers = 0', "planning.workers", ">= 1"),
+        ('model = "atv"\n[planning]\nworkers = 1.5', "planning.workers", "1.5"),
+        ('model = "atv"\n[planning]\ndeadline = 0.005', "planning.early", "less than"),
+        ('model = "atv"\n[planning]\nqueu = 1', "planning.queu", "did you mean queue"),
+        ('model = "atv"\n[zenoh]\nmode = "star"', "zenoh.mode", "'peer'"),
+        ('model = "atv"\n[sizes]\nrequest_bytes = 1', "sizes.request_bytes", ">= 1000"),
+        ("model = ", "", "TOML"),
+    ],
+)
+def test_mistakes_are_named(tmp_path: Path, text: str, field: str, words: str) -> None:
+    file = tmp_path / "service.toml"
+    file.write_text(text)
+    with fault_in(file, field, words):
+        read_config(file)
+
+
+def test_files_are_looked_for_beside_the_settings(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("")
+    (tmp_path / "service.toml").write_text('model = "mine.toml"')
+    assert read_config(tmp_path / "service.toml").model == str(tmp_path / "mine.toml")
+
+
+def test_nobody_else_can_reach_it_unless_asked_for() -> None:
+    config = zenoh_config(ZenohSettings())
+    assert json.loads(config.get_json("listen/endpoints")) == ["tcp/127.0.0.1:7447"]
+    assert json.loads(config.get_json("scouting/multicast/enabled")) is False
+
+
+def test_settings_that_zenoh_refuses_are_named() -> None:
+    with fault_in("zenoh", "", "expected usable settings"):
+        zenoh_config(ZenohSettings(listen=("nonsense",)))
