@@ -335,6 +335,58 @@ def bench(
     command.run(quick=quick, json_file=json_file, plot=plot)
 
 
+@app.command()
+def serve(
+    config: Annotated[
+        Path, typer.Option("--config", "-c", metavar="service.toml", help="The service's settings.")
+    ],
+) -> None:
+    """Answer questions for plans over zenoh until a signal asks to stop.
+
+    [bold]Example[/]  slopewise serve --config configs/service.toml
+    """
+    from services.commands import serve as command
+
+    command.run(config)
+
+
+@app.command()
+def query(
+    path_file: PathFile,
+    connect: Annotated[
+        str, typer.Option(metavar="ENDPOINT", help="Where the service, or a router, listens.")
+    ] = "tcp/127.0.0.1:7447",
+    namespace: Annotated[str, typer.Option(help="Of the service's keys.")] = "slopewise/robot",
+    speed: Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")] = 0.0,
+    clear: Annotated[
+        float | None,
+        typer.Option(
+            metavar="METRES",
+            help="Station up to which the way is known free; the whole path if left out.",
+        ),
+    ] = None,
+    map_file: Annotated[
+        Path | None, typer.Option("--map", metavar="MAP", help="Elevation map to send before.")
+    ] = None,
+    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")] = 2.0,
+    as_json: AsJson = False,
+) -> None:
+    """Ask a running service for plans along candidate paths.
+
+    Where no answer comes in time, the answer is the client's own stop. Status 3: no plan may be
+    driven.
+
+    [bold]Example[/]  slopewise query paths.csv --map hill.tif --speed 2
+    """
+    from services.commands import query as command
+
+    job = command.QueryJob(path_file, connect, namespace, speed, clear, timeout, map_file)
+    outcome = command.run(job)
+    _print(as_json, lambda: command.as_json(outcome), lambda screen: command.show(outcome, screen))
+    if not command.admissible(outcome):
+        raise typer.Exit(NO_ADMISSIBLE)
+
+
 def _print(as_json: bool, data: Any, show: Any) -> None:
     if as_json:
         typer.echo(json.dumps(data(), allow_nan=False))

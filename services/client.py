@@ -1,0 +1,178 @@
+"""What a robot's stack needs to ask for plans: this file, `messages.py`, `wire.py`, `errors.py`.
+
+There is always an answer in time. Where none comes from the service, or none that is a plan, it is
+the client's own: brake, as hard as the brakes can, and how the speed will go down meanwhile.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+import zenoh
+
+from models.errors import InputError, ParameterError
+from services import messages, wire
+from services.messages import MapUpdate, Path, PlanReply, PlanRequest
+from services.wire import Format
+
+_LARGEST_REPLY = 256_000_000
+_SAMPLES = 50
+_FOR_THE_WAY = 0.8
+"""Share of the time-out that the service may use; the rest is for the wire."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafeStop:
+    """How the vehicle comes to rest when nobody answers, from now on.
+
+    Attributes:
+        time, speed: (N,) speed is held for the dead time and then falls evenly [s], [m/s].
+        distance: that it takes at that deceleration [m]. reason: why it is needed.
+    """
+
+    time: np.ndarray
+    speed: np.ndarray
+    distance: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What to do: drive the reply's plan, or stop; one of both is None.
+
+    ``seconds``: from question to outcome.
+    """
+
+    reply: PlanReply | None
+    stop: SafeStop | None
+    seconds: float
+
+
+class PlanClient:
+    """Asks one service; a context manager. One thread at a time."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        *,
+        namespace: str = "slopewise/robot",
+        name: str = "",
+        timeout: float = 0.1,
+        deceleration: float = 1.5,
+        dead_time: float = 0.5,
+        written: Format = Format.MESSAGEPACK,
+    ) -> None:
+        """Ask on a session that somebody opened.
+
+        Args:
+            session: of zenoh.
+            namespace: of the service's keys.
+            name: of this client; with one, the service goes on with what it drives.
+            timeout: for an answer [s].
+            deceleration, dead_time: of the own stop: what the brakes reach for certain [m/s²], [s].
+            written: how to write.
+        """
+        for field, value in (("timeout", timeout), ("deceleration", deceleration)):
+            if not (np.isfinite(value) and value > 0.0):
+                raise ParameterError(field, f"a finite number > 0, got {value}")
+        if not (np.isfinite(dead_time) and dead_time >= 0.0):
+            raise ParameterError("dead_time", f"a finite number >= 0 [s], got {dead_time}")
+        self._session, self._name, self._written = session, name, written
+        self._timeout, self._deceleration, self._dead_time = timeout, deceleration, dead_time
+        self._plan_key, self._map_key = f"{namespace}/v1/plan", f"{namespace}/v1/map"
+        self._sequence = 0
+        self._encoding = wire.encoding_of(PlanRequest, written)
+        self._querier = session.declare_querier(self._plan_key, timeout=timeout, express=True)
+
+    def __enter__(self) -> PlanClient:
+        """Ready as it is."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        """Leave the session to whoever opened it."""
+        self._querier.undeclare()
+
+    def plan(
+        self,
+        speed: float,
+        paths: Sequence[Path],
+        *,
+        pose: tuple[float, float, float] | None = None,
+        clear: float | None = None,
+    ) -> Outcome:
+        """What to do now: always within the time-out, never an error of the wire.
+
+        Args:
+            speed: of the vehicle [m/s]. paths: candidates. pose: x, y, heading [m, m, rad].
+            clear: station up to which the way is known free [m]; None: the whole of each path.
+        """
+        begun = time.perf_counter()
+        self._sequence += 1
+        request = PlanRequest(
+            speed=speed, paths=list(paths), client=self._name, pose=pose, clear=clear,
+            sequence=self._sequence,
+        )  # fmt: skip
+        try:
+            reply = self._ask(request)
+            reason = "no service answers" if reply is None else _objection(reply, request)
+        except (zenoh.ZError, InputError) as error:
+            reply, reason = None, str(error)
+        took = time.perf_counter() - begun
+        if reply is None or reason:
+            return Outcome(None, self.safe_stop(speed, reason), took)
+        return Outcome(reply, None, took)
+
+    def safe_stop(self, speed: float, reason: str) -> SafeStop:
+        """The own stop from a speed [m/s]; one that is no number counts as none."""
+        begin = max(float(speed), 0.0) if np.isfinite(speed) else 0.0
+        braking = begin / self._deceleration
+        fall = np.linspace(0.0, braking, _SAMPLES)
+        moment = np.concatenate(([0.0], self._dead_time + fall))
+        slower = np.maximum(begin - self._deceleration * fall, 0.0)
+        slower[-1] = 0.0
+        distance = begin * self._dead_time + 0.5 * begin * braking
+        return SafeStop(
+            time=moment, speed=np.concatenate(([begin], slower)), distance=distance, reason=reason
+        )
+
+    def put_map(self, update: MapUpdate) -> None:
+        """Send ground; that it arrived shows in the map version of the next reply."""
+        self._session.put(
+            self._map_key, wire.encode(update, self._written),
+            encoding=wire.encoding_of(MapUpdate, self._written),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )  # fmt: skip
+
+    def _ask(self, request: PlanRequest) -> PlanReply | None:
+        deadline = f"deadline={_FOR_THE_WAY * self._timeout:.6f}"
+        replies = self._querier.get(
+            parameters=deadline, payload=wire.encode(request, self._written),
+            encoding=self._encoding,
+        )  # fmt: skip
+        for reply in replies:
+            if reply.ok is not None:
+                sample = reply.ok
+                return wire.decode(
+                    PlanReply, sample.payload, str(sample.encoding), self._plan_key, _LARGEST_REPLY
+                )
+        return None
+
+
+def _objection(reply: PlanReply, request: PlanRequest) -> str:
+    """Why a reply is nothing to drive by, empty if it is."""
+    if reply.status in (messages.BUSY, messages.ERROR):
+        return f"{reply.status}: {reply.reason}"
+    if reply.sequence != request.sequence:
+        return f"the answer is to question {reply.sequence}, not {request.sequence}"
+    if reply.command is None:
+        return "the answer holds no command"
+    if any(not np.isfinite(plan.column("speed")).all() for plan in reply.plans):
+        return "the answer holds speeds that are no numbers"
+    return ""

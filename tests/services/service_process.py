@@ -1,0 +1,90 @@
+"""A service in a process of its own, on a free port of the loopback."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import zenoh
+
+from services.config import ZenohSettings, zenoh_config
+from services.messages import MapUpdate
+from services.messages import Path as Candidate
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@dataclass
+class Running:
+    process: subprocess.Popen[str]
+    endpoint: str
+    namespace: str
+
+    def key(self, name: str) -> str:
+        return f"{self.namespace}/v1/{name}"
+
+    def session(self) -> zenoh.Session:
+        return zenoh.open(zenoh_config(ZenohSettings(mode="client", connect=(self.endpoint,))))
+
+    def peer(self) -> zenoh.Session:
+        """A session that lives on when the service is gone."""
+        own = (f"tcp/127.0.0.1:{free_port()}",)
+        return zenoh.open(zenoh_config(ZenohSettings(listen=own, connect=(self.endpoint,))))
+
+
+@contextlib.contextmanager
+def running(folder: Path, settings: str = "", planning: str = "") -> Iterator[Running]:
+    port = free_port()
+    endpoint, namespace = f"tcp/127.0.0.1:{port}", f"test/{port}"
+    file = folder / f"service-{port}.toml"
+    file.write_text(
+        f'model = "atv"\nnamespace = "{namespace}"\n{settings}\n'
+        f'[zenoh]\nlisten = ["{endpoint}"]\n[planning]\ndeadline = 5.0\n{planning}\n'
+        "[status]\nperiod = 0.1\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-m", "services.cli", "serve", "--config", str(file)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert namespace in line, (line, process.poll(), process.stderr and process.stderr.read())
+        yield Running(process, endpoint, namespace)
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGCONT)
+            process.terminate()
+        try:
+            process.wait(10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait(10.0)
+
+
+def flat(sequence: int = 1, **changes: object) -> MapUpdate:
+    fields: dict[str, object] = {
+        "source": "test", "sequence": sequence, "elevation": np.zeros((49, 193)),
+        "resolution": 0.25, "origin": (-3.0, -6.0),
+    }  # fmt: skip
+    return MapUpdate(**(fields | changes))  # type: ignore[arg-type]
+
+
+def fan(count: int = 5, points: int = 100, length: float = 25.0) -> list[Candidate]:
+    along = np.linspace(0.0, length, points)
+    bends = np.linspace(-0.004, 0.004, count)
+    return [
+        Candidate(name=f"c{j}", points=np.stack([along, bend * along**2], axis=1))
+        for j, bend in enumerate(bends)
+    ]

@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+
+from models.errors import ParameterError
+from services.client import Outcome, PlanClient
+from services.config import ZenohSettings, zenoh_config
+from services.files.map_file import write_map_npz
+from services.files.path_file import write_paths_csv
+from tests.planner import scenes
+from tests.services.service_process import fan, flat, free_port, running
+
+
+def is_safe(outcome: Outcome, speed: float) -> None:
+    """An own stop: never faster than now, and at rest in the end."""
+    assert outcome.reply is None
+    stop = outcome.stop
+    assert stop is not None
+    assert stop.speed[0] == speed
+    assert stop.speed.max() == speed
+    assert stop.speed[-1] == 0.0
+    assert np.all(np.diff(stop.speed) <= 0.0)
+    assert stop.distance == pytest.approx(np.trapezoid(stop.speed, stop.time), rel=1e-12)
+
+
+def test_kill_minus_nine_and_the_client_stops_by_itself(tmp_path: Path) -> None:
+    with (
+        running(tmp_path) as started,
+        started.session() as opened,
+        PlanClient(opened, namespace=started.namespace, timeout=0.3) as client,
+    ):
+        client.put_map(flat())
+        until = time.monotonic() + 10.0
+        outcome = client.plan(2.0, fan())
+        while time.monotonic() < until and not (outcome.reply and outcome.reply.plans):
+            outcome = client.plan(2.0, fan())
+        assert outcome.reply is not None
+        assert outcome.stop is None
+        started.process.kill()
+        for _ in range(5):
+            begun = time.monotonic()
+            outcome = client.plan(2.0, fan())
+            assert time.monotonic() - begun < 0.6
+        is_safe(outcome, 2.0)
+
+
+def test_a_hung_service_is_one_that_does_not_answer(tmp_path: Path) -> None:
+    with (
+        running(tmp_path) as started,
+        started.session() as opened,
+        PlanClient(opened, namespace=started.namespace, timeout=0.3) as client,
+    ):
+        started.process.send_signal(signal.SIGSTOP)
+        begun = time.monotonic()
+        outcome = client.plan(1.5, fan())
+        took = time.monotonic() - begun
+        started.process.send_signal(signal.SIGCONT)
+    is_safe(outcome, 1.5)
+    assert 0.25 < took < 0.8
+    assert outcome.stop is not None
+    assert outcome.stop.reason == "no service answers"
+
+
+def test_what_is_no_plan_is_no_answer(tmp_path: Path) -> None:
+    with (
+        running(tmp_path) as started,
+        started.session() as opened,
+        PlanClient(opened, namespace=started.namespace, timeout=2.0, name="a") as client,
+    ):
+        outcome = client.plan(1.0, fan())
+    is_safe(outcome, 1.0)
+    assert outcome.stop is not None
+    assert outcome.stop.reason.startswith("error")
+    assert "pose" in outcome.stop.reason
+
+
+def test_nobody_there() -> None:
+    port = free_port()
+    settings = ZenohSettings(listen=(f"tcp/127.0.0.1:{port}",))
+    with (
+        zenoh.open(zenoh_config(settings)) as opened,
+        PlanClient(opened, namespace="nobody/here", timeout=0.2) as client,
+    ):
+        is_safe(client.plan(1.0, fan()), 1.0)
+        for bad in (float("nan"), float("inf"), -1.0):
+            assert client.safe_stop(bad, "").speed.max() == 0.0
+        with pytest.raises(ParameterError, match="timeout"):
+            PlanClient(opened, timeout=0.0)
+
+
+def test_the_command_asks_a_running_service(tmp_path: Path) -> None:
+    write_map_npz(scenes.plane(), tmp_path / "map.npz")
+    write_paths_csv([scenes.straight(20.0)], tmp_path / "paths.csv")
+    words = ["query", str(tmp_path / "paths.csv"), "--speed", "1", "--json"]
+    with running(tmp_path) as started:
+        where = ["--connect", started.endpoint, "--namespace", started.namespace]
+        more = ["--map", str(tmp_path / "map.npz")]
+        command = [sys.executable, "-m", "services.cli", *words, *where]
+        got = subprocess.run([*command, *more], capture_output=True, text=True, check=False)
+        assert got.returncode == 0, got.stderr
+        reply = json.loads(got.stdout)
+        assert reply["status"] == "ok"
+        assert reply["plans"][0]["progress"] == pytest.approx(20.0, abs=1.0)
+    got = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert got.returncode == 2
+    assert "--connect: expected a service at" in got.stderr
