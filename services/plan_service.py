@@ -33,6 +33,8 @@ from services.map_store import KnownGround
 from services.messages import Candidate, Command, Limit, Path, Plan, PlanReply, PlanRequest
 
 _FEWEST_POINTS = 3
+_FARTHEST = 1e9
+"""Coordinates beyond that are none [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,15 +172,17 @@ class PlanService:
         if not _FEWEST_POINTS <= len(points) <= sizes.points:
             words = f"{_FEWEST_POINTS} … {sizes.points} points, got {len(points)}"
             raise ParameterError("points", words)
-        if not np.isfinite(points).all() or np.abs(points).max() > 1e9:
+        # NaN is never below anything.
+        if not np.abs(points).max() <= _FARTHEST:
             raise ParameterError("points", "finite coordinates [m]")
         if path.clear is not None and not path.clear >= 0.0:
             raise ParameterError("clear", f"a distance >= 0 [m], got {path.clear}")
-        steps = np.hypot(*np.diff(points, axis=0).T)
-        if not steps.min() > 0.0:
-            i = int(np.argmin(steps))
+        steps = points[1:] - points[:-1]
+        squares = np.einsum("ij,ij->i", steps, steps)
+        if not squares.min() > 0.0:
+            i = int(np.argmin(squares))
             raise ParameterError(f"points[{i + 1}]", "a place of its own: stations have to grow")
-        length = float(steps.sum())
+        length = float(np.sqrt(squares).sum())
         if length > sizes.stations:
             raise ParameterError("points", f"a path of at most {sizes.stations} m, got {length:g}")
         return length
