@@ -85,7 +85,11 @@ def test_the_batch_is_judged_as_each_candidate_alone(
         ("accel", {}, 1.2),
         ("decel", {}, 1.2),
         ("axle_load", {"vehicle": {"cg_z": 1.1}, "limits": {"min_load": 0.15}}, 1.6),
-        ("side_load", {"limits": {"min_load": 0.8, "lateral_accel": 9.0}}, 2.5),
+        (
+            "side_load",
+            {"vehicle": {"cg_z": 0.9}, "limits": {"min_load": 0.5, "lateral_accel": 9.0}},
+            3.0,
+        ),
     ],
 )
 def test_each_kind_of_breach_is_found_in_the_right_candidate(
