@@ -20,6 +20,9 @@ from planner.path import PathBatch
 from planner.place import Place
 from planner.plan import SpeedPlan, Status
 
+_EXACT = 1e-6
+"""Accelerations closer than this are the same [m/s²]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Offered:
@@ -82,7 +85,9 @@ class OwnPath:
     def go_on(self) -> Driven | None:
         """A new plan that goes on from the end of the segment; None if it has to begin anew."""
         i, plan = self._segment, self.driven.plan
-        if self.rests:
+        # What brakes harder than planned braking may has to be planned from where it is by now.
+        service = self.planner.equipment.model.limits.decel
+        if self.rests or -plan.accel[i] > service + _EXACT:
             return None
         path, first, emission = self._emission(extended=True)
         speed_sq, reachable = emission.fastest()
@@ -94,7 +99,8 @@ class OwnPath:
             plan.candidate, lambda: again.pop() if again else self._emission(extended=True)[2],
             path.x[first + 1 :, 0], path.y[first + 1 :, 0], work,
         )  # fmt: skip
-        return _driven(answer, path, first)
+        # A plan that cannot be repaired stands still: that is none for a vehicle that moves.
+        return _driven(answer, path, first) if answer.speed[0] == plan.speed[i] else None
 
     def keep(self) -> tuple[Driven | None, Deficit | None]:
         """What is left of the plan, as it is; or what it lacks by what is known now."""
@@ -106,6 +112,8 @@ class OwnPath:
             if plan.status is Status.DEGRADED:
                 kept = replace(kept, status=plan.status, reason=plan.reason)
             return _driven(kept, path, first), None
+        if plan.status is Status.DEGRADED:
+            return None, None
         verdict = emission.judge(speed_sq)
         kind = int(np.argmax(verdict.offence))
         k = int(verdict.where[0]) if len(verdict.where) else 0

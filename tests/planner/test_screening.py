@@ -75,6 +75,9 @@ def test_the_batch_is_judged_as_each_candidate_alone(
     assert_agree(*verdicts(solved, paths, share * solved.speed_sq, model))
 
 
+SIDE = {"min_load": 0.5, "lateral_accel": 9.0}
+
+
 @pytest.mark.parametrize(
     ("kind", "changes", "share"),
     [
@@ -85,11 +88,7 @@ def test_the_batch_is_judged_as_each_candidate_alone(
         ("accel", {}, 1.2),
         ("decel", {}, 1.2),
         ("axle_load", {"vehicle": {"cg_z": 1.1}, "limits": {"min_load": 0.15}}, 1.6),
-        (
-            "side_load",
-            {"vehicle": {"cg_z": 0.9}, "limits": {"min_load": 0.5, "lateral_accel": 9.0}},
-            3.0,
-        ),
+        ("side_load", {"vehicle": {"track_width": 0.4}, "limits": SIDE}, 2.5),
     ],
 )
 def test_each_kind_of_breach_is_found_in_the_right_candidate(
