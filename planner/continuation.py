@@ -157,7 +157,7 @@ class Driven:
 
         Args:
             place: the vehicle on this path.
-            offered: stations x, y and limits (n,), from the vehicle on [m, m, m/s].
+            offered: stations x, y and limits (n,), from a few behind the vehicle on [m, m, m/s].
             behind: as of :meth:`rest`.
             extended: with the stations with which the path goes on now.
         """
@@ -167,7 +167,7 @@ class Driven:
         limits = None
         if limit is not None or path.speed_limit is not None:
             new = np.full(len(x), np.inf) if limit is None else limit
-            now = _limits_along(Points(path.x[:, 0], path.y[:, 0]), x, y, new)
+            now = _limits_along(Points(path.x[:, 0], path.y[:, 0]), first, x, y, new)
             if path.speed_limit is not None:
                 now = np.minimum(now, path.speed_limit[:, 0])
             limits = np.concatenate((now, new[begin:]))
@@ -183,7 +183,10 @@ class Driven:
         step = float(np.hypot(own_x[-1] - own_x[-2], own_y[-1] - own_y[-2]))
         direction = (own_x[-1] - own_x[-2]) / step, (own_y[-1] - own_y[-2]) / step
         length = float(self.ahead(place).arc()[-1])
-        along = Points(x, y).arc()
+        points = Points(x, y)
+        _, beside = points.foot(place.x, place.y)
+        along = points.arc()
+        along = along - along[int(np.argmin(beside[0, : BEHIND + 2]))]
         off = np.hypot(x - own_x[-1], y - own_y[-1])
         near = np.abs(along - length) <= _WINDOW + _DRIFT * length
         if not near.any():
@@ -215,15 +218,21 @@ def reached(path: Points, station: Floats, place: tuple[float, float], expected:
     return float(station[k] + min(max(u, 0.0), 1.0) * (station[k + 1] - station[k]))
 
 
-def _limits_along(path: Points, x: Floats, y: Floats, limit: Floats) -> Floats:
-    """Least of the two limits around each station of a path, of another one beside it, (N,)."""
+def _limits_along(path: Points, first: int, x: Floats, y: Floats, limit: Floats) -> Floats:
+    """Limits of another path at the stations of one that runs along it, (N,) [m/s].
+
+    Between two stations of the other path the lower limit counts; up to station ``first``, where
+    the vehicle has been, either one allowed it to be.
+    """
     share, off = Points(x, y).foot(path.x, path.y)
     k = np.argmin(off, axis=1)
     u = share[np.arange(len(k)), k]
-    lower: Floats = np.minimum(limit[k], limit[k + 1])
-    lower = np.where(u <= _AT_END, limit[k], np.where(u >= 1.0 - _AT_END, limit[k + 1], lower))
+    lower, higher = np.minimum(limit[k], limit[k + 1]), np.maximum(limit[k], limit[k + 1])
+    between = np.where(np.arange(len(k)) <= first, higher, lower)
+    here: Floats = np.where(u >= 1.0 - _AT_END, limit[k + 1], between)
+    here = np.where(u <= _AT_END, limit[k], here)
     # Before the other path begins it has no say.
-    return np.where((k == 0) & (u < -_AT_END), np.inf, lower)
+    return np.where((k == 0) & (u < -_AT_END), np.inf, here)
 
 
 def _alone(plan: SpeedPlan, x: Floats, y: Floats, limit: Floats | None) -> PathBatch:

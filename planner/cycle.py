@@ -96,7 +96,7 @@ class Cycle:
         step = float(np.hypot(np.diff(begun.x[1:3], axis=0), np.diff(begun.y[1:3], axis=0)).max())
         self._gain = self._settings.switch_gain + planner.equipment.planner.horizon_penalty * step
         left = left_behind(paths, place, planner.elevation_map, planner.footprint)
-        ours = self._find_own(paths, begun, left, clear)
+        ours = self._find_own(paths, place, begun, left, clear)
         start = max(self._state.speed, 0.0)
         if self._own is not None:
             start, _ = self._own.driven.speed_at(self._own.place)
@@ -167,7 +167,7 @@ class Cycle:
         return abs(max(self._state.speed, 0.0) - planned) <= self._settings.speed_error
 
     def _find_own(
-        self, paths: PathBatch, begun: PathBatch, left: Floats, clear: Floats
+        self, paths: PathBatch, place: Place, begun: PathBatch, left: Floats, clear: Floats
     ) -> int | None:
         """Index of the candidate that is the path driven so far, which takes note of it."""
         own = self._own
@@ -179,10 +179,10 @@ class Cycle:
         if not own.driven.agrees(own.place, x, y, self._settings.same_path):
             return None
         alone = only(paths, np.array([j]))
-        limit = None if begun.speed_limit is None else begun.speed_limit[:n, j]
         offered = offered_path(
-            alone, (x, y, limit), self._planner.stations(alone), float(left[j]), float(clear[j])
-        )
+            alone, int(place.segment[j]), self._planner.stations(alone), float(left[j]),
+            float(clear[j]),
+        )  # fmt: skip
         self._own = replace(own, offered=offered)
         return j
 

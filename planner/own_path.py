@@ -29,7 +29,7 @@ class Offered:
     """The driven path as it is offered in this cycle.
 
     Attributes:
-        x, y: (n,) stations from the vehicle on [m].
+        x, y: (n,) stations from a few behind the vehicle on [m].
         limit: (n,) limits of the path itself [m/s], None if it has none.
         far: end of the path or of the free way, whichever is first [m].
         free: way along the ground from the vehicle to there [m].
@@ -43,20 +43,21 @@ class Offered:
 
 
 def offered_path(
-    path: PathBatch, begun: tuple[Floats, Floats, Floats | None], station: Floats, left: float,
-    clear: float,
-) -> Offered:  # fmt: skip
+    path: PathBatch, segment: int, station: Floats, left: float, clear: float
+) -> Offered:
     """What a path offers.
 
     Args:
-        path: as it came, alone; begun: x, y and limits from the vehicle on.
-        station: (n,) stations of the whole path along the ground [m].
+        path: as it came, alone; segment: index of its station behind the vehicle.
+        station: (n,) stations of it along the ground [m].
         left: station of the vehicle on it; clear: station up to which it is free [m].
     """
-    n = int(path.count[0])
+    n, first = int(path.count[0]), max(segment - BEHIND, 0)
     end = min(max(clear, 0.0), float(station[n - 1]))
     far = tuple(float(np.interp(end, station[:n], a[:n, 0])) for a in (path.x, path.y))
-    return Offered(*begun, (far[0], far[1]), end - left)
+    limit = None if path.speed_limit is None else path.speed_limit[first:n, 0]
+    x, y = path.x[first:n, 0], path.y[first:n, 0]
+    return Offered(x, y, limit, (far[0], far[1]), end - left)
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,7 +116,9 @@ def cut(paths: PathBatch, place: Place, at: tuple[float, float]) -> PathBatch:
     rows = np.minimum(kept + np.arange(int(count.max()) - 1)[:, None], last)
     limit = paths.speed_limit
     if limit is not None:
+        # Between two stations either one's limit holds; of one left out, its own.
         before = limit[np.maximum(kept - 1, 0), lanes]
+        before = np.where(near | ahead, before, np.maximum(before, limit[kept, lanes]))
         limit = np.vstack((before, np.take_along_axis(limit, rows, axis=0)))
     x = np.vstack((start_x, np.take_along_axis(paths.x, rows, axis=0)))
     y = np.vstack((start_y, np.take_along_axis(paths.y, rows, axis=0)))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
+from scipy.interpolate import RegularGridInterpolator
 
 from planner.answer import Answer, State
 from planner.elevation_map import ElevationMap
@@ -111,6 +112,31 @@ def nearest_station(plan: SpeedPlan, x: float, y: float) -> float:
             best = off
             found = plan.station[k] + share * (plan.station[k + 1] - plan.station[k])
     return float(found)
+
+
+def really_free(drive: Drive, plan: SpeedPlan) -> float:
+    """How far it is free from a plan's first station on, along the candidate as it was offered."""
+    j = drive.paths.names.index(plan.candidate)
+    x, y = (a[: drive.paths.count[j], j] for a in (drive.paths.x, drive.paths.y))
+    rows, columns = drive.ground.elevation.shape
+    north, east = (
+        start + drive.ground.resolution * np.arange(n)
+        for start, n in zip(drive.ground.origin[::-1], (rows, columns), strict=True)
+    )
+    known = np.nan_to_num(drive.ground.elevation)
+    z = RegularGridInterpolator((north, east), known)(np.stack([y, x], axis=1))
+    station = np.concatenate(
+        ([0.0], np.cumsum(np.sqrt(np.diff(x) ** 2 + np.diff(y) ** 2 + np.diff(z) ** 2)))
+    )
+    dx, dy = np.diff(x), np.diff(y)
+    share = ((plan.x[0] - x[:-1]) * dx + (plan.y[0] - y[:-1]) * dy) / (dx**2 + dy**2)
+    share = np.clip(share, 0.0, 1.0)
+    off = np.hypot(x[:-1] + share * dx - plan.x[0], y[:-1] + share * dy - plan.y[0])
+    k = int(np.argmin(off))
+    begins = station[k] + share[k] * (station[k + 1] - station[k])
+    return float(
+        min(np.broadcast_to(drive.clear, (len(drive.paths.names),))[j], station[-1]) - begins
+    )
 
 
 def speed_at(plan: SpeedPlan, station: float) -> float:

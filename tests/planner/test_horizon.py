@@ -24,6 +24,7 @@ from tests.planner.driving import (
     accel_at,
     drives,
     nearest_station,
+    really_free,
     speed_at,
 )
 from tests.planner.generated import SAFETY, between
@@ -74,6 +75,8 @@ def driven(drive: Drive, cycles: int) -> int:
     for n in range(cycles):
         place = drive.x, drive.y
         now = drive.cycle()
+        if now.chosen is not None:
+            assert now.chosen.clear_distance <= max(really_free(drive, now.chosen), 0.0) + 5e-3
         if last is not None:
             still_safe(last, now)
             if drive.noise == 0.0 and last.chosen is not None and now.chosen is not None:
@@ -145,6 +148,7 @@ def test_what_got_worse_is_answered_safely_and_labelled(
         else:
             if n in (0, 1, 6):
                 sound(drive, plan)
+            assert plan.clear_distance <= max(really_free(drive, plan), 0.0) + 5e-3
             stop = emergency(drive, plan)
             station = nearest_station(plan, drive.x, drive.y)
             assert station + stop.distance <= plan.clear_distance + 5e-3
