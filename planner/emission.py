@@ -122,6 +122,10 @@ class Emission:
             speed_sq, verdict, repaired = self.repair(speed_sq)
             if repaired:
                 status, reason = Status.DEGRADED, repaired
+            if speed_sq[0] < self._lead[0]:
+                # Not even slower plans pass, and a vehicle that moves cannot just stand.
+                speed_sq, verdict, status, reason = self._emergency(float(self._lead[0]))
+                wanted = None
             if unsmoothed and speed_sq.any():
                 status, reason = Status.DEGRADED, unsmoothed
             if wanted is not None and verdict.valid:
