@@ -16,6 +16,7 @@ from planner.settings import PlannerSettings
 from planner.uncertainty import Uncertainty
 from services.files.access import fault, read_text, reason
 from services.files.decode import decode_table
+from services.tls_files import settle
 
 if TYPE_CHECKING:
     import zenoh
@@ -192,6 +193,9 @@ def zenoh_config(settings: ZenohSettings, sizes: Sizes | None = None) -> zenoh.C
             config.insert_json5("listen/endpoints", json.dumps(settings.listen))
         if settings.connect:
             config.insert_json5("connect/endpoints", json.dumps(settings.connect))
+        if settings.config:
+            listen = () if settings.mode == "client" else settings.listen
+            settle(config, Path(settings.config), (*listen, *settings.connect))
         config.insert_json5("scouting/multicast/enabled", json.dumps(settings.multicast))
         if sizes is not None:
             largest = _SLACK * max(sizes.request_bytes, sizes.map_bytes)

@@ -44,13 +44,17 @@ class Running:
 
 
 @contextlib.contextmanager
-def running(folder: Path, settings: str = "", planning: str = "") -> Iterator[Running]:
+def running(
+    folder: Path, settings: str = "", planning: str = "", *, scheme: str = "tcp",
+    namespace: str = "", security: str = "",
+) -> Iterator[Running]:  # fmt: skip
     port = free_port()
-    endpoint, namespace = f"tcp/127.0.0.1:{port}", f"test/{port}"
+    endpoint, namespace = f"{scheme}/127.0.0.1:{port}", namespace or f"test/{port}"
+    secured = f'config = "{security}"\n' if security else ""
     file = folder / f"service-{port}.toml"
     file.write_text(
         f'model = "atv"\nnamespace = "{namespace}"\n{settings}\n'
-        f'[zenoh]\nlisten = ["{endpoint}"]\n[planning]\ndeadline = 5.0\n{planning}\n'
+        f'[zenoh]\nlisten = ["{endpoint}"]\n{secured}[planning]\ndeadline = 5.0\n{planning}\n'
         "[status]\nperiod = 0.1\n"
     )
     process = subprocess.Popen(

@@ -1,0 +1,116 @@
+"""Real processes and certificates: whoever is not allowed to changes nothing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+
+from services import wire
+from services.client import PlanClient
+from services.messages import PlanReply
+from services.wire import Format
+from tests.services import certificates
+from tests.services.service_process import Running, fan, flat, running
+
+NAMESPACE = "slopewise/robot"
+_SETTLED = 0.4
+"""Whatever was sent has arrived by then, or never will [s]."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("mtls")
+    certificates.make(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def service(folder: Path) -> Iterator[Running]:
+    with running(folder, scheme="tls", namespace=NAMESPACE, security="mtls.json5") as started:
+        yield started
+
+
+def as_(folder: Path, service: Running, name: str) -> zenoh.Session:
+    return certificates.session(folder, name, service.endpoint)
+
+
+def send_map(session: zenoh.Session, service: Running, **changes: object) -> None:
+    update = flat(**{"source": f"s{time.monotonic_ns()}", **changes})
+    payload = wire.encode(update, Format.MESSAGEPACK)
+    encoding = wire.encoding_of(type(update), Format.MESSAGEPACK)
+    session.put(service.key("map"), payload, encoding=encoding)
+
+
+def plan(session: zenoh.Session) -> PlanReply | None:
+    with PlanClient(session, namespace=NAMESPACE, timeout=2.0) as asking:
+        return asking.plan(1.0, fan(3)).reply
+
+
+def map_version(folder: Path, service: Running) -> int:
+    with as_(folder, service, "navigation") as navigation:
+        reply = plan(navigation)
+    assert reply is not None
+    return reply.map_version
+
+
+def test_mapping_brings_ground_and_navigation_gets_plans_on_it(
+    folder: Path, service: Running
+) -> None:
+    before = map_version(folder, service)
+    with as_(folder, service, "mapping") as mapping:
+        send_map(mapping, service)
+        time.sleep(_SETTLED)
+    with as_(folder, service, "navigation") as navigation:
+        reply = plan(navigation)
+    assert reply is not None
+    assert reply.map_version == before + 1
+    assert len(reply.plans) == 3
+    assert reply.plans[0].column("speed").max() > 2.0
+
+
+@pytest.mark.parametrize("name", ["navigation", "estimator", "stranger"])
+def test_ground_of_anybody_else_is_not_let_in(folder: Path, service: Running, name: str) -> None:
+    before = map_version(folder, service)
+    with as_(folder, service, name) as other:
+        send_map(other, service, elevation=np.full((49, 193), 7.0))
+        time.sleep(_SETTLED)
+    assert map_version(folder, service) == before
+
+
+@pytest.mark.parametrize("name", ["mapping", "estimator", "stranger"])
+def test_who_may_not_ask_gets_the_own_stop(folder: Path, service: Running, name: str) -> None:
+    with (
+        as_(folder, service, name) as other,
+        PlanClient(other, namespace=NAMESPACE, timeout=0.5) as asking,
+    ):
+        outcome = asking.plan(1.0, fan(3))
+    assert outcome.reply is None
+    assert outcome.stop is not None
+
+
+def test_a_certificate_of_another_authority_opens_nothing(folder: Path, service: Running) -> None:
+    with pytest.raises(zenoh.ZError):
+        as_(folder, service, "forged")
+
+
+def test_nobody_answers_in_the_service_s_place(folder: Path, service: Running) -> None:
+    key = service.key("plan")
+
+    def forge(query: zenoh.Query) -> None:
+        with query:
+            query.reply(key, b"faster", encoding="application/msgpack")
+
+    with (
+        as_(folder, service, "estimator") as forger,
+        as_(folder, service, "navigation") as navigation,
+    ):
+        forger.declare_queryable(key, forge, complete=True)
+        time.sleep(_SETTLED)
+        reply = plan(navigation)
+    assert reply is not None
+    assert reply.service == "planner"
