@@ -307,8 +307,13 @@ def bench(
     plot: Annotated[
         Path | None, typer.Option(metavar="out.html", help="Write the growth plots as a page.")
     ] = None,
-    pictures: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="closed-loop: write pictures (PNG).")
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="closed-loop: write report and pictures, and keep every drive: a run that was "
+            "interrupted goes on.",
+        ),
     ] = None,
 ) -> None:
     r"""Benchmark the planner beside its peers, in one run on one thread.
@@ -327,7 +332,7 @@ def bench(
     from services.commands import bench as command
 
     if what == "closed-loop":
-        command.closed_loop(quick=quick, json_file=json_file, pictures=pictures)
+        command.closed_loop(quick=quick, json_file=json_file, out=out)
         return
     if what != "planner":
         command.horizon(what, quick=quick, json_file=json_file)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import multiprocessing
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from benchmarks.closed_loop.calibration import stops_of_drive
 from benchmarks.closed_loop.drive import Drive, run_drive
+from benchmarks.closed_loop.jobs import Progress, do_all
+from benchmarks.closed_loop.kept import kept
 from benchmarks.closed_loop.learning import fit
 from benchmarks.closed_loop.metrics import Result, summary, targets
 from benchmarks.closed_loop.moving_horizon import MovingHorizon
@@ -30,7 +30,7 @@ from models.parameters import Model
 
 OWN, PERFECT = "slopewise", "perfect knowledge"
 
-_PROCESSES = 2
+_EXACT = 10_000  # number of the first drive to learn from perfectly
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Size:
     exact_calibration: int
 
 
-FULL = Size(drives=315, baseline_drives=45, calibration=180, exact_calibration=120)
+FULL = Size(drives=330, baseline_drives=45, calibration=180, exact_calibration=120)
 QUICK = Size(drives=12, baseline_drives=6, calibration=75, exact_calibration=45)
 
 
@@ -75,29 +75,39 @@ def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
     return {make().name: make for make in makers}
 
 
-def run(size: Size, progress: Callable[[str, int], Callable[[int], Any]]) -> Campaign:
+def run(size: Size, progress: Progress, keep: Path | None = None) -> Campaign:
     """Learn and drive.
 
     Args:
         size: how much.
         progress: called with a name and a total, gives what advances the bar.
+        keep: folder of results, see :mod:`benchmarks.closed_loop.kept`; what is in it already is
+            not driven again.
     """
     began = time.perf_counter()
     dem = dem_folder()
-    samples = _map(_stops, [(i, False) for i in range(size.calibration)], progress, "learning")
-    exact = _map(
-        _stops, [(10_000 + i, True) for i in range(size.exact_calibration)], progress,
+
+    def drive_all(
+        work: Callable[[int], Any], numbers: Iterable[int], what: str, *origins: object
+    ) -> list[Any]:
+        where = kept(keep, what, *origins) if keep is not None else None
+        return do_all(work, numbers, progress, what, where)
+
+    samples = drive_all(partial(stops_of_drive, exact=False), range(size.calibration), "learning")
+    exact = drive_all(
+        partial(stops_of_drive, exact=True),
+        range(_EXACT, _EXACT + size.exact_calibration),
         "learning perfectly",
-    )  # fmt: skip
+    )
     stops, exact_stops = _flat(samples), _flat(exact)
     model, perfect = fit(stops, OWN), fit(exact_stops, PERFECT)
     makers = policies(model, perfect)
     drives = {
-        name: _map(
+        name: drive_all(
             _Driver(make, dem),
             range(size.drives if name in (OWN, PERFECT) else size.baseline_drives),
-            progress,
             f"driving: {name}",
+            perfect if name == PERFECT else model,
         )
         for name, make in makers.items()
     }
@@ -129,41 +139,6 @@ class _Driver:
     def __call__(self, number: int) -> Drive:
         terrain, route, course = scene(number, self._dem)
         return run_drive(terrain, route, course, self._make(), number)
-
-
-def _stops(job: tuple[int, bool]) -> list[StopSample]:
-    return stops_of_drive(*job)
-
-
-_work: Callable[[Any], Any] | None = None
-
-
-def _prepare(work: Callable[[Any], Any]) -> None:
-    global _work
-    _work = work
-
-
-def _do(job: Any) -> Any:
-    assert _work is not None
-    return _work(job)
-
-
-def _map(
-    work: Callable[[Any], Any],
-    jobs: Iterable[Any],
-    progress: Callable[[str, int], Callable[[int], Any]],
-    what: str,
-) -> list[Any]:
-    """Do jobs in processes that inherit the work: models hold views that cannot be sent."""
-    wanted = list(jobs)
-    advance = progress(what, len(wanted))
-    done = []
-    context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(_PROCESSES, context, _prepare, (work,)) as pool:
-        for result in pool.map(_do, wanted):
-            done.append(result)
-            advance(1)
-    return done
 
 
 def _flat(lists: list[list[StopSample]]) -> list[StopSample]:

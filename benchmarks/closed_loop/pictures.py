@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import io
 from typing import Any
 
 import matplotlib as mpl
@@ -22,26 +22,25 @@ FRAMES = 5
 _COLOURS = ("#35608d", "#c8862b", "#4f8a4b")
 
 
-def write(campaign: Campaign, folder: Path, frames: list[tuple[float, Any]]) -> list[Path]:
-    """Write all pictures as PNG.
+def draw(campaign: Campaign, frames: list[tuple[float, Any]]) -> dict[str, bytes]:
+    """All pictures as PNG, by name.
 
     Args:
-        campaign: what was driven. folder: made if need be.
-        frames: (time, image) of one drive, may be empty.
+        campaign: what was driven. frames: (time, image) of one drive, may be empty.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     mpl.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
-    drive = campaign.drives["slopewise"][STRIP]
     figures = {
-        "stops.png": stops(campaign.result["stops"]),
-        "policies.png": policies(campaign.result["policies"]),
-        "drive.png": strip(drive, frames),
+        "stops": stops(campaign.result["stops"]),
+        "policies": policies(campaign.result["policies"]),
+        "drive": strip(campaign.drives["slopewise"][STRIP], frames),
     }
-    paths = []
-    for name, figure in figures.items():
-        figure.savefig(folder / name, dpi=130)
-        paths.append(folder / name)
-    return paths
+    return {name: _png(figure) for name, figure in figures.items()}
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=130)
+    return buffer.getvalue()
 
 
 def stops(rows: list[dict[str, Any]]) -> Figure:
@@ -49,8 +48,10 @@ def stops(rows: list[dict[str, Any]]) -> Figure:
     actual = np.array([row["actual"] for row in rows])
     predicted = np.array([row["predicted"] for row in rows])
     surface = np.array([SURFACES.index(row["surface"]) for row in rows])
-    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
+    grade = np.rad2deg([row["grade"] for row in rows])
+    excess = predicted - actual
+    figure = Figure(figsize=(13.0, 4.2), layout="constrained")
+    left, middle, right = figure.subplots(1, 3, width_ratios=(1.6, 1.0, 1.0))
     order = np.argsort(actual)
     left.plot(predicted[order], ".", ms=2.5, color="#c0392b", label="predicted")
     left.plot(actual[order], ".", ms=2.5, color="#222222", label="actual")
@@ -58,15 +59,18 @@ def stops(rows: list[dict[str, Any]]) -> Figure:
     left.set_ylabel("stopping distance [m]")
     left.legend(frameon=False, markerscale=3)
     most = 1.05 * float(predicted.max())
-    right.plot((0.0, most), (0.0, most), color="#999999", lw=0.8)
+    middle.plot((0.0, most), (0.0, most), color="#999999", lw=0.8)
+    right.axhline(0.0, color="#999999", lw=0.8)
     for index, name in enumerate(SURFACES):
         of = surface == index
-        right.plot(actual[of], predicted[of], ".", ms=3, color=_COLOURS[index], label=name)
-    right.set_xlabel("actual [m]")
-    right.set_ylabel("predicted [m]")
-    right.set_aspect("equal")
-    right.legend(frameon=False, markerscale=3)
-    excess = predicted - actual
+        middle.plot(actual[of], predicted[of], ".", ms=3, color=_COLOURS[index], label=name)
+        right.plot(grade[of], excess[of], ".", ms=3, color=_COLOURS[index])
+    middle.set_xlabel("actual [m]")
+    middle.set_ylabel("predicted [m]")
+    middle.set_aspect("equal")
+    middle.legend(frameon=False, markerscale=3)
+    right.set_xlabel("grade at the command [°]")
+    right.set_ylabel("predicted − actual [m]")
     figure.suptitle(
         f"{len(rows)} emergency stops: {np.mean(excess >= 0.0):.2%} not longer than predicted, "
         f"prediction {np.mean(excess):.2f} m above on average",
@@ -81,12 +85,14 @@ def policies(results: dict[str, dict[str, Any]]) -> Figure:
     rows = np.arange(len(names))[::-1]
     figure = Figure(figsize=(11.0, 3.4), layout="constrained")
     columns = (
-        ("mean_speed", "mean speed [m/s]", "{:.2f}"),
-        ("collisions", "collisions", "{:.0f}"),
-        ("past_clear", "times past the clear distance", "{:.0f}"),
+        ("mean_speed", "mean speed [m/s]", "{:.2f}", None),
+        ("collisions", "collisions in 100 forced stops", "{:.1f}", "forced_stops"),
+        ("past_clear", "times past the clear distance in 100", "{:.1f}", "forced_stops"),
     )
-    for axes, (key, title, form) in zip(figure.subplots(1, 3, sharey=True), columns, strict=True):
-        values = [results[name][key] for name in names]
+    for axes, column in zip(figure.subplots(1, 3, sharey=True), columns, strict=True):
+        key, title, form, per = column
+        hundreds = [results[name][per] / 100.0 if per else 1.0 for name in names]
+        values = [results[name][key] / of for name, of in zip(names, hundreds, strict=True)]
         colours = ["#35608d" if name == "slopewise" else "#b8c4d0" for name in names]
         bars = axes.barh(rows, values, color=colours)
         axes.bar_label(bars, [form.format(v) for v in values], padding=3)

@@ -6,7 +6,8 @@ from rich.table import Table
 
 from benchmarks.closed_loop.metrics import Result
 
-_COLUMNS = (
+COLUMNS = (
+    ("drives", "drives", "{:.0f}"),
     ("finished", "finished", "{:.0f}"),
     ("forced", "forced_stops", "{:.0f}"),
     ("collisions", "collisions", "{:.0f}"),
@@ -18,16 +19,17 @@ _COLUMNS = (
     ("excess m", "mean_excess", "{:+.2f}"),
     ("worst m", "worst_excess", "{:+.2f}"),
 )
+"""Title, key and form of the figures of a policy."""
 
 
 def tables(result: Result) -> list[Table]:
     """Policies side by side, and what was wanted."""
     by_policy = Table(title=f"closed loop: {result['ground']}")
     by_policy.add_column("policy")
-    for title, _, _ in _COLUMNS:
+    for title, _, _ in COLUMNS:
         by_policy.add_column(title, justify="right")
     for name, row in result["policies"].items():
-        by_policy.add_row(name, *(form.format(row[key]) for _, key, form in _COLUMNS))
+        by_policy.add_row(name, *(form.format(row[key]) for _, key, form in COLUMNS))
     wanted = Table(title="wanted and reached")
     for title in ("what", "wanted", "reached", ""):
         wanted.add_column(title, justify="left" if title == "what" else "right")

@@ -53,11 +53,16 @@ def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
         console.print(f"wrote {json_file}")
 
 
-def closed_loop(*, quick: bool, json_file: Path | None, pictures: Path | None) -> None:
+def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
     """Learn, drive, show, and write what was asked for.
 
+    Args:
+        quick: few drives. json_file: for all figures.
+        out: folder for report, pictures, and the results of every drive; what an interrupted run
+            left in it is not driven again.
+
     Raises:
-        InputError: the physics engine is not installed.
+        InputError: the physics engine is not installed, or a file cannot be written.
     """
     for module in ("mujoco", "matplotlib"):
         if find_spec(module) is None:
@@ -65,6 +70,8 @@ def closed_loop(*, quick: bool, json_file: Path | None, pictures: Path | None) -
     from benchmarks.closed_loop import campaign, tables
     from services.screen import progress_bar
 
+    if out is not None and out.exists() and not out.is_dir():
+        raise InputError("--out", str(out), "expected a folder, got a file")
     console = Console()
     with ExitStack() as bars:
 
@@ -72,28 +79,35 @@ def closed_loop(*, quick: bool, json_file: Path | None, pictures: Path | None) -
             bars.close()
             return bars.enter_context(progress_bar(what, total))
 
-        driven = campaign.run(campaign.QUICK if quick else campaign.FULL, progress)
+        size = campaign.QUICK if quick else campaign.FULL
+        driven = campaign.run(size, progress, None if out is None else out / "runs")
     for table in tables.tables(driven.result):
         console.print(table)
     if json_file is not None:
         json_file.write_text(json.dumps(driven.result, indent=1, allow_nan=False) + "\n")
         console.print(f"wrote {json_file}")
-    if pictures is not None:
-        _write_pictures(driven, pictures, console)
+    if out is not None:
+        _write_closed_loop(driven, out, console)
 
 
-def _write_pictures(driven: Campaign, folder: Path, console: Console) -> None:
-    from benchmarks.closed_loop import pictures
+def _write_closed_loop(driven: Campaign, folder: Path, console: Console) -> None:
+    from benchmarks.closed_loop import pictures, tables
     from benchmarks.closed_loop.film import film
     from benchmarks.closed_loop.moving_horizon import MovingHorizon
+    from services.report.closed_loop_page import write_report
 
     frames = []
     try:
         frames = film(pictures.STRIP, driven.dem, MovingHorizon(driven.model), pictures.FRAMES)
     except RuntimeError as error:
         console.print(f"no frames of the drive: {error}")
-    for path in pictures.write(driven, folder, frames):
-        console.print(f"wrote {path}")
+    drawn = pictures.draw(driven, frames)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, picture in drawn.items():
+        (folder / f"{name}.png").write_bytes(picture)
+    report = folder / "report.html"
+    write_report(report, driven.result, tables.COLUMNS, drawn)
+    console.print(f"wrote {report}")
 
 
 def _write_plots(figures: list, path: Path) -> None:  # type: ignore[type-arg]
