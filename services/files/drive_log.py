@@ -95,7 +95,7 @@ def _nothing(name: str, columns: dict[str, NDArray[Any]]) -> NDArray[Any]:
 
 def _read_table(path: Path) -> Table:
     parquet = path.suffix.lower() in (".parquet", ".pq")
-    return read_parquet(path) if parquet else read_csv(path)
+    return read_parquet(path) if parquet else read_csv(path, _TEXT)
 
 
 def _columns_of(table: Table) -> tuple[dict[str, NDArray[Any]], list[slice]]:
