@@ -208,7 +208,7 @@ def ground_term(
     x: Any,
     y: Any,
     yaw: Any,
-    session_time: float = 0.0,
+    session_time: Any = 0.0,
 ) -> Any:
     """Sum of the ground terms of F_b/W; elementwise over its array arguments.
 

@@ -282,6 +282,55 @@ def simulate(
 
 
 @app.command()
+def discrepancy(
+    logs: LogFiles,
+    model: ModelFile,
+    out: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="Folder for discrepancy.json, model.toml, report.html."),
+    ],
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
+    ] = None,
+    topics: Annotated[
+        Path | None,
+        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
+    ] = None,
+    false_alarm: Annotated[
+        float,
+        typer.Option(help="Share of logs without a missing effect that may be said to have one."),
+    ] = 0.01,
+    seed: Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")] = 20,
+    as_json: AsJson = False,
+) -> None:
+    """Find where a model and a drive log disagree, name what is missing, add it, show what is left.
+
+    The stops of the log are replayed. The model's own numbers are fitted first: where that closes
+    the gap, nothing is missing but a calibration ([bold]parameter_drift[/]). Else the disagreement
+    is followed along grade, speed, time, heading, place and every other column, and the effects of
+    the library are tried one by one and together. DIR/model.toml is a model file as all others:
+    what is not certain in it makes plans slower, not faster.
+
+    Verdicts: [bold]none[/], [bold]parameter_drift[/], [bold]missing_effect[/], [bold]ambiguous[/]
+    (several names fit; what to drive to tell them apart is said), [bold]unidentifiable[/] (the
+    model's own numbers would hide it), [bold]unknown[/] (no name fits; the axis is said).
+
+    [bold]Example[/]  slopewise discrepancy drive.csv --model mine.toml --out out/discrepancy
+    """
+    from services.commands import discrepancy as command
+
+    settings = command.with_settings(false_alarm, seed)
+    job = command.DiscrepancyJob(logs, model, map_file, topics, settings)
+    result = command.run(job, quiet=as_json)
+    written = command.write(result, job, out)
+    _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    if not as_json:
+        for file in written:
+            typer.echo(f"wrote {file}")
+
+
+@app.command()
 def demo(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where map, paths, plans and report go.")

@@ -1,0 +1,138 @@
+"""What the workflow says: verdict, named effects, where, how far it closes, what to drive next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from models.parameters import Effect, Model
+
+
+class Verdict(Enum):
+    """One word for the whole log."""
+
+    NONE = "none"
+    PARAMETER_DRIFT = "parameter_drift"
+    MISSING_EFFECT = "missing_effect"
+    AMBIGUOUS = "ambiguous"
+    UNIDENTIFIABLE = "unidentifiable"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A number with its standard deviation and unit."""
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class NamedEffect:
+    """One effect that is named.
+
+    Attributes:
+        name: of :data:`models.effects.LAWS`. parameters: by name.
+        confidence: 0 … 1, that this name and not another one of the library is right.
+        alternatives: names that explain the log nearly as well.
+        where: axis and part of it, in words.
+    """
+
+    name: str
+    parameters: dict[str, Estimate]
+    confidence: float
+    alternatives: tuple[str, ...] = ()
+    where: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LocatedAxis:
+    """Where on an axis the refitted model still disagrees.
+
+    Attributes:
+        axis: its name. low, high: the part in which most of it sits. unit: of both.
+        share_of_gap: share of the excess between stops, or within them, that follows this axis.
+        p_value: corrected for the number of axes tried.
+    """
+
+    axis: str
+    low: float
+    high: float
+    unit: str
+    share_of_gap: float
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Disagreement on stops held out.
+
+    Attributes:
+        metric, unit: what is measured. before: of the model as configured.
+        refit: of the base refitted. after: with what was found. noise_floor: of a perfect model.
+        closed: share of `before` above the floor that is gone, None where `before` is less than
+            one and a half times the floor. ci95: its interval, None with it.
+    """
+
+    metric: str
+    unit: str
+    before: float
+    refit: float
+    after: float
+    noise_floor: float
+    closed: float | None
+    ci95: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedStop:
+    """A stop worth driving; None where something does not matter.
+
+    Speed [m/s], grade, heading and roll [rad], yaw rate [rad/s], pause before it [s], place [m].
+    """
+
+    speed: float
+    grade: float
+    heading: float | None = None
+    roll: float | None = None
+    yaw_rate: float | None = None
+    pause: float | None = None
+    x: float | None = None
+    y: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """What to drive next: in words, stop by stop, and how often the whole is needed."""
+
+    text: str
+    stops: tuple[PlannedStop, ...] = ()
+    repeats: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Everything that a log told about a model.
+
+    Attributes:
+        verdict: one word. summary: one or two sentences.
+        effects: named ones, the leading one first.
+        located: axes that the refitted base disagrees along, the strongest first.
+        gap: in speed. stop_distance: in metres. next_experiment: what to drive.
+        model: to plan with from now on. added: effects in it that were not there before.
+        stops: that it rests on. notes: doubts, in sentences. seconds: that it took.
+    """
+
+    verdict: Verdict
+    summary: str
+    effects: tuple[NamedEffect, ...]
+    located: tuple[LocatedAxis, ...]
+    gap: Gap
+    stop_distance: Gap
+    next_experiment: Experiment
+    model: Model
+    added: tuple[Effect, ...]
+    stops: int
+    notes: tuple[str, ...] = ()
+    seconds: float = field(default=0.0)

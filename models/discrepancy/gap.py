@@ -1,0 +1,111 @@
+"""Before, after, floor: how far simulated and measured stops are apart, on stops held out.
+
+Whole runs are held out together. The floor is what a perfect model would leave: noise of the speed,
+the friction and the onset that every stop has of its own. Where the gap is less than one and a half
+times its floor no percentage is claimed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.findings import Gap
+from models.discrepancy.hypothesis import Hypothesis
+from models.discrepancy.noise import Noise, shapes
+from models.discrepancy.prediction import simulate
+from models.discrepancy.stop_table import StopTable
+from models.quantity import GRAVITY
+
+Floats = NDArray[np.float64]
+
+CLAIM_ABOVE = 1.5
+"""Floors that a gap must have for a percentage of it to mean something."""
+
+_REACH = 2.0  # times the measured time to rest within which a simulated stop must end
+_NODES = 241
+
+
+def speed_errors(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, K) measured less simulated speed of the bins [m/s], NaN for bins that are none."""
+    speed, _ = simulate(table, hypothesis, table.held, table.time)
+    off = table.binned - np.einsum("skm,sm->sk", table.average, speed)
+    return np.where(table.spread > 0.0, off, np.nan)
+
+
+def distances(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S,) simulated way from stop command to rest [m]; the farthest looked at if it rolls on."""
+    time = np.linspace(0.0, 1.0, _NODES) * (_REACH * table.rest_time + 0.5)[:, None]
+    _, way = simulate(table, hypothesis, table.held, time)
+    return way[:, -1]
+
+
+def folds(table: StopTable, count: int, seed: int) -> list[NDArray[np.bool_]]:
+    """Stops of each part; stops of a run stay together, or where runs are few, those nearby."""
+    groups = table.run
+    if len(np.unique(groups)) < count:
+        groups = np.arange(len(table)) * 4 * count // len(table)
+    names = np.unique(groups)
+    order = np.random.default_rng(seed).permutation(names)
+    return [np.isin(groups, part) for part in np.array_split(order, count)]
+
+
+def held_out(
+    table: StopTable, parts: list[NDArray[np.bool_]], fitted: Callable[[StopTable], Hypothesis],
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """(S, K) speed errors and (S,) distances, each by a fit that has not seen the stop."""
+    errors = np.full(table.binned.shape, np.nan)
+    ways = np.empty(len(table))
+    for part in parts:
+        learned = fitted(table.take(~part))
+        unseen = table.take(part)
+        errors[part] = speed_errors(unseen, learned)
+        ways[part] = distances(unseen, learned)
+    return errors, ways
+
+
+def speed_floor(table: StopTable, noise: Noise, dead_time: float) -> Floats:
+    """(S, K) variance of the speed errors of a perfect model [m²/s²]."""
+    z = shapes(table, dead_time)
+    own = noise.speed**2 * table.spread
+    jitter = noise.jitter * z[:, :, 2]
+    friction = noise.scatter * z[:, :, 3]
+    result: Floats = own + jitter**2 + friction**2
+    return result
+
+
+def distance_floor(table: StopTable, noise: Noise) -> Floats:
+    """(S,) variance of the distance errors of a perfect model [m²]."""
+    pull = np.maximum(table.force + np.sin(table.grade[:, -1]), 0.05)
+    by_force = table.held**2 / (2.0 * GRAVITY * pull**2)
+    by_rest = noise.speed * np.sqrt(np.median(table.spread[table.spread > 0.0])) * table.rest_time
+    own: Floats = (noise.scatter * by_force) ** 2 + (noise.jitter * table.held) ** 2 + by_rest**2
+    return own
+
+
+def gap_of(metric: str, unit: str, errors: Sequence[Floats], draws: NDArray[np.int64]) -> Gap:
+    """Root mean squares and the share that is closed.
+
+    Args:
+        errors: mean squared error of each stop (S,) as configured, refitted, with what was found,
+            and of a perfect model. draws: (B, S) stops of each bootstrap sample.
+    """
+    squares = np.stack(errors)
+    b, r, a, f = np.sqrt(squares.mean(axis=1))
+    if not b > CLAIM_ABOVE * f:
+        return Gap(metric, unit, float(b), float(r), float(a), float(f), None, None)
+    drawn = np.sqrt(squares[:, draws].mean(axis=2))
+    shares = _share(drawn[0], drawn[2], drawn[3])
+    low, high = np.quantile(shares, [0.025, 0.975])
+    return Gap(
+        metric, unit, float(b), float(r), float(a), float(f), float(_share(b, a, f)),
+        (float(low), float(high)),
+    )  # fmt: skip
+
+
+def _share(before: Floats, after: Floats, floor: Floats) -> Floats:
+    above = np.maximum(before - floor, 1e-9)
+    share: Floats = np.clip((before - np.maximum(after, floor)) / above, -1.0, 1.0)
+    return share

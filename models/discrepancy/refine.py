@@ -1,0 +1,195 @@
+"""Fitting a hypothesis to all stops: Gauss and Newton in whitened residuals, bounds kept.
+
+Generalised least squares: every stop has a friction of its own, see
+:mod:`models.discrepancy.noise`, so that stops count and not samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from models.calibration.force_fit import WEAK_PRIOR
+from models.discrepancy.hypothesis import Hypothesis
+from models.discrepancy.noise import Noise, Whitener, estimate, whitener
+from models.discrepancy.prediction import predict
+from models.discrepancy.stop_table import StopTable
+
+Floats = NDArray[np.float64]
+
+_PASSES = 12
+_STEP = 1e-3  # of a parameter's scale
+_DONE = 1e-3  # of chi square
+_NOISE_PASSES = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A hypothesis at its best.
+
+    Attributes:
+        hypothesis: with fitted numbers. covariance: (P, P) of them.
+        jacobian: (S, M, P) change of the fall of speed with each number.
+        noise: that it was weighed with.
+        deviance: −2 log likelihood, up to a constant of log and whitener.
+        between: (S,) residual along the friction of each stop, see :class:`Whitener`.
+    """
+
+    hypothesis: Hypothesis
+    covariance: Floats
+    jacobian: Floats
+    noise: Noise
+    deviance: float
+    between: Floats
+
+
+def residual(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, K) measured less predicted speed, up to the level of each stop [m/s]."""
+    fall = predict(table, hypothesis)
+    used = table.spread > 0.0
+    left = table.binned - np.einsum("skm,sm->sk", table.average, table.held[:, None] - fall)
+    result: Floats = np.where(used, left, 0.0)
+    return result
+
+
+def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, M, P) change of the fall of speed with each free number."""
+    free, scales = hypothesis.free, hypothesis.scales
+    _, high = hypothesis.bounds
+    base = predict(table, hypothesis)
+    columns = []
+    for i, scale in enumerate(scales):
+        step = _STEP * scale if free[i] + _STEP * scale <= high[i] else -_STEP * scale
+        moved = free.copy()
+        moved[i] += step
+        columns.append((predict(table, hypothesis.moved(moved)) - base) / step)
+    return np.stack(columns, axis=2)
+
+
+def prior_precision(hypothesis: Hypothesis) -> Floats:
+    """(P,) of the base's shifts: wide beside what a few dozen stops tell."""
+    own = np.zeros(len(hypothesis.free))
+    own[:4] = 1.0 / np.square(WEAK_PRIOR)
+    own[4] = 1.0
+    return own
+
+
+def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = _PASSES) -> Fit:
+    """Least squares of the whitened residuals with a given noise.
+
+    Deviances can be compared with each other only by the same whitener.
+    """
+    noise = white.noise
+    weight = 1.0 / np.sqrt(1.0 + noise.scatter**2 * white.power)
+    precision = prior_precision(hypothesis)
+    centre = _centre(hypothesis)
+    low, high = hypothesis.bounds
+
+    def white_of(values: Floats) -> Floats:
+        between, within = white.split(values)
+        return np.concatenate((between * weight[:, None], within.reshape(-1, values.shape[2])))
+
+    def cost_of(h: Hypothesis) -> tuple[Floats, float]:
+        r = white_of(white.bins @ residual(table, h)[:, :, None])[:, 0]
+        off = h.free - centre
+        return r, float(r @ r + off @ (precision * off))
+
+    here = Hypothesis.moved(hypothesis, np.clip(hypothesis.free, low, high))
+    r, cost = cost_of(here)
+    damping = 1e-6
+    slope = jacobian(table, here)
+    x = white_of(white.grid @ slope)
+    for _ in range(passes):
+        # Residual: measured less held speed, plus the fall.
+        normal = x.T @ x + np.diag(precision)
+        gradient = x.T @ r + precision * (here.free - centre)
+        before, at = cost, here.free
+        for _ in range(8):
+            step = _bounded_step(
+                normal + damping * np.diag(np.diag(normal)), gradient, at, low, high
+            )
+            trial = here.moved(np.clip(at - step, low, high))
+            r_trial, cost_trial = cost_of(trial)
+            if cost_trial <= cost:
+                here, r, cost = trial, r_trial, cost_trial
+                break
+            damping = max(damping * 10.0, 1e-4)
+        if here.free is at or before - cost < _DONE:
+            break
+        slope = jacobian(table, here)
+        x = white_of(white.grid @ slope)
+        damping *= 0.1
+    covariance = np.linalg.pinv(x.T @ x + np.diag(precision), hermitian=True)
+    between = white.split(white.bins @ residual(table, here)[:, :, None])[0][:, 0]
+    deviance = cost - 2.0 * float(np.sum(np.log(weight)))
+    return Fit(here, 0.5 * (covariance + covariance.T), slope, noise, deviance, between)
+
+
+def _centre(hypothesis: Hypothesis) -> Floats:
+    """(P,) where the prior draws to: the model as configured."""
+    centre = hypothesis.free
+    centre[:4] = 0.0
+    centre[4] = hypothesis.model.braking.dead_time
+    return centre
+
+
+def _bounded_step(
+    normal: Floats, gradient: Floats, at: Floats, low: Floats, high: Floats
+) -> Floats:
+    """Newton's step; a number that it would push through its bound stays, and the rest again."""
+    free = np.ones(len(at), np.bool_)
+    for _ in range(len(at)):
+        step = np.zeros(len(at))
+        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], gradient[free], rcond=1e-12)[0]
+        stuck = free & (((at - step < low) & (at <= low)) | ((at - step > high) & (at >= high)))
+        if not stuck.any():
+            return step
+        free &= ~stuck
+    return np.zeros(len(at))
+
+
+def fit_with_scatter(
+    table: StopTable, hypothesis: Hypothesis, white: Whitener, rounds: int = 3
+) -> Fit:
+    """Fit with the scatter from stop to stop that belongs to this very hypothesis.
+
+    Whatever explains differences between stops is believed only as far as they shrink by it.
+    """
+    found = fit(table, hypothesis, white)
+    for _ in range(rounds):
+        scatter = likely_scatter(found.between, white.power)
+        if abs(scatter - white.noise.scatter) < 0.01 * max(scatter, 1e-4):
+            break
+        white = white.with_scatter(scatter)
+        found = fit(table, found.hypothesis, white, passes=3)
+    return found
+
+
+def likely_scatter(between: Floats, power: Floats) -> float:
+    """Maximum likelihood of the standard deviation of F_b/W from stop to stop."""
+
+    def cost(log_scatter: float) -> float:
+        variance = 1.0 + np.exp(2.0 * log_scatter) * power
+        return float(np.sum(between**2 / variance + np.log(variance)))
+
+    best = minimize_scalar(
+        cost, bounds=(np.log(1e-4), np.log(0.5)), method="bounded", options={"xatol": 1e-3}
+    )
+    return float(np.exp(best.x))
+
+
+def fit_with_noise(table: StopTable, hypothesis: Hypothesis) -> tuple[Fit, Whitener]:
+    """Fit and noise in turn, until both belong to each other; and the transform for this noise."""
+    noise = Noise(0.03, 0.0, 0.1, max(table.jitter, 2e-3), 0.01)
+    white = whitener(table, noise, hypothesis.dead_time)
+    found = fit(table, hypothesis, white, passes=4)
+    for _ in range(_NOISE_PASSES):
+        now = found.hypothesis
+        noise = estimate(table, residual(table, now), now.dead_time, len(now.free))
+        white = whitener(table, noise, now.dead_time)
+        found = fit(table, now, white, passes=4)
+    found = fit_with_scatter(table, found.hypothesis, white)
+    return found, white.with_scatter(found.noise.scatter)

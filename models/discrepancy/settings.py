@@ -1,0 +1,47 @@
+"""How to look for a discrepancy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from models.calibration.find_stops import StopSettings
+from models.errors import ParameterError
+
+
+def _stops() -> StopSettings:
+    # A turn is no reason to leave a stop out: it may be what the model misses.
+    return StopSettings(turn_rate=math.inf)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiscrepancySettings:
+    """What to be sure of, and how sure.
+
+    Attributes:
+        false_alarm: share of logs without a missing effect that may be said to have one.
+        rival: chi square within which of the best explanation another one is its rival.
+        most_effects: effects that one log may miss at once.
+        least_share: share of the mean braking force below which an effect is none worth naming.
+        bootstraps: logs simulated without an effect to find the threshold.
+        resamples: draws of stops for stability and confidence intervals.
+        folds: parts of the log, each predicted by what the others taught.
+        seed: of every random number.
+        stops: what counts as a stop.
+    """
+
+    false_alarm: float = 0.01
+    rival: float = 9.0
+    most_effects: int = 3
+    least_share: float = 0.01
+    bootstraps: int = 300
+    resamples: int = 200
+    folds: int = 5
+    seed: int = 20
+    stops: StopSettings = field(default_factory=_stops)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.false_alarm < 0.5:
+            raise ParameterError("false_alarm", f"a share in (0, 0.5), got {self.false_alarm:g}")
+        if not 1 <= self.most_effects <= 5:
+            raise ParameterError("most_effects", f"1 to 5, got {self.most_effects}")
