@@ -127,6 +127,18 @@ class StatusSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PageSettings:
+    """A live page, health and metrics over HTTP, to be read only; nobody is served by default."""
+
+    enabled: bool = False
+    host: str = "127.0.0.1"
+    port: int = quantity("1", "Where it listens.", default=8177, at_least=1, at_most=65535)
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceConfig:
     """One service.
 
@@ -144,6 +156,7 @@ class ServiceConfig:
     planning: Planning = field(default_factory=Planning)
     sizes: Sizes = field(default_factory=Sizes)
     status: StatusSettings = field(default_factory=StatusSettings)
+    page: PageSettings = field(default_factory=PageSettings)
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.namespace):

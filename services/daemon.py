@@ -25,6 +25,7 @@ from services.admission import Admission, Question
 from services.config import ServiceConfig, zenoh_config
 from services.files.map_file import read_map
 from services.files.model_file import find_model, read_model
+from services.live.board import Board
 from services.map_store import KnownGround, MapStore
 from services.messages import MapUpdate, PlanReply, PlanRequest, Status
 from services.messages import Path as CandidateMessage
@@ -54,6 +55,7 @@ class Service:
         self.plans = PlanService(config, self.parameters)
         self.maps = MapStore(read_map(Path(config.map)) if config.map else None)
         self.counters: Counter[str] = Counter()
+        self.board = Board()
         self._admission = Admission(config.planning.queue)
         self._updates: deque[zenoh.Sample] = deque()
         self._news = threading.Condition()
@@ -81,6 +83,7 @@ class Service:
             thread = threading.Thread(target=loop, name=f"{loop.__name__}-{n}", daemon=True)
             thread.start()
             self._threads.append(thread)
+        self._page = self._open_page()
         self._declared = [
             self._session.declare_queryable(self._key, self._on_query, complete=True),
             self._session.declare_subscriber(config.key("map"), self._on_map),
@@ -94,6 +97,8 @@ class Service:
     ) -> None:  # fmt: skip
         """Tell whoever waits that nothing will come, and leave."""
         self._stopped.set()
+        if self._page is not None:
+            self._page.close()
         for declared in self._declared:
             declared.undeclare()
         for question in self._admission.close():
@@ -195,6 +200,7 @@ class Service:
             query.reply(self._key, payload, encoding=wire.encoding_of(PlanReply, written))
         self._seconds.append(time.monotonic() - question.arrived)
         self.counters["answered"] += 1
+        self.board.planned(request, reply)
         self.counters["candidates_refused"] += sum(not c.usable for c in reply.ranking)
 
     def _turn_away(self) -> None:
@@ -252,6 +258,21 @@ class Service:
             publisher.put(wire.encode(self.status(), Format.JSON), encoding=encoding)
 
     # ------------------------------------------------------------------ beginning
+
+    def _open_page(self) -> Any:
+        """The live page, if it is wanted; planning goes on without it."""
+        if not self.config.page.enabled:
+            return None
+        from services.live import server, site
+
+        source = site.Source(status=self.status, ground=lambda: self.maps.ground, board=self.board)
+        try:
+            hosts = server.own_names(self.config.page.host)
+            return server.PageServer(self.config.page, site.Site(source, hosts))
+        except InputError as error:
+            self._flags.append("the live page cannot be served")
+            _log.warning("%s", error)
+            return None
 
     def _look_for_twin(self) -> None:
         alive = self.config.key(f"alive/{self.config.id}")

@@ -18,6 +18,9 @@ def run(config_file: Path, seconds: float | None = None) -> None:
     if find_spec("zenoh") is None:
         raise InputError("serve", "", "needs zenoh: pip install eclipse-zenoh")
     config = read_config(config_file)
+    if config.page.enabled and not all(map(find_spec, ("waitress", "prometheus_client"))):
+        words = "expected what serves the page: pip install slopewise[service]"
+        raise InputError(str(config_file), "page.enabled", words)
     from services.daemon import serve
 
     serve(config, seconds)

@@ -1,4 +1,4 @@
-"""The shell of every page: one HTML file that runs its own script only and loads nothing."""
+"""The shell of every page: one HTML file that runs its own script only and loads nothing else."""
 
 from __future__ import annotations
 
@@ -42,6 +42,7 @@ def page(
     styles: Sequence[str],
     scripts: Sequence[str],
     data: Any,
+    own_server: bool = False,
 ) -> str:
     """A whole page.
 
@@ -51,14 +52,16 @@ def page(
         title: of the window, as text.
         styles, scripts: names of assets, put in one after the other.
         data: what the script reads, as JSON holds it.
+        own_server: the script may ask the server that the page came from.
     """
+    own = " 'self'; connect-src 'self'" if own_server else ""
     script = '"use strict";\n(() => {\n' + "\n".join(map(asset, scripts)) + "})();\n"
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     body = Template(asset(template)).substitute(fields)
     return Template(asset("page.html")).substitute(
         title=escaped(title),
         # Whatever a name may hold: nothing but this very script runs, and nothing is fetched.
-        policy=f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+        policy=f"default-src 'none'; img-src data:{own}; style-src 'unsafe-inline'; "
         f"script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'",
         style="\n".join(map(asset, styles)),
         body=body,

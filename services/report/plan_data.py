@@ -38,14 +38,19 @@ _DECIMALS = {
 }  # fmt: skip
 
 
-def relief(elevation_map: ElevationMap) -> tuple[bytes, dict[str, Any]]:
+def relief(
+    elevation_map: ElevationMap, most_cells: int = MOST_CELLS
+) -> tuple[bytes, dict[str, Any]]:
     """The map as a picture, and where it lies.
+
+    Args:
+        most_cells: longest edge of the picture; larger maps are averaged.
 
     Returns:
         PNG, north on top; and a table with ``bounds`` of the picture and ``origin`` of its lines
         relative to the centre of cell [0, 0] [m], ``cell`` [m], ``contours`` and ``surfaces``.
     """
-    heights, factor = coarsen(elevation_map.elevation, MOST_CELLS)
+    heights, factor = coarsen(elevation_map.elevation, most_cells)
     cell = elevation_map.resolution * factor
     rows, columns = heights.shape
     # Centre of the first block, from the centre of the first cell.

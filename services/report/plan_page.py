@@ -23,7 +23,9 @@ from services.report.plan_summary import PlanSummary, chosen, summarise, verdict
 from services.report.png import data_uri
 from services.report.words import LIMITING_MEANING, STATUS_MEANING, word
 
-_SCRIPTS = ("state.js", "axes.js", "map.js", "charts.js", "details.js", "table.js", "main.js")
+_SCRIPTS = (
+    "helpers.js", "state.js", "axes.js", "map.js", "charts.js", "details.js", "table.js", "main.js",
+)  # fmt: skip
 _NONE = '<td class="number" data-value="">–</td>'
 
 
@@ -91,7 +93,7 @@ def render_report(
         "plan.html",
         fields,
         title=f"{title} – slopewise plan",
-        styles=("page.css", "plan.css", "reasons.css"),
+        styles=("page.css", "colours.css", "plan.css", "reasons.css"),
         scripts=_SCRIPTS,
         data=data,
     )

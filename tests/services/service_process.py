@@ -46,7 +46,7 @@ class Running:
 @contextlib.contextmanager
 def running(
     folder: Path, settings: str = "", planning: str = "", *, scheme: str = "tcp",
-    namespace: str = "", security: str = "",
+    namespace: str = "", security: str = "", page: str = "",
 ) -> Iterator[Running]:  # fmt: skip
     port = free_port()
     endpoint, namespace = f"{scheme}/127.0.0.1:{port}", namespace or f"test/{port}"
@@ -55,7 +55,7 @@ def running(
     file.write_text(
         f'model = "atv"\nnamespace = "{namespace}"\n{settings}\n'
         f'[zenoh]\nlisten = ["{endpoint}"]\n{secured}[planning]\ndeadline = 5.0\n{planning}\n'
-        "[status]\nperiod = 0.1\n"
+        f"[status]\nperiod = 0.1\n[page]\n{page}\n"
     )
     process = subprocess.Popen(
         [sys.executable, "-m", "services.cli", "serve", "--config", str(file)],

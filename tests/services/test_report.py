@@ -28,8 +28,8 @@ from services.report.png import encode_grey_alpha
 from services.report.words import LIMITING_MEANING, STATUS_MEANING
 
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(1)> \"'&"
-ASSETS = ("page.css", "plan.css", "state.js", "axes.js", "map.js", "charts.js", "details.js",
-          "table.js", "main.js", "page.html", "plan.html", "icons.svg")  # fmt: skip
+ASSETS = ("page.css", "colours.css", "plan.css", "helpers.js", "state.js", "axes.js",
+          "map.js", "charts.js", "details.js", "table.js", "main.js", "page.html", "plan.html", "icons.svg")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -298,7 +298,7 @@ class TestData:
             script_json(float("nan"))
 
     def test_every_status_and_bound_has_words_and_colours(self):
-        style = asset("plan.css")
+        style = asset("colours.css")
         assert set(LIMITING_MEANING) == set(Limiting)
         assert set(STATUS_MEANING) == set(Status)
         for code in Limiting:

@@ -19,9 +19,9 @@ def test_shipped_file_says_the_defaults() -> None:
 def test_shipped_file_names_every_key() -> None:
     named = set(re.findall(r"^(?:# )?(\w+) = ", SHIPPED.read_text(), re.MULTILINE))
     config = ServiceConfig(model="atv")
-    tables = [config, config.zenoh, config.planning, config.sizes, config.status]
+    tables = [config, config.zenoh, config.planning, config.sizes, config.status, config.page]
     keys = {name for table in tables for name in table.__dataclass_fields__}
-    assert keys - named == {"zenoh", "planning", "sizes", "status"}
+    assert keys - named == {"zenoh", "planning", "sizes", "status", "page"}
 
 
 @pytest.mark.parametrize(

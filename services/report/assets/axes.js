@@ -42,9 +42,10 @@ function speedColour(share) {
   return `rgb(${mixed.join(",")})`;
 }
 
-const topSpeed = (() => {
-  const [, top] = span(plans.flatMap((plan) => plan.columns.speed));
+// The end of the colour scale for plans that reach some speed.
+function roundedTop(speeds) {
+  const [, top] = span(speeds);
   const high = Math.max(top, 0.1);
   const step = niceStep(high, 8);
   return step * Math.ceil(high / step - 1e-6);
-})();
+}

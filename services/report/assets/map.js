@@ -4,6 +4,7 @@ const canvas = element("canvas");
 const relief = element("relief");
 const frame = element("map");
 const ground = data.map;
+const topSpeed = roundedTop(plans.flatMap((plan) => plan.columns.speed));
 const view = { x: 0, y: 0, scale: 1, whole: 1 };
 const contourPaths = ground.contours.map((line) => ({ strong: line.strong, path: new Path2D(line.path) }));
 const surfacePaths = ground.surfaces.map((surface) => new Path2D(surface.path));

@@ -1,8 +1,6 @@
 // What the page shows now, and who wants to know when that changes.
 
-const data = JSON.parse(document.getElementById("data").textContent);
 const plans = data.plans;
-const element = (id) => document.getElementById(id);
 
 const state = { selected: data.selected, cursor: 0, hovered: null };
 const listeners = { select: [], cursor: [], hover: [] };
@@ -63,17 +61,6 @@ function nearestStation(plan, station) {
   return station - stations[low] < stations[high] - station ? low : high;
 }
 
-// Numbers as people read them; none is a dash.
-function number(value, digits = 2, unit = "") {
-  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  let text = value.toFixed(digits);
-  if (Number(text) === 0) text = (0).toFixed(digits);
-  text = text.replace("-", "−");
-  return unit === "%" || unit === "°" ? text + unit : unit ? `${text}\u202f${unit}` : text;
-}
-
-const degrees = (radians) => (radians === null ? null : (radians * 180) / Math.PI);
-const percent = (share) => (share === null ? null : 100 * share);
 const clearAhead = (plan, k) => (plan.clear === null ? null : plan.clear - plan.columns.station[k]);
 
 const clearEndsBefore = (plan) => plan.clear !== null && plan.clear < plan.length - 1e-2;
@@ -82,29 +69,3 @@ function marginAt(plan, k) {
   const stop = plan.columns.stop_distance[k];
   return plan.clear === null || stop === null ? null : clearAhead(plan, k) - stop;
 }
-
-// HTML without markup in strings: names stay text.
-function make(tag, attributes = {}, ...children) {
-  const made = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.append(...children);
-  return made;
-}
-
-function draw(tag, attributes = {}, ...children) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.append(...children);
-  return made;
-}
-
-function badge(status) {
-  const icon = draw("svg", { "aria-hidden": "true" }, draw("use", { href: `#icon-${status}` }));
-  return make("span", { class: `badge ${status}` }, icon, status);
-}
-
-function swatch(limiting) {
-  return make("span", { class: "swatch", "data-limiting": limiting.key });
-}
-
-const styleOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();

@@ -1,0 +1,1 @@
+"""What people and monitors see of a running service: a live page, health and metrics over HTTP."""

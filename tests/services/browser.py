@@ -1,0 +1,33 @@
+"""A page as a browser shows it, without a screen."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+
+def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        pytest.skip("needs chromium to look at the page")
+    command = [
+        browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+        "--enable-logging=stderr", "--virtual-time-budget=3000", *arguments,
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    told = re.findall(r"CONSOLE[^\n]*", done.stderr)
+    assert not told, told
+    return done
+
+
+def text_of(url: str, width: int = 1400) -> str:
+    """The document after its script ran, as HTML; the script may have had nothing to complain."""
+    return _run(f"--window-size={width},1200", "--dump-dom", url).stdout
+
+
+def screenshot(url: str, file: Path, width: int, height: int = 1500) -> None:
+    _run(f"--window-size={width},{height}", f"--screenshot={file}", url)

@@ -1,0 +1,197 @@
+"""The live page, health and metrics: true to the service, and nothing but to be read."""
+
+from __future__ import annotations
+
+import json
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from planner.elevation_map import ElevationMap
+from services.client import PlanClient
+from services.config import PageSettings
+from services.live.board import Board, GroundSeen, GroupSeen, StopSeen
+from services.live.server import PageServer, own_names
+from services.live.site import Site, Source
+from services.map_store import KnownGround
+from services.messages import Parameters, Status
+from services.messages import Path as Candidate
+from tests.services import browser
+from tests.services.service_process import Running, fan, flat, free_port, running
+
+EVIL = "<img src=x onerror=alert(1)>"
+
+
+def get(url: str, **headers: str) -> tuple[int, str]:
+    request = urllib.request.Request(url, headers=headers)
+    try:
+        with urllib.request.urlopen(request, timeout=5.0) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Running, str]]:
+    port = free_port()
+    with running(tmp_path_factory.mktemp("live"), page=f"enabled = true\nport = {port}") as started:
+        yield started, f"http://127.0.0.1:{port}"
+
+
+@pytest.fixture(scope="module")
+def asked(pages: tuple[Running, str]) -> str:
+    """The page after somebody brought ground and asked for plans."""
+    service, url = pages
+    assert get(f"{url}/health")[0] == 503
+    assert "robots are told to brake" in browser.text_of(url)
+    odd = Candidate(name=EVIL, points=fan(1)[0].points)
+    with (
+        service.session() as session,
+        PlanClient(session, namespace=service.namespace, timeout=5.0, name="robot") as client,
+    ):
+        client.put_map(flat())
+        until = time.monotonic() + 5.0
+        while time.monotonic() < until:
+            reply = client.plan(1.0, [odd, *fan(4)], pose=(0.0, 0.0, 0.0), clear=20.0).reply
+            assert reply is not None
+            if reply.plans:
+                return url
+            time.sleep(0.02)
+    raise AssertionError("no plan in time")
+
+
+def test_health_says_whether_plans_can_be_made(asked: str) -> None:
+    status, body = get(f"{asked}/health")
+    assert status == 200
+    assert json.loads(body)["able"]
+
+
+def test_state_is_what_was_answered(asked: str) -> None:
+    state = json.loads(get(f"{asked}/state")[1])
+    chosen = state["plan"]["chosen"]
+    assert state["plan"]["client"] == "robot"
+    assert state["plan"]["candidates"] == 5
+    assert chosen["speed"][0] == 1.0
+    assert max(chosen["speed"]) > 2.0
+    assert len(chosen["limiting"]) == len(chosen["x"]) == len(chosen["speed_bound"])
+    assert set(chosen["limiting"]) & {"speed_limit", "stopping_path", "accel"}
+    assert all(v <= b + 1e-3 for v, b in zip(chosen["speed"], chosen["speed_bound"], strict=True))
+
+
+def test_metrics_are_read_by_prometheus(asked: str) -> None:
+    status, text = get(f"{asked}/metrics")
+    assert status == 200
+    samples = {
+        (sample.name, *sample.labels.values()): sample.value
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+    }
+    answered = samples["slopewise_events_total", "answered"]
+    assert answered >= 1.0
+    assert samples["slopewise_events_total", "queries"] >= answered
+    assert 0.0 < samples["slopewise_answer_seconds", "0.5"] < 5.0
+    assert samples["slopewise_map_version",] >= 1.0
+    assert samples["process_resident_memory_bytes",] > 1e7
+
+
+def test_nothing_can_be_changed(asked: str) -> None:
+    for method in ("POST", "PUT", "DELETE"):
+        request = urllib.request.Request(f"{asked}/state", data=b"{}", method=method)
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(request, timeout=5.0)
+        assert refused.value.code == 405
+    assert get(f"{asked}/../../etc/passwd")[0] == 404
+
+
+def test_pages_of_others_cannot_ask_through_a_browser(asked: str) -> None:
+    assert get(f"{asked}/state", Host="evil.example:8177")[0] == 403
+    assert get(f"{asked}/state", Host="localhost:8177")[0] == 200
+
+
+def test_the_page_shows_the_plan(asked: str) -> None:
+    shown = browser.text_of(asked)
+    assert "Answers questions for plans." in shown
+    assert "asked by robot" in shown
+    assert "limited now by" in shown
+    assert 'data-ready="true"' in shown
+    assert "version 1 of" in shown
+
+
+def test_a_page_that_cannot_be_served_stops_nobody(
+    pages: tuple[Running, str], tmp_path: Path
+) -> None:
+    taken = pages[1].rpartition(":")[2]
+    with (
+        running(tmp_path, page=f"enabled = true\nport = {taken}") as started,
+        started.session() as session,
+        PlanClient(session, namespace=started.namespace, timeout=5.0) as client,
+    ):
+        assert client.plan(1.0, fan(1)).reply is not None
+
+
+@pytest.fixture
+def board() -> Board:
+    made = Board()
+    for k in range(30):
+        made.learned(
+            GroupSeen(
+                group="braking sand", names=["m_m", EVIL], value=[-0.03 + 0.001 * k, 0.4],
+                std=[0.05 / (1 + k), None], valid=k > 5, version=k + 1, cause=f"stop {k}",
+                at=1e9 + k,
+            )
+        )  # fmt: skip
+        made.stopped(
+            StopSeen(
+                speed=2.0, grade=0.05, predicted=2.0 + 0.02 * k, actual=1.8 + 0.03 * k,
+                surface="sand", outcome="accepted", version=k, at=1e9 + k,
+            )
+        )  # fmt: skip
+    made.classified(GroundSeen(name="sand", probability=0.93, at=1e9))
+    return made
+
+
+def test_what_was_learned_is_shown(board: Board) -> None:
+    status = Status(
+        service=EVIL, uptime=1.0, map_version=1, map_age=0.5, flags=[EVIL], counters={},
+        parameters=Parameters(version=30, name="atv", fingerprint="f", age=1.0),
+        seconds={"median": 0.0, "p99": 0.0},
+    )  # fmt: skip
+    ground = ElevationMap(elevation=np.zeros((8, 9)), resolution=0.5, origin=(0.0, 0.0))
+    site = Site(
+        Source(
+            status=lambda: status, ground=lambda: KnownGround(ground, 1, time.monotonic()),
+            board=board,
+        ),
+        own_names("127.0.0.1"),
+    )  # fmt: skip
+    port = free_port()
+    server = PageServer(PageSettings(enabled=True, port=port), site)
+    try:
+        shown = browser.text_of(f"http://127.0.0.1:{port}")
+    finally:
+        server.close()
+    assert "braking sand" in shown
+    assert "version 30, stop 29" in shown
+    assert "-0.0010 ± 0.0017".replace("-", "−") in shown
+    assert shown.count('class="stop') == 30
+    assert "Ground: <b>sand</b> 93%" in shown
+    assert EVIL not in shown
+    assert EVIL.replace("<", "&lt;").replace(">", "&gt;") in shown
+
+
+def test_the_board_does_not_grow_without_end(board: Board) -> None:
+    for k in range(2000):
+        board.stopped(StopSeen(speed=1.0, grade=0.0, predicted=1.0, actual=1.0))
+        board.learned(
+            GroupSeen(
+                group=f"g{k}", names=["a"], value=[1.0], std=[None], valid=True, version=k, cause=""
+            )
+        )
+    assert len(board.stops()) == 400
+    assert len(board.groups()) == 64
