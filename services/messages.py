@@ -27,11 +27,11 @@ PLAN_COLUMNS = (
 """Rows of a plan's values, in order."""
 
 
-class _Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    pass
+class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What all messages have: no field may be missing, and none may be unknown."""
 
 
-class Path(_Message):
+class Path(Message):
     """One candidate.
 
     Attributes:
@@ -47,7 +47,7 @@ class Path(_Message):
     clear: float | None = None
 
 
-class PlanRequest(_Message):
+class PlanRequest(Message):
     """A question for plans.
 
     Attributes:
@@ -71,7 +71,7 @@ class PlanRequest(_Message):
     brake_heat: NotNegative = 0.0
 
 
-class Parameters(_Message):
+class Parameters(Message):
     """Which parameters a plan was made with.
 
     Attributes:
@@ -85,7 +85,7 @@ class Parameters(_Message):
     age: float
 
 
-class Command(_Message):
+class Command(Message):
     """What to do until the next answer: reach ``speed`` [m/s] within a period at ``accel`` [m/s²];
     ``stop``: brake as hard as the brakes can. The plan may be followed for ``valid_for`` [s].
     """
@@ -96,7 +96,7 @@ class Command(_Message):
     valid_for: float
 
 
-class Candidate(_Message):
+class Candidate(Message):
     """How one candidate fared. ``cost`` [s] is None where it was not planned."""
 
     name: str
@@ -105,14 +105,14 @@ class Candidate(_Message):
     cost: float | None = None
 
 
-class Limit(_Message):
+class Limit(Message):
     """From station number ``first`` on, up to the next of these, ``name`` limits the speed."""
 
     first: int
     name: str
 
 
-class Plan(_Message):
+class Plan(Message):
     """One plan of N stations.
 
     Attributes:
@@ -143,7 +143,7 @@ class Plan(_Message):
         return row
 
 
-class PlanReply(_Message):
+class PlanReply(Message):
     """The answer to one question; there is always one.
 
     Attributes:
@@ -174,7 +174,7 @@ class PlanReply(_Message):
     seconds: dict[str, float] = {}
 
 
-class MapUpdate(_Message):
+class MapUpdate(Message):
     """Ground, whole or a patch of it.
 
     Attributes:
@@ -195,7 +195,7 @@ class MapUpdate(_Message):
     class_names: Annotated[list[Text], Meta(min_length=1, max_length=62)] | None = None
 
 
-class Status(_Message):
+class Status(Message):
     """How the service is.
 
     Attributes:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.calibration.force_fit import WEAK_PRIOR, ForceFit, fit_force
+from models.calibration.learned_force import LearnedForce
 from models.calibration.published import PublishedForce, PublishSettings
 from models.calibration.recursive import Outcome, RecursiveForce, RecursiveSettings
 from models.calibration.stream import StopStream, StreamedStop
@@ -44,6 +45,7 @@ class _Surface:
         self.estimate = RecursiveForce(start, covariance, recursive)
         self.published = PublishedForce(start, known.speed_range, known.grade_range, publish)
         self.last: deque[bool] = deque(maxlen=publish.window)
+        self.pristine = True
 
 
 class OnlineBraking:
@@ -85,6 +87,7 @@ class OnlineBraking:
         on = self._on(surface)
         outcome = on.estimate.update(stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std)
         if outcome is not Outcome.UNINFORMATIVE:
+            on.pristine = False
             on.last.append(outcome is Outcome.GATED)
             if outcome is not Outcome.GATED:
                 on.published.follow(on.estimate.coefficients)
@@ -95,9 +98,7 @@ class OnlineBraking:
     def age(self, seconds: float, time_constant: float = 3600.0) -> None:
         """Let what was learned grow old: wider covariance, force back to the default if weaker."""
         for on in self._surfaces.values():
-            on.estimate.age(seconds, time_constant)
-            on.published.age(seconds, time_constant)
-            on.published.judge(on.estimate.covariance, on.estimate.accepted, 0.0)
+            _age(on, seconds, time_constant)
 
     def coefficients(self, surface: str = "") -> Floats:
         """(4,) m_m, b_m, m_b, b_b that may be planned with."""
@@ -116,12 +117,73 @@ class OnlineBraking:
         estimate = self._on(surface).estimate
         return estimate.accepted, estimate.gated
 
+    def learned(self) -> dict[str, LearnedForce]:
+        """What each surface has taught; those that taught nothing are left out."""
+        return {name: _learned(on) for name, on in self._surfaces.items() if not on.pristine}
+
+    def restore(
+        self, learned: LearnedForce, surface: str = "", *, age: float = 0.0,
+        time_constant: float = 3600.0,
+    ) -> None:  # fmt: skip
+        """Go on from what a surface had taught ``age`` seconds ago."""
+        on = self._on(surface)
+        estimate = on.estimate
+        estimate.coefficients = np.array(learned.estimate)
+        estimate.covariance = np.array(learned.covariance)
+        estimate.accepted, estimate.gated = learned.accepted, learned.gated
+        estimate.doubted, estimate.row = learned.accepted == 0, learned.row
+        on.published.restore(np.array(learned.published), valid=learned.valid)
+        on.last.clear()
+        on.last.extend(learned.last)
+        on.pristine = False
+        _age(on, age, time_constant)
+
+    def forget(self, surface: str = "") -> None:
+        """Know of a surface what the model told in the beginning."""
+        self._surfaces.pop(surface, None)
+
+    def doubt(self, surface: str = "", below: Floats | None = None) -> None:
+        """The ground may be another: publish less, and be open to whatever the next stop tells.
+
+        Args:
+            surface: that is doubted.
+            below: (4,) coefficients not to exceed; the model's own if left out.
+        """
+        on = self._on(surface)
+        on.estimate.doubt()
+        on.published.fall_back(below)
+        on.last.clear()
+        on.pristine = False
+
     def _on(self, surface: str) -> _Surface:
         found = self._surfaces.get(surface)
         if found is None:
             known = self._known.on(surface) if surface else self._known
             found = self._surfaces[surface] = _Surface(known, self._recursive, self._publish)
         return found
+
+
+def _age(on: _Surface, seconds: float, time_constant: float) -> None:
+    on.estimate.age(seconds, time_constant)
+    on.published.age(seconds, time_constant)
+    # Growing older makes nothing valid that was not.
+    if on.published.valid:
+        on.published.judge(on.estimate.covariance, on.estimate.accepted, 0.0)
+
+
+def _learned(on: _Surface) -> LearnedForce:
+    estimate = on.estimate
+    even = 0.5 * (estimate.covariance + estimate.covariance.T)
+    return LearnedForce(
+        estimate=tuple(estimate.coefficients.tolist()),
+        covariance=tuple(tuple(row) for row in even.tolist()),
+        published=tuple(on.published.coefficients.tolist()),
+        valid=on.published.valid,
+        accepted=estimate.accepted,
+        gated=estimate.gated,
+        last=tuple(on.last),
+        row=estimate.row,
+    )
 
 
 class FifoForce:

@@ -62,6 +62,10 @@ class PublishedForce:
         grade_range: tuple[float, float], settings: PublishSettings | None = None,
     ) -> None:  # fmt: skip
         self.settings = settings or PublishSettings()
+        down, up = grade_range
+        # By how much the other end of the grades falls for each end raised: level ground stays.
+        level = down < 0.0 < up
+        self._other_end = np.array([[-up / down], [-down / up]]) if level else np.zeros((2, 1))
         speed, grade = np.meshgrid(speed_range, grade_range)
         self._corners = design(speed.ravel(), grade.ravel())
         self._back = np.linalg.inv(self._corners)
@@ -84,6 +88,17 @@ class PublishedForce:
         """Take over an estimate: at once where it is lower, a step where it is higher."""
         wanted = self._bounded(self._corners @ coefficients)
         self._force = np.minimum(wanted, self._force + self.settings.rise)
+
+    def fall_back(self, below: Floats | None = None) -> None:
+        """Be nowhere above the default, or above other coefficients (4,), and valid no longer."""
+        limit = self._default if below is None else self._bounded(self._corners @ below)
+        self._force = np.minimum(self._force, limit)
+        self.valid = False
+
+    def restore(self, coefficients: Floats, *, valid: bool) -> None:
+        """Go on with coefficients (4,) that were published before."""
+        self._force = self._bounded(self._corners @ coefficients)
+        self.valid = valid
 
     def judge(self, covariance: Floats, accepted: int, gated_share: float) -> bool:
         """Set the valid flag, with hysteresis; returns it.
@@ -108,4 +123,12 @@ class PublishedForce:
         self._force = self._force + share * (lower - self._force)
 
     def _bounded(self, forces: Floats) -> Floats:
-        return np.clip(forces, self.settings.least, self.settings.most)
+        """Within bounds; a corner that is raised to the least takes none on level ground along.
+
+        What a steep corner lacks is drawn from coefficients that level stops have not taught;
+        spread over the rectangle, it would be force that no stop has shown.
+        """
+        least, most = self.settings.least, self.settings.most
+        raised = np.maximum(least - forces, 0.0).reshape(2, 2)
+        lowered = (raised * self._other_end)[::-1].ravel()
+        return np.asarray(np.clip(forces - lowered, least, most))

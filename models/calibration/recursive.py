@@ -31,6 +31,7 @@ class RecursiveSettings:
         gate: standard deviations beyond which one stop is not believed.
         weaker, stronger: so many unbelieved stops in a row, all weaker or all stronger than
             expected, are a change of the brakes or the ground; the weaker side is believed sooner.
+        change: standard deviation of what a change adds to F_b/W, beyond the first covariance.
         least_speed: slower stops are too short to learn from [m/s].
     """
 
@@ -39,6 +40,7 @@ class RecursiveSettings:
     gate: float = 4.0
     weaker: int = 2
     stronger: int = 4
+    change: float = 0.0
     least_speed: float = 0.5
 
 
@@ -57,6 +59,10 @@ class RecursiveForce:
     Args:
         coefficients: (4,) to begin with. covariance: (4, 4) of them.
         settings: how to follow.
+
+    Attributes:
+        accepted, gated: stops believed and not believed. doubted: a change is held possible.
+        row: so many stops just now were not believed, > 0: stronger ones, < 0: weaker ones.
     """
 
     def __init__(
@@ -68,7 +74,8 @@ class RecursiveForce:
         self.accepted = self.gated = 0
         self._first_covariance = self.covariance.copy()
         self._steady = np.diag(np.square(self.settings.steady))
-        self._row = 0  # > 0: so many unbelieved stops in a row were stronger, < 0: weaker
+        self.doubted = False
+        self.row = 0
 
     def update(self, speed: float, grade: float, force_ratio: float, std: float) -> Outcome:
         """Take in one stop.
@@ -82,6 +89,8 @@ class RecursiveForce:
             return Outcome.UNINFORMATIVE
         x = np.array([speed * grade, grade, speed, 1.0])
         noise = std * std + s.scatter * s.scatter
+        if self.doubted:
+            self._open()
         seen = self.covariance @ x
         innovation = force_ratio - float(x @ self.coefficients)
         expected = float(x @ seen) + noise
@@ -90,11 +99,11 @@ class RecursiveForce:
             if not self._persists(innovation):
                 self.gated += 1
                 return Outcome.GATED
-            self.covariance = self.covariance + self._first_covariance
+            self._open()
             seen = self.covariance @ x
             expected = float(x @ seen) + noise
             outcome = Outcome.CHANGED
-        self._row = 0
+        self.row = 0
         self.accepted += 1
         self.coefficients = self.coefficients + seen * (innovation / expected)
         kept = self._steady @ x
@@ -105,17 +114,35 @@ class RecursiveForce:
     def _persists(self, innovation: float) -> bool:
         """Whether unbelieved stops of the same kind have come in a row."""
         if innovation < 0.0:
-            self._row = min(self._row, 0) - 1
-            return -self._row >= self.settings.weaker
-        self._row = max(self._row, 0) + 1
-        return self._row >= self.settings.stronger
+            self.row = min(self.row, 0) - 1
+            return -self.row >= self.settings.weaker
+        self.row = max(self.row, 0) + 1
+        return self.row >= self.settings.stronger
+
+    def doubt(self) -> None:
+        """What was learned may hold no longer: be as open to the next stop as to a change."""
+        self.doubted = True
+        self.accepted = self.row = 0
+
+    def _open(self) -> None:
+        """Hold possible whatever a change may bring."""
+        self.covariance = self.covariance + self._first_covariance
+        self.covariance[3, 3] += self.settings.change**2
+        self.doubted = False
 
     def age(self, seconds: float, time_constant: float) -> None:
         """Grow the covariance towards the first one: what is old is known less well."""
         share = -math.expm1(-max(seconds, 0.0) / time_constant)
-        self.covariance = self.covariance + share * (self._first_covariance - self.covariance)
+        grown = at_least_both(self.covariance, self._first_covariance)
+        self.covariance = self.covariance + share * (grown - self.covariance)
 
     def std(self, speed: float, grade: float) -> float:
         """Standard deviation of F_b/W at a speed and grade, from the coefficients alone."""
         x = np.array([speed * grade, grade, speed, 1.0])
         return math.sqrt(max(float(x @ self.covariance @ x), 0.0))
+
+
+def at_least_both(first: Floats, second: Floats) -> Floats:
+    """A covariance (n, n) that is nowhere below either of two: A + the positive part of B − A."""
+    values, vectors = np.linalg.eigh(second - first)
+    return np.asarray(first + (vectors * np.maximum(values, 0.0)) @ vectors.T)

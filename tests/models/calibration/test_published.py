@@ -85,3 +85,12 @@ def test_settings_that_contradict_themselves() -> None:
         PublishSettings(least=1.0, most=0.5)
     with pytest.raises(ParameterError, match="valid_std"):
         PublishSettings(valid_std=0.2)
+
+
+@given(level=st.floats(0.03, 0.3), steep=st.floats(-1.5, 0.0))
+def test_the_least_force_at_a_steep_end_is_not_spread_over_level_ground(
+    level: float, steep: float
+) -> None:
+    out = published(rise=1.0)
+    out.follow(np.array([0.0, steep, 0.0, level]))
+    assert out.coefficients[2] * 2.0 + out.coefficients[3] <= max(level, 0.02) + 1e-9

@@ -1,0 +1,129 @@
+"""What one surface has taught, as it is kept over a restart, and what planning may make of it.
+
+Source: none; the braking model is Braking (7), (8).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration.force_fit import NAMES, design
+from models.calibration.recursive import at_least_both
+from models.errors import ParameterError
+from models.parameters import Braking, Matrix, SurfaceBraking
+
+Floats = NDArray[np.float64]
+
+_LARGEST = 100.0
+"""No coefficient of any vehicle is anywhere near it [s/m, 1, s/m, 1]."""
+
+_NO_CLASS = 1_000_000
+"""Learned surfaces go by name; numbers in maps, which count places of tables, do not reach them."""
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedForce:
+    """An estimate of m_m, b_m, m_b, b_b, and the coefficients published beside it.
+
+    Attributes:
+        estimate: (4,) as the stops tell. covariance: (4, 4) of it.
+        published: (4,) as may be planned with: down at once, up slowly.
+        valid: the estimate may be trusted. accepted, gated: stops believed and not believed.
+        last: of the last stops, which ones were not believed.
+        row: so many stops just now were not believed, > 0: stronger ones, < 0: weaker ones.
+    """
+
+    estimate: tuple[float, ...]
+    covariance: Matrix
+    published: tuple[float, ...]
+    valid: bool
+    accepted: int
+    gated: int
+    last: tuple[bool, ...] = ()
+    row: int = 0
+
+    def __post_init__(self) -> None:
+        for name, values in (("estimate", self.estimate), ("published", self.published)):
+            if len(values) != 4 or not all(abs(v) <= _LARGEST for v in values):
+                words = f"four finite numbers of at most {_LARGEST:g}, got {values}"
+                raise ParameterError(name, words)
+        matrix = np.array(self.covariance, np.float64)
+        if matrix.shape != (4, 4) or not np.all(np.abs(matrix) <= _LARGEST**2):
+            raise ParameterError("covariance", "4 x 4 finite numbers")
+        scale = float(np.max(np.abs(matrix)))
+        even = np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * scale)
+        if not even or np.linalg.eigvalsh(matrix)[0] < -1e-9 * scale:
+            raise ParameterError("covariance", "a symmetric positive semidefinite matrix")
+        if self.accepted < 0 or self.gated < 0:
+            raise ParameterError("accepted", "counts >= 0")
+
+    @property
+    def stds(self) -> tuple[float, ...]:
+        """(4,) standard deviations of the estimate."""
+        return tuple(math.sqrt(max(self.covariance[i][i], 0.0)) for i in range(4))
+
+
+def braking_in_use(
+    prior: Braking, learned: Mapping[str, LearnedForce], older: Mapping[str, float] | None = None
+) -> Braking:
+    """The braking model to plan with: the prior, and over it what each surface taught.
+
+    As long as an estimate is not valid it may lower the force at the corners of the trained
+    rectangle and raise it nowhere, and neither covariance may be undercut, so that doubt never
+    makes a plan faster.
+
+    Args:
+        prior: braking model of the model file, with its surfaces.
+        learned: by surface, "" is the base; what is missing is as in the prior.
+        older: by surface, error of F_b/W that its age adds, standard deviation [1].
+
+    Raises:
+        ParameterError: brakes that would not slow the vehicle on level ground.
+    """
+    tables = dict(prior.terrain)
+    base: dict[str, object] = {}
+    for name, one in learned.items():
+        known = prior.on(name) if name else prior
+        more = 0.0 if older is None else older.get(name, 0.0)
+        changes = {**_coefficients(known, one), "force_std": math.hypot(known.force_std, more)}
+        if name:
+            given = tables.get(name, SurfaceBraking(class_id=_NO_CLASS + len(tables)))
+            tables[name] = dataclasses.replace(given, **changes)  # type: ignore[arg-type]
+        else:
+            base = changes
+    if base:
+        _pin(prior, tables, base)
+    return dataclasses.replace(prior, terrain=tables, **base)  # type: ignore[arg-type]
+
+
+def _coefficients(known: Braking, one: LearnedForce) -> dict[str, object]:
+    published = np.array(one.published)
+    covariance = np.array(one.covariance)
+    if not one.valid:
+        speed, grade = np.meshgrid(known.speed_range, known.grade_range)
+        corners = design(speed.ravel(), grade.ravel())
+        default = np.array([getattr(known, name) for name in NAMES])
+        lower = np.minimum(corners @ published, corners @ default)
+        published = np.linalg.solve(corners, lower)
+        if known.covariance is not None:
+            covariance = at_least_both(covariance, np.array(known.covariance))
+    values = (float(value) for value in published)
+    matrix = tuple(tuple(float(c) for c in row) for row in 0.5 * (covariance + covariance.T))
+    return {**dict(zip(NAMES, values, strict=True)), "covariance": matrix}
+
+
+def _pin(prior: Braking, tables: dict[str, SurfaceBraking], base: Mapping[str, object]) -> None:
+    """Surfaces of the file take what they leave out from the file's base, not from the new one."""
+    for name, table in tables.items():
+        kept = {
+            key: getattr(prior, key)
+            for key in base
+            if getattr(table, key) is None and getattr(prior, key) is not None
+        }
+        tables[name] = dataclasses.replace(table, **kept)

@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.calibration.learned_force import LearnedForce, braking_in_use
+from models.calibration.online import OnlineBraking
+from models.calibration.recursive import Outcome, RecursiveSettings, at_least_both
+from models.calibration.stream import StreamedStop
+from models.errors import ParameterError
+from models.parameters import Braking, SurfaceBraking
+
+TIGHT = ((1e-4, 0.0, 0.0, 0.0), (0.0, 9e-4, 0.0, 0.0), (0.0, 0.0, 4e-6, 0.0), (0.0, 0.0, 0.0, 4e-5))
+PRIOR = Braking(
+    m_m=-0.03, b_m=-0.35, m_b=0.015, b_b=0.30, dead_time=0.3, speed_range=(1.0, 4.0),
+    grade_range=(-0.26, 0.26), covariance=TIGHT, force_std=0.01,
+)  # fmt: skip
+CORNERS = [(v, g) for v in PRIOR.speed_range for g in PRIOR.grade_range]
+
+
+def stop(force: float, speed: float = 2.0, grade: float = 0.0) -> StreamedStop:
+    return StreamedStop(0.0, speed, grade, force, 0.002, 0.3)
+
+
+def braked(online: OnlineBraking, forces: list[float], surface: str = "") -> list[Outcome]:
+    """Stops up and down; each force is that on level ground at 2 m/s."""
+    outcomes = []
+    for i, level in enumerate(forces):
+        v, g = 1.2 + 0.4 * (i % 7), 0.1 * (-1) ** i
+        force = level + PRIOR.m_b * (v - 2.0) + (PRIOR.m_m * v + PRIOR.b_m) * g
+        outcomes.append(online.take(stop(force, v, g), surface).outcome)
+    return outcomes
+
+
+def lower_bounds(braking: Braking, width: float = 3.09) -> list[float]:
+    """F_b/W that a plan at that quantile counts on, written out here once more."""
+    bounds = []
+    for v, g in CORNERS:
+        x = np.array([v * g, g, v, 1.0])
+        mean = x @ (braking.m_m, braking.b_m, braking.m_b, braking.b_b)
+        variance = x @ np.array(braking.covariance) @ x + braking.force_std**2
+        bounds.append(float(mean - width * np.sqrt(variance)))
+    return bounds
+
+
+def learning(change: float = 0.15) -> OnlineBraking:
+    return OnlineBraking(PRIOR, recursive=RecursiveSettings(change=change))
+
+
+def test_nothing_learned_leaves_the_model_as_it_is() -> None:
+    assert braking_in_use(PRIOR, learning().learned()) == PRIOR
+
+
+def test_until_it_is_valid_an_estimate_only_lowers_the_force() -> None:
+    online = learning()
+    braked(online, [0.45] * 3)
+    assert not online.valid()
+    assert np.all(np.array(lower_bounds(braking_in_use(PRIOR, online.learned())))
+                  <= np.array(lower_bounds(PRIOR)) + 1e-9)  # fmt: skip
+    braked(online, [0.45] * 20)
+    assert online.valid()
+    assert min(lower_bounds(braking_in_use(PRIOR, online.learned()))) > min(lower_bounds(PRIOR))
+
+
+@pytest.mark.parametrize("weaker", [0.20, 0.12, 0.06])
+def test_two_stops_on_weaker_ground_are_believed_whole(weaker: float) -> None:
+    online = learning()
+    braked(online, [0.32] * 12)
+    outcomes = [online.take(stop(weaker)).outcome for _ in range(2)]
+    assert outcomes == [Outcome.GATED, Outcome.CHANGED]
+    used = braking_in_use(PRIOR, online.learned())
+    assert used.m_b * 2.0 + used.b_b == pytest.approx(weaker, abs=0.02)
+    narrow = learning(change=0.0)
+    braked(narrow, [0.32] * 12)
+    braked(narrow, [weaker] * 2)
+    used = braking_in_use(PRIOR, narrow.learned())
+    assert used.m_b * 2.0 + used.b_b > weaker + 0.03, "the width of a change is what does it"
+
+
+def test_doubt_takes_back_what_was_gained_and_nothing_more() -> None:
+    online = learning()
+    braked(online, [0.45] * 25)
+    fast = lower_bounds(braking_in_use(PRIOR, online.learned()))
+    online.doubt()
+    doubted = lower_bounds(braking_in_use(PRIOR, online.learned()))
+    assert np.all(np.array(doubted) <= fast)
+    assert np.all(np.array(doubted) <= np.array(lower_bounds(PRIOR)) + 1e-9)
+    assert min(doubted) > 0.5 * min(lower_bounds(PRIOR)), "it must still be able to drive"
+    assert online.take(stop(0.10)).outcome is Outcome.ACCEPTED, "open to the first stop"
+    online.doubt("", np.array([0.0, 0.0, 0.0, 0.05]))
+    used = braking_in_use(PRIOR, online.learned())
+    assert used.b_b + 2.0 * used.m_b <= 0.05 + 1e-9
+
+
+@given(
+    forces=st.lists(st.floats(0.03, 1.0), min_size=1, max_size=30),
+    hours=st.floats(0.0, 200.0),
+    surface=st.sampled_from(["", "sand"]),
+)
+def test_growing_older_never_makes_a_plan_faster(
+    forces: list[float], hours: float, surface: str
+) -> None:
+    online = learning()
+    braked(online, forces, surface)
+    before = braking_in_use(PRIOR, online.learned()).on(surface)
+    online.age(3600.0 * hours)
+    after = braking_in_use(PRIOR, online.learned(), {surface: 0.01 * hours**0.5}).on(surface)
+    lower, higher = np.array(lower_bounds(after)), np.array(lower_bounds(before))
+    assert np.all(lower <= higher + 1e-6)
+
+
+@given(
+    forces=st.lists(st.floats(0.03, 1.0), min_size=1, max_size=30), age=st.floats(0.0, 1e6),
+)  # fmt: skip
+def test_restored_it_is_as_it_was_only_older(forces: list[float], age: float) -> None:
+    online, again = learning(), learning()
+    braked(online, forces)
+    (kept,) = online.learned().values()
+    again.restore(kept, age=age)
+    online.age(age)
+    (restored,), (aged,) = again.learned().values(), online.learned().values()
+    np.testing.assert_allclose(restored.published, aged.published, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(restored.covariance, aged.covariance, rtol=1e-6, atol=1e-12)
+    assert (restored.valid, restored.accepted) == (aged.valid, aged.accepted)
+    if kept.accepted:
+        assert again.take(stop(0.3)).outcome == online.take(stop(0.3)).outcome
+
+
+def test_surfaces_learn_apart_and_the_base_does_not_move_those_of_the_file() -> None:
+    gravel = SurfaceBraking(b_b=0.25)
+    prior = replace(PRIOR, terrain={"gravel": gravel})
+    online = OnlineBraking(prior, recursive=RecursiveSettings(change=0.15))
+    braked(online, [0.10] * 4)
+    braked(online, [0.20] * 4, "sand")
+    used = braking_in_use(prior, online.learned())
+    assert used.b_b < 0.12
+    assert used.on("gravel") == replace(prior.on("gravel"))
+    assert 0.15 < used.on("sand").level_force(2.0) < 0.22
+    number = used.terrain["sand"].class_id
+    assert number is not None
+    assert number > 62, "no number in a map may mean a surface that was learned by name"
+
+
+@given(a=st.integers(0, 2**31), b=st.integers(0, 2**31))
+def test_neither_covariance_is_undercut(a: int, b: int) -> None:
+    first, second = (np.random.default_rng(s).normal(size=(4, 4)) for s in (a, b))
+    first, second = first @ first.T, second @ second.T
+    both = at_least_both(first, second)
+    for one in (first, second):
+        assert np.linalg.eigvalsh(both - one)[0] > -1e-9
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"estimate": (float("nan"), 0.0, 0.0, 0.3)}, "estimate"),
+        ({"published": (0.0, 0.0, 0.3)}, "published"),
+        ({"published": (0.0, 0.0, 0.0, 1e6)}, "published"),
+        ({"covariance": ((0.0,) * 4,) * 3}, "covariance"),
+        ({"covariance": ((-1.0, 0.0, 0.0, 0.0), *((0.0,) * 4,) * 3)}, "covariance"),
+        ({"accepted": -1}, "accepted"),
+    ],
+)
+def test_what_cannot_have_been_learned_is_refused(changes: dict, field: str) -> None:
+    good = {
+        "estimate": (0.0, 0.0, 0.0, 0.3), "covariance": TIGHT, "published": (0.0, 0.0, 0.0, 0.3),
+        "valid": True, "accepted": 9, "gated": 0,
+    }  # fmt: skip
+    LearnedForce(**good)  # type: ignore[arg-type]
+    with pytest.raises(ParameterError) as caught:
+        LearnedForce(**good | changes)  # type: ignore[arg-type]
+    assert caught.value.field == field
