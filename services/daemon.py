@@ -20,7 +20,7 @@ import zenoh
 
 from models.errors import InputError
 from planner.elevation_map import ElevationMap
-from services import messages, wire
+from services import messages, systemd, wire
 from services.admission import Admission, Question
 from services.config import ServiceConfig, zenoh_config
 from services.files.map_file import read_map
@@ -62,6 +62,7 @@ class Service:
         self._seconds: deque[float] = deque(maxlen=_REMEMBERED)
         self._stopped = threading.Event()
         self._threads: list[threading.Thread] = []
+        self._working: dict[str, float] = {}
         self._begun = time.monotonic()
         self._flags: list[str] = []
         self._key = config.key("plan")
@@ -162,7 +163,9 @@ class Service:
     # ------------------------------------------------------------------ own threads
 
     def _work(self) -> None:
+        name = threading.current_thread().name
         while (question := self._admission.take()) is not None:
+            self._working[name] = time.monotonic()
             try:
                 self._answer(question)
             except Exception:  # noqa: BLE001 - logged and counted; the process has to live
@@ -170,6 +173,13 @@ class Service:
                 _log.exception("a question was not answered as it should be")
                 if self._admission.claim(question):
                     self._say(question, messages.ERROR, "fault of the service")
+            finally:
+                self._working.pop(name, None)
+
+    def _well(self) -> bool:
+        """Whether every worker gets on: none is still at a question long since told busy."""
+        latest = time.monotonic() - self.config.planning.longest_deadline - _PATIENCE
+        return all(began > latest for began in [*self._working.values()])
 
     def _answer(self, question: Question) -> None:
         begun = time.monotonic()
@@ -256,6 +266,8 @@ class Service:
         encoding = wire.encoding_of(Status, Format.JSON)
         while not self._stopped.wait(self.config.status.period):
             publisher.put(wire.encode(self.status(), Format.JSON), encoding=encoding)
+            if self._well():
+                systemd.tell(systemd.ALIVE)
 
     # ------------------------------------------------------------------ beginning
 
@@ -301,4 +313,6 @@ def serve(config: ServiceConfig, seconds: float | None = None) -> None:
     with service:
         listens = ", ".join(config.zenoh.listen) if config.zenoh.mode != "client" else "a router"
         print(f"slopewise: {config.key('plan')} answers at {listens}", flush=True)
+        systemd.tell(systemd.READY)
         service.wait(seconds)
+        systemd.tell(systemd.STOPPING)

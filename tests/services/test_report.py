@@ -29,7 +29,8 @@ from services.report.words import LIMITING_MEANING, STATUS_MEANING
 
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(1)> \"'&"
 ASSETS = ("page.css", "colours.css", "plan.css", "helpers.js", "state.js", "axes.js",
-          "map.js", "charts.js", "details.js", "table.js", "main.js", "page.html", "plan.html", "icons.svg")  # fmt: skip
+          "map.js", "charts.js", "details.js", "table.js", "main.js", "page.html", "plan.html",
+          "icons.svg")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
