@@ -1,7 +1,8 @@
 """Measuring all stops of a log together: ground under them, onsets, forces.
 
 What single stops cannot know they know together: how the body dives, how noisy the speed is, how
-long the brakes are dead. The order: knees on the raw grade, dive and mount, knees on the ground.
+long the brakes are dead, how well speeds are held. The order: knees on the raw grade, dive and
+mount, knees on the ground.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.calibration.creep import held_weights
 from models.calibration.dead_time import DeadTime, dead_time, sharpen
 from models.calibration.ground_grade import Dive, StopPitch, estimate_dive, shrunk
 from models.calibration.mount_offset import Mount
-from models.calibration.onset import Knee, fit_knee
+from models.calibration.onset import HELD, Knee, fit_knee
 from models.calibration.stop_record import StopRecord, StopSamples
 
 Floats = NDArray[np.float64]
@@ -61,7 +63,8 @@ def measure(
     if dive is None:
         dive = _dive(stops, first)
     grounds = [_ground(s, k, mount, dive) for s, k in zip(stops, first, strict=True)]
-    knees = [_knee(stop, ground, slope) for stop, ground in zip(stops, grounds, strict=True)]
+    held = held_weights(first, speed_noise([knee for knee in first if knee is not None]))
+    knees = [_knee(s, g, slope, h) for s, g, h in zip(stops, grounds, held.tolist(), strict=True)]
     good = [i for i, knee in enumerate(knees) if knee is not None]
     missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
     if not good:
@@ -102,6 +105,8 @@ def speed_noise(knees: Sequence[Knee]) -> Floats:
     Correlated residuals say less than their number: the variance is that of a first-order
     autoregression's mean.
     """
+    if not knees:
+        return np.empty(0)
     rms = np.array([knee.rms for knee in knees])
     count = np.array([knee.samples for knee in knees])
     pooled = float(np.median(rms)) ** 2
@@ -147,6 +152,6 @@ def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> F
     return grade
 
 
-def _knee(stop: StopSamples, ground: Floats, slope: Slope) -> Knee | None:
+def _knee(stop: StopSamples, ground: Floats, slope: Slope, held: float = HELD) -> Knee | None:
     slope_here = slope(stop.window.held_speed)
-    return fit_knee(stop.time, stop.speed, ground, stop.rest_time, slope_here)
+    return fit_knee(stop.time, stop.speed, ground, stop.rest_time, slope_here, held)

@@ -21,8 +21,8 @@ from models.quantity import GRAVITY
 
 Floats = NDArray[np.float64]
 
-_CREEP = 0.4  # [m/s²] how far the held speed may be from held, as a standard deviation
-_HELD = (0.03 / _CREEP) ** 2  # the same as a weight beside speed noise of 3 cm/s [s²]
+CREEP = 0.4  # [m/s²] how far a held speed may be from held, as a standard deviation
+HELD = (0.03 / CREEP) ** 2  # the same as a weight beside speed noise of 3 cm/s [s²]
 _COARSE, _FINE = 24, 12  # onset times tried
 _EARLIEST = -0.05  # [s] commands are logged up to a sample late
 _LOW = 0.05  # share of the held speed below which sensors and brakes do other things
@@ -41,6 +41,8 @@ class Knee:
         covariance: (3, 3) of onset_speed, onset_time, force_ratio for a speed noise of 1 m/s.
         rms: of the residuals [m/s]. correlation: of each residual with the one before.
         samples: number of them. mean_grade: time average of θ from onset to standstill [rad].
+        creep: change of the held speed before the onset [m/s²]. creep_variance: its variance for a
+            speed noise of 1 m/s.
     """
 
     onset_speed: float
@@ -51,10 +53,17 @@ class Knee:
     correlation: float
     samples: int
     mean_grade: float
+    creep: float
+    creep_variance: float
 
 
 def fit_knee(
-    time: Floats, speed: Floats, grade: Floats, rest_time: float, slope: float = 0.0
+    time: Floats,
+    speed: Floats,
+    grade: Floats,
+    rest_time: float,
+    slope: float = 0.0,
+    held_weight: float = HELD,
 ) -> Knee | None:
     """Least squares of held speed, knee and fall.
 
@@ -64,14 +73,16 @@ def fit_knee(
         rest_time: of the first zero crossing since the command [s].
         slope: change of F_b/W with grade, m v_i + b, as far as it is known; it matters where the
             grade varies along the stop.
+        held_weight: of the evidence that held speeds are held: (speed noise over the standard
+            deviation of the creep)² [s²].
 
     Returns:
         None where there are too few samples or the speed does not fall.
     """
-    held = float(np.mean(speed[time <= 0.0])) if (time <= 0.0).any() else float(speed[0])
-    fast = np.flatnonzero((time <= rest_time) & (speed >= _STILL_FAST * held))
+    level = float(np.mean(speed[time <= 0.0])) if (time <= 0.0).any() else float(speed[0])
+    fast = np.flatnonzero((time <= rest_time) & (speed >= _STILL_FAST * level))
     latest = min(0.9 * rest_time, float(time[fast[-1]]) if len(fast) else 0.0)
-    pull = _Pull(time, grade, slope)
+    pull = _Pull(time, grade, slope, held_weight)
     # Which samples belong to the fall must not depend on their own noise: the first cut is by the
     # crossing, the second by the first fit.
     t, v = _until(time, speed, (1.0 - _LOW) * rest_time)
@@ -121,8 +132,8 @@ def _best_onset(
 class _Pull:
     """Integrals of sin θ + slope (θ − mean) over time, and mean grades."""
 
-    def __init__(self, time: Floats, grade: Floats, slope: float) -> None:
-        self.time, self.grade, self.slope = time, grade, slope
+    def __init__(self, time: Floats, grade: Floats, slope: float, held_weight: float) -> None:
+        self.time, self.grade, self.slope, self.held = time, grade, slope, held_weight
         self._sine = _cumulative(time, np.sin(grade))
         self._grade = _cumulative(time, grade)
 
@@ -171,12 +182,12 @@ def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, rest_time: float) -
     wanted = v + GRAVITY * pull.after(onset, rest_time, t)
     normal = design.transpose(0, 2, 1) @ design
     # Held speeds are held: the creep needs evidence.
-    normal[:, 1, 1] += _HELD
+    normal[:, 1, 1] += pull.held
     normal[:, 2, 2] += 1e-9
     right = np.einsum("kni,kn->ki", design, wanted)
     solution: Floats = np.asarray(np.linalg.solve(normal, right[:, :, None])[:, :, 0], np.float64)
     residual = wanted - np.einsum("kni,ki->kn", design, solution)
-    cost = np.einsum("kn,kn->k", residual, residual) + _HELD * solution[:, 1] ** 2
+    cost = np.einsum("kn,kn->k", residual, residual) + pull.held * solution[:, 1] ** 2
     return _Solved(design, solution, residual, cost)
 
 
@@ -188,7 +199,7 @@ def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, rest_time: floa
     by_onset = np.where(braking, GRAVITY * (force + sine), -creep)
     jacobian = np.column_stack((design, by_onset))
     normal = jacobian.T @ jacobian
-    normal[1, 1] += _HELD
+    normal[1, 1] += pull.held
     normal[np.diag_indices(4)] += 1e-12
     covariance: Floats = np.asarray(np.linalg.inv(normal), np.float64)
     order = np.array([0, 3, 2])
@@ -197,5 +208,6 @@ def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, rest_time: floa
     correlation = float(residual[1:] @ residual[:-1]) / max(sum_sq, 1e-300)
     return Knee(
         speed, onset, force, covariance[np.ix_(order, order)], float(np.sqrt(sum_sq / freedom)),
-        correlation, len(t), float(pull.mean_grade(onset, rest_time)),
+        correlation, len(t), float(pull.mean_grade(onset, rest_time)), creep,
+        float(covariance[1, 1]),
     )  # fmt: skip
