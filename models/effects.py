@@ -244,6 +244,10 @@ def force_scale(effects: Iterable[Effect]) -> float:
     return math.prod(validate(e)["scale"] for e in effects if e.name == "step_change")
 
 
+NO_MOTION = motion(())
+"""Nothing acts on the motion."""
+
+
 def motion_deceleration(speed: Any, curvature: Any, yaw: Any, terms: Motion) -> Any:
     """Deceleration by the motion terms [m/s²]; elementwise in speed, curvature [1/m], yaw [rad]."""
     relative = speed + terms.wind * np.cos(yaw - terms.wind_direction)

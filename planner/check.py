@@ -104,7 +104,7 @@ def check(
     scalars = numbers(model)
     if decel is not None:
         scalars = scalars._replace(decel=decel)
-    in_time = motion != effects.motion(())._replace(heat=motion.heat)
+    in_time = motion != effects.NO_MOTION._replace(heat=motion.heat)
     _check(
         track, body_of(model), scalars, motion, in_time, speed_sq, clear_distance,
         distance_offset, between, time_step, stop_distance, rear_load, side_load, worst, bad,

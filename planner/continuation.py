@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.compiled import Floats
+from planner.compiled import Floats, Ints, kernel
 from planner.path import PathBatch
 from planner.place import Place, locate
 from planner.plan import SpeedPlan
@@ -36,22 +36,40 @@ class Points(NamedTuple):
         """Distance from the first one in the plan view, (N,) [m]."""
         return np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(self.x), np.diff(self.y)))))
 
-    def foot(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    def foot(
+        self, x: Floats, y: Floats, low: int = 0, high: int | None = None
+    ) -> tuple[Ints, Floats, Floats]:
         """Where other points are on this polyline.
 
         Args:
             x, y: (n,) positions [m].
+            low, high: segments among which the nearest is looked for; all of them if left out.
 
         Returns:
-            (n, N − 1) shares of each segment, < 0 before it and > 1 beyond; distances [m].
+            (n,) nearest segments; shares of them, < 0 before and > 1 beyond; distances [m].
         """
-        dx, dy = np.diff(self.x), np.diff(self.y)
-        squared = np.maximum(dx * dx + dy * dy, 1e-18)
-        share = ((x[:, None] - self.x[:-1]) * dx + (y[:, None] - self.y[:-1]) * dy) / squared
-        inside = np.clip(share, 0.0, 1.0)
-        away_x = self.x[:-1] + inside * dx - x[:, None]
-        away_y = self.y[:-1] + inside * dy - y[:, None]
-        return share, np.hypot(away_x, away_y)
+        segment, share, off = np.empty(len(x), np.int64), np.empty(len(x)), np.empty(len(x))
+        last = len(self.x) - 1
+        _foot(self.x, self.y, x, y, low, last if high is None else high, segment, share, off)
+        return segment, share, off
+
+
+@kernel
+def _foot(
+    own_x: Floats, own_y: Floats, x: Floats, y: Floats, low: int, high: int,
+    segment: Ints, share: Floats, off: Floats,
+) -> None:  # fmt: skip
+    for j in range(x.shape[0]):
+        segment[j], share[j], least = low, 0.0, np.inf
+        for i in range(low, high):
+            dx, dy = own_x[i + 1] - own_x[i], own_y[i + 1] - own_y[i]
+            to_x, to_y = x[j] - own_x[i], y[j] - own_y[i]
+            u = (to_x * dx + to_y * dy) / max(dx * dx + dy * dy, 1e-18)
+            inside = min(max(u, 0.0), 1.0)
+            away = (inside * dx - to_x) ** 2 + (inside * dy - to_y) ** 2
+            if away < least:
+                segment[j], share[j], least = i, u, away
+        off[j] = np.sqrt(least)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,12 +134,11 @@ class Driven:
         """
         own = self.ahead(place)
         common = Points(x, y).arc() <= own.arc()[-1]
-        share, off = own.foot(x[common], y[common])
-        nearest, rows = np.argmin(off, axis=1), np.arange(int(common.sum()))
+        nearest, share, off = own.foot(x[common], y[common])
         # What lies before or beyond this path says nothing.
-        before = (nearest == 0) & (share[rows, 0] < 0.0)
-        beyond = (nearest == off.shape[1] - 1) & (share[rows, -1] > 1.0)
-        return bool(np.all((off[rows, nearest] <= tolerance) | before | beyond))
+        before = (nearest == 0) & (share < 0.0)
+        beyond = (nearest == len(own.x) - 2) & (share > 1.0)
+        return bool(np.all((off <= tolerance) | before | beyond))
 
     def rest(self, place: Place, behind: int = BEHIND) -> tuple[PathBatch, int]:
         """The path around and ahead of the vehicle.
@@ -184,9 +201,9 @@ class Driven:
         direction = (own_x[-1] - own_x[-2]) / step, (own_y[-1] - own_y[-2]) / step
         length = float(self.ahead(place).arc()[-1])
         points = Points(x, y)
-        _, beside = points.foot(place.x, place.y)
+        here, _, _ = points.foot(place.x, place.y, high=min(BEHIND + 2, len(x) - 1))
         along = points.arc()
-        along = along - along[int(np.argmin(beside[0, : BEHIND + 2]))]
+        along = along - along[here[0]]
         off = np.hypot(x - own_x[-1], y - own_y[-1])
         near = np.abs(along - length) <= _WINDOW + _DRIFT * length
         if not near.any():
@@ -207,12 +224,12 @@ def reached(path: Points, station: Floats, place: tuple[float, float], expected:
         expected: about where it is: the path may cross itself [m].
     """
     window = _WINDOW + _DRIFT * abs(expected)
-    share, off = path.foot(np.array([place[0]]), np.array([place[1]]))
-    near = (station[1:] >= expected - window) & (station[:-1] <= expected + window)
-    if not near.any():
+    low = int(np.searchsorted(station[1:], expected - window))
+    high = int(np.searchsorted(station[:-1], expected + window, "right"))
+    if low >= high:
         return np.inf if expected > station[-1] else 0.0
-    k = int(np.argmin(np.where(near, off[0], np.inf)))
-    u = float(share[0, k])
+    segment, share, _ = path.foot(np.array([place[0]]), np.array([place[1]]), low, high)
+    k, u = int(segment[0]), float(share[0])
     if k == len(station) - 2 and u >= 1.0 - _AT_END:
         return np.inf
     return float(station[k] + min(max(u, 0.0), 1.0) * (station[k + 1] - station[k]))
@@ -224,9 +241,7 @@ def _limits_along(path: Points, first: int, x: Floats, y: Floats, limit: Floats)
     Between two stations of the other path the lower limit counts; up to station ``first``, where
     the vehicle has been, either one allowed it to be.
     """
-    share, off = Points(x, y).foot(path.x, path.y)
-    k = np.argmin(off, axis=1)
-    u = share[np.arange(len(k)), k]
+    k, u, _ = Points(x, y).foot(path.x, path.y)
     lower, higher = np.minimum(limit[k], limit[k + 1]), np.maximum(limit[k], limit[k + 1])
     between = np.where(np.arange(len(k)) <= first, higher, lower)
     here: Floats = np.where(u >= 1.0 - _AT_END, limit[k + 1], between)

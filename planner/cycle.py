@@ -12,7 +12,7 @@ from models.errors import ParameterError
 from planner.answer import FULL_STOP, Answer, Deficit, Ranked, State, command_of
 from planner.candidates import TimeOptimalBatch
 from planner.check import Offence
-from planner.compiled import Bools, Floats
+from planner.compiled import Bools, Floats, Ints, kernel
 from planner.continuation import Driven, Points
 from planner.cycle_planner import CyclePlanner, Work
 from planner.own_path import OwnPath, offered_path
@@ -95,7 +95,7 @@ class Cycle:
         # Plans rest at stations: what a path costs jumps by the way from one to the next.
         step = float(np.hypot(np.diff(begun.x[1:3], axis=0), np.diff(begun.y[1:3], axis=0)).max())
         self._gain = self._settings.switch_gain + planner.equipment.planner.horizon_penalty * step
-        left = left_behind(paths, place, planner.elevation_map, planner.footprint)
+        left = left_behind(paths, place, planner.elevation_map)
         ours = self._find_own(paths, place, begun, left, clear)
         start = max(self._state.speed, 0.0)
         if self._own is not None:
@@ -139,12 +139,16 @@ class Cycle:
 
     def _out_of_reach(self, place: Place) -> list[str]:
         """Why candidates cannot be driven from here, empty for those that can."""
-        return [
-            self._refusal(*(float(v) for v in values))
-            for values in zip(place.beside, -place.along, place.turned, place.left, strict=True)
-        ]
+        most = self._settings
+        near = (place.beside <= most.beside) & (-place.along <= most.ahead)
+        drivable = near & (place.turned <= most.turned) & (place.left > _ENDS)
+        reasons = [""] * len(drivable)
+        for j in np.flatnonzero(~drivable):
+            values = (place.beside[j], -place.along[j], place.turned[j])
+            reasons[j] = self._refusal(*(float(v) for v in values))
+        return reasons
 
-    def _refusal(self, beside: float, gap: float, turned: float, left: float) -> str:
+    def _refusal(self, beside: float, gap: float, turned: float) -> str:
         settings = self._settings
         if beside > settings.beside:
             return f"the path lies {beside:.2f} m beside the vehicle, {settings.beside:g} m at most"
@@ -153,7 +157,7 @@ class Cycle:
         if turned > settings.turned:
             most = np.rad2deg(settings.turned)
             return f"the path points {np.rad2deg(turned):.0f}° off the heading, {most:.0f}° at most"
-        return "" if left > _ENDS else "the path ends here"
+        return "the path ends here"
 
     def _is_on(self, place: Place) -> bool:
         """Is the vehicle on the plan driven so far?"""
@@ -294,29 +298,37 @@ class Cycle:
 
 def _malformed(paths: PathBatch, clear: Floats) -> list[str]:
     """Why candidates cannot be planned at all, empty for those that can."""
-    rows = np.arange(len(paths.x))[:, None] < paths.count
-    finite = np.all(np.isfinite(paths.x + paths.y) | ~rows, axis=0)
-    step = np.hypot(np.diff(paths.x, axis=0), np.diff(paths.y, axis=0))
-    moving = np.all(~(step < _STEP) | ~rows[1:], axis=0)
-    reasons = []
-    names: set[str] = set()
-    for name, n, known, moves, free in zip(
-        paths.names, paths.count, finite, moving, clear, strict=True
-    ):
-        why = ""
-        if name in names:
-            why = "another candidate has this name"
-        elif n < FEWEST:
-            why = f"the path has {n} stations, {FEWEST} at least"
-        elif not known:
-            why = "the path has stations that are no numbers"
-        elif not moves:
-            why = "the path has two stations in one place"
-        elif np.isnan(free):
-            why = "its clear distance is not a number"
-        names.add(name)
-        reasons.append(why)
+    finite, moving = np.empty((2, len(clear)), np.bool_)
+    _soundness(paths.x, paths.y, paths.count, finite, moving)
+    long, known = paths.count >= FEWEST, ~np.isnan(clear)
+    reasons = [""] * len(clear)
+    for j in np.flatnonzero(~(finite & moving & long & known)):
+        if not long[j]:
+            reasons[j] = f"the path has {paths.count[j]} stations, {FEWEST} at least"
+        elif not finite[j]:
+            reasons[j] = "the path has stations that are no numbers"
+        elif not moving[j]:
+            reasons[j] = "the path has two stations in one place"
+        else:
+            reasons[j] = "its clear distance is not a number"
+    if len(set(paths.names)) < len(paths.names):
+        names: set[str] = set()
+        for i, name in enumerate(paths.names):
+            if name in names:
+                reasons[i] = "another candidate has this name"
+            names.add(name)
     return reasons
+
+
+@kernel
+def _soundness(x: Floats, y: Floats, count: Ints, finite: Bools, moving: Bools) -> None:
+    for j in range(x.shape[1]):
+        finite[j] = moving[j] = True
+        for i in range(count[j]):
+            finite[j] &= np.isfinite(x[i, j] + y[i, j])
+            if i > 0:
+                step_sq = (x[i, j] - x[i - 1, j]) ** 2 + (y[i, j] - y[i - 1, j]) ** 2
+                moving[j] &= not step_sq < _STEP * _STEP
 
 
 def checked_clear(clear: float | Floats, candidates: int) -> Floats:

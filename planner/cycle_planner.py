@@ -20,7 +20,7 @@ from planner.plan import SpeedPlan
 from planner.scalars import Numbers
 from planner.settings import PlannerSettings
 from planner.smoothers import Smoothers
-from planner.terrain_profile import terrain_profile
+from planner.terrain_profile import stations_along
 from planner.uncertainty import Uncertainty
 
 
@@ -55,20 +55,13 @@ class CyclePlanner:
     conditions: Conditions | None
     begun: float
 
-    @property
-    def footprint(self) -> tuple[float, float]:
-        """Wheelbase and track width [m]."""
-        vehicle = self.equipment.model.vehicle
-        return vehicle.wheelbase, vehicle.track_width
-
     def late(self) -> bool:
         """The time for this cycle is over."""
         return perf_counter() - self.begun > self.equipment.settings.budget
 
     def stations(self, path: PathBatch) -> Floats:
         """Stations of a single path along the ground, (N,) [m]."""
-        profile = terrain_profile(self.elevation_map, path.x, path.y, path.count, *self.footprint)
-        return np.ascontiguousarray(profile.station[:, 0])
+        return stations_along(self.elevation_map, path.x, path.y, path.count)[:, 0]
 
     def solve(self, paths: PathBatch, clear: Floats, start: float) -> TimeOptimalBatch:
         """Time-optimal profiles of candidates that begin at the vehicle."""

@@ -58,24 +58,20 @@ def spread_to_neighbours(term: Floats) -> tuple[Floats, Floats]:
     return stack.min(axis=0), stack.max(axis=0)
 
 
-def widened(
-    forces: Forces,
-    grade: Floats,
-    bits: Ints,
-    table: Floats,
-    model: Model,
-    uncertainty: Uncertainty,
-) -> Forces:
-    """Both forces with the margin of the least certain surface, (N, M)."""
+def margins(surfaces: int, model: Model, uncertainty: Uncertainty) -> Floats:
+    """Matrices of the margin of F_b/W on each surface, (S, 4, 4), of Uncertainty.force_matrix."""
     names = ["", *model.braking.terrain]
     scale = effects.force_scale(model.effect)
-    matrices = np.empty((len(table), 4, 4))
-    for i in range(len(table)):
+    matrices = np.empty((surfaces, 4, 4))
+    for i in range(surfaces):
         # Ground that was never braked on is as uncertain as the ground that is known best of it.
         name = names[i] if i < len(names) else ""
         matrices[i] = scale**2 * uncertainty.force_matrix(braking_on(model, name))
-    if not matrices.any():
-        return forces
+    return matrices
+
+
+def widened(forces: Forces, grade: Floats, bits: Ints, matrices: Floats) -> Forces:
+    """Both forces with the margin of the least certain surface, (N, M)."""
     weak_speed, weak_rest, strong_speed, strong_rest = empty(4, *grade.shape)
     _widen(
         grade, np.ascontiguousarray(bits), matrices, forces.slowest, forces.fastest,

@@ -18,8 +18,9 @@ from models.quantity import GRAVITY
 from planner.compiled import Bools, Floats
 from planner.force_margins import capped, ground_terms, widened
 from planner.forces import on_many_surfaces, on_one_surface
-from planner.surface_table import FRICTION, SLOWEST, surface_bits, surface_table
+from planner.knowledge import knowledge_of
 from planner.surface_table import resolve_surface as resolve_surface
+from planner.surface_table import surface_bits
 from planner.terrain_profile import TerrainProfile
 from planner.uncertainty import Uncertainty
 
@@ -91,14 +92,15 @@ def ground_along(
     """
     now = conditions or Conditions()
     braking = model.braking
-    table, class_bits = surface_table(model, class_names, uncertainty)
+    known = knowledge_of(model, class_names, uncertainty)
+    table = known.table
     margin = braking.extrapolation_margin if braking.extrapolate else -1.0
-    bits = surface_bits(profile, class_bits)
+    bits = surface_bits(profile, known.class_bits)
     if len(table) == 1:
         forces = on_one_surface(profile.grade, table[0], margin)
     else:
         forces = on_many_surfaces(profile.grade, bits, table, margin)
-    motion = effects.motion(model.effect, None, now.brake_heat)._replace(friction=np.inf)
+    motion = known.motion._replace(heat=now.brake_heat)
     push = forces.weak_rest
     if model.effect:
         yaw = np.arctan2(profile.heading_y, profile.heading_x)
@@ -114,10 +116,8 @@ def ground_along(
             for speed in (0.0, model.limits.speed)
         ]
         push = np.minimum(0.0, np.minimum(*pushes))
-    if uncertainty is not None:
-        forces = widened(forces, profile.grade, bits, table, model, uncertainty)
-    if np.isfinite(table[:, FRICTION]).any():
+    if known.margins is not None:
+        forces = widened(forces, profile.grade, bits, known.margins)
+    if known.slides:
         forces = capped(forces, profile, bits, table)
-    closed_form = motion == effects.motion(())._replace(heat=now.brake_heat)
-    one_slowest = bool(np.ptp(table[:, SLOWEST]) == 0.0)
-    return Ground(*forces, push, motion, closed_form and one_slowest)
+    return Ground(*forces, push, motion, known.closed_form)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.compiled import Floats, Ints
+from planner.compiled import Floats, Ints, kernel
 from planner.elevation_map import ElevationMap
 from planner.path import PathBatch
-from planner.terrain_profile import terrain_profile
+from planner.terrain_profile import stations_along
 
 FEWEST = 3
 """Stations that a path needs, so that it has a curvature."""
@@ -59,38 +59,50 @@ def locate(x: Floats, y: Floats, count: Ints, at: tuple[float, float], heading: 
         x, y: (N, M) stations, finite and N >= 2 [m]; count: (M,) of each path, >= 2.
         at: position of the vehicle [m]; heading: [rad].
     """
-    lanes = np.arange(x.shape[1])
-    dx, dy = np.diff(x, axis=0), np.diff(y, axis=0)
-    length = np.hypot(dx, dy)
-    begins = np.vstack((np.zeros((1, x.shape[1])), np.cumsum(length, axis=0)))
-    squared = np.maximum(length * length, 1e-18)
-    share = ((at[0] - x[:-1]) * dx + (at[1] - y[:-1]) * dy) / squared
-    inside = np.clip(share, 0.0, 1.0)
-    off = np.hypot(x[:-1] + inside * dx - at[0], y[:-1] + inside * dy - at[1])
-    ahead = dx * np.cos(heading) + dy * np.sin(heading)
-    off += np.where(ahead < _ITS_WAY * length, _ASIDE, 0.0)
-    off = np.where(np.arange(len(off))[:, None] < count - 1, off, np.inf)
-    early = np.where(begins[:-1] <= _SEARCH, off, np.inf)
-    segment: Ints = np.argmin(early, axis=0).astype(np.int64)
-    found = (early[segment, lanes] <= _FOUND) & (share[segment, lanes] <= 1.0)
-    segment = np.where(found, segment, np.argmin(off, axis=0))
-    u, own = share[segment, lanes], inside[segment, lanes]
-    tangent_x, tangent_y = dx[segment, lanes], dy[segment, lanes]
-    step = np.maximum(length[segment, lanes], 1e-9)
-    first = (segment == 0) & (u < 0.0)
-    along = begins[segment, lanes] + np.where(first, u, own) * step
-    offset = (at[0] - x[segment, lanes]) * tangent_y - (at[1] - y[segment, lanes]) * tangent_x
-    beyond = np.maximum(u - 1.0, 0.0) * step
-    direction = np.arctan2(tangent_y, tangent_x) - heading
-    return Place(
-        segment,
-        x[segment, lanes] + own * tangent_x,
-        y[segment, lanes] + own * tangent_y,
-        along,
-        begins[count - 1, lanes] - along,
-        np.hypot(offset / step, beyond),
-        np.abs(np.angle(np.exp(1j * direction))),
-    )
+    segment, place = np.empty(x.shape[1], np.int64), np.empty((6, x.shape[1]))
+    _locate(x, y, count, at[0], at[1], heading, segment, place)
+    return Place(segment, *place)
+
+
+@kernel
+def _locate(
+    x: Floats, y: Floats, count: Ints, at_x: float, at_y: float, heading: float,
+    segment: Ints, place: Floats,
+) -> None:  # fmt: skip
+    cosine, sine = np.cos(heading), np.sin(heading)
+    for j in range(x.shape[1]):
+        begin = 0.0
+        nearest, least, nearest_begin = 0, np.inf, 0.0
+        early, least_early, early_begin, early_share = 0, np.inf, 0.0, 0.0
+        for i in range(count[j] - 1):
+            dx, dy = x[i + 1, j] - x[i, j], y[i + 1, j] - y[i, j]
+            to_x, to_y = at_x - x[i, j], at_y - y[i, j]
+            squared = max(dx * dx + dy * dy, 1e-18)
+            share = (to_x * dx + to_y * dy) / squared
+            inside = min(max(share, 0.0), 1.0)
+            off = np.sqrt((inside * dx - to_x) ** 2 + (inside * dy - to_y) ** 2)
+            length = np.sqrt(squared)
+            if dx * cosine + dy * sine < _ITS_WAY * length:
+                off += _ASIDE
+            if off < least:
+                nearest, least, nearest_begin = i, off, begin
+            if begin <= _SEARCH and off < least_early:
+                early, least_early, early_begin, early_share = i, off, begin, share
+            begin += length
+        found = least_early <= _FOUND and early_share <= 1.0
+        i, along = (early, early_begin) if found else (nearest, nearest_begin)
+        dx, dy = x[i + 1, j] - x[i, j], y[i + 1, j] - y[i, j]
+        to_x, to_y = at_x - x[i, j], at_y - y[i, j]
+        step = max(np.sqrt(dx * dx + dy * dy), 1e-9)
+        share = (to_x * dx + to_y * dy) / (step * step)
+        inside = min(max(share, 0.0), 1.0)
+        along += (share if i == 0 and share < 0.0 else inside) * step
+        beside = np.hypot((to_x * dy - to_y * dx) / step, max(share - 1.0, 0.0) * step)
+        turned = abs(np.arctan2(dy, dx) - heading) % (2.0 * np.pi)
+        segment[j] = i
+        place[0, j], place[1, j] = x[i, j] + inside * dx, y[i, j] + inside * dy
+        place[2, j], place[3, j] = along, begin - along
+        place[4, j], place[5, j] = beside, min(turned, 2.0 * np.pi - turned)
 
 
 def cut(paths: PathBatch, place: Place, at: tuple[float, float]) -> PathBatch:
@@ -104,47 +116,66 @@ def cut(paths: PathBatch, place: Place, at: tuple[float, float]) -> PathBatch:
     """
     if np.all(np.abs(place.along) <= _HERE):
         return paths
-    lanes, last = np.arange(len(paths.names)), paths.count - 1
-    ahead = place.along < 0.0
-    start_x, start_y = np.where(ahead, at[0], place.x), np.where(ahead, at[1], place.y)
-    kept = np.where(ahead, 0, place.segment + 1)
-    # A first step that is too short would have no direction.
-    spacing = np.hypot(paths.x[1] - paths.x[0], paths.y[1] - paths.y[0])
-    near = np.hypot(paths.x[kept, lanes] - start_x, paths.y[kept, lanes] - start_y) < 0.3 * spacing
-    kept = np.minimum(kept + near, last)
-    count = np.maximum(paths.count - kept + 1, FEWEST)
-    rows = np.minimum(kept + np.arange(int(count.max()) - 1)[:, None], last)
+    stations, candidates = paths.x.shape
     limit = paths.speed_limit
-    if limit is not None:
-        # Between two stations either one's limit holds; of one left out, its own.
-        before = limit[np.maximum(kept - 1, 0), lanes]
-        before = np.where(near | ahead, before, np.maximum(before, limit[kept, lanes]))
-        limit = np.vstack((before, np.take_along_axis(limit, rows, axis=0)))
-    x = np.vstack((start_x, np.take_along_axis(paths.x, rows, axis=0)))
-    y = np.vstack((start_y, np.take_along_axis(paths.y, rows, axis=0)))
-    for j in np.flatnonzero(kept == last):
-        # Only its end is left of it.
-        x[1, j], y[1, j] = 0.5 * (x[0, j] + x[2, j]), 0.5 * (y[0, j] + y[2, j])
-    return PathBatch(paths.names, x, y, count, limit)
+    given = np.empty((0, 0)) if limit is None else limit
+    x, y = np.empty((2, stations + 1, candidates))
+    limits = np.empty((0, 0)) if limit is None else np.empty((stations + 1, candidates))
+    count = np.empty(candidates, np.int64)
+    _cut(
+        paths.x, paths.y, given, paths.count, place.segment, place.x, place.y, place.along, *at,
+        x, y, limits, count,
+    )  # fmt: skip
+    most = int(count.max())
+    return PathBatch(
+        paths.names, x[:most], y[:most], count, None if limit is None else limits[:most]
+    )
 
 
-def left_behind(
-    paths: PathBatch, place: Place, elevation_map: ElevationMap, footprint: tuple[float, float]
-) -> Floats:
+@kernel
+def _cut(
+    x: Floats, y: Floats, limit: Floats, count: Ints, segment: Ints, place_x: Floats,
+    place_y: Floats, along: Floats, at_x: float, at_y: float,
+    new_x: Floats, new_y: Floats, new_limit: Floats, new_count: Ints,
+) -> None:  # fmt: skip
+    for j in range(x.shape[1]):
+        last, ahead = count[j] - 1, along[j] < 0.0
+        start_x, start_y = (at_x, at_y) if ahead else (place_x[j], place_y[j])
+        kept = 0 if ahead else segment[j] + 1
+        # A first step that is too short would have no direction.
+        spacing = np.hypot(x[1, j] - x[0, j], y[1, j] - y[0, j])
+        near = np.hypot(x[kept, j] - start_x, y[kept, j] - start_y) < 0.3 * spacing
+        kept = min(kept + int(near), last)
+        new_count[j] = max(count[j] - kept + 1, FEWEST)
+        new_x[0, j], new_y[0, j] = start_x, start_y
+        for i in range(1, new_x.shape[0]):
+            k = min(kept + i - 1, last)
+            new_x[i, j], new_y[i, j] = x[k, j], y[k, j]
+        if kept == last:
+            # Only its end is left of it.
+            new_x[1, j] = 0.5 * (start_x + new_x[2, j])
+            new_y[1, j] = 0.5 * (start_y + new_y[2, j])
+        if limit.shape[0] > 0:
+            # Between two stations either one's limit holds; of one left out, its own.
+            before = limit[max(kept - 1, 0), j]
+            new_limit[0, j] = before if near or ahead else max(before, limit[kept, j])
+            for i in range(1, new_x.shape[0]):
+                new_limit[i, j] = limit[min(kept + i - 1, last), j]
+
+
+def left_behind(paths: PathBatch, place: Place, elevation_map: ElevationMap) -> Floats:
     """Station of the vehicle on each candidate, along the ground; < 0 before it begins, (M,) [m].
 
     Args:
         paths: as they came. place: the vehicle on them.
-        elevation_map: ground; footprint: wheelbase and track width [m].
+        elevation_map: ground.
     """
     if np.all(np.abs(place.along) <= _HERE):
         return np.zeros(len(paths.names))
     lanes, i = np.arange(len(paths.names)), place.segment
     rows = min(max(int(i.max()) + 2, FEWEST), len(paths.x))
     x, y = np.ascontiguousarray(paths.x[:rows]), np.ascontiguousarray(paths.y[:rows])
-    station = terrain_profile(
-        elevation_map, x, y, np.minimum(paths.count, rows), *footprint
-    ).station
+    station = stations_along(elevation_map, x, y, np.minimum(paths.count, rows))
     step = np.hypot(x[i + 1, lanes] - x[i, lanes], y[i + 1, lanes] - y[i, lanes])
     gone = np.hypot(place.x - x[i, lanes], place.y - y[i, lanes])
     share = np.minimum(gone / np.maximum(step, 1e-9), 1.0)

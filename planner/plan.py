@@ -7,7 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from planner.compiled import Floats, Ints
+from planner.compiled import Floats, Ints, kernel
 from planner.limiting import Limiting
 
 
@@ -127,10 +127,15 @@ def motion_of(station: Floats, speed_sq: Floats) -> tuple[Floats, Floats]:
     Returns:
         accel (N,), 0 at the last station [m/s²]; time (N,), constant once the profile rests [s].
     """
-    ds = np.diff(station)
-    speed = np.sqrt(speed_sq)
-    accel = np.zeros_like(station)
-    accel[:-1] = np.diff(speed_sq) / (2.0 * ds)
-    both = speed[1:] + speed[:-1]
-    step = np.divide(2.0 * ds, both, out=np.zeros_like(ds), where=both > 0.0)
-    return accel, np.concatenate(([0.0], np.cumsum(step)))
+    accel, time = np.zeros((2, len(station)))
+    _motion(station, speed_sq, accel, time)
+    return accel, time
+
+
+@kernel
+def _motion(station: Floats, speed_sq: Floats, accel: Floats, time: Floats) -> None:
+    for k in range(station.shape[0] - 1):
+        ds = station[k + 1] - station[k]
+        both = np.sqrt(speed_sq[k]) + np.sqrt(speed_sq[k + 1])
+        accel[k] = (speed_sq[k + 1] - speed_sq[k]) / (2.0 * ds)
+        time[k + 1] = time[k] + (2.0 * ds / both if both > 0.0 else 0.0)

@@ -38,7 +38,7 @@ def screen(
     candidates = speed_sq.shape[1]
     worst = np.zeros((candidates, len(Offence._fields)))
     limit = ground.fastest if speed_limit is None else np.minimum(ground.fastest, speed_limit)
-    in_time = ground.motion != effects.motion(())._replace(heat=ground.motion.heat)
+    in_time = ground.motion != effects.NO_MOTION._replace(heat=ground.motion.heat)
     _screen(
         profile.count, profile.station, profile.grade, profile.sin_roll, profile.curvature,
         profile.heading_x, profile.heading_y, ground.weak_speed, ground.weak_rest,

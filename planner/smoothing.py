@@ -17,7 +17,7 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from planner.compiled import Floats
+from planner.compiled import Floats, Ints, kernel
 from planner.symbolic import MidTimes, nearest_exactly
 
 _TOLERANCE = 1e-4
@@ -89,7 +89,7 @@ class Smoother:
         )
         # Where each entry of the pattern ends up in the csc data.
         order = sparse.csc_matrix((np.arange(1.0, len(rows[0]) + 1), rows), shape=self._a.shape)
-        self._slot = order.data.astype(np.int64) - 1
+        self._slot = np.argsort(order.data)
         self._solver = osqp.OSQP()
         count = self._a.shape[0]
         self._solver.setup(
@@ -172,40 +172,63 @@ class Smoother:
 
     def _linearise(self, problem: SmoothingProblem, around: Floats) -> tuple[Floats, Floats]:
         """Update the program around a profile; returns its lower and upper limits."""
-        n, ds, top = self._n, problem.ds, problem.speed_sq_max
-        times = self._times.around(around, ds)
-        # Stations at rest stay there, and nothing is asked of the segments between them.
-        rest = top <= _REST
-        idle = rest[:-1] & rest[1:]
-        touched = idle[:-1] | idle[1:]
-        # Fixed stations are put in their place after the solve: leave room for that.
-        fixed = rest.copy()
-        fixed[0] = True
-        half = 0.5 / ds
-        accel_margin = _TIGHTER + _TOLERANCE * half * (fixed[:-1] | fixed[1:])
-        jerk_margin = accel_margin[:-1] + accel_margin[1:]
-
-        tangent = problem.jerk * times.between_gradient
-        allowed = problem.jerk * times.between
-        for i in range(3):
-            allowed = allowed - tangent[i] * around[i : n - 2 + i]
-        before, after = half[:-1], half[1:]
-        up = (before - tangent[0], -(before + after) - tangent[1], after - tangent[2])
-        down = (-before - tangent[0], before + after - tangent[1], -after - tangent[2])
-        data = np.concatenate((np.ones(n), -half, half, *up, *down))
-        unlimited = np.full(n - 2, -_FREE)
-        decel = np.where(idle, _FREE, problem.decel_max - accel_margin)
-        accel = np.where(idle, _FREE, problem.accel_max - accel_margin)
-        jerk_limit = np.where(touched, _FREE, allowed - jerk_margin)
-        lower = np.concatenate((np.zeros(n), -decel, unlimited, unlimited))
-        upper = np.concatenate((np.maximum(top - _TIGHTER, 0.0), accel, jerk_limit, jerk_limit))
-        lower[0] = upper[0] = top[0]
-        if problem.start_accel is not None and not idle[0]:
-            reach = problem.jerk * ds[0] / max(np.sqrt(top[0]), 0.05)
-            upper[n] = min(upper[n], problem.start_accel + reach)
-            lower[n] = max(lower[n], problem.start_accel - reach)
-        self._a.data = data[self._slot]
+        times = self._times.around(around, problem.ds)
+        accel = np.nan if problem.start_accel is None else problem.start_accel
+        lower, upper = np.empty((2, self._a.shape[0]))
+        _program(
+            problem.ds, problem.speed_sq_max, problem.accel_max, problem.decel_max, problem.jerk,
+            accel, around, times.between, times.between_gradient, self._slot,
+            self._a.data, lower, upper,
+        )  # fmt: skip
         return lower, upper
+
+
+@kernel
+def _program(
+    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
+    start_accel: float, around: Floats, between: Floats, gradient: Floats, slot: Ints,
+    data: Floats, lower: Floats, upper: Floats,
+) -> None:  # fmt: skip
+    """Entries and limits of the program, in the order of :meth:`Smoother._pattern`."""
+    n = top.shape[0]
+    first_accel, first_jerk, rows = n, 2 * n - 1, n - 2
+    for k in range(n):
+        data[slot[k]] = 1.0
+        lower[k], upper[k] = 0.0, max(top[k] - _TIGHTER, 0.0)
+    lower[0] = upper[0] = top[0]
+    before, margin_before, idle_before = 0.0, 0.0, True
+    for k in range(n - 1):
+        half = 0.5 / ds[k]
+        # Stations at rest stay there, and nothing is asked of the segments between them.
+        rests, stays = top[k] <= _REST, top[k + 1] <= _REST
+        idle = rests and stays
+        # Fixed stations are put in their place after the solve: leave room for that.
+        margin = _TIGHTER + (_TOLERANCE * half if k == 0 or rests or stays else 0.0)
+        data[slot[n + k]], data[slot[2 * n - 1 + k]] = -half, half
+        lower[first_accel + k] = -_FREE if idle else -(decel_max[k] - margin)
+        upper[first_accel + k] = _FREE if idle else accel_max[k] - margin
+        if k > 0:
+            m = k - 1
+            up, down = first_jerk + m, first_jerk + rows + m
+            lower[up] = lower[down] = -_FREE
+            t0, t1, t2 = (
+                jerk * gradient[0, m], jerk * gradient[1, m], jerk * gradient[2, m]
+            )  # fmt: skip
+            allowed = jerk * between[m] - (t0 * around[m] + t1 * around[m + 1] + t2 * around[m + 2])
+            free = idle or idle_before
+            upper[up] = upper[down] = _FREE if free else allowed - (margin_before + margin)
+            entry = 3 * n - 2 + m
+            data[slot[entry]] = before - t0
+            data[slot[entry + rows]] = -(before + half) - t1
+            data[slot[entry + 2 * rows]] = half - t2
+            data[slot[entry + 3 * rows]] = -before - t0
+            data[slot[entry + 4 * rows]] = before + half - t1
+            data[slot[entry + 5 * rows]] = -half - t2
+        elif not (np.isnan(start_accel) or idle):
+            reach = jerk * ds[0] / max(np.sqrt(top[0]), 0.05)
+            upper[n] = min(upper[n], start_accel + reach)
+            lower[n] = max(lower[n], start_accel - reach)
+        before, margin_before, idle_before = half, margin, idle
 
 
 def _shifted(values: Floats, by: int) -> Floats:

@@ -20,6 +20,9 @@ from planner.compiled import Floats
 SLOWEST = 0.15
 """Tangents are taken at this speed or above [m/s]; below it they would be vertical."""
 
+_MOST_ITERATIONS = 60
+"""Of the interior-point method; most programs need fifteen, the hardest fifty."""
+
 
 @dataclass(frozen=True, slots=True)
 class TimeModel:
@@ -88,7 +91,8 @@ def _exact_solver(sparsity: tuple[int, int, tuple[int, ...], tuple[int, ...]]) -
     rows, columns, starts, indices = sparsity
     shape = ca.Sparsity(rows, columns, list(starts), list(indices))
     pattern: dict[str, Any] = {"h": ca.Sparsity.diag(columns), "a": shape}
-    return ca.conic("exact", "piqp", pattern, {"error_on_fail": False})
+    options: dict[str, Any] = {"error_on_fail": False, "piqp": {"max_iter": _MOST_ITERATIONS}}
+    return ca.conic("exact", "piqp", pattern, options)
 
 
 def nearest_exactly(

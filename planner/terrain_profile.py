@@ -98,6 +98,39 @@ def terrain_profile(
     )  # fmt: skip
 
 
+def stations_along(elevation_map: ElevationMap, x: Floats, y: Floats, count: Ints) -> Floats:
+    """Only the stations of :func:`terrain_profile`, (N, M) [m]; arguments as there."""
+    station = np.empty(x.shape)
+    grid = (elevation_map.origin[0], elevation_map.origin[1], 1.0 / elevation_map.resolution)
+    _walk(elevation_map.elevation, *grid, x, y, count - 1, station)
+    return station
+
+
+@kernel
+def _walk(
+    elevation: Floats, origin_x: float, origin_y: float, per_metre: float,
+    x: Floats, y: Floats, last: Ints, station: Floats,
+) -> None:  # fmt: skip
+    stations, candidates = x.shape
+    level = np.zeros(candidates)
+    u, v = np.empty(candidates), np.empty(candidates)
+    ahead_u, ahead_v = np.empty(candidates), np.empty(candidates)
+    across, up = np.empty(candidates), np.empty(candidates)
+    z, height = np.full(candidates, np.nan), np.empty(candidates)
+    cell = np.empty(candidates, np.int64)
+    station[0] = 0.0
+    for k in range(stations):
+        on_grid(origin_x, origin_y, per_metre, x[k], y[k], level, level, u, v, ahead_u, ahead_v)
+        _locate(elevation, u, v, ahead_u, ahead_v, 0.0, 0.0, cell, across, up)
+        _interpolate(elevation, cell, across, up, height)
+        for j in range(candidates):
+            if k > last[j] or np.isnan(height[j]):
+                height[j] = z[j]
+        if k > 0:
+            _advance(k, last, x[k - 1], y[k - 1], z, station[k - 1], x[k], y[k], height, station[k])
+        z[:] = height
+
+
 @kernel
 def _sample(
     elevation: Floats, origin_x: float, origin_y: float, per_metre: float,

@@ -12,7 +12,7 @@ import numpy as np
 
 from models import wheel_loads
 from models.parameters import Model
-from planner.compiled import Floats, inlined
+from planner.compiled import Floats, inlined, kernel
 from planner.ground import Ground
 from planner.terrain_profile import TerrainProfile
 
@@ -89,24 +89,43 @@ def track_of(
     first: int = 0,
 ) -> Track:
     """One candidate out of a batch, contiguous, without padding and without its first stations."""
-    n, j = int(profile.count[candidate]), candidate
-
-    def column(array: Floats) -> Floats:
-        return np.ascontiguousarray(array[first:n, j])
-
-    limit = column(ground.fastest)
-    if speed_limit is not None:
-        limit = np.minimum(limit, column(speed_limit))
-    station = column(profile.station)
-    return Track(
-        station - station[0] if first else station,
-        column(profile.grade), np.arcsin(column(profile.sin_roll)),
-        column(profile.curvature),
-        np.unwrap(np.arctan2(column(profile.heading_y), column(profile.heading_x))),
-        column(ground.weak_speed), column(ground.weak_rest),
-        column(ground.strong_speed), column(ground.strong_rest),
-        column(ground.dead_time), column(ground.slowest), limit,
+    n = int(profile.count[candidate])
+    columns = np.empty((len(Track._fields), n - first))
+    _columns(
+        first, candidate, profile.station, profile.grade, profile.sin_roll, profile.curvature,
+        profile.heading_x, profile.heading_y, ground.weak_speed, ground.weak_rest,
+        ground.strong_speed, ground.strong_rest, ground.dead_time, ground.slowest, ground.fastest,
+        columns,
     )  # fmt: skip
+    track = Track(*columns)
+    if speed_limit is not None:
+        np.minimum(track.speed_limit, speed_limit[first:n, candidate], out=track.speed_limit)
+    return track
+
+
+@kernel
+def _columns(
+    first: int, j: int, station: Floats, grade: Floats, sin_roll: Floats, curvature: Floats,
+    heading_x: Floats, heading_y: Floats, weak_speed: Floats, weak_rest: Floats,
+    strong_speed: Floats, strong_rest: Floats, dead_time: Floats, slowest: Floats,
+    fastest: Floats, out: Floats,
+) -> None:  # fmt: skip
+    for i in range(out.shape[1]):
+        k = first + i
+        yaw = np.arctan2(heading_y[k, j], heading_x[k, j])
+        before = out[4, i - 1] if i > 0 else yaw
+        out[0, i] = station[k, j] - station[first, j]
+        out[1, i] = grade[k, j]
+        out[2, i] = np.arcsin(sin_roll[k, j])
+        out[3, i] = curvature[k, j]
+        out[4, i] = yaw - 2.0 * np.pi * np.round((yaw - before) / (2.0 * np.pi))
+        out[5, i] = weak_speed[k, j]
+        out[6, i] = weak_rest[k, j]
+        out[7, i] = strong_speed[k, j]
+        out[8, i] = strong_rest[k, j]
+        out[9, i] = dead_time[k, j]
+        out[10, i] = slowest[k, j]
+        out[11, i] = fastest[k, j]
 
 
 def body_of(model: Model) -> Body:

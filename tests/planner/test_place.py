@@ -9,8 +9,6 @@ from planner.path import CandidatePath, batch
 from planner.place import cut, left_behind, locate, only, only_places
 from tests.planner.scenes import arc, plane, straight
 
-FOOTPRINT = (1.2, 1.0)
-
 
 def located(paths: object, at: tuple[float, float], heading: float = 0.0) -> object:
     return locate(paths.x, paths.y, paths.count, at, heading)
@@ -84,17 +82,17 @@ def test_nothing_is_cut_from_paths_that_begin_at_the_vehicle() -> None:
     paths = batch([straight(10.0), arc(9.0, 0.1)], 0.25)
     place = located(paths, (0.0, 0.0))
     assert cut(paths, place, (0.0, 0.0)) is paths
-    assert not left_behind(paths, place, plane(), FOOTPRINT).any()
+    assert not left_behind(paths, place, plane()).any()
 
 
 def test_what_is_left_behind_counts_along_the_ground() -> None:
     paths = batch([straight(10.0), straight(10.0, heading=np.pi / 2, name="level")], 0.25)
     slope = 0.3
     east = located(paths, (4.1, 0.0))
-    left = left_behind(paths, east, plane(slope), FOOTPRINT)
+    left = left_behind(paths, east, plane(slope))
     assert left[0] == pytest.approx(4.1 * np.hypot(1.0, slope), abs=1e-9)
     ahead = located(paths, (-0.5, 0.0))
-    assert left_behind(paths, ahead, plane(slope), FOOTPRINT)[0] == pytest.approx(-0.5)
+    assert left_behind(paths, ahead, plane(slope))[0] == pytest.approx(-0.5)
 
 
 def test_some_of_the_candidates() -> None:
