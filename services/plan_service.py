@@ -149,11 +149,16 @@ class PlanService:
         usable: dict[str, _Usable] = {}
         refused: list[Candidate] = []
         stations = 0.0
-        for path in request.paths:
+        lengths = self._lengths(request.paths)
+        for path, length in zip(request.paths, lengths, strict=True):
             try:
                 if path.name in usable:
                     raise ParameterError("name", "a name of its own, got one used before")
-                stations += self._length(path) / spacing + _FEWEST_POINTS
+                if isinstance(length, ParameterError):
+                    raise length
+                if path.clear is not None and not path.clear >= 0.0:
+                    raise ParameterError("clear", f"a distance >= 0 [m], got {path.clear}")
+                stations += length / spacing + _FEWEST_POINTS
                 candidate = CandidatePath(path.name, path.points, path.speed_limit)
                 usable[path.name] = _Usable(candidate, _clear_of(path, request))
             except ParameterError as error:
@@ -164,28 +169,42 @@ class PlanService:
             raise InputError(source, "paths", words)
         return list(usable.values()), refused
 
-    def _length(self, path: Path) -> float:
-        """Length of a candidate's polyline [m]; raises for what can be seen at a glance."""
-        points, sizes = path.points, self.config.sizes
-        if points.ndim != 2 or points.shape[1] != 2:
-            raise ParameterError("points", f"an array (n, 2) of x, y, got shape {points.shape}")
-        if not _FEWEST_POINTS <= len(points) <= sizes.points:
-            words = f"{_FEWEST_POINTS} … {sizes.points} points, got {len(points)}"
-            raise ParameterError("points", words)
-        # NaN is never below anything.
-        if not np.abs(points).max() <= _FARTHEST:
-            raise ParameterError("points", "finite coordinates [m]")
-        if path.clear is not None and not path.clear >= 0.0:
-            raise ParameterError("clear", f"a distance >= 0 [m], got {path.clear}")
-        steps = points[1:] - points[:-1]
-        squares = np.einsum("ij,ij->i", steps, steps)
-        if not squares.min() > 0.0:
-            i = int(np.argmin(squares))
-            raise ParameterError(f"points[{i + 1}]", "a place of its own: stations have to grow")
-        length = float(np.sqrt(squares).sum())
-        if length > sizes.stations:
-            raise ParameterError("points", f"a path of at most {sizes.stations} m, got {length:g}")
-        return length
+    def _lengths(self, paths: Sequence[Path]) -> list[float | ParameterError]:
+        """Length of each polyline [m], or what can be seen to be wrong with it at a glance.
+
+        All in one go: one by one, small arrays cost more than what is done with them.
+        """
+        sizes = self.config.sizes
+        found = [_misshapen(path.points, sizes.points) for path in paths]
+        good = [i for i, fault in enumerate(found) if not isinstance(fault, ParameterError)]
+        if not good:
+            return found
+        points = np.concatenate([paths[i].points for i in good])
+        ends = np.cumsum([len(paths[i].points) for i in good])
+        begins = np.concatenate(([0], ends[:-1]))
+        with np.errstate(all="ignore"):
+            reach = np.maximum.reduceat(np.abs(points).ravel(), 2 * begins)
+            steps = points[1:] - points[:-1]
+            between = ends[:-1] - 1
+            squares = np.einsum("ij,ij->i", steps, steps)
+            squares[between] = np.inf
+            least = np.minimum.reduceat(squares, begins)
+            squares[between] = 0.0
+            length = np.add.reduceat(np.sqrt(squares), begins)
+        for k, i in enumerate(good):
+            # NaN is never below or above anything.
+            if not reach[k] <= _FARTHEST:
+                found[i] = ParameterError("points", "finite coordinates [m]")
+            elif not least[k] > 0.0:
+                at = int(np.argmin(squares[begins[k] : ends[k] - 1])) + 1
+                words = "a place of its own: stations have to grow"
+                found[i] = ParameterError(f"points[{at}]", words)
+            elif length[k] > sizes.stations:
+                words = f"a path of at most {sizes.stations} m, got {length[k]:g}"
+                found[i] = ParameterError("points", words)
+            else:
+                found[i] = float(length[k])
+        return found
 
     # ------------------------------------------------------------------ planning
 
@@ -314,6 +333,16 @@ class _Usable:
 
     path: CandidatePath
     clear: float
+
+
+def _misshapen(points: np.ndarray, most: int) -> float | ParameterError:
+    """What is wrong with the shape of a polyline; 0 if nothing is."""
+    if points.ndim != 2 or points.shape[1] != 2:
+        return ParameterError("points", f"an array (n, 2) of x, y, got shape {points.shape}")
+    if not _FEWEST_POINTS <= len(points) <= most:
+        words = f"{_FEWEST_POINTS} … {most} points, got {len(points)}"
+        return ParameterError("points", words)
+    return 0.0
 
 
 def _without_flaws(
