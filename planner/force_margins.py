@@ -10,7 +10,7 @@ from models import effects
 from models.parameters import Model
 from planner.compiled import Floats, Ints, kernel
 from planner.forces import Forces
-from planner.surface_table import FRICTION, braking_on
+from planner.surface_table import FRICTION, MOST_FRICTION, braking_on
 from planner.terrain_profile import TerrainProfile
 from planner.uncertainty import Uncertainty
 from planner.workspace import empty
@@ -117,9 +117,9 @@ def _widen(
 def capped(forces: Forces, profile: TerrainProfile, bits: Ints, table: Floats) -> Forces:
     """Cap both forces by friction times the share of the weight that presses on the ground."""
     on = [((bits >> i) & 1).astype(np.bool_) for i in range(len(table))]
-    friction = table[:, FRICTION]
-    least = np.min([np.where(m, f, np.inf) for m, f in zip(on, friction, strict=True)], axis=0)
-    most = np.max([np.where(m, f, 0.0) for m, f in zip(on, friction, strict=True)], axis=0)
+    lower, upper = table[:, FRICTION], table[:, MOST_FRICTION]
+    least = np.min([np.where(m, f, np.inf) for m, f in zip(on, lower, strict=True)], axis=0)
+    most = np.max([np.where(m, f, 0.0) for m, f in zip(on, upper, strict=True)], axis=0)
     upright = np.sqrt((1.0 - profile.sin_grade**2) * (1.0 - profile.sin_roll**2))
     slow, fast = forces.slowest, forces.fastest
 

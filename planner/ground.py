@@ -120,4 +120,8 @@ def ground_along(
         forces = widened(forces, profile.grade, bits, known.margins)
     if known.slides:
         forces = capped(forces, profile, bits, table)
+    if uncertainty is not None and motion.drag + motion.viscous + motion.turning > 0.0:
+        # Drag needs no friction: it adds to a force that is capped.
+        drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
+        forces = forces._replace(strong_rest=forces.strong_rest + drag)
     return Ground(*forces, push, motion, known.closed_form)

@@ -13,8 +13,8 @@ from planner.uncertainty import Uncertainty
 
 (
     M_M, B_M, M_B, B_B, UP_M_M, UP_B_M, DEAD, OFFSET,
-    SLOWEST, FASTEST, STEEPEST_DOWN, STEEPEST_UP, FRICTION, COLUMNS,
-) = range(14)  # fmt: skip
+    SLOWEST, FASTEST, STEEPEST_DOWN, STEEPEST_UP, FRICTION, MOST_FRICTION, COLUMNS,
+) = range(15)  # fmt: skip
 """Columns of the table."""
 
 MOST_SURFACES = 62
@@ -54,7 +54,7 @@ def surface_table(
         raise ParameterError("braking.terrain", f"at most {MOST_SURFACES - 1} surfaces")
     table = np.empty((len(names), COLUMNS))
     scale = effects.force_scale(model.effect)
-    lockup = effects.motion(model.effect).friction
+    lockup = frictions(model, uncertainty)
     for row, name in zip(table, names, strict=True):
         braking = braking_on(model, name)
         level, resistance = braking.level, model.terrain.motion_resistance
@@ -70,7 +70,8 @@ def surface_table(
             braking.distance_offset,
         )
         sliding = np.inf if braking.sliding_friction is None else braking.sliding_friction
-        row[SLOWEST:] = (*braking.speed_range, *braking.grade_range, min(sliding, lockup))
+        capped = (min(sliding, friction) for friction in lockup)
+        row[SLOWEST:] = (*braking.speed_range, *braking.grade_range, *capped)
     bits = np.zeros(len(class_names), np.int64)
     strange = False
     for index, name in enumerate(class_names):
@@ -85,6 +86,20 @@ def surface_table(
         weakest[M_M : UP_B_M + 1] *= uncertainty.untrained_share
         table = np.vstack((table, weakest))
     return table, bits
+
+
+def frictions(model: Model, uncertainty: Uncertainty | None) -> tuple[float, float]:
+    """Least and most friction that `wheel_lockup` may cap the force with; inf without it.
+
+    The least decides where the vehicle stops, the most how far the rear axle is unloaded.
+    """
+    least = most = np.inf
+    for effect in model.effect:
+        if effect.name == "wheel_lockup":
+            margin = 0.0 if uncertainty is None else uncertainty.margin_of(effect, "mu")
+            mu = effects.validate(effect)["mu"]
+            least, most = min(least, max(mu - margin, 0.0)), min(most, mu + margin)
+    return least, most
 
 
 def braking_on(model: Model, surface: str) -> Braking:

@@ -22,7 +22,6 @@ _WEAKER: dict[str, dict[str, float]] = {
     "turning_resistance": {"k": -1.0},
     "brake_lag": {"tau": 1.0},
     "brake_fade": {"k": 1.0, "tau": 1.0},
-    "wheel_lockup": {"mu": -1.0},
 }
 """Which way a parameter goes for stops to become longer, where that is the same everywhere."""
 
@@ -90,32 +89,58 @@ class Uncertainty:
         return self.width * self.slope_std * float(np.hypot(1.0, v.cg_z / shorter))
 
     def cautious(self, model: Model) -> Model:
-        """The model with its load limits and effects moved to where the vehicle stops later."""
+        """The model with its load limits and effects moved to where the vehicle stops later.
+
+        Friction is not moved here: its lower end caps the force that stops the vehicle, its upper
+        end the one that unloads the rear axle (:func:`planner.surface_table.frictions`).
+        """
         margin = self.load_margin(model)
         limits = replace(model.limits, min_load=min(model.limits.min_load + margin, 0.9))
         effects = tuple(self._weaker(e) for e in model.effect)
         return replace(model, limits=limits, effect=effects)
 
     def _weaker(self, effect: Effect) -> Effect:
-        signs = _WEAKER.get(effect.name, {})
-        if effect.covariance is None:
-            return effect
-        std = self.width * np.sqrt(np.diag(np.array(effect.covariance)))
+        """Keeps the covariance: the loads have to survive the other end."""
         parameters = dict(effect.parameters)
-        for name, own in zip(effect.parameters, std, strict=True):
-            sign = signs.get(name, 0.0)
-            moved = parameters[name] + sign * float(own)
+        for name, sign in _WEAKER.get(effect.name, {}).items():
+            moved = parameters[name] + sign * self.margin_of(effect, name)
             parameters[name] = max(moved, 1e-9) if sign < 0.0 else moved
-        return replace(effect, parameters=parameters, covariance=None) if signs else effect
+        return replace(effect, parameters=parameters)
+
+    def margin_of(self, effect: Effect, name: str) -> float:
+        """How far a parameter of an effect may be from its value, in its unit."""
+        if effect.covariance is None:
+            return 0.0
+        index = list(effect.parameters).index(name)
+        return self.width * float(np.sqrt(effect.covariance[index][index]))
+
+    def drag_spread(self, effects: tuple[Effect, ...], curvature: Floats, speed: float) -> Floats:
+        """How much stronger drag may be than in the cautious model, as a share of the weight.
+
+        Where the vehicle stops the least drag decides, on how far it is unloaded the most.
+
+        Args:
+            effects: of the model. curvature: [1/m], any shape. speed: that is never exceeded [m/s].
+        """
+        spread = np.zeros_like(curvature)
+        for effect in effects:
+            match effect.name:
+                case "aerodynamic_drag":
+                    spread += 2.0 * self.margin_of(effect, "c") * speed**2 / GRAVITY
+                case "viscous_resistance":
+                    spread += 2.0 * self.margin_of(effect, "c") * speed
+                case "turning_resistance":
+                    spread += 2.0 * self.margin_of(effect, "k") * speed * np.fabs(curvature)
+        return spread
 
     def ground_margin(self, effect: Effect) -> float:
         """Margin of F_b/W for an effect that is uncertain, or that the map's errors change.
 
-        To first order, at the largest that its factors can be on ground that is driven on; for the
-        effects that `_WEAKER` lacks.
+        To first order, at the largest that its factors can be on ground that is driven on; for
+        ground terms and wind. Drag, lag, fade and friction are moved instead.
         """
         margin = 0.0
-        if effect.covariance is not None and effect.name not in _WEAKER:
+        if effect.covariance is not None:
             most = _factors(effect)
             factor = np.array([most.get(name, 0.0) for name in effect.parameters])
             # Each factor may have either sign where the vehicle is.

@@ -330,6 +330,64 @@ def test_an_uncertain_effect_makes_no_plan_faster(name: str, parameters: dict[st
     assert other.travel_time > one.travel_time
 
 
+def doubtful_effect(name: str, key: str, value: float, std: float, **tables: Any) -> Model:
+    """The quad with one effect that is not known exactly."""
+    effect = Effect(name=name, parameters={key: value}, covariance=((std**2,),))
+    return replace(model_of(tables_with(**tables)), effect=(effect,))
+
+
+def test_uncertain_friction_is_low_for_the_stop_and_high_for_the_rear_axle() -> None:
+    model, z = doubtful_effect("wheel_lockup", "mu", 0.35, 0.01), norm.ppf(0.999)
+    _, ground = forces(model, Uncertainty(), plane())
+    assert ground.weak_rest == pytest.approx(0.35 - z * 0.01)
+    assert ground.strong_rest == pytest.approx(0.35 + z * 0.01)
+    assert not ground.weak_speed.any()
+    assert not ground.strong_speed.any()
+    _, sure = forces(model, None, plane())
+    assert sure.weak_rest == pytest.approx(0.35)
+    assert sure.strong_rest == pytest.approx(0.35)
+
+
+def test_where_more_friction_would_lift_the_rear_axle_the_way_ends() -> None:
+    """Downhill, rear share = cos θ − c_z/(L − c_x) F_b/W, worst at the upper end of friction."""
+    grade, mu, std, z = np.arctan(-0.15), 0.30, 0.02, norm.ppf(0.999)
+    v = model_of(tables_with()).vehicle
+    lever = v.cg_z / (v.wheelbase - v.cg_x)
+    likely, worst = (np.cos(grade) * (1.0 - lever * m) for m in (mu, mu + z * std))
+    limits = {"min_load": float(0.5 * (likely + worst))}
+    model = doubtful_effect("wheel_lockup", "mu", mu, std, limits=limits)
+    slope = plane(rise=-0.15)
+    assert plan_with(model, None, slope).progress > 5.0
+    assert plan_with(model, Uncertainty(), slope).progress == pytest.approx(0.0, abs=1e-9)
+    lower = doubtful_effect("wheel_lockup", "mu", mu, std, limits={"min_load": worst - 0.01})
+    assert plan_with(lower, Uncertainty(), slope).progress > 5.0
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "at_top"),
+    [("aerodynamic_drag", "c", 16.0 / G), ("viscous_resistance", "c", 4.0)],
+)
+def test_uncertain_drag_counts_for_the_rear_axle_with_its_upper_end(
+    name: str, key: str, at_top: float
+) -> None:
+    model, z = doubtful_effect(name, key, 0.02, 0.004, limits={"speed": 4.0}), norm.ppf(0.999)
+    _, ground = forces(model, Uncertainty(), plane())
+    _, sure = forces(model, None, plane())
+    assert getattr(ground.motion, {"aerodynamic_drag": "drag"}.get(name, "viscous")) == (
+        pytest.approx(0.02 - z * 0.004)
+    )
+    assert ground.weak_rest == pytest.approx(sure.weak_rest)
+    # What the motion now lacks to the upper end, at the highest speed that is planned.
+    assert ground.strong_rest - sure.strong_rest == pytest.approx(2.0 * z * 0.004 * at_top)
+
+
+def test_uncertain_turning_resistance_counts_by_the_bend() -> None:
+    z, curvature = norm.ppf(0.999), np.array([[0.0], [0.1], [-0.3]])
+    effect = Effect(name="turning_resistance", parameters={"k": 0.05}, covariance=((1e-4,),))
+    spread = Uncertainty().drag_spread((effect,), curvature, 3.0)
+    assert spread == pytest.approx(2.0 * z * 0.01 * 3.0 * np.abs(curvature))
+
+
 def test_a_vehicle_in_uncertain_wind_stops_in_time_whatever_the_wind() -> None:
     """From either side: more drag is no help to a vehicle that is pushed."""
     parameters = {"c": 0.01, "wind": 4.0, "direction": np.pi}
