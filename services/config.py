@@ -16,6 +16,7 @@ from planner.settings import PlannerSettings
 from planner.uncertainty import Uncertainty
 from services.files.access import fault, read_text, reason
 from services.files.decode import decode_table
+from services.learning_settings import Learning, StoreSettings
 from services.tls_files import settle
 
 if TYPE_CHECKING:
@@ -157,6 +158,8 @@ class ServiceConfig:
     sizes: Sizes = field(default_factory=Sizes)
     status: StatusSettings = field(default_factory=StatusSettings)
     page: PageSettings = field(default_factory=PageSettings)
+    learning: Learning = field(default_factory=Learning)
+    store: StoreSettings = field(default_factory=StoreSettings)
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.namespace):
@@ -179,11 +182,14 @@ def read_config(path: Path) -> ServiceConfig:
         data = tomllib.loads(read_text(path))
     except (ValueError, RecursionError) as error:
         raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
-    for table, key in (("", "model"), ("", "map"), ("zenoh", "config")):
+    for table, key in (("", "model"), ("", "map"), ("zenoh", "config"), ("learning", "terrains")):
         inside = data.get(table, {}) if table else data
         name = inside.get(key) if isinstance(inside, dict) else None
         if isinstance(name, str) and name and (path.parent / name).is_file():
             inside[key] = str(path.parent / name)
+    store = data.get("store")
+    if isinstance(store, dict) and isinstance(store.get("path"), str) and store["path"]:
+        store["path"] = str(path.parent / store["path"])
     return decode_table(ServiceConfig, data, str(path))
 
 

@@ -6,6 +6,7 @@ threads of this file.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import threading
@@ -14,6 +15,7 @@ from collections import Counter, deque
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import zenoh
@@ -29,7 +31,10 @@ from services.live.board import Board
 from services.map_store import KnownGround, MapStore
 from services.messages import MapUpdate, PlanReply, PlanRequest, Status
 from services.messages import Path as CandidateMessage
-from services.plan_service import ParametersInUse, PlanService
+from services.parameter_desk import ParameterDesk
+from services.parameter_service import ParameterService
+from services.parameters_in_use import ParametersInUse, slowed
+from services.plan_service import PlanService
 from services.wire import Format
 
 _log = logging.getLogger("slopewise")
@@ -38,6 +43,9 @@ _MOST_MAPS = 16
 """Map updates that may wait; one more is lost, counted and flagged."""
 
 _REMEMBERED = 1000
+_LARGEST_STATUS = 1_000_000
+_HANGS_AFTER = 10.0
+_TWIN = "another service has this id"
 _PATIENCE = 2.0
 
 
@@ -51,9 +59,12 @@ class Service:
             InputError: a file named in the settings cannot be used.
         """
         self.config = config
-        self.parameters = ParametersInUse(read_model(find_model(config.model)))
-        self.plans = PlanService(config, self.parameters)
         self.maps = MapStore(read_map(Path(config.map)) if config.map else None)
+        prior = read_model(find_model(config.model))
+        self.plans = PlanService(config, ParametersInUse(prior))
+        self.parameters = ParameterService(
+            config, prior, self._map_names_surfaces, self.plans.learn
+        )
         self.counters: Counter[str] = Counter()
         self.board = Board()
         self._admission = Admission(config.planning.queue)
@@ -64,6 +75,7 @@ class Service:
         self._threads: list[threading.Thread] = []
         self._working: dict[str, float] = {}
         self._begun = time.monotonic()
+        self._instance = uuid4().hex
         self._flags: list[str] = []
         self._key = config.key("plan")
         self._warm_up()
@@ -85,10 +97,16 @@ class Service:
             thread.start()
             self._threads.append(thread)
         self._page = self._open_page()
+        self._desk = ParameterDesk(
+            self._session, config, self.parameters, self.counters, self.board
+        )
         self._declared = [
             self._session.declare_queryable(self._key, self._on_query, complete=True),
             self._session.declare_subscriber(config.key("map"), self._on_map),
             self._session.liveliness().declare_token(config.key(f"alive/{config.id}")),
+            self._session.declare_subscriber(
+                config.key("status"), self._on_status, allowed_origin=zenoh.Locality.REMOTE
+            ),
         ]
         return self
 
@@ -102,6 +120,7 @@ class Service:
             self._page.close()
         for declared in self._declared:
             declared.undeclare()
+        self._desk.close()
         for question in self._admission.close():
             self._say(question, messages.BUSY, "the service is stopping")
         with self._news:
@@ -128,8 +147,13 @@ class Service:
             parameters=self.plans.parameters.message(),
             map_version=0 if ground is None else ground.version,
             map_age=None if ground is None else ground.age(),
-            flags=[*self._flags, *self.plans.flags(ground)],
-            counters=dict(self.counters),
+            flags=[
+                *self._flags, *self.plans.parameters.flags, *self._desk.flags(),
+                *self.plans.flags(ground),
+            ],
+            degraded=self.parameters.degraded(),
+            instance=self._instance,
+            counters=dict(self.counters + self.parameters.counters),
             seconds={
                 "median": float(np.median(seconds)), "p99": float(np.percentile(seconds, 99))
             },
@@ -159,6 +183,15 @@ class Service:
                 return
         self.counters["map_updates_lost"] += 1
         self.maps.lose()
+
+    def _on_status(self, sample: zenoh.Sample) -> None:
+        """Another service with this id tells of itself here, too; anything else is none of ours."""
+        with contextlib.suppress(InputError):
+            other = wire.decode(
+                Status, sample.payload, str(sample.encoding), "status", _LARGEST_STATUS
+            )
+            if other.service == self.config.id and other.instance != self._instance:
+                self._has_twin()
 
     # ------------------------------------------------------------------ own threads
 
@@ -266,6 +299,7 @@ class Service:
         encoding = wire.encoding_of(Status, Format.JSON)
         while not self._stopped.wait(self.config.status.period):
             publisher.put(wire.encode(self.status(), Format.JSON), encoding=encoding)
+            self._watch_learning()
             if self._well():
                 systemd.tell(systemd.ALIVE)
 
@@ -289,8 +323,25 @@ class Service:
     def _look_for_twin(self) -> None:
         alive = self.config.key(f"alive/{self.config.id}")
         if any(reply.ok for reply in self._session.liveliness().get(alive, timeout=0.5)):
-            self._flags.append("another service has this id")
+            self._has_twin()
+
+    def _has_twin(self) -> None:
+        if _TWIN not in self._flags:
+            self._flags.append(_TWIN)
             _log.warning("another service is called %s", self.config.id)
+
+    def _map_names_surfaces(self) -> bool:
+        ground = self.maps.ground
+        return ground is not None and any(ground.elevation_map.class_names)
+
+    def _watch_learning(self) -> None:
+        """Parameters that nobody looks after grow old unseen: plans are slower until then."""
+        if time.monotonic() - self._desk.beat < _HANGS_AFTER:
+            return
+        words = "learning hangs"
+        if f"degraded: {words}" not in self.plans.parameters.flags:
+            speed = self.config.learning.degraded_speed
+            self.plans.learn(slowed(self.plans.parameters, speed, words))
 
     def _warm_up(self) -> None:
         flat = ElevationMap(elevation=np.zeros((8, 40)), resolution=1.0, origin=(-4.0, -4.0))

@@ -200,7 +200,8 @@ class Status(Message):
 
     Attributes:
         service: its id. uptime: [s]. parameters, map_version, map_age: as in a reply.
-        flags: what is not as it should be. counters: since the start.
+        flags: what is not as it should be. degraded: why plans are slower than they need be.
+        counters: since the start. instance: differs from one process to the next.
         seconds: median and 99th percentile of late answers, from arrival to reply [s].
     """
 
@@ -212,3 +213,5 @@ class Status(Message):
     flags: list[str]
     counters: dict[str, int]
     seconds: dict[str, float]
+    degraded: list[str] = []
+    instance: str = ""

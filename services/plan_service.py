@@ -6,18 +6,15 @@ candidate that cannot be used is refused with a reason, the others are planned.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from models.errors import InputError, ParameterError
-from models.parameters import Model
 from planner.answer import FULL_STOP, State, command_of
 from planner.answer import Command as PlannedCommand
 from planner.candidates import CandidatePlanner, rank
@@ -26,50 +23,25 @@ from planner.horizon import Horizon
 from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
 from planner.plan import SpeedPlan, Status
+from planner.uncertainty import Uncertainty
 from services import messages
 from services.config import ServiceConfig
-from services.files.model_file import model_to_dict
 from services.map_store import KnownGround
 from services.messages import Candidate, Command, Limit, Path, Plan, PlanReply, PlanRequest
+from services.parameters_in_use import ParametersInUse
 
 _FEWEST_POINTS = 3
 _FARTHEST = 1e9
 """Coordinates beyond that are none [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class ParametersInUse:
-    """A model, and which one it is.
-
-    Attributes:
-        model: to plan with. version: grows with every change. at: monotonic clock [s].
-    """
-
-    model: Model
-    version: int = 1
-    at: float = field(default_factory=time.monotonic)
-
-    def message(self) -> messages.Parameters:
-        """As replies and status tell it."""
-        age = time.monotonic() - self.at
-        return messages.Parameters(
-            version=self.version, name=self.model.name, fingerprint=fingerprint(self.model), age=age
-        )
-
-
-def fingerprint(model: Model) -> str:
-    """What tells one vehicle from another: a digest of its data sheet."""
-    text = json.dumps(model_to_dict(model)["vehicle"], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 class _Client:
     """A client's horizon; one question at a time."""
 
-    def __init__(self, horizon: Horizon, version: int) -> None:
+    def __init__(self, horizon: Horizon, parameters: ParametersInUse) -> None:
         self.lock = threading.Lock()
         self.horizon = horizon
-        self.version = version
+        self.identity = parameters.identity
 
 
 class PlanService:
@@ -217,9 +189,9 @@ class PlanService:
         state = State(x=x, y=y, heading=heading, speed=request.speed)
         client = self._client(request.client, parameters)
         with client.lock:
-            if client.version != parameters.version:
-                client.horizon.learn(parameters.model)
-                client.version = parameters.version
+            if client.identity != parameters.identity:
+                client.horizon.learn(parameters.model, self._survives(parameters))
+                client.identity = parameters.identity
             answer = client.horizon.step(
                 state, [u.path for u in usable], ground.elevation_map,
                 clear=np.array([u.clear for u in usable]) if usable else np.inf,
@@ -242,9 +214,10 @@ class PlanService:
             if known is None:
                 planning = self.config.planning
                 horizon = Horizon(
-                    parameters.model, planning.horizon(), planning.planner(), self._uncertainty
-                )
-                known = _Client(horizon, parameters.version)
+                    parameters.model, planning.horizon(), planning.planner(),
+                    self._survives(parameters),
+                )  # fmt: skip
+                known = _Client(horizon, parameters)
             self._clients[name] = known
             while len(self._clients) > self.config.planning.clients:
                 self._clients.popitem(last=False)
@@ -285,12 +258,16 @@ class PlanService:
 
     def _planner(self, parameters: ParametersInUse) -> CandidatePlanner:
         """The planner of this thread: solvers are nobody else's meanwhile."""
-        if getattr(self._local, "version", None) != parameters.version:
+        if getattr(self._local, "identity", None) != parameters.identity:
             settings = self.config.planning.planner()
-            self._local.planner = CandidatePlanner(parameters.model, settings, self._uncertainty)
-            self._local.version = parameters.version
+            survives = self._survives(parameters)
+            self._local.planner = CandidatePlanner(parameters.model, settings, survives)
+            self._local.identity = parameters.identity
         planner: CandidatePlanner = self._local.planner
         return planner
+
+    def _survives(self, parameters: ParametersInUse) -> Uncertainty:
+        return parameters.uncertainty or self._uncertainty
 
     # ------------------------------------------------------------------ answers
 
@@ -315,7 +292,7 @@ class PlanService:
             ),
             chosen=None if chosen is None else chosen.candidate,
             plans=[_plan(plan) for plan in plans],
-            flags=self.flags(ground),
+            flags=[*parameters.flags, *self.flags(ground)],
         )
 
     def flags(self, ground: KnownGround | None) -> list[str]:

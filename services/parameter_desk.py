@@ -1,0 +1,260 @@
+"""Parameters and observations over zenoh: keys, one queue, one thread.
+
+An observation comes as a put, or as a query where its sender wants to know that it was kept: the
+receipt comes once it is on disk. Parameters are read at ``params`` and ``params/GROUP``, set at
+``params/set`` and ``params/rollback``: keys of their own, so that access can be given apart.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter, deque
+from typing import Any
+
+import msgspec
+import zenoh
+
+from models.errors import InputError
+from services import parameter_replies, wire
+from services.config import ServiceConfig
+from services.live.board import Board, GroundSeen, GroupSeen, StopSeen
+from services.observations import DriveSamples, Receipt, StopObservation, TerrainLabel
+from services.parameter_messages import (
+    ParameterGroup,
+    ParameterQuestion,
+    ParameterReply,
+    RollBack,
+    SetParameters,
+)
+from services.parameter_service import REFUSED, ParameterService
+from services.wire import Format
+
+_log = logging.getLogger("slopewise")
+
+KINDS: dict[str, type[Any]] = {
+    "stop": StopObservation,
+    "drive": DriveSamples,
+    "terrain": TerrainLabel,
+}
+CHANGES: dict[str, type[Any]] = {"set": SetParameters, "rollback": RollBack}
+_TICK = 0.5
+_PATIENCE = 2.0
+_FLAGGED_FOR = 60.0
+
+
+class ParameterDesk:
+    """Takes what comes, one after the other; a context manager."""
+
+    def __init__(
+        self, session: zenoh.Session, config: ServiceConfig, service: ParameterService,
+        counters: Counter[str], board: Board,
+    ) -> None:  # fmt: skip
+        """Declare keys and begin to work."""
+        self._session, self._config, self._service = session, config, service
+        self._counters, self._board = counters, board
+        self._shown = 0
+        self._ground = ("", 0.0)
+        self._waiting: deque[tuple[str, float, Any]] = deque()
+        self._news = threading.Condition()
+        self._closed = False
+        self._lost_at = -float("inf")
+        self.beat = time.monotonic()
+        self._thread = threading.Thread(target=self._work, name="parameters", daemon=True)
+        self._thread.start()
+        self._declared: list[Any] = []
+        for kind in KINDS:
+            key = config.key(f"obs/{kind}")
+            self._declared.append(session.declare_subscriber(key, self._putter(kind)))
+            self._declared.append(session.declare_queryable(key, self._putter(kind), complete=True))
+        self._declared.append(
+            session.declare_queryable(
+                config.key("params/**"), self._putter("params"), complete=True
+            )
+        )
+        for name in config.learning.estimators:
+            self._declared.append(
+                session.liveliness().declare_subscriber(
+                    config.key(f"alive/{name}"), self._putter("alive"), history=True
+                )
+            )
+
+    def close(self) -> None:
+        """Let zenoh go, then the store."""
+        for declared in self._declared:
+            declared.undeclare()
+        with self._news:
+            self._closed = True
+            self._news.notify()
+        self._thread.join(_PATIENCE)
+        if not self._thread.is_alive():
+            self._service.close()
+
+    def flags(self) -> list[str]:
+        """What is not as it should be."""
+        lost = time.monotonic() - self._lost_at < _FLAGGED_FOR
+        return ["observations were lost: more came than could be learned from"] if lost else []
+
+    # ------------------------------------------------------------------ zenoh's threads
+
+    def _putter(self, kind: str) -> Any:
+        def put(item: Any) -> None:
+            with self._news:
+                # Whether an estimator lives is never lost: there are few of them.
+                if len(self._waiting) < self._config.learning.queue or kind == "alive":
+                    self._waiting.append((kind, time.monotonic(), item))
+                    self._news.notify()
+                    return
+            self._counters["observations_lost"] += 1
+            self._lost_at = time.monotonic()
+
+        return put
+
+    # ------------------------------------------------------------------ own thread
+
+    def _work(self) -> None:
+        while True:
+            with self._news:
+                if not self._waiting and not self._closed:
+                    self._news.wait(_TICK)
+                if self._closed:
+                    return
+                item = self._waiting.popleft() if self._waiting else None
+            self.beat = time.monotonic()
+            try:
+                if item is not None:
+                    self._take(*item)
+                self._service.tick()
+                self._publish()
+                self._show()
+            except Exception:  # noqa: BLE001 - logged, counted and flagged; plans get slower
+                self._counters["faults"] += 1
+                _log.exception("parameters were not looked after as they should be")
+                self._service.fault("learning does not work as it should")
+
+    def _take(self, kind: str, arrived: float, item: Any) -> None:
+        if kind == "alive":
+            name = str(item.key_expr).rpartition("/")[2]
+            self._service.alive(name, is_alive=item.kind == zenoh.SampleKind.PUT)
+        elif kind != "params":
+            self._observe(kind, arrived, item)
+        else:
+            with item:
+                self._answer(item)
+
+    def _observe(self, kind: str, arrived: float, item: Any) -> None:
+        key = self._config.key(f"obs/{kind}")
+        encoding = str(item.encoding or "")
+        most = int(self._config.learning.observation_bytes)
+        try:
+            one = wire.decode(KINDS[kind], item.payload or b"", encoding, key, most)
+            receipt = self._service.observe(kind, one, key, arrived)
+        except InputError as error:
+            self._counters[f"{kind}_malformed"] += 1
+            log = self._service.log
+            receipt = Receipt(
+                status="error", reason=str(error), version=log.version, durable=log.durable
+            )
+        if receipt.status in (REFUSED, "error"):
+            _log.info("%s: %s", key, receipt.reason)
+        if isinstance(item, zenoh.Query):
+            with item:
+                self._reply(item, key, receipt, wire.format_of(encoding))
+
+    def _answer(self, query: zenoh.Query) -> None:
+        asked, base = str(query.key_expr), self._config.key("params")
+        encoding = str(query.encoding or "")
+        machine = encoding.startswith(Format.MESSAGEPACK.value)
+        written = Format.MESSAGEPACK if machine else Format.JSON
+        name = asked[len(base) + 1 :] if asked.startswith(f"{base}/") else ""
+        if name in CHANGES:
+            self._reply(query, asked, self._change(query, name, encoding, asked), written)
+        elif "*" not in asked:
+            self._reply(query, asked, self._read(query, name, encoding, asked), written)
+        elif query.key_expr.intersects(base):
+            self._reply(query, base, self._read(query, "", encoding, base), written)
+        else:
+            # A pattern of groups: each answers with its own key.
+            for group in self._service.names():
+                if query.key_expr.intersects(f"{base}/{group}"):
+                    reply = self._read(query, group, encoding, asked)
+                    self._reply(query, f"{base}/{group}", reply, written)
+
+    def _read(self, query: zenoh.Query, group: str, encoding: str, key: str) -> ParameterReply:
+        question = ParameterQuestion(group=group)
+        try:
+            if query.payload is not None and len(query.payload):
+                most = int(self._config.learning.observation_bytes)
+                question = wire.decode(ParameterQuestion, query.payload, encoding, key, most)
+                if group:
+                    question = msgspec.structs.replace(question, group=group)
+        except InputError as error:
+            self._counters["params_malformed"] += 1
+            return self._error(str(error))
+        return parameter_replies.read(self._service, question, self._config.id)
+
+    def _change(self, query: zenoh.Query, name: str, encoding: str, key: str) -> ParameterReply:
+        most = int(self._config.learning.observation_bytes)
+        try:
+            request = wire.decode(CHANGES[name], query.payload or b"", encoding, key, most)
+        except InputError as error:
+            self._counters["params_malformed"] += 1
+            return self._error(str(error))
+        return parameter_replies.change(self._service, request, self._config.id)
+
+    def _error(self, reason: str) -> ParameterReply:
+        return parameter_replies.reply_of(self._service, self._config.id, "error", reason)
+
+    def _reply(
+        self, query: zenoh.Query, key: str, message: msgspec.Struct, written: Format
+    ) -> None:
+        try:
+            query.reply(
+                key,
+                wire.encode(message, written),
+                encoding=wire.encoding_of(type(message), written),
+            )
+        except zenoh.ZError as error:
+            self._counters["replies_lost"] += 1
+            _log.warning("a reply could not be sent: %s", error)
+
+    def _publish(self) -> None:
+        """Tell of each group that changed; whoever is too slow misses it and may ask."""
+        changed, self._service.changed = self._service.changed, set()
+        for group in sorted(changed & set(self._service.names())):
+            message = parameter_replies.group_message(self._service, group)
+            self._session.put(
+                self._config.key(f"params/{group}"),
+                wire.encode(message, Format.JSON),
+                encoding=wire.encoding_of(ParameterGroup, Format.JSON),
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+            self._board.learned(_seen(message))
+
+    def _show(self) -> None:
+        """Hand stops and the ground to the page."""
+        service = self._service
+        count = service.counters["stops"]
+        new = min(count - self._shown, len(service.stops))
+        self._shown = count
+        for stop in list(service.stops)[len(service.stops) - new :]:
+            self._board.stopped(
+                StopSeen(
+                    speed=stop.speed, grade=stop.grade, predicted=stop.predicted,
+                    actual=stop.actual, surface=stop.surface, outcome=stop.outcome,
+                    version=stop.version,
+                )
+            )  # fmt: skip
+        ground = service.ground.told(time.monotonic())
+        if ground != self._ground:
+            self._ground = ground
+            self._board.classified(GroundSeen(name=ground[0], probability=ground[1]))
+
+
+def _seen(message: ParameterGroup) -> GroupSeen:
+    return GroupSeen(
+        group=message.group, names=list(message.values), value=list(message.values.values()),
+        std=[message.stds.get(name) for name in message.values], valid=message.valid,
+        version=message.version, cause=message.cause,
+    )  # fmt: skip
