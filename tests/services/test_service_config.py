@@ -20,8 +20,9 @@ def test_shipped_file_names_every_key() -> None:
     named = set(re.findall(r"^(?:# )?(\w+) = ", SHIPPED.read_text(), re.MULTILINE))
     config = ServiceConfig(model="atv")
     tables = [config, config.zenoh, config.planning, config.sizes, config.status, config.page]
+    tables += [config.learning, config.store]
     keys = {name for table in tables for name in table.__dataclass_fields__}
-    assert keys - named == {"zenoh", "planning", "sizes", "status", "page"}
+    assert keys - named == {"zenoh", "planning", "sizes", "status", "page", "learning", "store"}
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,9 @@ def test_shipped_file_names_every_key() -> None:
         ('model = "atv"\n[planning]\nqueu = 1', "planning.queu", "did you mean queue"),
         ('model = "atv"\n[zenoh]\nmode = "star"', "zenoh.mode", "'peer'"),
         ('model = "atv"\n[sizes]\nrequest_bytes = 1', "sizes.request_bytes", ">= 1000"),
+        ('model = "atv"\n[learning]\nrise = 0.5', "learning.rise", "<= 0.2"),
+        ('model = "atv"\n[learning]\nestimators = ["a/b"]', "learning.estimators[0]", "one word"),
+        ('model = "atv"\n[store]\nmegabytes = 0.1', "store.megabytes", ">= 0.3"),
         ("model = ", "", "TOML"),
     ],
 )
@@ -51,6 +55,11 @@ def test_files_are_looked_for_beside_the_settings(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text("")
     (tmp_path / "service.toml").write_text('model = "mine.toml"')
     assert read_config(tmp_path / "service.toml").model == str(tmp_path / "mine.toml")
+
+
+def test_the_store_is_beside_the_settings(tmp_path: Path) -> None:
+    (tmp_path / "service.toml").write_text('model = "atv"\n[store]\npath = "a.sqlite"')
+    assert read_config(tmp_path / "service.toml").store.path == str(tmp_path / "a.sqlite")
 
 
 def test_nobody_else_can_reach_it_unless_asked_for() -> None:
