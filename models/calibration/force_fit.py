@@ -8,6 +8,7 @@ labels the vector of (10) [m_m, m_b] where it is [m_m, b_m]. One stage is better
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,7 +72,6 @@ def fit_force(
     known: Floats,
     *,
     common: tuple[Floats, float] | None = None,
-    mount_std: float = 0.0,
     prior_std: tuple[float, ...] = WEAK_PRIOR,
 ) -> ForceFit:
     """Joint fit of all four coefficients.
@@ -82,7 +82,6 @@ def fit_force(
         known: (4,) coefficients known before.
         common: what errs alike in all stops: (n,) change of the force with it, and its standard
             deviation.
-        mount_std: standard deviation of the mount offset that was taken out of all grades [rad].
         prior_std: (4,) how well ``known`` is known.
     """
     prior = np.diag(np.square(prior_std))
@@ -91,16 +90,25 @@ def fit_force(
     if common is not None:
         direction = regression.gain @ common[0] * common[1]
         covariance = covariance + np.outer(direction, direction)
-    if mount_std > 0.0:
-        # Grades all off by e: F_b/W comes out (1 + m) e too low, on level ground most plainly.
-        m_m, b_m = regression.coefficients[:2]
-        direction = mount_std * np.array([0.0, 0.0, -m_m, -(1.0 + b_m)])
-        covariance = covariance + np.outer(direction, direction)
     learned = np.clip(1.0 - np.diag(covariance) / np.diag(prior), 0.0, 1.0)
     return ForceFit(
         regression.coefficients, 0.5 * (covariance + covariance.T), learned, regression.scatter,
         regression,
     )  # fmt: skip
+
+
+def with_mount(fit: ForceFit, mount_std: float) -> ForceFit:
+    """The same fit, aware that all its grades may be off alike.
+
+    Grades that are e too low make F_b/W come out (1 + m) e too high, wherever the vehicle brakes.
+
+    Args:
+        fit: as if the mount of the pitch sensor were known.
+        mount_std: standard deviation of its offset [rad].
+    """
+    m_m, b_m = fit.coefficients[:2]
+    direction = mount_std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
+    return dataclasses.replace(fit, covariance=fit.covariance + np.outer(direction, direction))
 
 
 def fit_two_stages(

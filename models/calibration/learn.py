@@ -138,7 +138,8 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
         shift = float(np.deg2rad(1.0) * (1.0 + base.fit.coefficients[1]))
         said.append(
             "mount offset of the pitch sensor cannot be told from this log (it takes a map, "
-            f"heights, or ground driven both ways): each degree would shift b_b by {shift:.4f}"
+            f"heights, or ground driven both ways): each degree would shift b_b by {shift:.4f}; "
+            "the covariance allows for half a degree, the distance offset for one"
         )
     if known.uphill is not None:
         said.append("coefficients of their own for uphill were dropped: one slope fits both ways")

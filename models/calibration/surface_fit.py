@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from models.calibration.find_stops import StopSettings
-from models.calibration.force_fit import ForceFit, design, fit_force, fit_two_stages
+from models.calibration.force_fit import (
+    ForceFit,
+    design,
+    fit_force,
+    fit_two_stages,
+    with_mount,
+)
 from models.calibration.margins import FEWEST_STOPS as FEWEST_MEASURED
 from models.calibration.margins import offset_for
 from models.calibration.measure import Measured
@@ -30,7 +36,7 @@ from models.quantity import GRAVITY
 Floats = NDArray[np.float64]
 
 FEWEST_STOPS = 8
-_LONG, _COSTLY = 0.97, 0.9  # quantiles of stops that count as long, as costly
+_LONG, _COSTLY = 0.97, 0.95  # quantiles of stops that count as long, as costly
 _SENSOR = 0.01  # [m] what any measured distance is off
 _LEAST_PULL = 0.02  # [1] of the weight, net of gravity
 _PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
@@ -77,9 +83,7 @@ class SurfaceFit:
     two_stages: Floats | None
 
 
-def fit_records(
-    records: Sequence[StopRecord], measured: Measured, known: Braking, mount_std: float = 0.0
-) -> ForceFit:
+def fit_records(records: Sequence[StopRecord], measured: Measured, known: Braking) -> ForceFit:
     """Joint fit of some of the measured stops, near ``known`` where they say nothing."""
     index = {id(r): i for i, r in enumerate(measured.records)}
     rows = [index[id(r)] for r in records]
@@ -90,7 +94,6 @@ def fit_records(
         np.array([r.force_std for r in records]),
         np.array([known.m_m, known.b_m, known.m_b, known.b_b]),
         common=(measured.by_dead_time[rows], measured.dead_time.std),
-        mount_std=mount_std,
     )
 
 
@@ -129,7 +132,7 @@ def _surface(
 ) -> SurfaceFit:  # fmt: skip
     on = known.on(name) if name else known
     from_pitch = records[0].samples.grade is None
-    fit = fit_records(records, measured, on, mount.std if from_pitch and mount.known else 0.0)
+    fit = fit_records(records, measured, on)
     seen = _predicted(records, fit, measured.dead_time.value)
     kept = [r for r in seen if r.kept]
     time = np.array([r.samples.rest_time - r.predicted_time for r in kept])
@@ -139,7 +142,7 @@ def _surface(
     grades = [r.grade for r in kept]
     return SurfaceFit(
         name,
-        fit,
+        with_mount(fit, mount_std),
         tuple(seen),
         _distance_offset(kept, fit, settings.coverage, mount_std),
         offset_for(settings.coverage, time),
@@ -181,7 +184,9 @@ def _distance_offset(
 
     What a stop scatters grows with its length, so a margin for all stops may be short for fast ones
     downhill. It is therefore at least what a normal scatter of the force asks for where stops are
-    long. Two standard deviations of the mount add to it, as independent errors do.
+    long. On top comes what a mount off by two standard deviations would cost: not a scatter that
+    evens out, but an error of every stop alike. Where brakes barely hold the slope no constant
+    suffices; the covariance, which has the mount in it, says how much is open there.
     """
     shortfall = np.array([r.samples.distance - r.predicted_distance for r in records])
     finite = np.isfinite(shortfall)
@@ -197,7 +202,7 @@ def _distance_offset(
     scatter = np.hypot(per_force * np.hypot(fit.scatter, fit.force_std(speed, grade)), _SENSOR)
     usual = float(stats.norm.ppf(coverage))
     slope = fit.coefficients[0] * speed + fit.coefficients[1]
-    askew = 2.0 * mount_std * np.abs(1.0 + slope) * per_force
+    lost = np.minimum(2.0 * mount_std * np.abs(1.0 + slope), pull - _LEAST_PULL)
+    askew = lost * per_force * pull / (pull - lost)
     long, costly = float(np.quantile(scatter, _LONG)), float(np.quantile(askew, _COSTLY))
-    margin = max(offset_for(coverage, shortfall[finite]), usual * long)
-    return float(np.hypot(margin, costly))
+    return max(offset_for(coverage, shortfall[finite]), usual * long) + costly

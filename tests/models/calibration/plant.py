@@ -152,12 +152,20 @@ def drive(
     return log, runs, Truth(speed, mean / count, way - at, done, ahead)
 
 
-def predicted(coefficients: np.ndarray, dead_time: float, truth: Truth) -> np.ndarray:
-    """(stops,) way to rest by these coefficients along the ground ahead, inf if it never ends."""
-    m_m, b_m, m_b, b_b = coefficients
-    v = truth.speed
+def predicted(
+    coefficients: np.ndarray, dead_time: float, truth: Truth, margin: np.ndarray | None = None
+) -> np.ndarray:
+    """(stops,) way to rest by these coefficients along the ground ahead, inf if it never ends.
+
+    The force is lowered by √(φᵀ S φ), φ = (v θ, θ, v, 1), for a margin S, (4, 4).
+    """
+    v = np.broadcast_to(truth.speed, truth.ahead.shape)
     theta = truth.ahead
-    a = G * ((m_m * v + b_m) * theta + m_b * v + b_b + np.sin(theta))
+    phi = np.stack((v * theta, theta, v, np.ones_like(v)), axis=-1)
+    force = phi @ coefficients
+    if margin is not None:
+        force -= np.sqrt(np.einsum("...i,ij,...j->...", phi, margin, phi))
+    a = G * (force + np.sin(theta))
     station = 0.01 * np.arange(len(theta))[:, None]
     work = np.cumsum(np.where(station >= dead_time * v, 0.01 * a, 0.0), axis=0)
     spent = work >= 0.5 * v * v

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.calibration.force_fit import design, fit_force, fit_two_stages
+from models.calibration.force_fit import design, fit_force, fit_two_stages, with_mount
 
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
 
@@ -61,7 +61,7 @@ def test_an_error_that_all_stops_share_widens_the_covariance() -> None:
     grown = np.diag(shared.covariance - alone.covariance)
     assert grown[3] == pytest.approx(0.01**2, rel=0.05)
     assert np.all(np.abs(grown[:3]) < 1e-6)
-    askew = fit_force(v, theta, force, np.full(60, 0.004), np.zeros(4), mount_std=0.01)
+    askew = with_mount(alone, 0.01)
     # Refitting on grades that are all off by 0.01 shows what the covariance claims.
     off = fit_force(v, theta + 0.01, force - 0.01 * np.cos(theta), np.full(60, 0.004), np.zeros(4))
     claimed = np.sqrt(np.diag(askew.covariance - alone.covariance))

@@ -30,9 +30,15 @@ def plant_of(seed: int, **changes: float) -> Plant:
     )  # fmt: skip
 
 
-def off_in_std(learned: Calibration, plant: Plant) -> np.ndarray:
+def off_in_std(learned: Calibration, plant: Plant, *, askew: bool = True) -> np.ndarray:
+    """Errors over standard deviations; with or without what an unknown mount adds to these."""
     fit = learned.surfaces[0].fit
-    return (fit.coefficients - plant.coefficients) / np.sqrt(np.diag(fit.covariance))
+    covariance = fit.covariance.copy()
+    if not askew and not learned.mount.known:
+        m_m, b_m = fit.coefficients[:2]
+        shift = learned.mount.std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
+        covariance -= np.outer(shift, shift)
+    return (fit.coefficients - plant.coefficients) / np.sqrt(np.diag(covariance))
 
 
 def excess(learned: Calibration, truth: Truth) -> np.ndarray:
@@ -58,7 +64,7 @@ def recover(seeds: range, stops: int | None, **changes: float) -> None:
         count = stops or int(np.random.default_rng(seed).integers(40, 201))
         log, runs, truth = drive(plant, count, seed)
         learned = learn(log, runs, KNOWN)
-        off.append(off_in_std(learned, plant))
+        off.append(off_in_std(learned, plant, askew=False))
         assert learned.dead_time.value == pytest.approx(plant.dead_time, abs=0.01)
         if count >= 100:
             force_errors.append(force_error(learned, plant))
@@ -119,6 +125,40 @@ def test_diving_and_askew_no_downhill_stop_is_predicted_short(source: str) -> No
         assert learned.mount.known
         assert learned.mount.offset == pytest.approx(DIVING["mount"], abs=np.deg2rad(0.25))
         assert learned.dive.per_deceleration == pytest.approx(DIVING["dive"], rel=0.1)
+
+
+def within_uncertainty(learned: Calibration, truth: Truth, width: float) -> np.ndarray:
+    """(stops,) excess if the force is planned with ``width`` standard deviations lower."""
+    b = learned.braking
+    coefficients, margin = np.array([b.m_m, b.b_m, b.m_b, b.b_b]), width**2 * np.array(b.covariance)
+    return predicted(coefficients, b.dead_time, truth, margin) + b.distance_offset - truth.distance
+
+
+def test_from_pitch_alone_no_downhill_stop_is_predicted_short() -> None:
+    for seed, weak in ((1, {}), (4, {}), (8, {"b_b": 0.36, "m_b": 0.0})):
+        plant = replace(plant_of(seed, **DIVING), **weak)
+        log, runs, _ = drive(plant, 100, seed)
+        learned = learn(log, runs, KNOWN)
+        assert not learned.mount.known
+        _, _, held_out = drive(plant, 100, 7_000 + seed, grades=(-0.25, -0.03))
+        if not weak:
+            assert np.min(excess(learned, held_out)) > -0.05
+        # Where brakes hardly hold the slope it takes the force's own uncertainty.
+        assert np.min(within_uncertainty(learned, held_out, 3.09)) > -0.05
+
+
+@pytest.mark.nightly
+def test_an_unknown_mount_is_part_of_what_is_claimed() -> None:
+    rng = np.random.default_rng(3)
+    off, short = [], []
+    for seed in range(60):
+        plant = plant_of(seed, dive=DIVING["dive"], mount=np.deg2rad(0.5) * rng.standard_normal())
+        learned = learn(*drive(plant, 60, seed)[:2], KNOWN)
+        off.append(off_in_std(learned, plant))
+        _, _, held_out = drive(plant, 100, 7_000 + seed, grades=(-0.25, -0.03))
+        short.append(np.min(within_uncertainty(learned, held_out, 3.09)))
+    assert np.all(np.abs(np.sqrt(np.mean(np.square(off), axis=0)) - 1.0) < 0.25)
+    assert min(short) > -0.05
 
 
 def test_taking_the_body_for_the_ground_would_be_short() -> None:
