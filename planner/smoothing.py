@@ -18,7 +18,7 @@ import osqp
 from scipy import sparse
 
 from planner.compiled import Floats, Ints, kernel
-from planner.symbolic import MidTimes, nearest_exactly
+from planner.symbolic import SLOWEST, MidTimes, nearest_exactly
 
 _TOLERANCE = 1e-4
 _TIGHTER = 1.5e-4
@@ -30,6 +30,12 @@ _STEP = 0.1
 _STEPS = 3
 _NEAR = 0.02
 """Share of the highest v² by which a profile may differ from that of its tangents."""
+
+_ROUNDS = 6
+"""In which the time for a segment and the speed at its end become one another's."""
+
+_WORTH = 0.05
+"""Share of the distance to the time-optimal profile for which tangents are taken anew."""
 
 _Answer = tuple[Floats, Floats]
 """v² and multipliers."""
@@ -128,9 +134,7 @@ class Smoother:
             answer, used = self._warmly(problem, shift)
         if answer is None:
             # The first time, and where a first-order method is slow: long at the jerk limit.
-            lower, upper = self._linearise(problem, top)
-            if np.all(lower <= upper):
-                answer = nearest_exactly(self._a, lower, upper, top)
+            answer = self._exactly(problem)
         if answer is None:
             self._last = None
             return Smoothed(None, used, f"no profile keeps the jerk limit ({used} iterations)")
@@ -139,6 +143,33 @@ class Smoother:
         solution[top <= _REST] = 0.0
         self._last = (solution, answer[1])
         return Smoothed(solution, used)
+
+    def _exactly(self, problem: SmoothingProblem) -> _Answer | None:
+        """The interior-point method's answer; None if no tangents leave it a way.
+
+        Far below the profile of the tangents these give time away. What more exact ones allow is
+        weighed by the multipliers: where that is much, they are taken anew at the answer.
+        """
+        top = problem.speed_sq_max
+        lower, upper = self._linearise(problem, _reachable(problem))
+        answer = None
+        if np.all(lower <= upper):
+            answer = nearest_exactly(self._a, lower, upper, top)
+        if answer is None:
+            return None
+        jerk = slice(2 * self._n - 1, None)
+        for _ in range(_STEPS):
+            x, multipliers = answer
+            lower, upper = self._linearise(problem, np.clip(x, 0.0, top))
+            left = np.clip(upper - self._a @ x, 0.0, _FREE)[jerk]
+            gain = float(np.abs(multipliers[jerk]) @ left)
+            if gain <= _WORTH * 0.5 * float(np.sum((x - top) ** 2)) or np.any(lower > upper):
+                break
+            better = nearest_exactly(self._a, lower, upper, top)
+            if better is None:
+                break
+            answer = better
+        return answer
 
     def _warmly(self, problem: SmoothingProblem, shift: int) -> tuple[_Answer | None, int]:
         """OSQP from the last answer, moved on; None if it does not get there, and its iterations.
@@ -181,6 +212,32 @@ class Smoother:
             self._a.data, lower, upper,
         )  # fmt: skip
         return lower, upper
+
+
+def _reachable(problem: SmoothingProblem) -> Floats:
+    """The time-optimal profile as far as the acceleration before the start lets it be reached."""
+    if problem.start_accel is None or problem.speed_sq_max[0] <= _REST:
+        return problem.speed_sq_max
+    around = problem.speed_sq_max.copy()
+    _lower_to_reach(problem.ds, problem.start_accel, problem.jerk, around)
+    return around
+
+
+@kernel
+def _lower_to_reach(ds: Floats, accel: float, jerk: float, speed_sq: Floats) -> None:
+    """Lower a profile to where the acceleration rises from its first value as fast as it may."""
+    before, accel = speed_sq[0], accel + jerk * ds[0] / np.sqrt(speed_sq[0])
+    taken = 0.0
+    for k in range(ds.shape[0]):
+        after, last_taken, last_accel = before, taken, accel
+        for _ in range(_ROUNDS):
+            taken = 2.0 * ds[k] / (np.sqrt(before) + np.sqrt(after))
+            if k > 0:
+                accel = last_accel + 0.5 * jerk * (last_taken + taken)
+            after = max(before + 2.0 * accel * ds[k], SLOWEST * SLOWEST)
+        if after >= speed_sq[k + 1]:
+            return
+        speed_sq[k + 1] = before = after
 
 
 @kernel
