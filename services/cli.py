@@ -52,6 +52,13 @@ ModelFile = Annotated[
         "--model", "-m", metavar="M.toml", help="Model file, or the name of a shipped vehicle."
     ),
 ]
+Connect = Annotated[
+    str, typer.Option(metavar="ENDPOINT", help="Where the service, or a router, listens.")
+]
+Namespace = Annotated[str, typer.Option(help="Of the service's keys.")]
+ZenohFile = Annotated[
+    str, typer.Option("--zenoh", metavar="FILE", help="Zenoh's own settings, e.g. certificates.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
 
 
@@ -407,10 +414,8 @@ def serve(
 @app.command()
 def query(
     path_file: PathFile,
-    connect: Annotated[
-        str, typer.Option(metavar="ENDPOINT", help="Where the service, or a router, listens.")
-    ] = "tcp/127.0.0.1:7447",
-    namespace: Annotated[str, typer.Option(help="Of the service's keys.")] = "slopewise/robot",
+    connect: Connect = "tcp/127.0.0.1:7447",
+    namespace: Namespace = "slopewise/robot",
     speed: Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")] = 0.0,
     clear: Annotated[
         float | None,
@@ -423,6 +428,7 @@ def query(
         Path | None, typer.Option("--map", metavar="MAP", help="Elevation map to send before.")
     ] = None,
     timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")] = 2.0,
+    zenoh_file: ZenohFile = "",
     as_json: AsJson = False,
 ) -> None:
     """Ask a running service for plans along candidate paths.
@@ -434,11 +440,43 @@ def query(
     """
     from services.commands import query as command
 
-    job = command.QueryJob(path_file, connect, namespace, speed, clear, timeout, map_file)
+    job = command.QueryJob(
+        path_file, connect, namespace, speed, clear, timeout, map_file, zenoh_file
+    )
     outcome = command.run(job)
     _print(as_json, lambda: command.as_json(outcome), lambda screen: command.show(outcome, screen))
     if not command.admissible(outcome):
         raise typer.Exit(NO_ADMISSIBLE)
+
+
+@app.command()
+def replay(
+    logs: LogFiles,
+    connect: Connect = "tcp/127.0.0.1:7447",
+    namespace: Namespace = "slopewise/robot",
+    speed_up: Annotated[
+        float, typer.Option(metavar="X", help="Seconds of the log in a second; inf: all it can.")
+    ] = 1.0,
+    topics: Annotated[
+        Path | None,
+        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
+    ] = None,
+    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For each answer.")] = 5.0,
+    zenoh_file: ZenohFile = "",
+    as_json: AsJson = False,
+) -> None:
+    """Play recorded drives through a running service, and say what it learned from them.
+
+    Samples are told as a robot would tell them, and each batch is waited for, so that nothing is
+    lost however fast it goes.
+
+    [bold]Example[/]  slopewise replay drive.csv --speed-up 20
+    """
+    from services.commands import replay as command
+
+    job = command.ReplayJob(logs, topics, connect, namespace, speed_up, timeout, zenoh_file)
+    result = command.run(job, quiet=as_json)
+    _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
 
 
 def _print(as_json: bool, data: Any, show: Any) -> None:

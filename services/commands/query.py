@@ -10,7 +10,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import zenoh
 from rich.console import Console
 from rich.table import Table
 
@@ -18,7 +17,7 @@ from models.errors import InputError, ParameterError
 from planner.path import CandidatePath
 from services import messages
 from services.client import Outcome, PlanClient
-from services.config import ZenohSettings, zenoh_config
+from services.connect import client_session
 from services.files.map_file import read_map
 from services.files.path_file import read_paths
 from services.messages import MapUpdate
@@ -37,6 +36,7 @@ class QueryJob:
     clear: float | None
     timeout: float
     map_file: Path | None = None
+    zenoh_file: str = ""
 
 
 def run(job: QueryJob) -> Outcome:
@@ -46,15 +46,8 @@ def run(job: QueryJob) -> Outcome:
         InputError: a file or option cannot be used, or nobody is there.
     """
     paths = [_message(path) for path in read_paths(job.path_file)]
-    settings = ZenohSettings(mode="client", connect=(job.connect,))
     update = None if job.map_file is None else _update(job.map_file)
-    try:
-        session = zenoh.open(zenoh_config(settings))
-    except zenoh.ZError:
-        raise InputError(
-            "--connect", "", f"expected a service at {job.connect}, got none"
-        ) from None
-    with session:
+    with client_session(job.connect, job.zenoh_file) as session:
         try:
             client = PlanClient(session, namespace=job.namespace, timeout=job.timeout)
         except ParameterError as error:

@@ -11,15 +11,15 @@ function showLearned(learned) {
 }
 
 function groupOf(group) {
-  const title = make("h3", {}, words(group.group),
-    make("span", group.valid ? {} : { class: "invalid" }, group.valid ? "valid" : "not valid"),
+  const told = group.at.length < 2 && group.version < 2 ? ["", "as in the model file"] : group.valid ? ["", "valid"] : ["invalid", "not valid yet: planned with cautiously"];
+  const title = make("h3", {}, words(group.group), make("span", { class: told[0] }, told[1]),
     make("small", {}, `version ${group.version}, ${group.cause}, ${when(group.at.at(-1))}`));
   const values = group.names.map((name, i) => {
     const history = group.value.map((row) => row[i]);
     const spread = group.std.map((row) => row[i] ?? null);
     const [value, std] = [history.at(-1), spread.at(-1)];
     const text = std === null ? number(value, 4) : `${number(value, 4)} ± ${number(std, 4)}`;
-    return make("div", {}, make("dt", {}, words(name)), make("dd", {}, text, spark(group.at, history, spread)));
+    return make("div", {}, make("dt", {}, name.length > 3 ? words(name) : name), make("dd", {}, text, ...(history.length > 1 ? [spark(group.at, history, spread)] : [])));
   });
   return make("section", { class: "group" }, title, make("dl", { class: "values" }, ...values));
 }
