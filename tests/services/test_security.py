@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import zenoh
@@ -13,6 +14,8 @@ import zenoh
 from services import wire
 from services.client import PlanClient
 from services.messages import PlanReply
+from services.observations import Receipt, StopObservation, TerrainLabel
+from services.parameter_messages import ParameterReply, RollBack, SetParameters
 from services.wire import Format
 from tests.services import certificates
 from tests.services.service_process import Running, fan, flat, running
@@ -114,3 +117,97 @@ def test_nobody_answers_in_the_service_s_place(folder: Path, service: Running) -
         reply = plan(navigation)
     assert reply is not None
     assert reply.service == "planner"
+
+
+# ---------------------------------------------------------------------- parameters
+
+
+def ask(session: zenoh.Session, key: str, message: object = None) -> list[object]:
+    """OK replies to a query, decoded; none where nobody may answer."""
+    written: dict[str, object] = {}
+    if message is not None:
+        written["payload"] = wire.encode(message, Format.MESSAGEPACK)
+        written["encoding"] = wire.encoding_of(type(message), Format.MESSAGEPACK)
+    kinds = {wire.schema_of(kind): kind for kind in (ParameterReply, Receipt)}
+    found = []
+    for reply in session.get(key, timeout=1.0, **written):
+        if reply.ok is not None:
+            told = str(reply.ok.encoding)
+            kind = kinds[told.partition(";")[2]]
+            found.append(wire.decode(kind, reply.ok.payload, told, key, 10**8))
+    return found
+
+
+def parameters(folder: Path, service: Running) -> bytes:
+    """All parameters with their versions, without what only time changes."""
+    with as_(folder, service, "operator") as operator:
+        (reply,) = ask(operator, service.key("params"))
+    raw = msgspec.to_builtins(reply)
+    for group in raw["groups"]:
+        group["age"] = 0.0
+    return msgspec.json.encode(raw, order="deterministic")
+
+
+def stop(source: str, sequence: int = 1) -> StopObservation:
+    return StopObservation(
+        source=source, sequence=sequence, time=time.monotonic(), speed=2.0, grade=0.0,
+        deceleration=0.8, deceleration_std=0.05,
+    )  # fmt: skip
+
+
+CHANGES = {
+    "obs/stop": stop("intruder"),
+    "obs/terrain": TerrainLabel(source="intruder", sequence=1, time=0.0, surface="ice"),
+    "params/set": SetParameters(group="limits", values={"speed": 4.0}),
+    "params/rollback": RollBack(version=1),
+}
+
+
+@pytest.mark.parametrize("name", ["navigation", "mapping", "stranger", "estimator", "operator"])
+def test_only_who_may_changes_parameters(folder: Path, service: Running, name: str) -> None:
+    """Each role tries what it may not, as put and as query."""
+    allowed = {"estimator": ("obs/",), "operator": ("params/",)}.get(name, ())
+    before = parameters(folder, service)
+    with as_(folder, service, name) as intruder:
+        for key, message in CHANGES.items():
+            if key.startswith(allowed or "\0"):
+                continue
+            payload = wire.encode(message, Format.MESSAGEPACK)
+            encoding = wire.encoding_of(type(message), Format.MESSAGEPACK)
+            intruder.put(service.key(key), payload, encoding=encoding)
+            assert ask(intruder, service.key(key), message) == []
+        time.sleep(_SETTLED)
+    assert parameters(folder, service) == before
+    with as_(folder, service, "navigation") as navigation:
+        assert plan(navigation) is not None
+
+
+def test_everybody_with_a_role_may_read_parameters(folder: Path, service: Running) -> None:
+    for name in ("navigation", "mapping", "estimator", "operator"):
+        with as_(folder, service, name) as reader:
+            (reply,) = ask(reader, service.key("params"))
+        assert reply.status == "ok"
+        assert {group.group for group in reply.groups} >= {"braking", "limits"}
+    with as_(folder, service, "stranger") as stranger:
+        assert ask(stranger, service.key("params")) == []
+
+
+def test_an_estimator_teaches_and_an_operator_sets(folder: Path, service: Running) -> None:
+    with as_(folder, service, "estimator") as estimator:
+        (receipt,) = ask(estimator, service.key("obs/stop"), stop("estimator"))
+    assert receipt.status == "taken", receipt
+    with as_(folder, service, "operator") as operator:
+        slower = SetParameters(group="limits", values={"speed": 1.5})
+        (reply,) = ask(operator, service.key("params/set"), slower)
+        assert reply.status == "ok", reply
+        absurd = SetParameters(group="limits", values={"speed": -1.0})
+        (refused,) = ask(operator, service.key("params/set"), absurd)
+    assert refused.status == "refused"
+    assert refused.version == reply.version > receipt.version - 1
+    with as_(folder, service, "mapping") as mapping:
+        send_map(mapping, service)
+        time.sleep(_SETTLED)
+    with as_(folder, service, "navigation") as navigation:
+        answer = plan(navigation)
+    assert answer is not None
+    assert answer.plans[0].column("speed").max() <= 1.5 + 1e-9
