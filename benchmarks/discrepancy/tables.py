@@ -1,0 +1,88 @@
+"""The benchmark's figures as tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from rich.table import Table
+
+Result = dict[str, Any]
+
+
+def tables(result: Result) -> Iterator[Table]:
+    """What was wanted and reached, then effect by effect, then the other method."""
+    for key, title in (("metrics", "hidden effects"), ("engine", "in the physics engine")):
+        if key in result:
+            yield _metrics(title, result[key])
+    for key, title in (("by_effect", "by effect"), ("engine_by_effect", "in the engine")):
+        if key in result:
+            yield _by_effect(title, result[key])
+    if "ambiguity" in result:
+        yield _metrics("telling rivals apart", result["ambiguity"])
+    if isinstance(result.get("peer"), list):
+        yield _peer(result["peer"])
+
+
+def _metrics(title: str, rows: list[Result]) -> Table:
+    table = Table(title=title, title_justify="left")
+    table.add_column("what", overflow="fold")
+    for column in ("wanted", "reached", "95 % interval or quartiles", "of", ""):
+        table.add_column(column, justify="right")
+    for row in rows:
+        verdict = {True: "[green]pass", False: "[red]miss", None: ""}[row["passed"]]
+        table.add_row(row["what"], _wanted(row), *_reached(row), verdict)
+    return table
+
+
+def _wanted(row: Result) -> str:
+    if not row["relation"]:
+        return "–"
+    if row["relation"] == "in":
+        low, high = row["wanted"]
+        return f"{low:.0%} … {high:.0%}"
+    sign = {">=": "≥", "<=": "≤"}[row["relation"]]
+    return f"{sign} {_value(row, row['wanted'])}"
+
+
+def _reached(row: Result) -> tuple[str, str, str]:
+    if row["reached"] is None:
+        return "–", "", "0"
+    of = f"{row['hits']}/{row['of']}" if row["unit"] == "%" else str(row["of"])
+    interval = f"{_value(row, row['low'])} … {_value(row, row['high'])}"
+    return _value(row, row["reached"]), interval, of
+
+
+def _value(row: Result, value: float) -> str:
+    if row["unit"] in ("%", "share"):
+        return f"{value:.1%}"
+    return f"{value:.3g} {row['unit']}".strip()
+
+
+def _by_effect(title: str, rows: list[Result]) -> Table:
+    table = Table(title=title, title_justify="left")
+    for column in ("kind", "effect"):
+        table.add_column(column, overflow="fold")
+    for column in ("sets", "identifiable", "right", "wrong", "axis", "closed"):
+        table.add_column(column, justify="right")
+    table.add_column("verdicts", overflow="fold")
+    for row in rows:
+        verdicts = ", ".join(f"{name} {count}" for name, count in sorted(row["verdicts"].items()))
+        closed = "–" if row["closed"] is None else f"{row['closed']:.0%}"
+        counts = (str(row[key]) for key in ("sets", "identifiable", "right", "wrong", "axis"))
+        table.add_row(row["kind"], row["effect"], *counts, closed, verdicts)
+    return table
+
+
+def _peer(rows: list[Result]) -> Table:
+    table = Table(title="the same sets", title_justify="left")
+    table.add_column("what", overflow="fold")
+    for column in ("PySINDy", "", "slopewise", ""):
+        table.add_column(column, justify="right")
+    for row in rows:
+        cells = []
+        for key in ("pysindy", "slopewise"):
+            reached, interval, of = _reached(row[key])
+            cells += [f"{reached} ({of})", interval]
+        table.add_row(row["what"], *cells)
+    return table

@@ -1,0 +1,135 @@
+"""The plant in which effects are hidden obeys the formulas, by closed forms and by scipy."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from benchmarks.discrepancy import designs, hidden, physics, plant, sensing
+
+G = 9.80665
+BASE = physics.Physics(m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.4, dead_time=0.3)
+
+
+def stops(count: int = 3, **changed: float) -> physics.Stops:
+    """Level, straight stops at 3 m/s, a minute apart."""
+    values = dict.fromkeys(physics.Stops._fields, 0.0)
+    values |= {"speed": 3.0, "wave_length": 10.0, "friction": 1.0} | changed
+    arrays = {name: np.full(count, value) for name, value in values.items()}
+    return physics.Stops(**(arrays | {"clock": 60.0 * (1.0 + np.arange(count))}))
+
+
+def test_the_worlds_share_nothing_with_the_models() -> None:
+    folder = Path(plant.__file__).parent
+    for name in ("physics.py", "plant.py", "sensing.py", "designs.py", "hidden.py", "worth.py"):
+        for node in ast.walk(ast.parse((folder / name).read_text())):
+            imported = (
+                [node.module or ""] if isinstance(node, ast.ImportFrom)
+                else [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            )  # fmt: skip
+            for module in imported:
+                assert module.split(".")[0] not in ("models", "planner", "services"), name
+
+
+def test_a_constant_force_stops_by_the_closed_form() -> None:
+    grade, v = -0.1, 3.0
+    p = BASE._replace(m_m=-0.02, b_m=-0.3, m_b=0.01)
+    motion = plant.drive(p, stops(grade=grade), np.zeros(1))
+    a = G * ((p.m_m * v + p.b_m) * grade + p.m_b * v + p.b_b + np.sin(grade))
+    np.testing.assert_allclose(motion.distance, v * 0.3 + v * v / (2.0 * a), rtol=1e-5)
+    np.testing.assert_allclose(motion.rest, 0.3 + v / a, rtol=1e-5)
+
+
+def test_drag_lag_and_viscous_resistance_by_their_closed_forms() -> None:
+    v, a = 3.0, G * 0.4
+    c = 0.05
+    drag = plant.drive(BASE._replace(drag=c), stops(), np.zeros(1)).distance[0]
+    assert drag == pytest.approx(v * 0.3 + np.log1p(c * v * v / a) / (2.0 * c), rel=1e-5)
+    late = plant.drive(BASE._replace(lag=0.1), stops(), np.zeros(1)).rest[0]
+    # v − a (t − τ (1 − exp(−t/τ))) = 0 with exp(−t/τ) negligible.
+    assert late == pytest.approx(0.3 + v / a + 0.1, abs=2e-3)
+    k = 0.03
+    slow = plant.drive(BASE._replace(viscous=k), stops(), np.zeros(1)).rest[0]
+    assert slow == pytest.approx(0.3 + np.log1p(G * k * v / a) / (G * k), rel=1e-5)
+
+
+def test_everything_at_once_by_another_integrator() -> None:
+    p = BASE._replace(
+        b_m=-0.2, drag=0.02, viscous=0.01, wind_drag=0.01, wind=5.0, wind_direction=0.4, lag=0.08,
+        fade=0.01, fade_tau=100.0, friction=0.38, asymmetry=0.2, nonlinearity=0.8, cross_slope=0.2,
+        turning=0.1, furrow=0.02, furrow_direction=0.3, step_scale=0.9, step_delta=0.01,
+        step_run=1.0, drift=1e-5,
+    )  # fmt: skip
+    scene = stops(2, grade=0.05, wave=0.02, wave_phase=0.5, roll=0.1, curvature=0.08, heading=0.2)
+    found = plant.drive(p, scene, np.zeros(1))
+    heat = ended = 0.0
+    for run in range(2):
+        clock = float(scene.clock[run])
+
+        def rates(t: float, y: np.ndarray, run: int = run, clock: float = clock) -> list[float]:
+            s, v, f, q = y
+            grade = 0.05 + 0.02 * np.sin(2.0 * np.pi * s / 10.0 + 0.5)
+            yaw = 0.2 + 0.08 * s
+            force = -0.2 * grade + 0.4
+            if run >= 1:
+                force = 0.9 * force + 0.01
+            force += 0.2 * max(grade, 0.0) + 0.8 * grade * abs(grade) + 0.2 * 0.1
+            force += 0.02 * np.cos(2.0 * (yaw - 0.3)) + 1e-5 * (clock + 0.3 + t)
+            acting = min(f / (1.0 + 0.01 * q), 0.38 * np.cos(grade))
+            u = v + 5.0 * np.cos(yaw - 0.4)
+            a = G * (acting + np.sin(grade) + 0.01 * v + 0.1 * 0.08 * v)
+            a += 0.02 * v * v + 0.01 * (abs(u) * u - v * v)
+            return [v, -a, (force - f) / 0.08, G * acting * v - q / 100.0]
+
+        def rest(_: float, y: np.ndarray) -> float:
+            return float(y[1])
+
+        rest.terminal = True  # type: ignore[attr-defined]
+        heat *= np.exp(-(clock + 0.3 - ended) / 100.0)
+        exact = solve_ivp(
+            rates, (0.0, 10.0), [0.9, 3.0, 0.0, heat], events=rest, rtol=1e-9, atol=1e-10,
+            max_step=0.01,
+        )  # fmt: skip
+        heat, ended = float(exact.y[3, -1]), clock + 0.3 + float(exact.t[-1])
+        assert found.distance[run] == pytest.approx(float(exact.y[0, -1]), abs=2e-3)
+
+
+def test_a_patch_acts_inside_its_circle_only() -> None:
+    p = BASE._replace(patch=-0.2, patch_x=0.0, patch_y=0.0, patch_radius=2.0)
+    inside = plant.drive(p, stops(), np.zeros(1)).distance[0]
+    outside = plant.drive(p, stops(x=20.0), np.zeros(1)).distance[0]
+    v, a = 3.0, G * 0.4
+    assert outside == pytest.approx(0.9 + v * v / (2.0 * a), rel=1e-5)
+    # Slowed by half the force up to two metres, by all of it after that.
+    left = v * v - 2.0 * (2.0 - 0.9) * 0.5 * a
+    assert inside == pytest.approx(2.0 + left / (2.0 * a), rel=2e-3)
+
+
+def test_a_log_has_noise_steps_and_a_body_that_rocks_back() -> None:
+    rng = np.random.default_rng(1)
+    scene = designs.draw("mixed", 60, 0.02, rng)
+    motion = plant.drive(BASE, scene, sensing.sample_times(8.0))
+    log = sensing.log(motion, scene, 0.03, rng)
+    np.testing.assert_allclose(log["v"] / sensing.QUANTUM, np.round(log["v"] / sensing.QUANTUM))
+    assert np.all(np.diff(log["t"]) > 0.0)
+    held = log["v_cmd"] > 0.0
+    assert np.std((log["v"] - log["v_cmd"])[held]) == pytest.approx(0.03, rel=0.1)
+    quiet = sensing.log(motion, scene, 0.0, rng)
+    assert -0.06 < float(quiet["v"].min()) < -0.01
+
+
+@pytest.mark.parametrize("name", [*hidden.NAMED, *hidden.OFF_LIBRARY])
+def test_larger_sizes_change_more(name: str) -> None:
+    changes = []
+    for size in hidden.SIZES:
+        rng = np.random.default_rng(5)
+        scene = designs.draw("mixed", 60, 0.0, rng)._replace(friction=np.ones(60))
+        effect = hidden.draw_hidden(name, size, BASE, scene, rng)
+        time = np.arange(0.0, 4.0, 0.02)
+        bent = plant.speeds(BASE._replace(**effect.fields), scene, time)
+        changes.append(float(np.abs(bent - plant.speeds(BASE, scene, time)).max()))
+    assert 0.0 < changes[0] < changes[1] < changes[2]
