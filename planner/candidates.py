@@ -14,7 +14,7 @@ import numpy as np
 from models.errors import ParameterError
 from models.parameters import Model
 from planner.bounds import Numbers, SpeedBounds, numbers, speed_bounds
-from planner.compiled import Floats, Ints
+from planner.compiled import Floats, Ints, kernel
 from planner.elevation_map import ElevationMap
 from planner.emission import Emission, smoother_size
 from planner.ground import Conditions, Ground, ground_along
@@ -93,14 +93,19 @@ def time_optimal_batch(
 
 def ranking_cost(station: Floats, speed_sq: Floats, settings: PlannerSettings) -> Floats:
     """Travel time plus a charge for each metre not reached, (M,) [s]."""
-    speed = np.sqrt(speed_sq)
-    both = speed[1:] + speed[:-1]
-    ds = np.diff(station, axis=0)
-    moving = both > 0.0
-    time = np.divide(2.0 * ds, both, out=np.zeros_like(ds), where=moving).sum(axis=0)
-    missed = np.where(moving, 0.0, ds).sum(axis=0)
-    total: Floats = time + settings.horizon_penalty * missed
-    return total
+    cost = np.empty(station.shape[1])
+    _charge(station, speed_sq, settings.horizon_penalty, cost)
+    return cost
+
+
+@kernel
+def _charge(station: Floats, speed_sq: Floats, penalty: float, cost: Floats) -> None:
+    cost[:] = 0.0
+    for k in range(station.shape[0] - 1):
+        for j in range(station.shape[1]):
+            ds = station[k + 1, j] - station[k, j]
+            both = np.sqrt(speed_sq[k, j]) + np.sqrt(speed_sq[k + 1, j])
+            cost[j] += 2.0 * ds / both if both > 0.0 else penalty * ds
 
 
 def rank(plans: Sequence[SpeedPlan], settings: PlannerSettings) -> list[SpeedPlan]:

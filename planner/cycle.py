@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
@@ -143,9 +144,9 @@ class Cycle:
         near = (place.beside <= most.beside) & (-place.along <= most.ahead)
         drivable = near & (place.turned <= most.turned) & (place.left > _ENDS)
         reasons = [""] * len(drivable)
-        for j in np.flatnonzero(~drivable):
-            values = (place.beside[j], -place.along[j], place.turned[j])
-            reasons[j] = self._refusal(*(float(v) for v in values))
+        beside, along, turned = (a.tolist() for a in (place.beside, place.along, place.turned))
+        for j in np.flatnonzero(~drivable).tolist():
+            reasons[j] = self._refusal(beside[j], -along[j], turned[j])
         return reasons
 
     def _refusal(self, beside: float, gap: float, turned: float) -> str:
@@ -155,8 +156,8 @@ class Cycle:
         if gap > settings.ahead:
             return f"the path begins {gap:.2f} m ahead of the vehicle, {settings.ahead:g} m at most"
         if turned > settings.turned:
-            most = np.rad2deg(settings.turned)
-            return f"the path points {np.rad2deg(turned):.0f}° off the heading, {most:.0f}° at most"
+            off, most = math.degrees(turned), math.degrees(settings.turned)
+            return f"the path points {off:.0f}° off the heading, {most:.0f}° at most"
         return "the path ends here"
 
     def _is_on(self, place: Place) -> bool:
@@ -196,14 +197,16 @@ class Cycle:
         """All candidates by cost, those that the judge objects to last; and their indices."""
         invalid = (worst.max(axis=1) > 0.0) | too_fast
         own = np.arange(len(names)) == ours
-        order = np.lexsort((cost - self._gain * own, invalid))
+        order: list[int] = np.lexsort((cost - self._gain * own, invalid)).tolist()
+        costs, flawed = cost.tolist(), invalid.tolist()
         ranking = tuple(
             Ranked(
-                names[j], float(cost[j]), not invalid[j], _objection(worst[j], bool(too_fast[j]))
+                names[j], costs[j], not flawed[j],
+                _objection(worst[j], bool(too_fast[j])) if flawed[j] else "",
             )
             for j in order
-        )
-        return ranking, [int(j) for j in order]
+        )  # fmt: skip
+        return ranking, order
 
     # ------------------------------------------------------------------ plans
 
@@ -345,10 +348,8 @@ def checked_clear(clear: float | Floats, candidates: int) -> Floats:
 
 
 def _objection(worst: Floats, too_fast: bool) -> str:
-    """What the judge objects to in a time-optimal profile, empty if nothing."""
+    """What the judge objects to in a time-optimal profile."""
     if too_fast:
         return "starts faster than service braking can bring down"
-    if not worst.max() > 0.0:
-        return ""
     kind = int(np.argmax(worst))
     return f"{Offence._fields[kind]} by {worst[kind]:.3g}"

@@ -74,7 +74,7 @@ class SpeedPlan:
     @property
     def progress(self) -> float:
         """Station at which the plan comes to rest [m]."""
-        moving = np.flatnonzero(self.speed > 0.0)
+        moving = (self.speed > 0.0).nonzero()[0]
         if len(moving) == 0:
             return 0.0
         return float(self.station[min(int(moving[-1]) + 1, len(self.station) - 1)])

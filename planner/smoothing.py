@@ -11,7 +11,6 @@ set up once for a number of stations, is updated and starts from the answer befo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import osqp
@@ -96,6 +95,10 @@ class Smoother:
         # Where each entry of the pattern ends up in the csc data.
         order = sparse.csc_matrix((np.arange(1.0, len(rows[0]) + 1), rows), shape=self._a.shape)
         self._slot = np.argsort(order.data)
+        # Rows of one kind follow one another, station by station.
+        kinds = [n, n - 1, n - 2, n - 2]
+        self._row = np.arange(sum(kinds))
+        self._last_row = np.repeat(np.cumsum(kinds) - 1, kinds)
         self._solver = osqp.OSQP()
         count = self._a.shape[0]
         self._solver.setup(
@@ -179,11 +182,10 @@ class Smoother:
         """
         assert self._last is not None
         top, used = problem.speed_sq_max, 0
-        ends = np.cumsum([0, self._n, self._n - 1, self._n - 2, self._n - 2])
-        blocks = [self._last[1][i:j] for i, j in pairwise(ends)]
+        x, multipliers = self._last
         answer: _Answer = (
-            _shifted(self._last[0], shift),
-            np.concatenate([_shifted(block, shift) for block in blocks]),
+            x[np.minimum(np.arange(self._n) + shift, self._n - 1)],
+            multipliers[np.minimum(self._row + shift, self._last_row)],
         )
         for _ in range(_STEPS):
             around = np.clip(answer[0], 0.0, top)
@@ -286,8 +288,3 @@ def _program(
             upper[n] = min(upper[n], start_accel + reach)
             lower[n] = max(lower[n], start_accel - reach)
         before, margin_before, idle_before = half, margin, idle
-
-
-def _shifted(values: Floats, by: int) -> Floats:
-    """Values moved towards the start, the last one repeated."""
-    return values[np.minimum(np.arange(len(values)) + by, len(values) - 1)]
