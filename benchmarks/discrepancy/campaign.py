@@ -24,6 +24,14 @@ def total(quick: bool) -> int:
     return 2 * len(orders(QUICK if quick else 1.0))
 
 
+def missing() -> list[str]:
+    """What could not be measured, in sentences."""
+    found = []
+    if not peer.available():
+        found.append("pysindy is not installed: pip install slopewise[bench]")
+    return found
+
+
 def run(quick: bool, advance: Advance) -> Result:
     """All sets of the plant.
 

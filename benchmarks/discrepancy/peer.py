@@ -106,9 +106,9 @@ def _features(part: dict[str, Floats], onset: float) -> Floats:
 def summary(
     sets: Sequence[Any], named: Sequence[tuple[str, ...] | None], own: Sequence[Any]
 ) -> Any:
-    """Its shares beside the workflow's on the same sets; a sentence where it is not installed."""
+    """Its shares beside the workflow's on the same sets; None where it is not installed."""
     if not available():
-        return "pysindy is not installed: pip install slopewise[bench]"
+        return None
     rows = [(h, n, o) for h, n, o in zip(sets, named, own, strict=True) if n is not None]
     single = [r for r in rows if r[0].order.kind == "single" and r[0].worth.named]
     listed = [r for r in single if r[0].order.names[0] in _EFFECTS]

@@ -1,4 +1,4 @@
-"""`slopewise bench`: the planner beside its peers, its cycles and optimality, the closed loop."""
+"""`slopewise bench`: the planner beside its peers, its cycles and optimality, the closed loop, hidden effects."""
 
 from __future__ import annotations
 
@@ -51,6 +51,34 @@ def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
     if json_file is not None:
         json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
         console.print(f"wrote {json_file}")
+
+
+def discrepancy(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
+    """Hide effects, have them looked for, show, and write what was asked for.
+
+    Raises:
+        InputError: plots are wanted and plotly is not installed.
+    """
+    if plot is not None and find_spec("plotly") is None:
+        raise InputError("--plot", "", "needs plotly: pip install slopewise[bench]")
+    from benchmarks.discrepancy import campaign, tables
+    from services.screen import progress_bar
+
+    console = Console()
+    with progress_bar("discrepancy", campaign.total(quick)) as advance:
+        result = campaign.run(quick, advance)
+    for table in tables.tables(result):
+        console.print(table)
+    for missing in campaign.missing():
+        console.print(missing)
+    if json_file is not None:
+        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
+        console.print(f"wrote {json_file}")
+    if plot is not None:
+        from benchmarks.discrepancy.charts import charts
+
+        _write_plots(charts(result), plot)
+        console.print(f"wrote {plot}")
 
 
 def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
