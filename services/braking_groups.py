@@ -55,7 +55,7 @@ class BrakingGroups:
         self._online = OnlineBraking(
             known,
             recursive=RecursiveSettings(change=settings.change),
-            publish=PublishSettings(rise=settings.rise),
+            publish=PublishSettings(rise=settings.rise, only_valid=True),
         )
         self._taught: dict[str, float] = {}
         self._dead_times: deque[float] = deque(maxlen=_DEAD_TIMES)

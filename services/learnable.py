@@ -17,7 +17,6 @@ class Stop:
     Attributes:
         at: monotonic clock [s]. surface, source: where and by whom. speed: [m/s]. grade: [rad].
         predicted, actual: from command to rest on an even slope [m]. outcome: what became of it.
-        version: of the parameters that predicted.
     """
 
     at: float
@@ -28,7 +27,6 @@ class Stop:
     predicted: float
     actual: float
     outcome: str
-    version: int = 0
 
 
 def unable(model: Model) -> str:

@@ -176,7 +176,7 @@ class ParameterDesk:
             self._reply(query, base, self._read(query, "", encoding, base), written)
         else:
             # A pattern of groups: each answers with its own key.
-            for group in self._service.names():
+            for group in self._service.learner.names():
                 if query.key_expr.intersects(f"{base}/{group}"):
                     reply = self._read(query, group, encoding, asked)
                     self._reply(query, f"{base}/{group}", reply, written)
@@ -222,7 +222,7 @@ class ParameterDesk:
     def _publish(self) -> None:
         """Tell of each group that changed; whoever is too slow misses it and may ask."""
         changed, self._service.changed = self._service.changed, set()
-        for group in sorted(changed & set(self._service.names())):
+        for group in sorted(changed & set(self._service.learner.names())):
             message = parameter_replies.group_message(self._service, group)
             self._session.put(
                 self._config.key(f"params/{group}"),
@@ -235,18 +235,18 @@ class ParameterDesk:
     def _show(self) -> None:
         """Hand stops and the ground to the page."""
         service = self._service
-        count = service.counters["stops"]
-        new = min(count - self._shown, len(service.stops))
+        count = service.learner.stop_count
+        new = min(count - self._shown, len(service.learner.stops))
         self._shown = count
-        for stop in list(service.stops)[len(service.stops) - new :]:
+        for stop in list(service.learner.stops)[len(service.learner.stops) - new :]:
             self._board.stopped(
                 StopSeen(
                     speed=stop.speed, grade=stop.grade, predicted=stop.predicted,
                     actual=stop.actual, surface=stop.surface, outcome=stop.outcome,
-                    version=stop.version,
+                    version=service.log.version,
                 )
             )  # fmt: skip
-        ground = service.ground.told(time.monotonic())
+        ground = service.learner.ground.told(time.monotonic())
         if ground != self._ground:
             self._ground = ground
             self._board.classified(GroundSeen(name=ground[0], probability=ground[1]))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,9 +18,6 @@ from services.learning_settings import StoreSettings
 from services.store import Store, StoreError
 
 _log = logging.getLogger("slopewise")
-
-_MOST_LOOKED_AT = 100_000
-"""Changes back from the newest that are searched for one that can be used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +64,7 @@ class ParameterLog:
         self.notes += store.notes
         self.version = max(self.version, store.last_version())
         strangers = store.fingerprints() - {self._fingerprint}
-        if strangers and next(store.newest(self._fingerprint), None) is None:
+        if strangers and not store.groups(self._fingerprint):
             self.notes.append("the stored parameters are of another vehicle: not used")
 
     def _fail(self, error: Exception) -> None:
@@ -176,17 +173,17 @@ class ParameterLog:
 
     # ------------------------------------------------------------------ reading
 
-    def newest(self, up_to: int | None = None) -> Iterable[tuple[Change, dict | None]]:
-        """Changes from the newest back with their states, those that can be read.
+    def groups(self) -> list[str]:
+        """Groups of this vehicle that changed at some time.
 
         Raises:
             StoreError: there is no store, or it cannot be read.
         """
-        if self._store is None:
-            raise StoreError(self._fault or "there is no store")
-        for count, change in enumerate(self._store.newest(self._fingerprint, up_to)):
-            if count >= _MOST_LOOKED_AT:
-                return
+        return self._there().groups(self._fingerprint)
+
+    def newest(self, group: str, up_to: int | None = None) -> Iterator[tuple[Change, dict | None]]:
+        """Changes of a group from the newest back with their states, those that can be read."""
+        for change in self._there().newest(self._fingerprint, group, up_to):
             try:
                 state = json.loads(change.state)
             except ValueError:
@@ -196,11 +193,13 @@ class ParameterLog:
 
     def knows(self, version: int) -> bool:
         """Whether there is a change of this vehicle with that version, or it is the model file."""
-        first = next(iter(self.newest(version)), None)
-        return version == 1 or (first is not None and first[0].version == version)
+        return self._there().has(self._fingerprint, version) or version == 1
+
+    def _there(self) -> Store:
+        if self._store is None:
+            raise StoreError(self._fault or "there is no store")
+        return self._store
 
     def history(self, group: str, most: int) -> list[Change]:
         """Changes of a group, or of all, newest first."""
-        if self._store is None:
-            raise StoreError(self._fault or "there is no store")
-        return self._store.history(group, most)
+        return self._there().history(group, most)

@@ -8,6 +8,7 @@ import math
 from models.calibration.force_fit import NAMES
 from models.errors import ParameterError, SlopewiseError
 from services.change import Change
+from services.parameter_group import ParameterGroups
 from services.parameter_log import Last
 from services.parameter_messages import (
     HistoryEntry,
@@ -26,7 +27,7 @@ _FROM_FILE = Last(1, "model file", "")
 
 def group_message(service: ParameterService, group: str) -> ParameterGroup:
     """A group as it is now; ParameterError if there is none of that name."""
-    known = service.groups_of(group).describe(group)
+    known = _named(service, group).describe(group)
     last = service.log.last.get(group, _FROM_FILE)
     return ParameterGroup(
         group=group,
@@ -44,10 +45,17 @@ def group_message(service: ParameterService, group: str) -> ParameterGroup:
     )
 
 
+def _named(service: ParameterService, group: str) -> ParameterGroups:
+    names = service.learner.names()
+    if group not in names:
+        raise ParameterError("group", f"one of {', '.join(names)}, got {group[:80]}")
+    return service.learner.group(group)
+
+
 def read(service: ParameterService, question: ParameterQuestion, name: str) -> ParameterReply:
     """The answer to a question; ``name`` is that of the service."""
     try:
-        names = [question.group] if question.group else service.names()
+        names = [question.group] if question.group else service.learner.names()
         groups = [group_message(service, group) for group in names]
         history: list[HistoryEntry] = []
         if question.history:
@@ -71,7 +79,7 @@ def change(
         service.counters["changes_refused"] += 1
         return reply_of(service, name, "refused", str(error))
     service.counters["changes_by_operators"] += 1
-    groups = [group_message(service, g) for g in service.names()]
+    groups = [group_message(service, g) for g in service.learner.names()]
     return reply_of(service, name, "ok", "", groups)
 
 

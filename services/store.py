@@ -156,8 +156,10 @@ class Store:
         try:
             pages = self._number("PRAGMA page_count") - self._number("PRAGMA freelist_count")
             full = pages > _FULL * self._most_pages
-            names = self._groups() if full else groups
-            for group in names:
+            if full:
+                with self._reading("SELECT DISTINCT grp FROM change") as rows:
+                    groups = {str(name) for (name,) in rows}
+            for group in groups:
                 count = self._number("SELECT count(*) FROM change WHERE grp = ?", group)
                 if full or count > self._most_changes:
                     self._forget(group, max(count // 4, 1))
@@ -188,15 +190,26 @@ class Store:
         with self._reading("SELECT name, sequence FROM source") as rows:
             return {str(name): int(sequence) for name, sequence in rows}
 
-    def newest(self, fingerprint: str, up_to: int | None = None) -> Iterator[Change]:
-        """Changes of a vehicle's parameters from the newest back, all groups mixed.
+    def groups(self, fingerprint: str) -> list[str]:
+        """Groups that there are changes of, of a vehicle."""
+        query = "SELECT DISTINCT grp FROM change WHERE fingerprint = ? ORDER BY grp"
+        with self._reading(query, (fingerprint,)) as rows:
+            return [str(name) for (name,) in rows]
+
+    def newest(self, fingerprint: str, group: str, up_to: int | None = None) -> Iterator[Change]:
+        """Changes of a group of a vehicle's parameters, from the newest or a version back.
 
         Rows whose checksum does not fit are left out.
         """
         yield from self._changes(
-            "WHERE fingerprint = ? AND version <= ? ORDER BY version DESC",
-            (fingerprint, 2**62 if up_to is None else up_to),
+            "WHERE fingerprint = ? AND grp = ? AND version <= ? ORDER BY version DESC",
+            (fingerprint, group, 2**62 if up_to is None else up_to),
         )
+
+    def has(self, fingerprint: str, version: int) -> bool:
+        """Whether a vehicle's parameters changed with that version."""
+        query = "SELECT count(*) FROM change WHERE fingerprint = ? AND version = ?"
+        return self._number(query, fingerprint, version) > 0
 
     def history(self, group: str = "", most: int = 100) -> list[Change]:
         """The last changes of a group, newest first; of all groups and vehicles without a name."""
@@ -219,10 +232,6 @@ class Store:
                 if zlib.crc32(state) == crc:
                     moment = Moment(at, boot, uptime)
                     yield Change(version, grp, vehicle, cause, who, moment, state, bool(learned))
-
-    def _groups(self) -> list[str]:
-        with self._reading("SELECT DISTINCT grp FROM change") as rows:
-            return [str(name) for (name,) in rows]
 
     def _number(self, query: str, *given: object) -> int:
         with self._reading(query, given) as rows:

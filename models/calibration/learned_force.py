@@ -23,6 +23,9 @@ Floats = NDArray[np.float64]
 _LARGEST = 100.0
 """No coefficient of any vehicle is anywhere near it [s/m, 1, s/m, 1]."""
 
+PRIOR_SURFACE = "model file"
+"""Name of the surface that keeps the prior's base where stops replaced it."""
+
 _NO_CLASS = 1_000_000
 """Learned surfaces go by name; numbers in maps, which count places of tables, do not reach them."""
 
@@ -98,6 +101,8 @@ def braking_in_use(
         else:
             base = changes
     if base:
+        # What the base was stays among what ground of no known name may turn out to be.
+        tables[PRIOR_SURFACE] = SurfaceBraking(class_id=_NO_CLASS - 1)
         _pin(prior, tables, base)
     return dataclasses.replace(prior, terrain=tables, **base)  # type: ignore[arg-type]
 

@@ -132,7 +132,9 @@ class OnlineBraking:
         estimate.covariance = np.array(learned.covariance)
         estimate.accepted, estimate.gated = learned.accepted, learned.gated
         estimate.doubted, estimate.row = learned.accepted == 0, learned.row
-        on.published.restore(np.array(learned.published), valid=learned.valid)
+        on.published.restore(
+            np.array(learned.published), estimate.coefficients, valid=learned.valid
+        )
         on.last.clear()
         on.last.extend(learned.last)
         on.pristine = False

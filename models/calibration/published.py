@@ -30,6 +30,8 @@ class PublishSettings:
         valid_std, invalid_std: share of F_b/W that its standard deviation has to fall below to be
             valid, and to exceed to be so no longer.
         fewest: stops before it can be valid.
+        only_valid: nothing rises above the default before it is valid, and what becomes invalid
+            falls back to it, so that no rise is released all at once.
         window: last stops of which no more than half may have been unbelieved.
     """
 
@@ -40,6 +42,7 @@ class PublishSettings:
     invalid_std: float = 0.10
     fewest: int = 8
     window: int = 6
+    only_valid: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 < self.least < self.most:
@@ -71,6 +74,7 @@ class PublishedForce:
         self._back = np.linalg.inv(self._corners)
         self._default = self._bounded(self._corners @ coefficients)
         self._force = self._default.copy()
+        self._estimate = self._default.copy()
         self.valid = False
 
     @property
@@ -86,8 +90,11 @@ class PublishedForce:
 
     def follow(self, coefficients: Floats) -> None:
         """Take over an estimate: at once where it is lower, a step where it is higher."""
-        wanted = self._bounded(self._corners @ coefficients)
-        self._force = np.minimum(wanted, self._force + self.settings.rise)
+        wanted = self._estimate = self._bounded(self._corners @ coefficients)
+        risen = self._force + self.settings.rise
+        if self.settings.only_valid and not self.valid:
+            risen = np.minimum(risen, np.maximum(self._force, self._default))
+        self._force = np.minimum(wanted, risen)
 
     def fall_back(self, below: Floats | None = None) -> None:
         """Be nowhere above the default, or above other coefficients (4,), and valid no longer."""
@@ -95,8 +102,9 @@ class PublishedForce:
         self._force = np.minimum(self._force, limit)
         self.valid = False
 
-    def restore(self, coefficients: Floats, *, valid: bool) -> None:
-        """Go on with coefficients (4,) that were published before."""
+    def restore(self, coefficients: Floats, estimate: Floats, *, valid: bool) -> None:
+        """Go on with coefficients (4,) that were published before, beside an estimate (4,)."""
+        self._estimate = self._bounded(self._corners @ estimate)
         self._force = self._bounded(self._corners @ coefficients)
         self.valid = valid
 
@@ -109,9 +117,11 @@ class PublishedForce:
         """
         s = self.settings
         variance = np.einsum("ki,ij,kj->k", self._corners, covariance, self._corners)
-        share = float(np.max(np.sqrt(np.maximum(variance, 0.0)) / self._force))
+        share = float(np.max(np.sqrt(np.maximum(variance, 0.0)) / self._estimate))
         if share > s.invalid_std or gated_share > 0.5:
             self.valid = False
+            if s.only_valid:
+                self.fall_back()
         elif share < s.valid_std and accepted >= s.fewest:
             self.valid = True
         return self.valid

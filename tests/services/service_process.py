@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import socket
 import subprocess
@@ -47,19 +48,21 @@ class Running:
 def running(
     folder: Path, settings: str = "", planning: str = "", *, scheme: str = "tcp",
     namespace: str = "", security: str = "", page: str = "",
+    model: str = "atv", environment: dict[str, str] | None = None, port: int = 0,
 ) -> Iterator[Running]:  # fmt: skip
-    port = free_port()
+    port = port or free_port()
     endpoint, namespace = f"{scheme}/127.0.0.1:{port}", namespace or f"test/{port}"
     secured = f'config = "{security}"\n' if security else ""
     file = folder / f"service-{port}.toml"
     file.write_text(
-        f'model = "atv"\nnamespace = "{namespace}"\n{settings}\n'
+        f'model = "{model}"\nnamespace = "{namespace}"\n{settings}\n'
         f'[zenoh]\nlisten = ["{endpoint}"]\n{secured}[planning]\ndeadline = 5.0\n{planning}\n'
         f"[status]\nperiod = 0.1\n[page]\n{page}\n"
     )
     process = subprocess.Popen(
         [sys.executable, "-m", "services.cli", "serve", "--config", str(file)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | (environment or {}),
     )  # fmt: skip
     try:
         assert process.stdout is not None

@@ -37,10 +37,13 @@ def test_what_was_written_is_there_again(path: Path) -> None:
     assert again.notes == []
     assert again.last_version() == 2
     assert again.seen() == {"stop:robot": 7}
-    assert list(again.newest("f"))[0] == change(2, cause="operator", learned=False)
-    assert [c.version for c in again.newest("f", up_to=1)] == [1, 1]
+    assert next(iter(again.newest("f", "braking"))) == change(2, cause="operator", learned=False)
+    assert [c.version for c in again.newest("f", "braking", up_to=1)] == [1]
     assert [c.version for c in again.history("braking")] == [2, 1]
-    assert list(again.newest("another vehicle")) == []
+    assert again.groups("another vehicle") == []
+    assert again.groups("f") == ["braking", "terrain"]
+    assert again.has("f", 1)
+    assert not again.has("f", 3)
     again.close()
 
 
@@ -111,7 +114,7 @@ def test_a_row_that_changed_on_disk_is_left_out(path: Path) -> None:
     with sqlite3.connect(path) as raw:
         raw.execute("UPDATE change SET state = ? WHERE version = 2", (b"statf 2",))
     raw.close()
-    assert [c.version for c in Store(path).newest("f")] == [1]
+    assert [c.version for c in Store(path).newest("f", "braking")] == [1]
 
 
 def test_old_changes_make_room_and_the_newest_of_each_vehicle_stays(path: Path) -> None:
@@ -141,7 +144,7 @@ def test_no_room_is_said_and_nothing_is_lost(path: Path) -> None:
         store.write([change(2, state=bytes(10_000_000))])
     store.write([change(3)])
     store.close()
-    assert [c.version for c in Store(path).newest("f")] == [3, 1]
+    assert [c.version for c in Store(path).newest("f", "braking")] == [3, 1]
 
 
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:

@@ -138,7 +138,8 @@ def test_surfaces_learn_apart_and_the_base_does_not_move_those_of_the_file() -> 
     braked(online, [0.20] * 4, "sand")
     used = braking_in_use(prior, online.learned())
     assert used.b_b < 0.12
-    assert used.on("gravel") == replace(prior.on("gravel"))
+    assert used.on("gravel") == prior.on("gravel")
+    assert used.on("model file") == replace(prior, terrain={})
     assert 0.15 < used.on("sand").level_force(2.0) < 0.22
     number = used.terrain["sand"].class_id
     assert number is not None

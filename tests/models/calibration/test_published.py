@@ -94,3 +94,19 @@ def test_the_least_force_at_a_steep_end_is_not_spread_over_level_ground(
     out = published(rise=1.0)
     out.follow(np.array([0.0, steep, 0.0, level]))
     assert out.coefficients[2] * 2.0 + out.coefficients[3] <= max(level, 0.02) + 1e-9
+
+
+def test_what_is_not_valid_rises_to_the_default_and_no_rise_comes_at_once() -> None:
+    out = published(rise=0.02, only_valid=True)
+    better = TRUTH + np.array([0.0, 0.0, 0.0, 0.2])
+    for _ in range(9):
+        out.follow(better)
+    np.testing.assert_allclose(out.coefficients, TRUTH, atol=1e-9)
+    assert out.judge(np.zeros((4, 4)), 9, 0.0)
+    for n in range(1, 6):
+        out.follow(better)
+        np.testing.assert_allclose(out.corner_forces.mean(), force(TRUTH).mean() + 0.02 * n)
+    assert not out.judge(np.eye(4), 9, 0.0)
+    np.testing.assert_allclose(out.coefficients, TRUTH, atol=1e-9)
+    out.follow(TRUTH - np.array([0.0, 0.0, 0.0, 0.1]))
+    assert out.coefficients[3] < 0.31

@@ -1,0 +1,196 @@
+"""All groups of one vehicle's parameters, and what observations do to them.
+
+Knows neither versions nor disk: what it says has changed, others keep.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import time
+from collections import deque
+from collections.abc import Callable
+
+from models import braking
+from models.calibration.stream import StopStream, StreamedStop
+from models.errors import ParameterError
+from models.parameters import Model
+from models.quantity import GRAVITY
+from services.braking_groups import BASE, BrakingGroups
+from services.ground_now import GroundNow, monitor_maker
+from services.intake import columns_of
+from services.learnable import Stop, unable
+from services.learning_settings import Learning
+from services.limits_group import LIMITS, LimitsGroup
+from services.observations import DriveSamples, Observation, StopObservation, TerrainLabel
+from services.parameter_group import ParameterGroups
+from services.terrain_group import TERRAIN, TerrainGroup
+
+_SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_MOST_STREAMS = 8
+_MOST_STOPS = 200
+
+
+class Learner:
+    """Follows brakes and ground of one vehicle; one thread.
+
+    Attributes:
+        ground: what is driven on now. unable: why braking is not learned; empty if it is.
+        stops: the last ones, beside what was predicted. stop_count: all there were.
+    """
+
+    def __init__(
+        self, prior: Model, settings: Learning, names_surfaces: Callable[[], bool] = bool
+    ) -> None:
+        """Begin with a model file.
+
+        Args:
+            prior: its model.
+            settings: of learning.
+            names_surfaces: whether the map in use tells surfaces apart.
+        """
+        self._prior, self._settings, self._names_surfaces = prior, settings, names_surfaces
+        self._braking = BrakingGroups(prior, settings)
+        self._terrain = TerrainGroup(prior, settings)
+        self._limits = LimitsGroup(prior)
+        self.ground = GroundNow(
+            prior, monitor_maker(settings.terrains), settings.label_for, settings.sure
+        )
+        self.unable = unable(prior) if settings.enabled else "nothing is learned: it is off"
+        self.stops: deque[Stop] = deque(maxlen=_MOST_STOPS)
+        self.stop_count = 0
+        self._streams: dict[str, StopStream] = {}
+        self._last_surface = ""
+
+    # ------------------------------------------------------------------ observations
+
+    def learn(self, one: Observation, key: str) -> tuple[set[str], str]:
+        """Groups that changed, and what became of it.
+
+        Args:
+            one: as it was decoded. key: it came on, for errors.
+
+        Raises:
+            InputError, ParameterError: it cannot be used.
+        """
+        now = time.monotonic()
+        if not self._settings.enabled:
+            return set(), self.unable
+        if isinstance(one, TerrainLabel):
+            self.ground.label(one, now)
+            return self.on_surface(now), f"ground is {one.surface}"
+        if isinstance(one, DriveSamples):
+            return self._drive(one, key, now)
+        assert isinstance(one, StopObservation)
+        force = float(braking.force_ratio_of_deceleration(one.deceleration, one.grade))
+        dead_time = math.nan if one.dead_time is None else one.dead_time
+        stop = StreamedStop(
+            now, one.speed, one.grade, force, one.deceleration_std / GRAVITY, dead_time
+        )
+        changed = self.on_surface(now)
+        return self._stop(stop, one.surface or self.ground.surface(now), one, one.distance, changed)
+
+    def _drive(self, one: DriveSamples, key: str, now: float) -> tuple[set[str], str]:
+        columns = columns_of(one, key)
+        told = self.ground.drive(one.source, columns)
+        changed: set[str] = set()
+        if told.changed:
+            changed |= {TERRAIN} if self._terrain.ground_changed() else set()
+            if self._braking.ground_changed("", self._last_surface):
+                changed.add(BASE)
+        if told.features is not None and self._terrain.take(told.features):
+            changed.add(TERRAIN)
+        changed |= self.on_surface(now)
+        reason = "the ground changed" if told.changed else "samples"
+        stream = self._stream(one.source)
+        size = columns["t"].size
+        grade = columns["grade"].tolist() if "grade" in columns else [math.nan] * size
+        rows = [columns[name].tolist() for name in ("t", "v", "v_cmd", "pitch")]
+        surface = one.surface or self.ground.surface(now)
+        for *row, slope in zip(*rows, grade, strict=True):
+            stop = stream.feed(*row, slope)
+            if stop is not None:
+                changed, reason = self._stop(stop, surface, one, None, changed)
+        return changed, reason
+
+    def _stream(self, source: str) -> StopStream:
+        stream = self._streams.pop(source, None)
+        if stream is None:
+            s = self._settings
+            stream = StopStream(self._prior.braking.dead_time, mount=s.mount, dive=s.dive)
+        self._streams[source] = stream
+        while len(self._streams) > _MOST_STREAMS:
+            self._streams.pop(next(iter(self._streams)))
+        return stream
+
+    def _stop(
+        self, stop: StreamedStop, surface: str, one: Observation, distance: float | None,
+        changed: set[str],
+    ) -> tuple[set[str], str]:  # fmt: skip
+        if self.unable:
+            return changed, self.unable
+        done = self._braking.take(stop, surface, one.source, distance)
+        self.stops.append(done)
+        self.stop_count += 1
+        changed = changed | {f"{BASE}.{surface}" if surface else BASE}
+        # Where the map names no surfaces, the base stands for the ground there is.
+        if surface and not self._names_surfaces():
+            self._braking.take(stop, "", one.source, distance)
+            changed.add(BASE)
+        return changed, done.outcome
+
+    def on_surface(self, now: float) -> set[str]:
+        """Groups that change because the robot came onto other ground."""
+        surface, before = self.ground.surface(now), self._last_surface
+        if surface == before:
+            return set()
+        self._last_surface = surface
+        if self.unable or not self._braking.ground_changed(surface, before):
+            return set()
+        return {BASE}
+
+    # ------------------------------------------------------------------ groups
+
+    def names(self) -> list[str]:
+        """All groups."""
+        return [*self._braking.names(), *self._terrain.names(), *self._limits.names()]
+
+    def group(self, name: str) -> ParameterGroups:
+        """Who looks after a group, whether there is anything in it yet or not."""
+        if name == TERRAIN:
+            return self._terrain
+        if name == LIMITS:
+            return self._limits
+        surface = name.removeprefix(f"{BASE}.")
+        if name == BASE or surface in self._prior.braking.terrain:
+            return self._braking
+        if surface != name and _SURFACE.fullmatch(surface):
+            return self._braking
+        raise ParameterError("group", f"one of {', '.join(self.names())}, got {name[:80]}")
+
+    def may_restore(self, name: str) -> bool:
+        """Whether what was learned before of a group still has a say."""
+        return name == LIMITS or (
+            self._settings.enabled and not (name.startswith(BASE) and bool(self.unable))
+        )
+
+    # ------------------------------------------------------------------ bringing out
+
+    def age(self) -> None:
+        """Let what was learned grow older by the time since the last call."""
+        self._braking.age()
+
+    def in_use(self) -> tuple[Model, float, float]:
+        """The model to plan with, the age that all of it has, and the oldest of all [s].
+
+        What a surface is older than all is scatter of its own.
+        """
+        ages = self._braking.ages(time.monotonic())
+        least = min(ages.values()) if len(ages) == len(self._braking.names()) else 0.0
+        own = {name: age - least for name, age in ages.items()}
+        model = dataclasses.replace(
+            self._prior, braking=self._braking.in_use(own), terrain=self._terrain.in_use(),
+            limits=self._limits.in_use(),
+        )  # fmt: skip
+        return model, least, max(ages.values(), default=0.0)
