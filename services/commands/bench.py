@@ -1,4 +1,4 @@
-"""`slopewise bench`: the planner beside its peers, its cycles and optimality, the closed loop, hidden effects."""
+"""`slopewise bench`: planner beside peers, cycles and optimality, closed loop, hidden effects."""
 
 from __future__ import annotations
 
