@@ -34,7 +34,9 @@ class Points(NamedTuple):
 
     def arc(self) -> Floats:
         """Distance from the first one in the plan view, (N,) [m]."""
-        return np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(self.x), np.diff(self.y)))))
+        arc = np.zeros(len(self.x))
+        _arc(self.x, self.y, arc)
+        return arc
 
     def foot(
         self, x: Floats, y: Floats, low: int = 0, high: int | None = None
@@ -52,6 +54,12 @@ class Points(NamedTuple):
         last = len(self.x) - 1
         _foot(self.x, self.y, x, y, low, last if high is None else high, segment, share, off)
         return segment, share, off
+
+
+@kernel
+def _arc(x: Floats, y: Floats, arc: Floats) -> None:
+    for i in range(1, x.shape[0]):
+        arc[i] = arc[i - 1] + np.hypot(x[i] - x[i - 1], y[i] - y[i - 1])
 
 
 @kernel

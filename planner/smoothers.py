@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from planner.compiled import Floats
 from planner.emission import smoother_size
 from planner.smoothing import Smoother
@@ -22,7 +20,7 @@ class Remembering:
     """A smoother, and the stations of the answer that it remembers; None if it has none."""
 
     smoother: Smoother
-    stations: Floats | None = None
+    stations: tuple[Floats, Floats] | None = None
 
     def shift(self, x: Floats, y: Floats) -> int | None:
         """Stations from the answer that it remembers to a path that begins now.
@@ -30,13 +28,13 @@ class Remembering:
         The same path goes on with the same stations, but for its first one, which is where the
         vehicle is; on another path, or on other stations, an answer is no help.
         """
-        now = np.stack((x, y))
-        before, self.stations = self.stations, now
-        if before is None or now.shape[1] <= _INSIDE:
+        before, self.stations = self.stations, (x, y)
+        if before is None or len(x) <= _INSIDE:
             return None
-        off = np.hypot(*(before - now[:, _INSIDE, None]))
-        m = int(np.argmin(off))
-        return m - _INSIDE if off[m] < _SAME and m >= _INSIDE else None
+        off_x, off_y = before[0] - x[_INSIDE], before[1] - y[_INSIDE]
+        off_sq = off_x * off_x + off_y * off_y
+        m = int(off_sq.argmin())
+        return m - _INSIDE if off_sq[m] < _SAME * _SAME and m >= _INSIDE else None
 
 
 class Smoothers:
