@@ -13,6 +13,7 @@ from typing import Any
 from models import effects
 from models.errors import ParameterError
 from models.parameters import Model
+from models.vehicle import Vehicle
 from services.files.access import fault, read_text, reason, write_atomic
 from services.files.decode import decode_table, dotted
 
@@ -90,6 +91,12 @@ def model_to_dict(model: Model) -> dict[str, Any]:
     """Tables of plain values as TOML holds them; what is absent or empty is left out."""
     tables: dict[str, Any] = _plain(model)
     return tables
+
+
+def vehicle_to_dict(vehicle: Vehicle) -> dict[str, Any]:
+    """The table of the vehicle alone, as :func:`model_to_dict` gives it."""
+    table: dict[str, Any] = _plain(vehicle)
+    return table
 
 
 def _plain(value: Any) -> Any:
