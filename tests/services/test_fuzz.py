@@ -1,0 +1,257 @@
+"""Whatever comes in on a key: no crash, nothing learned from it, and an answer or a count."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models.errors import InputError
+from planner.elevation_map import ElevationMap
+from services import parameter_replies, wire
+from services.client import PlanClient
+from services.config import Planning, ServiceConfig, Sizes
+from services.files.model_file import find_model, read_model
+from services.learning_settings import StoreSettings
+from services.map_store import KnownGround, MapStore
+from services.messages import Path as Candidate
+from services.messages import PlanRequest, Status
+from services.observations import DriveSamples, StopObservation, TerrainLabel
+from services.parameter_messages import ParameterQuestion, RollBack, SetParameters
+from services.parameter_service import ParameterService
+from services.parameters_in_use import ParametersInUse
+from services.plan_service import PlanService
+from tests.services.malformed import Malformed
+from tests.services.service_process import fan, flat, running
+
+_MOST = 1_000_000
+_NIGHTLY = 100_000
+_TOGETHER = 250
+_LOOKED_AT = 25
+"""At every so many payloads all parameters are compared, at each of them their version."""
+
+_POINTS = np.array([[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [3.0, 0.0]])
+_COLUMNS = ["t", "v", "v_cmd", "pitch", "roll"]
+
+Handler = Callable[[bytes, str], str]
+"""Handles a payload with its encoding as the service does; says what became of it in a word."""
+
+
+def messages() -> dict[str, list[msgspec.Struct]]:
+    """Messages that are right, by key."""
+    samples = np.stack([np.arange(6) * 0.1, *np.full((2, 6), 1.0), *np.zeros((2, 6))])
+    told = {"source": "s", "sequence": 1, "time": 1.0}
+    return {
+        "plan": [
+            PlanRequest(speed=1.0, paths=[Candidate(name="a", points=_POINTS)], clear=3.0),
+            PlanRequest(
+                speed=1.0, client="c", pose=(0.0, 0.0, 0.0), sequence=3,
+                paths=[
+                    Candidate(name="a", points=_POINTS, speed_limit=np.ones(4), clear=2.0),
+                    Candidate(name="b", points=_POINTS + 0.5),
+                ],
+            ),
+        ],
+        "map": [
+            flat(elevation=np.zeros((4, 5))),
+            flat(2, elevation=np.zeros((2, 2)), patch=True),
+            flat(3, elevation=np.zeros((2, 2)), terrain_class=np.zeros((2, 2)), class_names=["a"]),
+        ],
+        "obs/stop": [
+            StopObservation(
+                **told, speed=2.0, grade=0.1, deceleration=3.0, deceleration_std=0.1, dead_time=0.3,
+                distance=1.2, surface="sand",
+            )
+        ],
+        "obs/drive": [DriveSamples(**told, columns=_COLUMNS, values=samples, surface="sand")],
+        "obs/terrain": [TerrainLabel(**told, surface="sand", probability=0.9)],
+        "params": [ParameterQuestion(group="braking", history=3)],
+        "params/set": [
+            SetParameters(group="limits", values={"speed": 2.0}),
+            SetParameters(group="braking", values={"b_b": 0.3, "m_b": 0.01}, who="operator"),
+        ],
+        "params/rollback": [RollBack(version=1, group="braking"), RollBack(version=3)],
+    }  # fmt: skip
+
+
+KEYS = list(messages())
+
+
+class Desk:
+    """All that the service does with a payload, in this process."""
+
+    def __init__(self, folder: Path) -> None:
+        config = ServiceConfig(
+            model="atv",
+            planning=Planning(smooth=False),
+            sizes=Sizes(stations=1000, points=100),
+            store=StoreSettings(path=str(folder / "parameters.db"), changes=100),
+        )
+        prior = read_model(find_model("atv"))
+        self.plans = PlanService(config, ParametersInUse(prior))
+        self.parameters = ParameterService(config, prior, apply=self.plans.learn)
+        heights = np.zeros((12, 16))
+        self.ground = KnownGround(
+            ElevationMap(elevation=heights, resolution=0.5, origin=(-3.0, -3.0)),
+            1,
+            time.monotonic(),
+        )
+        self.maps = MapStore(self.ground.elevation_map)
+
+    def handle(self, key: str, payload: bytes, encoding: str) -> str:
+        kind = type(messages_of[key][0])
+        try:
+            message = wire.decode(kind, payload, encoding, key, _MOST)
+            return str(self._do(key, message))
+        except InputError as error:
+            told = str(error)
+        assert told.isprintable()
+        assert len(told) < 2000
+        return "error"
+
+    def _do(self, key: str, message: Any) -> str:
+        if key == "plan":
+            reply = self.plans.answer(message, self.ground, key)
+            assert wire.encode(reply, wire.Format.JSON)
+            assert all(np.isfinite(plan.column("speed")).all() for plan in reply.plans)
+            return reply.status
+        if key == "map":
+            return "taken" if self.maps.take(message, key) else "ignored"
+        if key.startswith("obs/"):
+            kind = key.removeprefix("obs/")
+            return self.parameters.observe(kind, message, key, time.monotonic()).status
+        if key == "params":
+            return parameter_replies.read(self.parameters, message, "s").status
+        return parameter_replies.change(self.parameters, message, "s").status
+
+    def known(self) -> bytes:
+        """All parameters but their age, byte by byte."""
+        groups = parameter_replies.read(self.parameters, ParameterQuestion(), "s").groups
+        assert groups
+        raw = [msgspec.to_builtins(group) | {"age": 0.0} for group in groups]
+        return msgspec.json.encode(raw, order="deterministic")
+
+
+messages_of = messages()
+_ACCEPTED = ("taken", "ok", "blocked", "infeasible", "degraded")
+
+
+def fuzz(key: str, seed: int, count: int, desk: Desk) -> Counter[str]:
+    """Hand in so many payloads; what became of them."""
+    supply = Malformed(messages_of[key], seed)
+    became: Counter[str] = Counter()
+    known, ground = desk.known(), desk.maps.ground
+    version = desk.parameters.in_use.version
+    for n in range(count):
+        payload, encoding = supply.one()
+        status = desk.handle(key, payload, encoding)
+        became[status] += 1
+        if status in _ACCEPTED:
+            known, ground = desk.known(), desk.maps.ground
+            version = desk.parameters.in_use.version
+        assert desk.parameters.in_use.version == version, payload
+        assert desk.maps.ground is ground, payload
+        if n % _LOOKED_AT == 0 or n == count - 1:
+            assert desk.known() == known, payload
+    return became
+
+
+def limits_hold(desk: Desk) -> None:
+    """Whatever was believed: plans are made with a model that is one, no faster than limits say."""
+    request = PlanRequest(speed=0.0, paths=[Candidate(name="a", points=_POINTS)])
+    reply = desk.plans.answer(request, desk.ground, "plan")
+    most = desk.parameters.in_use.model.limits.speed
+    assert reply.plans[0].column("speed").max() <= most + 1e-9
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    made = Desk(tmp_path_factory.mktemp("fuzz"))
+    yield made
+    made.parameters.close()
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_right_messages_are_taken(key: str, tmp_path: Path) -> None:
+    """Or else the mutants would be of nothing."""
+    own = Desk(tmp_path)
+    for message in messages_of[key][:1]:
+        encoding = wire.encoding_of(type(message), wire.Format.MESSAGEPACK)
+        payload = wire.encode(message, wire.Format.MESSAGEPACK)
+        assert own.handle(key, payload, encoding) in _ACCEPTED
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_nothing_malformed_crashes_or_is_learned_from(key: str, desk: Desk) -> None:
+    became = fuzz(key, 1, 400, desk)
+    assert became["error"] > 100
+    limits_hold(desk)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("key", KEYS)
+def test_a_hundred_thousand_malformed_payloads(key: str, tmp_path: Path) -> None:
+    own = Desk(tmp_path)
+    became: Counter[str] = Counter()
+
+    @settings(max_examples=_NIGHTLY // _TOGETHER, database=None)
+    @given(st.integers(0, 2**63))
+    def some(seed: int) -> None:
+        became.update(fuzz(key, seed, _TOGETHER, own))
+
+    # What was right by chance does not count.
+    while sum(count for word, count in became.items() if word not in _ACCEPTED) < _NIGHTLY:
+        some()
+    limits_hold(own)
+
+
+def test_a_real_service_answers_or_counts_all_of_it(tmp_path: Path) -> None:
+    count = 60
+    with (
+        running(tmp_path) as started,
+        started.session() as session,
+        PlanClient(session, namespace=started.namespace, timeout=5.0) as client,
+    ):
+        heard: list[Status] = []
+
+        def hear(sample: Any) -> None:
+            told = str(sample.encoding)
+            heard.append(wire.decode(Status, sample.payload, told, "status", _MOST))
+
+        for key in KEYS:
+            supply = Malformed(messages_of[key], 7)
+            for _ in range(count):
+                payload, encoding = supply.one()
+                name = started.key(key)
+                if key == "map":
+                    session.put(name, payload, encoding=encoding)
+                    continue
+                replies = list(session.get(name, payload=payload, encoding=encoding, timeout=5.0))
+                assert len(replies) == 1, (key, payload)
+                assert replies[0].ok is not None, (key, payload)
+        client.put_map(flat(source="after"))
+        with session.declare_subscriber(started.key("status"), hear):
+            until = time.monotonic() + 5.0
+            while time.monotonic() < until and not (
+                heard and _maps(heard[-1]) >= count + 1 and len(heard) > 1
+            ):
+                time.sleep(0.05)
+        last = heard[-1].counters
+        assert last.get("faults", 0) == 0, last
+        assert last.get("queries_lost", 0) == last.get("observations_lost", 0) == 0
+        assert last["queries"] == last["refused"] + last["answered"] + last.get("busy", 0)
+        assert _maps(heard[-1]) == count + 1
+        assert client.plan(1.0, fan(2)).reply is not None
+
+
+def _maps(status: Status) -> int:
+    names = ("map_updates", "map_updates_refused", "map_updates_ignored", "map_updates_lost")
+    return sum(status.counters.get(name, 0) for name in names)
