@@ -47,16 +47,15 @@ class Running:
 @contextlib.contextmanager
 def running(
     folder: Path, settings: str = "", planning: str = "", *, scheme: str = "tcp",
-    namespace: str = "", security: str = "", page: str = "",
+    namespace: str = "", zenoh_lines: str = "", page: str = "",
     model: str = "atv", environment: dict[str, str] | None = None, port: int = 0,
 ) -> Iterator[Running]:  # fmt: skip
     port = port or free_port()
     endpoint, namespace = f"{scheme}/127.0.0.1:{port}", namespace or f"test/{port}"
-    secured = f'config = "{security}"\n' if security else ""
     file = folder / f"service-{port}.toml"
     file.write_text(
         f'model = "{model}"\nnamespace = "{namespace}"\n{settings}\n'
-        f'[zenoh]\nlisten = ["{endpoint}"]\n{secured}[planning]\ndeadline = 5.0\n{planning}\n'
+        f'[zenoh]\nlisten = ["{endpoint}"]\n{zenoh_lines}\n[planning]\ndeadline = 5.0\n{planning}\n'
         f"[status]\nperiod = 0.1\n[page]\n{page}\n"
     )
     process = subprocess.Popen(

@@ -34,7 +34,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def service(folder: Path) -> Iterator[Running]:
-    with running(folder, scheme="tls", namespace=NAMESPACE, security="mtls.json5") as started:
+    locked = 'config = "mtls.json5"'
+    with running(folder, scheme="tls", namespace=NAMESPACE, zenoh_lines=locked) as started:
         yield started
 
 
