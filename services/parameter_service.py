@@ -176,6 +176,8 @@ class ParameterService:
             self._looked = now
             self.learner.age()
             self._bring()
+        elif self.flags() != list(self.in_use.flags):
+            self._bring()
 
     def degraded(self) -> list[str]:
         """Why plans are slower than they need be."""

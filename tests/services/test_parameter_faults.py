@@ -1,0 +1,347 @@
+"""What goes wrong around a service that learns: planning goes on, is flagged, never faster."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+
+from services.config import ZenohSettings, zenoh_config
+from tests.services.parameter_client import Robot, block, send_ground, speeds_of
+from tests.services.service_process import Running, free_port, running
+
+G = 9.80665
+STORE = '[store]\npath = "p.sqlite"\nretry = 0.2\n'
+
+
+def until(true: Callable[[], bool], seconds: float = 8.0) -> None:
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.05)
+
+
+def flags(robot: Robot) -> list[str]:
+    return list(robot.plan()["flags"])
+
+
+def flagged(robot: Robot, words: str) -> bool:
+    return any(words in flag for flag in flags(robot))
+
+
+TOKEN = """
+import json, sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", json.dumps([sys.argv[1]]))
+config.insert_json5("scouting/multicast/enabled", "false")
+session = zenoh.open(config)
+token = session.liveliness().declare_token(sys.argv[2])
+print("alive", flush=True)
+time.sleep(600)
+"""
+
+
+def estimator(service: Running, name: str) -> subprocess.Popen[str]:
+    arguments = [sys.executable, "-c", TOKEN, service.endpoint, service.key(f"alive/{name}")]
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "alive\n"
+    return process
+
+
+def test_without_its_estimator_plans_are_slower_and_say_why(tmp_path: Path) -> None:
+    learning = '[learning]\nestimators = ["camera"]\ndegraded_speed = 0.8'
+    with running(tmp_path, planning=learning) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        missing = "degraded: estimator camera is not alive"
+        assert missing in flags(robot)
+        assert robot.top_speed(20.0) <= 0.8
+        camera = estimator(service, "camera")
+        until(lambda: missing not in flags(robot))
+        free = robot.top_speed(20.0)
+        assert free > 2.0
+        assert robot.status()["degraded"] == []
+        # A robot that drives faster than the tighter cap is braked down to it, not stood still.
+        pose, at = (0.0, 0.0, 0.0), {"client": "driver"}
+        fast = robot.plan(2.0, pose=pose, **at)
+        assert fast["status"] == "ok"
+        camera.send_signal(signal.SIGKILL)
+        camera.wait()
+        begun = time.monotonic()
+        until(lambda: missing in flags(robot))
+        assert time.monotonic() - begun < 2.0
+        assert robot.top_speed(20.0) <= 0.8
+        slower = robot.plan(2.0, pose=pose, **at)
+        assert slower["plans"], slower["reason"]
+        speeds = speeds_of(slower["plans"][0])
+        assert speeds[0] == 2.0
+        assert speeds[len(speeds) // 2] <= 0.8 + 1e-6
+        assert robot.status()["degraded"] == ["estimator camera is not alive"]
+        again = estimator(service, "camera")
+        until(lambda: missing not in flags(robot))
+        assert robot.top_speed(20.0) == pytest.approx(free)
+        again.kill()
+        again.wait()
+
+
+def test_a_disk_that_is_full_stops_nothing_and_is_flagged(tmp_path: Path) -> None:
+    with running(tmp_path, planning=STORE) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        assert robot.stop(0.42 * G)["durable"]
+        free = robot.top_speed()
+        # From here on no file of that process may grow, as on a full disk.
+        pid = service.process.pid
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+        receipts = [robot.stop(0.12 * G) for _ in range(3)]
+        assert [r["status"] for r in receipts] == ["taken"] * 3
+        assert not receipts[-1]["durable"]
+        assert flagged(robot, "parameters are not kept")
+        assert robot.top_speed() < 0.95 * free, "slower plans do not wait for the disk"
+        assert robot.plan()["parameters"]["version"] == receipts[-1]["version"]
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY,) * 2)
+        until(lambda: not flagged(robot, "parameters are not kept"))
+        values, version = robot.group()["values"], robot.group()["version"]
+    with running(tmp_path, planning=STORE) as service, service.session() as session:
+        robot = Robot(service, session)
+        assert robot.group()["version"] == version
+        assert robot.group()["values"] == pytest.approx(values, rel=1e-3)
+
+
+HOLD = """
+import sqlite3, sys, time
+connection = sqlite3.connect(sys.argv[1], isolation_level=None)
+connection.execute("BEGIN EXCLUSIVE")
+print("locked", flush=True)
+time.sleep(600)
+"""
+
+
+def test_a_store_that_somebody_else_holds_stops_nothing_and_is_flagged(tmp_path: Path) -> None:
+    with running(tmp_path, planning=STORE) as service, service.session() as session:
+        robot = Robot(service, session)
+        for _ in range(3):
+            weak = robot.stop(0.12 * G)
+        weak_force = robot.level_force()
+    arguments = [sys.executable, "-c", HOLD, str(tmp_path / "p.sqlite")]
+    holder = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "locked\n"
+    with running(tmp_path, planning=STORE) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        assert flagged(robot, "parameters are not kept: p.sqlite cannot be opened")
+        assert robot.plan()["plans"]
+        refused = robot.roll_back(1)
+        assert refused["status"] == "refused"
+        holder.kill()
+        holder.wait()
+        until(lambda: not flagged(robot, "parameters are not kept"))
+        assert robot.level_force() == pytest.approx(weak_force, abs=1e-3), "and taken up"
+        assert robot.stop(0.12 * G)["version"] > weak["version"]
+
+
+@pytest.mark.parametrize("how", ["noise", "insane", "another vehicle"])
+def test_a_store_that_cannot_be_used_stops_nothing_and_is_flagged(tmp_path: Path, how: str) -> None:
+    with running(tmp_path, planning=STORE) as service, service.session() as session:
+        robot = Robot(service, session)
+        for _ in range(3):
+            robot.stop(0.12 * G)
+        first = robot.level_force()
+        robot.stop(0.11 * G)
+    file, model = tmp_path / "p.sqlite", "atv"
+    if how == "noise":
+        file.write_bytes(os.urandom(20_000))
+    elif how == "insane":
+        with sqlite3.connect(file) as raw:
+            query = "SELECT version, state FROM change ORDER BY version DESC LIMIT 1"
+            version, state = raw.execute(query).fetchone()
+            told = json.loads(state)
+            told["learned"]["published"] = [0.0, 0.0, 0.0, 9.0]
+            data = json.dumps(told).encode()
+            raw.execute(
+                "UPDATE change SET state = ?, crc = ? WHERE version = ?",
+                (data, zlib.crc32(data), version),
+            )
+        raw.close()
+    else:
+        model = "ugv"
+    with running(tmp_path, planning=STORE, model=model) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        words = {
+            "noise": "corrupt-1", "insane": "older ones are: braking",
+            "another vehicle": "of another vehicle",
+        }[how]  # fmt: skip
+        assert flagged(robot, words)
+        assert robot.plan()["plans"]
+        if how == "insane":
+            assert robot.level_force() == pytest.approx(first, abs=1e-3)
+        else:
+            assert robot.group()["version"] == 1
+        assert robot.stop(0.4 * G)["durable"]
+        if how == "another vehicle":
+            assert robot.roll_back(3)["status"] == "refused"
+
+
+def test_two_services_with_one_id_flag_each_other_and_one_keeps(tmp_path: Path) -> None:
+    port = free_port()
+    with running(tmp_path, planning=STORE, port=port) as first:
+        shared = tmp_path / "second"
+        shared.mkdir()
+        second = shared / "service.toml"
+        own = free_port()
+        text = (tmp_path / f"service-{port}.toml").read_text()
+        text = text.replace(first.endpoint, f"tcp/127.0.0.1:{own}")
+        text = text.replace("[zenoh]\n", f'[zenoh]\nconnect = ["{first.endpoint}"]\n')
+        second.write_text(text.replace('"p.sqlite"', '"../p.sqlite"'))
+        command = [sys.executable, "-m", "services.cli", "serve", "--config", str(second)]
+        twin = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            assert twin.stdout is not None
+            assert "answers" in twin.stdout.readline()
+            with first.session() as session:
+                robot = Robot(first, session)
+                told: dict[str, dict] = {}
+
+                def hear(sample: zenoh.Sample) -> None:
+                    status = json.loads(sample.payload.to_bytes())
+                    told[status["instance"]] = status
+
+                with session.declare_subscriber(first.key("status"), hear):
+                    words = "another service has this id"
+                    until(lambda: sum(words in s["flags"] for s in told.values()) == 2)
+                kept = [any("not kept" in f for f in s["flags"]) for s in told.values()]
+                assert sorted(kept) == [False, True], "only one of them may write"
+                reply = robot.plan()
+                assert reply["status"] == "degraded"
+                assert reply["command"]["stop"], "there is no map yet"
+        finally:
+            twin.kill()
+            twin.wait()
+
+
+def test_clocks_that_are_set_change_nothing(tmp_path: Path) -> None:
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler: the clock of the day cannot be set for one process")
+    library, offset = tmp_path / "shim.so", tmp_path / "offset"
+    source = Path(__file__).with_name("clock_shim.c")
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True)
+    offset.write_text("0")
+    environment = {"LD_PRELOAD": str(library), "CLOCK_OFFSET_FILE": str(offset)}
+    learning = f"[learning]\nrefresh = 0.1\n{STORE}"
+    with (
+        running(tmp_path, planning=learning, environment=environment) as service,
+        service.session() as session,
+    ):
+        robot = Robot(service, session)
+        send_ground(robot)
+        for _ in range(3):
+            robot.stop(0.3 * G)
+        speed, values = robot.top_speed(), robot.group()["values"]
+        for jump in (3600, -3600):
+            offset.write_text(str(jump))
+            seen = robot.parameters(history=1)["history"][0]["at"]
+            time.sleep(0.3)
+            assert robot.top_speed() <= speed * (1.0 + 1e-6)
+            assert robot.top_speed() == pytest.approx(speed, rel=1e-3)
+            assert robot.group()["values"] == pytest.approx(values, rel=1e-3)
+            assert robot.group()["age"] < 60.0
+            receipt = robot.stop(0.3 * G)
+            assert receipt["durable"]
+            values, speed = robot.group()["values"], robot.top_speed()
+            at = robot.parameters(history=1)["history"][0]["at"]
+            assert abs(at - time.time() - jump) < 30.0, "the clock was set"
+            assert abs(at - seen) > 1000.0
+
+
+def test_what_is_old_goes_back_to_the_model_file_and_never_gets_faster(tmp_path: Path) -> None:
+    learning = "[learning]\nrefresh = 0.05\ngrows_old = 1.0\nrise = 0.1\n"
+    with running(tmp_path, planning=learning) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        robot.set("limits", accel=1.0)
+        for i in range(12):
+            speed, grade = 1.2 + 0.4 * (i % 7), 0.1 * (-1) ** i
+            level = 0.60 + 0.015 * (speed - 2.0) + (-0.03 * speed - 0.35) * grade
+            robot.stop(G * (level + float(np.sin(grade))), speed=speed, grade=grade)
+        forces, speeds = [robot.level_force()], [robot.top_speed()]
+        for _ in range(8):
+            time.sleep(0.25)
+            forces.append(robot.level_force())
+            speeds.append(robot.top_speed())
+    assert np.all(np.diff(forces) <= 1e-9)
+    assert np.all(np.diff(speeds) <= 1e-6)
+    assert forces[0] > 0.45
+    assert forces[-1] - 0.43 < 0.3 * (forces[0] - 0.43), "most of what stops had shown is gone"
+
+
+def test_more_observations_than_can_be_learned_from_are_flagged(tmp_path: Path) -> None:
+    learning = "[learning]\nqueue = 2"
+    with running(tmp_path, planning=learning) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        t = np.arange(0.0, 100.0, 0.01)
+        columns = np.stack([t, 1.0 + 0.0 * t, 1.0 + 0.0 * t, 0.0 * t])
+        names = ["t", "v", "v_cmd", "pitch"]
+        for i in range(60):
+            moved = columns + np.array([[100.0 * i], [0.0], [0.0], [0.0]])
+            robot.put("drive", robot.fields(columns=names, values=block(moved)))
+        begun = time.monotonic()
+        reply = robot.plan()
+        assert reply["plans"]
+        assert time.monotonic() - begun < 1.0, "plans do not wait for what is learned"
+        until(lambda: robot.status()["counters"].get("observations_lost", 0) > 0)
+        assert any("observations were lost" in f for f in robot.status()["flags"])
+
+
+def test_learning_that_hangs_makes_plans_slower(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from services import daemon
+    from services.config import read_config
+    from services.parameter_service import ParameterService
+
+    port = free_port()
+    file = tmp_path / "service.toml"
+    file.write_text(
+        f'model = "atv"\nnamespace = "test/hang"\n[zenoh]\nlisten = ["tcp/127.0.0.1:{port}"]\n'
+        "[status]\nperiod = 0.05\n[learning]\ndegraded_speed = 0.7\n"
+    )
+    monkeypatch.setattr(daemon, "_HANGS_AFTER", 0.3)
+    hang = {"for": 0.0}
+    tick = ParameterService.tick
+
+    def slow(self: ParameterService) -> None:
+        time.sleep(hang["for"])
+        tick(self)
+
+    monkeypatch.setattr(ParameterService, "tick", slow)
+    settings = ZenohSettings(mode="client", connect=(f"tcp/127.0.0.1:{port}",))
+    with daemon.Service(read_config(file)), zenoh.open(zenoh_config(settings)) as session:
+        here = Running(None, f"tcp/127.0.0.1:{port}", "test/hang")  # type: ignore[arg-type]
+        robot = Robot(here, session)
+        send_ground(robot)
+        free = robot.top_speed(20.0)
+        hang["for"] = 1.5
+        until(lambda: flagged(robot, "degraded: learning hangs"))
+        assert robot.top_speed(20.0) <= 0.7 < free
+        hang["for"] = 0.0
+        until(lambda: not flagged(robot, "degraded: learning hangs"), 15.0)
+        assert robot.top_speed(20.0) == pytest.approx(free)
