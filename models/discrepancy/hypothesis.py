@@ -20,10 +20,16 @@ Floats = NDArray[np.float64]
 BASE = 5
 """Numbers of the base: four shifts and the dead time."""
 
-_FIXED = {"step_change": ("run",), "surface_patch": ("x", "y", "radius")}
+USUAL = {("headwind", "wind"): (0.0, 20.0), ("brake_fade", "tau"): (2.0, 3600.0)}
+"""Sizes beyond which an effect is hardly what its name says: wind above a gale."""
+
+_FIXED = {"step_change": ("run",)}
 _SCALES = {
     "tau": 0.1, "wind": 1.0, "direction": 0.2, "mu": 0.05, "c": 0.01, "k": 0.01, "delta": 0.01,
     "scale": 0.02,
+    "x": 0.5,
+    "y": 0.5,
+    "radius": 0.5,
 }  # fmt: skip
 
 
@@ -75,8 +81,9 @@ class Hypothesis:
         for effect in self.added:
             law = LAWS[effect.name].parameters
             for name in free_parameters(effect):
-                low.append(law[name][1])
-                high.append(law[name][2])
+                usual = USUAL.get((effect.name, name), (-np.inf, np.inf))
+                low.append(max(law[name][1], usual[0]))
+                high.append(min(law[name][2], usual[1]))
         return np.array(low), np.array(high)
 
     @property

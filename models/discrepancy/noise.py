@@ -14,15 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from models.discrepancy.hypothesis import Hypothesis
+from models.discrepancy.prediction import predict
 from models.discrepancy.stop_table import StopTable
-from models.quantity import GRAVITY
 
 Floats = NDArray[np.float64]
 
 _LEVEL = 1.0  # [m/s] nothing is known of the speed at which a stop begins
 _LEAST_NOISE = 1e-3  # [m/s]
 _MOST_CORRELATED = 0.9
-_FLOOR = (1e-3, 1e-3, 2e-2, 1e-4)
+_FLOOR = (1e-3, 2e-2, 1e-3, 1e-4)  # in the order of Noise, correlation left out
+_LATER, _STRONGER = 1e-3, 1e-3  # [s], [1] steps of derivatives
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,7 @@ class Noise:
         speed: of single samples [m/s]. correlation: of a bin with the one before it.
         creep: of the held speed's change [m/s²]. jitter: of the onset [s].
         scatter: of F_b/W from stop to stop [1].
+        capped: a friction cap hides the scatter of what it cuts off.
     """
 
     speed: float
@@ -40,6 +43,7 @@ class Noise:
     creep: float
     jitter: float
     scatter: float
+    capped: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +54,7 @@ class Whitener:
         bins: (S, K, K) from bins. grid: (S, K, M) from the grid.
         friction: (S, K) unit vectors along a change of each stop's friction.
         power: (S,) variance along it for a friction scatter of one.
+        log_volume: (S,) log determinants of the covariance of bins, friction left out.
         noise: what it undoes.
     """
 
@@ -57,6 +62,7 @@ class Whitener:
     grid: Floats
     friction: Floats
     power: Floats
+    log_volume: Floats
     noise: Noise
 
     def with_scatter(self, scatter: float) -> Whitener:
@@ -76,14 +82,25 @@ class Whitener:
         return between, values - self.friction[:, :, None] * between[:, None, :]
 
 
-def shapes(table: StopTable, dead_time: float) -> Floats:
-    """(S, K, 4) change of the bins with level, creep, onset and friction of each stop."""
-    since = table.time - dead_time
-    pull = GRAVITY * (table.force[:, None] + np.sin(table.grade))
+def shapes(table: StopTable, hypothesis: Hypothesis, capped: bool = True) -> Floats:
+    """(S, K, 4) change of the bins with level, creep, onset and friction of each stop.
+
+    Onset and friction pass through whatever the hypothesis does to them: a lag delays a change of
+    friction, a cap cuts it off.
+    """
+    since = table.time - hypothesis.dead_time
+    later = replace(hypothesis, dead_time=hypothesis.dead_time + _LATER)
+    here = predict(table, hypothesis)
+    open_end = hypothesis
+    if not capped:
+        kept = tuple(e for e in hypothesis.added if e.name != "wheel_lockup")
+        open_end = replace(hypothesis, added=kept)
+    stronger = replace(open_end, shift=open_end.shift + np.array([0.0, 0.0, 0.0, _STRONGER]))
+    friction = predict(table, stronger) - (here if capped else predict(table, open_end))
     on_grid = np.stack(
         (
-            np.ones_like(since), np.minimum(since, 0.0), np.where(since > 0.0, pull, 0.0),
-            -GRAVITY * np.maximum(since, 0.0),
+            np.ones_like(since), np.minimum(since, 0.0),
+            (here - predict(table, later)) / _LATER, -friction / _STRONGER,
         ),
         axis=2,
     )  # fmt: skip
@@ -91,18 +108,19 @@ def shapes(table: StopTable, dead_time: float) -> Floats:
     return result
 
 
-def whitener(table: StopTable, noise: Noise, dead_time: float) -> Whitener:
-    """The transform for a noise."""
-    own, _ = _own(table, noise.correlation)
-    effects = own @ shapes(table, dead_time) / noise.speed
-    std = np.array([_LEVEL, max(noise.creep, _FLOOR[2]), max(noise.jitter, _FLOOR[1])])
-    plain = _inverse_root(effects[:, :, :3] * std)
+def whitener(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Whitener:
+    """The transform for a noise, by what a hypothesis makes of it."""
+    own, used = _own(table, noise.correlation)
+    effects = own @ shapes(table, hypothesis, noise.capped) / noise.speed
+    std = np.array([_LEVEL, max(noise.creep, _FLOOR[1]), max(noise.jitter, _FLOOR[2])])
+    plain, volume = _inverse_root(effects[:, :, :3] * std)
     along = plain @ effects[:, :, 3:]
     power = np.einsum("skp,skp->s", along, along)
     bins = plain @ own / noise.speed
+    volume = volume + 2.0 * used.sum(axis=1) * float(np.log(noise.speed))
     return Whitener(
         bins, bins @ table.average, along[:, :, 0] / np.sqrt(np.maximum(power, 1e-30))[:, None],
-        power, noise,
+        power, volume, noise,
     )  # fmt: skip
 
 
@@ -116,25 +134,28 @@ def _own(table: StopTable, correlation: float) -> tuple[Floats, NDArray[np.bool_
     return root * scale[:, None, :] * used[:, :, None], used
 
 
-def _inverse_root(effects: Floats) -> Floats:
-    """(S, K, K) symmetric inverse roots of I + Z Zᵀ."""
+def _inverse_root(effects: Floats) -> tuple[Floats, Floats]:
+    """(S, K, K) symmetric inverse roots of I + Z Zᵀ, (S,) log determinants of that."""
     q, r = np.linalg.qr(effects)
     values, vectors = np.linalg.eigh(r @ r.transpose(0, 2, 1))
+    values = np.maximum(values, 0.0)
     axes = q @ vectors
-    shrink = 1.0 / np.sqrt(1.0 + np.maximum(values, 0.0)) - 1.0
-    size = effects.shape[1]
-    result: Floats = np.eye(size) + (axes * shrink[:, None, :]) @ axes.transpose(0, 2, 1)
-    return result
+    shrink = 1.0 / np.sqrt(1.0 + values) - 1.0
+    root: Floats = np.eye(effects.shape[1]) + (axes * shrink[:, None, :]) @ axes.transpose(0, 2, 1)
+    return root, np.sum(np.log1p(values), axis=1)
 
 
-def estimate(table: StopTable, residual: Floats, dead_time: float, fitted: int) -> Noise:
+def estimate(
+    table: StopTable, residual: Floats, hypothesis: Hypothesis, capped: bool = True
+) -> Noise:
     """Maximum likelihood of all standard deviations.
 
     Args:
-        table: stops. residual: (S, K) of the bins [m/s]. dead_time: [s].
-        fitted: numbers that were fitted to all stops, for the degrees of freedom.
+        table: stops. residual: (S, K) of the bins [m/s]. hypothesis: that left it.
+        capped: see :class:`Noise`.
     """
-    z = shapes(table, dead_time)
+    z = shapes(table, hypothesis, capped)
+    fitted = len(hypothesis.free)
     correlation = _correlation(table, residual, z)
     own, used = _own(table, correlation)
     z, r = own @ z, np.einsum("skj,sj->sk", own, residual)
@@ -163,7 +184,7 @@ def estimate(table: StopTable, residual: Floats, dead_time: float, fitted: int) 
     )  # fmt: skip
     best = minimize(cost, start, method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.01})
     speed, creep, jitter, scatter = (float(x) for x in np.exp(best.x))
-    return Noise(max(speed, _LEAST_NOISE), correlation, creep, jitter, scatter)
+    return Noise(max(speed, _LEAST_NOISE), correlation, creep, jitter, scatter, capped)
 
 
 def _correlation(table: StopTable, residual: Floats, z: Floats) -> float:

@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 _SWEEPS = 12
 _SAME = 1e-5  # [m/s]
 _LEAST_SPEED = 0.3  # [m/s] slower than that a curvature means nothing
+_LEAST_COOLING = 0.5  # [s]
 _LATEST_CLOCK = 1e6  # [s] clocks beyond count from some epoch, not from the session's beginning
 
 
@@ -69,7 +70,7 @@ def predict(
     wanted = wanted_force(table, hypothesis, place)
     step = t[:, 1:2] - t[:, :1]
     since = np.maximum(t - hypothesis.dead_time, 0.0)
-    force = _lagged(wanted, since, step, terms.lag) if terms.lag > 0.0 else wanted
+    force = lagged(wanted, since, terms.lag) if terms.lag > 0.0 else wanted
     given = force
     if terms.fade > 0.0:
         given = given / (1.0 + terms.fade * heat(table, terms.fade_tau, v, t, hypothesis.dead_time))
@@ -77,9 +78,10 @@ def predict(
         given = np.minimum(
             given, wheel_lockup.friction_cap(place.grade, place.roll, terms.friction)
         )
-    curvature = np.abs(place.turning) / np.maximum(v, _LEAST_SPEED)
     rest = np.sin(place.grade) + given - force
-    rest = rest + effects.motion_deceleration(v, curvature, place.yaw, terms) / GRAVITY
+    if terms.drag or terms.viscous or terms.turning or terms.wind_drag:
+        curvature = np.abs(place.turning) / np.maximum(v, _LEAST_SPEED)
+        rest = rest + effects.motion_deceleration(v, curvature, place.yaw, terms) / GRAVITY
     fall = _since_onset(wanted + rest, step, t, hypothesis.dead_time)
     if terms.lag > 0.0:  # ∫f = ∫F − τ f, from τ df/dt = F − f
         fall = fall - terms.lag * force
@@ -108,15 +110,31 @@ def wanted_force(table: StopTable, hypothesis: Hypothesis, place: Ground) -> Flo
     clock = session_time(table)[:, None]
     force = force * effects.force_scale(model.effect)
     lasting = [e for e in hypothesis.added if e.name == "step_change"]
-    passing = [e for e in hypothesis.added if e.name != "step_change"]
+    everywhere = (*model.effect, *(e for e in hypothesis.added if e.name != "step_change"))
+    passing = [e for e in everywhere if e.name != "surface_patch"]
     for effect in lasting:
         changed = (table.run >= effect.parameters["run"])[:, None]
         values = effects.validate(effect)
         force = np.where(changed, force * values["scale"] + values["delta"], force)
+    for effect in everywhere:
+        if effect.name == "surface_patch":
+            p = effects.validate(effect)
+            force = force + p["delta"] * inside_patch(place, p["x"], p["y"], p["radius"])
     result: Floats = force + effects.ground_term(
-        (*model.effect, *passing), place.grade, place.roll, place.x, place.y, place.yaw, clock
+        passing, place.grade, place.roll, place.x, place.y, place.yaw, clock
     )
     return result
+
+
+def inside_patch(place: Ground, x: float, y: float, radius: float) -> Floats:
+    """(S, M) share of the way around each grid time that lies inside a patch.
+
+    A grid time next to the edge counts in part, so that it does not matter where grids lie.
+    """
+    away = np.hypot(place.x - x, place.y - y)
+    step = np.maximum(np.abs(np.gradient(away, axis=1)), 1e-6)
+    inside: Floats = np.clip((radius - away) / step + 0.5, 0.0, 1.0)
+    return inside
 
 
 def _lines(c: Floats, speed: Floats) -> tuple[Floats, Floats]:
@@ -124,13 +142,12 @@ def _lines(c: Floats, speed: Floats) -> tuple[Floats, Floats]:
     return c[0] * speed + c[1], c[2] * speed + c[3]
 
 
-def _lagged(wanted: Floats, since: Floats, step: Floats, lag: float) -> Floats:
-    """First-order build-up from 0 at the onset, exact for a force that is even within a step."""
+def lagged(wanted: Floats, since: Floats, lag: float) -> Floats:
+    """First-order build-up from 0 at the onset along axis 1, exact for an even force in a step."""
     force = np.zeros_like(wanted)
-    passed = np.diff(since, axis=1)
-    keep = np.exp(-passed / lag)
+    keep = np.exp(-np.diff(since, axis=1) / lag)
     middle = 0.5 * (wanted[:, 1:] + wanted[:, :-1]) * (1.0 - keep)
-    for k in range(passed.shape[1]):
+    for k in range(keep.shape[1]):
         force[:, k + 1] = force[:, k] * keep[:, k] + middle[:, k]
     return force
 
@@ -140,7 +157,38 @@ def _since_onset(values: Floats, step: Floats, t: Floats, onset: float) -> Float
     total = np.zeros_like(values)
     np.cumsum(0.5 * (values[:, 1:] + values[:, :-1]) * step, axis=1, out=total[:, 1:])
     at_onset = at_time(total, t, onset)[:, None]
-    return np.where(t > onset, total - at_onset, 0.0)
+    result: Floats = np.where(t > onset, total - at_onset, 0.0)
+    return result
+
+
+def integral(
+    table: StopTable, hypothesis: Hypothesis, shares: Floats, forces: NDArray[np.bool_]
+) -> Floats:
+    """(S, M, Q) fall of speed by shares of the weight that act from the onset on.
+
+    Args:
+        shares: (S, M, Q). forces: (Q,) those that the brakes bring, which build up with the lag.
+    """
+    step = (table.time[:, 1:2] - table.time[:, :1])[:, :, None]
+    total = np.zeros_like(shares)
+    np.cumsum(0.5 * (shares[:, 1:] + shares[:, :-1]) * step, axis=1, out=total[:, 1:])
+    place = np.clip((hypothesis.dead_time - table.time[:, 0]) / step[:, 0, 0], 0.0, None)
+    left = np.minimum(place.astype(np.int64), shares.shape[1] - 2)
+    share = (place - left)[:, None]
+    rows = np.arange(len(left))
+    at_onset = (1.0 - share) * total[rows, left] + share * total[rows, left + 1]
+    after = (table.time > hypothesis.dead_time)[:, :, None]
+    result: Floats = np.where(after, total - at_onset[:, None, :], 0.0)
+    lag = lag_of(hypothesis)
+    if lag > 0.0 and forces.any():
+        since = np.maximum(table.time - hypothesis.dead_time, 0.0)[:, :, None]
+        result[:, :, forces] -= lag * lagged(shares[:, :, forces], since, lag)
+    return GRAVITY * result
+
+
+def lag_of(hypothesis: Hypothesis) -> float:
+    """Time constant with which the force builds up [s], 0 without."""
+    return effects.motion((*hypothesis.model.effect, *hypothesis.added)).lag
 
 
 def at_time(values: Floats, t: Floats, when: float) -> Floats:
@@ -159,28 +207,41 @@ def heat(table: StopTable, tau: float, speed: Floats, time: Floats, onset: float
 
     The power is that which each stop shows by itself, so that q does not depend on what it does.
     """
+    tau = max(tau, _LEAST_COOLING)
     step = time[:, 1:2] - time[:, :1]
     power = GRAVITY * np.maximum(table.force, 0.0)[:, None] * speed * (time > onset)
+    # q' = power − q/τ solved with its factor e^(t/τ); stops are short beside τ.
+    factor = np.exp((time - time[:, :1]) / tau)
+    driven = power * factor
     within = np.zeros_like(power)
-    keep = np.exp(-step[:, 0] / tau)
-    for k in range(power.shape[1] - 1):
-        within[:, k + 1] = within[:, k] * keep + 0.5 * (power[:, k] + power[:, k + 1]) * step[:, 0]
-    order = sorted(
-        [(float(c), i) for i, c in enumerate(table.clock)] + [(c, -1 - j) for j, (c, _) in
-        enumerate(table.cooled)]
-    )  # fmt: skip
+    np.cumsum(0.5 * (driven[:, 1:] + driven[:, :-1]) * step, axis=1, out=within[:, 1:])
+    within /= factor
+    before = _heat_before(table, tau, time[:, -1], within[:, -1])
+    return before[:, None] * np.exp(-np.maximum(time, 0.0) / tau) + within
+
+
+def _heat_before(table: StopTable, tau: float, end: Floats, within: Floats) -> Floats:
+    """(S,) heat at each stop command by the stops before it [J/kg].
+
+    Args:
+        end: (S,) of each stop since its command [s]. within: (S,) heat that it brings itself.
+    """
+    if table.warmed is not None:
+        return np.array([sum(e * math.exp(-ago / tau) for ago, e in w) for w in table.warmed])
+    events = [(float(c), i) for i, c in enumerate(table.clock)]
+    events += [(clock, -1 - j) for j, (clock, _) in enumerate(table.cooled)]
     before = np.zeros(len(table))
-    q, since = 0.0, order[0][0]
-    for clock, i in order:
-        q *= math.exp(-min((clock - since) / tau, 700.0))
+    q, since = 0.0, -math.inf
+    for clock, i in sorted(events):
+        q *= math.exp(-min(max(clock - since, 0.0) / tau, 700.0))
+        since = clock
         if i < 0:
-            q, since = q + table.cooled[-1 - i][1], clock
+            q += table.cooled[-1 - i][1]
             continue
         before[i] = q
-        end = float(time[i, -1])
-        q = q * math.exp(-max(end, 0.0) / tau) + float(within[i, -1])
-        since = clock + end
-    return before[:, None] * np.exp(-np.maximum(time, 0.0) / tau) + within
+        rest = max(float(end[i]), 0.0)
+        q, since = q * math.exp(-rest / tau) + float(within[i]), clock + rest
+    return before
 
 
 def simulate(

@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 FEWEST_STOPS = 12
 """Without which nothing can be told from the scatter of stops."""
 
+_PLAIN = 3.0  # standard deviations of a mount offset from which it is taken out
 _MEANINGFUL = frozenset(
     ("run", "terrain", "t", "v", "v_cmd", "pitch", "roll", "yaw", "yaw_rate", "x", "y", "z",
      "v_left", "v_right", "current_left", "current_right", "brake")
@@ -58,12 +59,13 @@ def prepare(
 
     measured = measure(stops, Mount(), slope)
     mount = mount_of_log(columns, runs, good, ground, measured)
-    if mount.known:
+    askew = mount.known and abs(mount.offset) > _PLAIN * mount.std
+    if askew:
         measured = measure(stops, mount, slope, measured.dive)
     if len(measured.records) < FEWEST_STOPS:
         raise ParameterError("stops", _too_few(len(measured.records), len(windows)))
     notes = []
-    if mount.known and not mapped:
+    if askew and not mapped:
         notes.append(
             f"pitch sensor mounted {np.rad2deg(mount.offset):+.2f}° askew by {mount.source}: "
             "taken out of the grades"

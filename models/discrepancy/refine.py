@@ -6,7 +6,7 @@ Generalised least squares: every stop has a friction of its own, see
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +33,24 @@ class Fit:
     Attributes:
         hypothesis: with fitted numbers. covariance: (P, P) of them.
         jacobian: (S, M, P) change of the fall of speed with each number.
-        noise: that it was weighed with.
-        deviance: −2 log likelihood, up to a constant of log and whitener.
+        white: that it was weighed with.
+        deviance: −2 log likelihood, up to a constant of the log.
+        each: (S,) share of every stop in it.
         between: (S,) residual along the friction of each stop, see :class:`Whitener`.
     """
 
     hypothesis: Hypothesis
     covariance: Floats
     jacobian: Floats
-    noise: Noise
+    white: Whitener
     deviance: float
+    each: Floats
     between: Floats
+
+    @property
+    def noise(self) -> Noise:
+        """That it was weighed with."""
+        return self.white.noise
 
 
 def residual(table: StopTable, hypothesis: Hypothesis) -> Floats:
@@ -78,12 +85,8 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
 
 
 def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = _PASSES) -> Fit:
-    """Least squares of the whitened residuals with a given noise.
-
-    Deviances can be compared with each other only by the same whitener.
-    """
-    noise = white.noise
-    weight = 1.0 / np.sqrt(1.0 + noise.scatter**2 * white.power)
+    """Least squares of the whitened residuals with a given noise."""
+    weight = 1.0 / np.sqrt(1.0 + white.noise.scatter**2 * white.power)
     precision = prior_precision(hypothesis)
     centre = _centre(hypothesis)
     low, high = hypothesis.bounds
@@ -124,8 +127,13 @@ def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int =
         damping *= 0.1
     covariance = np.linalg.pinv(x.T @ x + np.diag(precision), hermitian=True)
     between = white.split(white.bins @ residual(table, here)[:, :, None])[0][:, 0]
-    deviance = cost - 2.0 * float(np.sum(np.log(weight)))
-    return Fit(here, 0.5 * (covariance + covariance.T), slope, noise, deviance, between)
+    # Few stops tell less of their scatter than its likelihood pretends.
+    covariance *= len(table) / max(len(table) - len(here.free), 1)
+    count = len(table)
+    each = r[:count] ** 2 + np.sum(r[count:].reshape(count, -1) ** 2, axis=1)
+    each = each - 2.0 * np.log(weight) + white.log_volume
+    deviance = cost - float(r @ r) + float(np.sum(each))
+    return Fit(here, 0.5 * (covariance + covariance.T), slope, white, deviance, each, between)
 
 
 def _centre(hypothesis: Hypothesis) -> Floats:
@@ -152,18 +160,25 @@ def _bounded_step(
 
 
 def fit_with_scatter(
-    table: StopTable, hypothesis: Hypothesis, white: Whitener, rounds: int = 3
+    table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int = 2
 ) -> Fit:
     """Fit with the scatter from stop to stop that belongs to this very hypothesis.
 
     Whatever explains differences between stops is believed only as far as they shrink by it.
+    Whether a friction cap hides the scatter of what it cuts off is left to the likelihood.
     """
-    found = fit(table, hypothesis, white)
+    found = _with_scatter(table, hypothesis, noise, rounds)
+    if "wheel_lockup" not in hypothesis.names:
+        return found
+    other = replace(noise, capped=not noise.capped)
+    return min(found, _with_scatter(table, hypothesis, other, rounds), key=lambda f: f.deviance)
+
+
+def _with_scatter(table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int) -> Fit:
+    found = fit(table, hypothesis, whitener(table, noise, hypothesis))
     for _ in range(rounds):
-        scatter = likely_scatter(found.between, white.power)
-        if abs(scatter - white.noise.scatter) < 0.01 * max(scatter, 1e-4):
-            break
-        white = white.with_scatter(scatter)
+        noise = replace(noise, scatter=likely_scatter(found.between, found.white.power))
+        white = whitener(table, noise, found.hypothesis)
         found = fit(table, found.hypothesis, white, passes=3)
     return found
 
@@ -181,15 +196,17 @@ def likely_scatter(between: Floats, power: Floats) -> float:
     return float(np.exp(best.x))
 
 
-def fit_with_noise(table: StopTable, hypothesis: Hypothesis) -> tuple[Fit, Whitener]:
-    """Fit and noise in turn, until both belong to each other; and the transform for this noise."""
-    noise = Noise(0.03, 0.0, 0.1, max(table.jitter, 2e-3), 0.01)
-    white = whitener(table, noise, hypothesis.dead_time)
-    found = fit(table, hypothesis, white, passes=4)
+def fit_with_noise(table: StopTable, hypothesis: Hypothesis, noise: Noise | None = None) -> Fit:
+    """Fit and noise in turn, until both belong to each other."""
+    now = noise or Noise(0.03, 0.0, 0.1, max(table.jitter, 2e-3), 0.01)
+    found = fit(table, hypothesis, whitener(table, now, hypothesis), passes=4)
     for _ in range(_NOISE_PASSES):
-        now = found.hypothesis
-        noise = estimate(table, residual(table, now), now.dead_time, len(now.free))
-        white = whitener(table, noise, now.dead_time)
-        found = fit(table, now, white, passes=4)
-    found = fit_with_scatter(table, found.hypothesis, white)
-    return found, white.with_scatter(found.noise.scatter)
+        now = noise_of(table, found)
+        found = fit(table, found.hypothesis, whitener(table, now, found.hypothesis), passes=4)
+    return fit_with_scatter(table, found.hypothesis, now)
+
+
+def noise_of(table: StopTable, found: Fit) -> Noise:
+    """The noise that a fit leaves."""
+    left = residual(table, found.hypothesis)
+    return estimate(table, left, found.hypothesis, found.noise.capped)

@@ -20,6 +20,7 @@ class DiscrepancySettings:
 
     Attributes:
         false_alarm: share of logs without a missing effect that may be said to have one.
+        structure: p-value of an axis below which something follows it for certain.
         rival: chi square within which of the best explanation another one is its rival.
         most_effects: effects that one log may miss at once.
         least_share: share of the mean braking force below which an effect is none worth naming.
@@ -30,7 +31,8 @@ class DiscrepancySettings:
         stops: what counts as a stop.
     """
 
-    false_alarm: float = 0.01
+    false_alarm: float = 0.005
+    structure: float = 0.002
     rival: float = 9.0
     most_effects: int = 3
     least_share: float = 0.01

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from models.calibration.find_stops import StopWindow
 from models.calibration.stop_record import StopRecord
+from models.quantity import GRAVITY
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,6 +44,8 @@ class StopTable:
         terrain: (S,) named surface, "" without. distance, rest_time: (S,) measured [m], [s].
         force: (S,) F_b/W as each stop tells by itself. jitter: of the dead time [s].
         further: other numeric columns, mean over each stop, (S,) by name.
+        warmed: per stop, (seconds before it, energy) of stops that warmed its brakes; in place of
+            all others, for stops that were not driven.
         cooled: (clock, energy) of stops that are not in the table: they heat the brakes, too
             [s], [J/kg].
     """
@@ -71,6 +74,7 @@ class StopTable:
     jitter: float
     further: Mapping[str, Floats]
     cooled: tuple[tuple[float, float], ...] = ()
+    warmed: tuple[tuple[tuple[float, float], ...], ...] | None = None
 
     def __len__(self) -> int:
         return len(self.held)
@@ -134,7 +138,15 @@ def tabulate(
         return np.stack([_pad(row[name], bins) for row in rows])
 
     return StopTable(
-        **{n: stack(n) for n in ("time", "speed", "station", "grade", *_CHANNELS)},
+        time=stack("time"),
+        speed=stack("speed"),
+        station=stack("station"),
+        grade=stack("grade"),
+        roll=stack("roll"),
+        yaw=stack("yaw"),
+        yaw_rate=stack("yaw_rate"),
+        x=stack("x"),
+        y=stack("y"),
         logged=logged,
         average=padded("average"),
         binned=padded("binned"),
@@ -175,7 +187,7 @@ def _row(
 ) -> dict[str, Floats]:
     s = record.samples
     part = slice(s.window.begin, s.window.end)
-    last = min(int(np.searchsorted(s.time, _LAST * s.rest_time)), s.at_rest)
+    last = min(int(np.searchsorted(s.time, _end_of_fall(record))), s.at_rest)
     first = int(np.searchsorted(s.time, -_BEFORE - 1e-9))
     time = np.linspace(s.time[first], s.time[last], _NODES)
 
@@ -195,6 +207,17 @@ def _row(
     used = slice(first, last + 1)
     row["average"], row["binned"], row["spread"] = _bins(s.time[used], s.speed[used], time)
     return row
+
+
+def _end_of_fall(record: StopRecord) -> float:
+    """Time until which a stop surely fell [s].
+
+    Noise may hide the standstill for a while, so the fall is also ended where its line ends.
+    """
+    knee = record.knee
+    pull = GRAVITY * (knee.force_ratio + float(np.sin(knee.mean_grade)))
+    fall = knee.onset_speed / pull if pull > 0.0 else np.inf
+    return min(_LAST * record.samples.rest_time, knee.onset_time + _LAST * fall)
 
 
 def _bins(t: Floats, v: Floats, grid: Floats) -> tuple[Floats, Floats, Floats]:

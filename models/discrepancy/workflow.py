@@ -7,25 +7,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
-from models.discrepancy import gap
-from models.discrepancy.findings import Experiment, Findings, Gap, Verdict
+from models.discrepancy import experiment
+from models.discrepancy.evidence import Evidence, evidence_of
+from models.discrepancy.findings import Experiment, Findings, Verdict
+from models.discrepancy.gap import compared
 from models.discrepancy.hypothesis import Hypothesis
+from models.discrepancy.identify import identify
+from models.discrepancy.locate import follow
 from models.discrepancy.prepare import prepare
-from models.discrepancy.refine import Fit, fit, fit_with_noise
+from models.discrepancy.refine import fit_with_noise
+from models.discrepancy.revised import revised
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
+from models.discrepancy.summary import located_axes, named_effects, summary
+from models.discrepancy.verdict import Decision, decide
 from models.parameters import Model
 
 Floats = NDArray[np.float64]
 
-STEPS = 3
+STEPS = 6
 """Steps that :func:`investigate` tells of."""
 
 
@@ -36,6 +41,7 @@ def investigate(
     *,
     ground: Floats | None = None,
     settings: DiscrepancySettings | None = None,
+    source: str = "",
     advance: Callable[[int], None] = lambda done: None,
 ) -> Findings:
     """Where a log and a model disagree, and the model that does not.
@@ -45,63 +51,86 @@ def investigate(
             has; further numeric columns are candidate explanations.
         runs: samples of each run. model: as configured.
         ground: (n,) grade of the ground from a map [rad], NaN where unknown.
-        settings: how sure to be. advance: told of each step done.
+        settings: how sure to be. source: of the log, written into the effects that are added.
+        advance: told of each step done.
 
     Raises:
         ParameterError: too few usable stops.
     """
+    return investigate_with_evidence(
+        columns, runs, model, ground=ground, settings=settings, source=source, advance=advance
+    )[0]
+
+
+def investigate_with_evidence(
+    columns: Mapping[str, NDArray[Any]],
+    runs: Sequence[slice],
+    model: Model,
+    *,
+    ground: Floats | None = None,
+    settings: DiscrepancySettings | None = None,
+    source: str = "",
+    advance: Callable[[int], None] = lambda done: None,
+) -> tuple[Findings, Evidence]:
+    """As :func:`investigate`, and the residuals that its pictures are made of."""
     begin = time.perf_counter()
     wanted = settings or DiscrepancySettings()
     table, notes = prepare(columns, runs, model, ground, wanted)
     advance(1)
-    start = Hypothesis.configured(model)
-    base, white = fit_with_noise(table, start)
-    as_it_is = fit(table, start, white, passes=0)
+    base = fit_with_noise(table, Hypothesis.configured(model))
     advance(1)
-    drifted = as_it_is.deviance - base.deviance > float(chi2.isf(wanted.false_alarm, 5))
-    verdict = Verdict.PARAMETER_DRIFT if drifted else Verdict.NONE
-    speed, distance = _gaps(table, base.hypothesis, base, wanted)
+    found = identify(table, base, wanted)
     advance(1)
-    return Findings(
-        verdict, "", (), (), speed, distance, Experiment(""), _refitted(model, base), (),
-        len(table), tuple(notes), time.perf_counter() - begin,
-    )  # fmt: skip
-
-
-def _refitted(model: Model, found: Fit) -> Model:
-    shift = found.hypothesis.shift
-    on = model.braking
-    braking = replace(
-        on, m_m=on.m_m + float(shift[0]), b_m=on.b_m + float(shift[1]),
-        m_b=on.m_b + float(shift[2]), b_b=on.b_b + float(shift[3]),
-        dead_time=found.hypothesis.dead_time,
-    )  # fmt: skip
-    return replace(model, braking=braking)
-
-
-def _gaps(
-    table: StopTable, best: Hypothesis, fit: Fit, settings: DiscrepancySettings
-) -> tuple[Gap, Gap]:
-    parts = gap.folds(table, settings.folds, settings.seed)
-    configured = Hypothesis.configured(best.model)
-
-    def learned(start: Hypothesis) -> Callable[[StopTable], Hypothesis]:
-        return lambda seen: fit_with_noise(seen, start)[0].hypothesis
-
-    before = gap.speed_errors(table, configured), gap.distances(table, configured)
-    refit = gap.held_out(table, parts, learned(configured))
-    after = gap.held_out(table, parts, learned(best)) if best.added else refit
-    draws = np.random.default_rng(settings.seed).integers(
-        0, len(table), (settings.resamples, len(table))
+    left = follow(table, found.best.fit, wanted.seed)
+    located = follow(table, base, wanted.seed) if found.best.names else left
+    decision = decide(table, base, found, left, wanted)
+    advance(1)
+    gaps = compared(table, base, decision.explanation.fit, wanted)
+    better, added = revised(table, decision, gaps.held_out, source)
+    advance(1)
+    plan = _next(table, decision)
+    above = float(np.mean(gaps.refit_squares)) - gaps.speed.noise_floor**2
+    findings = Findings(
+        decision.verdict,
+        summary(decision, gaps.distance, gaps.longer),
+        named_effects(decision, located),
+        located_axes(decision, located, above),
+        gaps.speed,
+        gaps.distance,
+        plan,
+        better,
+        added,
+        len(table),
+        (*notes, *decision.notes),
+        time.perf_counter() - begin,
     )
-    used = table.spread > 0.0
-    floor = np.where(used, gap.speed_floor(table, fit.noise, best.dead_time), np.nan)
-    squared = [np.nanmean(e[0] ** 2, axis=1) for e in (before, refit, after)]
-    speed = gap.gap_of(
-        "speed while stopping, rms", "m/s", (*squared, np.nanmean(floor, axis=1)), draws
+    advance(1)
+    return findings, evidence_of(table, base, decision, located)
+
+
+def _next(table: StopTable, decision: Decision) -> Experiment:
+    fit = decision.explanation.fit
+    match decision.verdict:
+        case Verdict.AMBIGUOUS:
+            return experiment.between(table, fit, [r.fit for r in decision.rivals])
+        case Verdict.MISSING_EFFECT:
+            return experiment.sharpening(table, fit)
+        case Verdict.UNIDENTIFIABLE:
+            words = "; ".join(f"for {a.name}: {a.test}" for a in decision.absorbed)
+            return Experiment(words)
+        case Verdict.UNKNOWN:
+            return Experiment(_along(decision))
+        case _:
+            return Experiment("")
+
+
+def _along(decision: Decision) -> str:
+    if decision.axis is None:
+        return "repeat some of these stops unchanged: what differs between them is not the stop"
+    axis = decision.axis.axis
+    values = axis.values
+    low, high = np.quantile(values, [0.02, 0.98])
+    return (
+        f"repeat one stop, everything else the same, at six values of {axis.name} from {low:.3g} "
+        f"to {high:.3g} {axis.unit}, three times each"
     )
-    squared = [(e[1] - table.distance) ** 2 for e in (before, refit, after)]
-    distance = gap.gap_of(
-        "stopping distance, rms", "m", (*squared, gap.distance_floor(table, fit.noise)), draws
-    )
-    return speed, distance

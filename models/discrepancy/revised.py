@@ -1,0 +1,118 @@
+"""The model to plan with after a log was looked at: never faster than what is known allows.
+
+Coefficients come with their covariance, effects with theirs. What the log leaves open goes into the
+safety offset: stops held out that ended beyond their prediction, and rivals that predict more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration.margins import offset_for
+from models.discrepancy.findings import Verdict
+from models.discrepancy.gap import distances
+from models.discrepancy.hypothesis import BASE, Hypothesis, free_parameters
+from models.discrepancy.refine import Fit
+from models.discrepancy.stop_table import StopTable
+from models.discrepancy.verdict import Decision
+from models.effects import LAWS
+from models.parameters import Effect, Model
+
+Floats = NDArray[np.float64]
+
+_COVERAGE = 0.995
+_FEW = 0.97  # share of stops within which a rival is not longer than the offset allows
+_PAD = 0.1  # of a range, beyond which the log does not vouch for new coefficients
+
+
+def revised(
+    table: StopTable, decision: Decision, held_out: Floats, source: str
+) -> tuple[Model, tuple[Effect, ...]]:
+    """The model, and the effects in it that were not there before.
+
+    Args:
+        table: stops. decision: what the log allows to say.
+        held_out: (S,) distances predicted by fits that had not seen their stop [m].
+        source: where the log is from, in words.
+    """
+    fit = decision.explanation.fit
+    model = fit.hypothesis.model
+    unclear = decision.verdict is Verdict.UNIDENTIFIABLE
+    if decision.verdict is Verdict.NONE or (unclear and not _refit_is_longer(table, fit)):
+        return _wider(model, table, decision, held_out), ()
+    shift = fit.hypothesis.shift
+    on = model.braking
+    braking = replace(
+        on,
+        m_m=on.m_m + float(shift[0]),
+        b_m=on.b_m + float(shift[1]),
+        m_b=on.m_b + float(shift[2]),
+        b_b=on.b_b + float(shift[3]),
+        dead_time=fit.hypothesis.dead_time,
+        covariance=_matrix(fit.covariance[:4, :4]),
+        speed_range=_within(on.speed_range, table.held),
+        grade_range=_within(on.grade_range, table.grade),
+        force_std=max(on.force_std, fit.noise.scatter),
+        dead_time_std=max(on.dead_time_std, fit.noise.jitter),
+    )
+    added = effects_of(fit, source)
+    better = replace(model, braking=braking, effect=(*model.effect, *added))
+    return _wider(better, table, decision, held_out), added
+
+
+def effects_of(fit: Fit, source: str) -> tuple[Effect, ...]:
+    """Effects that were added, with the covariance of their parameters."""
+    found = []
+    k = BASE
+    for effect in fit.hypothesis.added:
+        free = free_parameters(effect)
+        covariance = np.zeros((len(effect.parameters),) * 2)
+        rows = [i for i, name in enumerate(effect.parameters) if name in free]
+        covariance[np.ix_(rows, rows)] = fit.covariance[k : k + len(free), k : k + len(free)]
+        k += len(free)
+        values = {n: _inside(effect.name, n, float(v)) for n, v in effect.parameters.items()}
+        found.append(
+            replace(effect, parameters=values, covariance=_matrix(covariance), source=source)
+        )
+    return tuple(found)
+
+
+def _inside(effect: str, name: str, value: float) -> float:
+    _, low, high = LAWS[effect].parameters[name]
+    return min(max(value, low), high)
+
+
+def _matrix(values: Floats) -> tuple[tuple[float, ...], ...]:
+    even = 0.5 * (values + values.T)
+    lowest = float(np.linalg.eigvalsh(even)[0])
+    if lowest < 0.0:  # rounding
+        even = even - lowest * np.eye(len(even))
+    return tuple(tuple(float(v) for v in row) for row in even)
+
+
+def _within(known: tuple[float, float], seen: Floats) -> tuple[float, float]:
+    """Where the model so far and the log both vouch; the model's own where they do not meet."""
+    pad = _PAD * float(np.ptp(seen))
+    low, high = max(known[0], float(seen.min()) - pad), min(known[1], float(seen.max()) + pad)
+    return (low, high) if high > low else known
+
+
+def _wider(model: Model, table: StopTable, decision: Decision, held_out: Floats) -> Model:
+    """With a safety offset that covers stops held out, and the longest of all rivals."""
+    needed = offset_for(_COVERAGE, table.distance - held_out)
+    if decision.rivals:
+        here = distances(table, decision.explanation.fit.hypothesis)
+        longer = [distances(table, r.fit.hypothesis) - here for r in decision.rivals]
+        needed += max(0.0, *(float(np.quantile(more, _FEW)) for more in longer))
+    offset = max(model.braking.distance_offset, needed)
+    return replace(model, braking=replace(model.braking, distance_offset=offset))
+
+
+def _refit_is_longer(table: StopTable, fit: Fit) -> bool:
+    """Whether the new coefficients stop later than those configured."""
+    configured = Hypothesis.configured(fit.hypothesis.model)
+    refitted = replace(fit.hypothesis, added=())
+    return float(np.mean(distances(table, refitted) - distances(table, configured))) > 0.0

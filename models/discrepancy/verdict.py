@@ -1,0 +1,157 @@
+"""From scores to one word, and how sure it is.
+
+The order matters: what the model's own numbers explain is no effect; a name is given only where no
+other name is near, nothing is left that follows an axis, and no number is at the end of what is
+physically usual; else the log has shown that something is there, and no more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from models.discrepancy.absorbed import Absorbed, absorbed_explanations
+from models.discrepancy.findings import Verdict
+from models.discrepancy.hypothesis import USUAL
+from models.discrepancy.identify import Explanation, Identified
+from models.discrepancy.locate import Followed
+from models.discrepancy.refine import Fit, fit, residual
+from models.discrepancy.settings import DiscrepancySettings
+from models.discrepancy.stop_table import StopTable
+
+Floats = NDArray[np.float64]
+
+_LEFT = 0.1  # share of what the names explain that may be left along an axis
+_STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
+_DRIFT = 0.003  # p-value of the same coefficients
+_AT_BOUND = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What the log allows to say.
+
+    Attributes:
+        verdict: one word. explanation: effects and coefficients that go with it.
+        rivals: explanations that are nearly as good, for `ambiguous`.
+        confidence: of each of the explanation's names, in their order.
+        axis: that an unknown follows, or what is left beside the names.
+        absorbed: for `unidentifiable`.
+        notes: doubts, in sentences.
+    """
+
+    verdict: Verdict
+    explanation: Explanation
+    rivals: tuple[Explanation, ...] = ()
+    confidence: tuple[float, ...] = ()
+    axis: Followed | None = None
+    absorbed: tuple[Absorbed, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def decide(
+    table: StopTable, base: Fit, found: Identified, left: list[Followed],
+    settings: DiscrepancySettings,
+) -> Decision:  # fmt: skip
+    """One word for the log.
+
+    Args:
+        table: stops. base: refitted model. found: outcome of the search.
+        left: axes that its best explanation still disagrees along, the most telling first.
+        settings: how sure to be.
+    """
+    structure = left[0] if left and left[0].p_value < settings.structure else None
+    if not found.best.names:
+        return _without_names(table, base, found, structure, settings)
+    best = found.best
+    refitted = next((e for e in found.others if not e.names), None)
+    ends = _numbers_at_their_end(best)
+    if structure is not None and _matters(table, base, best, structure):
+        notes = (f"{' and '.join(best.names)} came nearest, but left a pattern along "
+                 f"{structure.axis.name}",)  # fmt: skip
+        return Decision(Verdict.UNKNOWN, refitted or _plain(base, found), axis=structure,
+                        notes=notes)  # fmt: skip
+    if ends:
+        notes = (f"{' and '.join(best.names)} would explain it, with {ends} at the end of what is "
+                 "usual: the cause is likely another one",)  # fmt: skip
+        return Decision(Verdict.UNKNOWN, refitted or _plain(base, found), axis=structure,
+                        notes=notes)  # fmt: skip
+    rivals = tuple(
+        e for e in found.others
+        if e.names and (e.score < best.score + settings.rival or not _leads(best, e, settings))
+        and not set(e.names) > set(best.names)
+    )  # fmt: skip
+    confidence = tuple(_confidence(name, best, found) for name in best.fit.hypothesis.names)
+    said: tuple[str, ...] = ()
+    if structure is not None:
+        said = (f"a little is left that follows {structure.axis.name}",)
+    verdict = Verdict.AMBIGUOUS if rivals else Verdict.MISSING_EFFECT
+    return Decision(verdict, best, rivals, confidence, structure, notes=said)
+
+
+def _plain(base: Fit, found: Identified) -> Explanation:
+    return Explanation(base, found.best.score)
+
+
+def _without_names(
+    table: StopTable, base: Fit, found: Identified, structure: Followed | None,
+    settings: DiscrepancySettings,
+) -> Decision:  # fmt: skip
+    if structure is not None:
+        return Decision(Verdict.UNKNOWN, found.best, axis=structure)
+    if not drifted(table, base):
+        return Decision(Verdict.NONE, found.best)
+    absorbed = absorbed_explanations(table, base, found.absorbed)
+    verdict = Verdict.UNIDENTIFIABLE if absorbed else Verdict.PARAMETER_DRIFT
+    return Decision(verdict, found.best, absorbed=absorbed)
+
+
+def drifted(table: StopTable, base: Fit) -> bool:
+    """The configured coefficients do not fit the log, the refitted ones do better than chance."""
+    h = base.hypothesis
+    configured = fit(table, type(h).configured(h.model), base.white, passes=0)
+    few = len(table) / max(len(table) - 5, 1)
+    return configured.deviance - base.deviance > few * float(chi2.isf(_DRIFT, 5))
+
+
+def _matters(table: StopTable, base: Fit, best: Explanation, left: Followed) -> bool:
+    """What is left along an axis is more than a trace of what the names explain."""
+    used = table.spread > 0.0
+    before = float(np.mean(residual(table, base.hypothesis)[used] ** 2))
+    after = float(np.mean(residual(table, best.fit.hypothesis)[used] ** 2))
+    return left.removed > _LEFT * max(before - after, 0.0)
+
+
+def _numbers_at_their_end(best: Explanation) -> str:
+    """Numbers of the effects that the fit pushed as far as it may, in words."""
+    said = []
+    for effect in best.fit.hypothesis.added:
+        for name, value in effect.parameters.items():
+            low, high = USUAL.get((effect.name, name), (-np.inf, np.inf))
+            if value >= high * (1.0 - _AT_BOUND) or (low > 0.0 and value <= low * 1.001):
+                said.append(f"{name} of {effect.name}")
+    return ", ".join(said)
+
+
+def _leads(best: Explanation, rival: Explanation, settings: DiscrepancySettings) -> bool:
+    """In nearly all resampled logs the best explanation stays ahead of a rival."""
+    return _stability(best, rival, settings) >= _STABLE
+
+
+def _stability(best: Explanation, rival: Explanation, settings: DiscrepancySettings) -> float:
+    ahead = rival.fit.each - best.fit.each
+    prices = (rival.score - rival.fit.deviance) - (best.score - best.fit.deviance)
+    rng = np.random.default_rng(settings.seed)
+    draws = rng.integers(0, len(ahead), (settings.resamples, len(ahead)))
+    return float(np.mean(ahead[draws].sum(axis=1) + prices > 0.0))
+
+
+def _confidence(name: str, best: Explanation, found: Identified) -> float:
+    """Posterior weight of the explanations that hold a name, among all that were tried."""
+    everything = (best, *found.others)
+    weight = np.exp(-0.5 * np.clip([e.score - best.score for e in everything], 0.0, 200.0))
+    has = np.array([name in e.names for e in everything])
+    return float(np.sum(weight[has]) / np.sum(weight))
