@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from importlib.util import find_spec
 from typing import Any
 
 from benchmarks.discrepancy import peer
@@ -21,29 +22,70 @@ QUICK = 0.06
 
 def total(quick: bool) -> int:
     """Steps of :func:`run`."""
-    return 2 * len(orders(QUICK if quick else 1.0))
+    share = QUICK if quick else 1.0
+    return 2 * len(orders(share)) + (_engine_steps(share) if with_engine() else 0)
+
+
+def with_engine() -> bool:
+    """The physics engine is installed."""
+    return find_spec("mujoco") is not None
+
+
+def _engine_steps(share: float) -> int:
+    from benchmarks.discrepancy.engine_sets import engine_orders
+
+    return 2 * len(engine_orders(share))
 
 
 def missing() -> list[str]:
     """What could not be measured, in sentences."""
     found = []
+    if not with_engine():
+        found.append("mujoco is not installed: pip install slopewise[sim]")
     if not peer.available():
         found.append("pysindy is not installed: pip install slopewise[bench]")
     return found
 
 
 def run(quick: bool, advance: Advance) -> Result:
-    """All sets of the plant.
+    """All sets of the plant, then those of the engine.
 
     Args:
         quick: a few of each kind. advance: told of each step.
     """
-    wanted = orders(QUICK if quick else 1.0)
+    share = QUICK if quick else 1.0
     sets = []
-    for order in wanted:
+    for order in orders(share):
         sets.append(make(order))
         advance(1)
-    return judged(sets, advance)
+    result = judged(sets, advance)
+    if with_engine():
+        result |= in_the_engine(share, advance)
+    return result
+
+
+def in_the_engine(share: float, advance: Advance) -> Result:
+    """The sets of the physics engine."""
+    from benchmarks.discrepancy import engine_sets
+
+    configured = engine_sets.calibrated()
+    sets = []
+    for order in engine_sets.engine_orders(share):
+        sets.append(engine_sets.make(order, configured))
+        advance(1)
+    promise = seal([engine_sets.truth_of(one) for one in sets])
+    findings = []
+    with Inquiry() as inquiry:
+        for one in sets:
+            findings.append(inquiry.ask(Job(one.columns, tables_of(one.configured))))
+            advance(1)
+    outcomes = [engine_sets.judge(s, f) for s, f in zip(sets, findings, strict=True)]
+    return {
+        "engine_sealed": asdict(promise),
+        "engine": [record(m) for m in engine_sets.engine_metrics(outcomes)],
+        "engine_by_effect": engine_sets.engine_by_effect(outcomes),
+        "engine_outcomes": [asdict(o) for o in outcomes],
+    }
 
 
 def judged(sets: Sequence[HiddenSet], advance: Advance) -> Result:

@@ -10,8 +10,8 @@ from benchmarks.discrepancy.physics import Stops
 
 DESIGNS = ("mixed", "fast", "steep", "slow", "one-way")
 
-FIELD = (60.0, 40.0)
-"""Where the stops are [m]."""
+FIELD = (600.0, 400.0)
+"""Where the stops are [m]: so far apart that each has ground of its own, whatever its heading."""
 
 _LONG_PAUSE = 0.05  # share of pauses in which brakes cool
 _CURVED = 0.6  # share of stops in a bend

@@ -112,7 +112,7 @@ def _lockup(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Gen
 
 
 def _patch(share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
-    radius = float(rng.uniform(6.0, 10.0))
+    radius = float(rng.uniform(70.0, 110.0))
     x = float(rng.uniform(radius, FIELD[0] - radius))
     y = float(rng.uniform(radius, FIELD[1] - radius))
     delta = sign * share * p.b_b
@@ -146,7 +146,7 @@ def _ambient(
 
 
 def _ripple(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
-    length = float(rng.uniform(12.0, 24.0))
+    length = float(rng.uniform(150.0, 250.0))
     return Hidden("ripple", {"ripple": share * p.b_b, "ripple_length": length})
 
 

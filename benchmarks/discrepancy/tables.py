@@ -69,8 +69,9 @@ def _by_effect(title: str, rows: list[Result]) -> Table:
     for row in rows:
         verdicts = ", ".join(f"{name} {count}" for name, count in sorted(row["verdicts"].items()))
         closed = "–" if row["closed"] is None else f"{row['closed']:.0%}"
-        counts = (str(row[key]) for key in ("sets", "identifiable", "right", "wrong", "axis"))
-        table.add_row(row["kind"], row["effect"], *counts, closed, verdicts)
+        counts = (str(row[key]) for key in ("sets", "identifiable", "right", "wrong"))
+        axis = "–" if row["axis"] is None else str(row["axis"])
+        table.add_row(row["kind"], row["effect"], *counts, axis, closed, verdicts)
     return table
 
 

@@ -206,9 +206,9 @@ def _trials(p: Physics, stops: Stops) -> Mapping[str, list[list[dict[str, float]
     ]
     patches = [
         [{"patch": 0.005, "patch_x": x, "patch_y": y, "patch_radius": r}]
-        for r in (6.0, 9.0)
-        for x in np.linspace(8.0, FIELD[0] - 8.0, 5)
-        for y in np.linspace(8.0, FIELD[1] - 8.0, 3)
+        for r in (75.0, 105.0)
+        for x in np.linspace(80.0, FIELD[0] - 80.0, 5)
+        for y in np.linspace(80.0, FIELD[1] - 80.0, 3)
     ]
     furrows = [{"furrow": 0.005, "furrow_direction": a} for a in (0.0, np.pi / 4.0)]
     return {

@@ -1,0 +1,239 @@
+"""Sets of the physics engine: effects made by physics, clean ones, and what became of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from benchmarks.discrepancy import sensing
+from benchmarks.discrepancy.designs import FIELD, draw
+from benchmarks.discrepancy.engine import Nature, drive
+from benchmarks.discrepancy.fresh import WORTH_CLOSING, physics_of
+from benchmarks.discrepancy.metrics import Metric, figure, share
+from benchmarks.discrepancy.physics import Floats, Physics, Stops
+from benchmarks.discrepancy.plant import Motion, speeds
+from benchmarks.discrepancy.sealed import Finding
+
+NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
+    "heavier body": (("step_change",),),
+    "weaker brakes": (("step_change",),),
+    "air": (("aerodynamic_drag",),),
+    "wind": (("headwind",), ("headwind", "aerodynamic_drag")),
+    "fading brakes": (("brake_fade",),),
+    "slippery area": (("surface_patch",),),
+    "viscous bearings": (("viscous_resistance",),),
+    "slow hydraulics": (("brake_lag",),),
+    "glazing pads": (("session_drift",),),
+}
+"""What each is called in the vocabulary; a wind on a body is also a drag on it."""
+
+_KEYS = ("m_m", "b_m", "m_b", "b_b", "dead_time")
+_STOPS, _FRESH = 70, 24
+_ROLLING = 0.1  # [m/s]
+
+
+@dataclass(frozen=True, slots=True)
+class EngineOrder:
+    """One set that is wanted: what is hidden ("" for nothing), and the seed."""
+
+    what: str
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class EngineSet:
+    """A log of the engine, the configured model, and the truth."""
+
+    order: EngineOrder
+    noise: float
+    scatter: float
+    nature: Nature
+    columns: sensing.Columns
+    configured: dict[str, float]
+    stops: Stops
+
+
+@dataclass(frozen=True, slots=True)
+class EngineOutcome:
+    """What was said of one set. See :class:`benchmarks.discrepancy.score.Outcome`."""
+
+    what: str
+    seed: int
+    noise: float
+    scatter: float
+    verdict: str
+    named: tuple[str, ...]
+    right: bool
+    wrong: bool
+    before: float
+    after: float
+    floor: float
+    closed: float | None
+    told: float | None
+    seconds: float
+    text: str
+
+
+def engine_orders(share_of_all: float, seed: int = 1) -> list[EngineOrder]:
+    """Effects and clean sets in shuffled order."""
+    rng = np.random.default_rng((7, seed))
+    each, clean = max(round(4 * share_of_all), 1), max(round(12 * share_of_all), 1)
+    wanted = [name for name in NAMES for _ in range(each)] + [""] * clean
+    found = [EngineOrder(what, int(rng.integers(2**31))) for what in wanted]
+    return [found[i] for i in rng.permutation(len(found))]
+
+
+def calibrated() -> dict[str, float]:
+    """Coefficients and dead time of the vehicle before anything happened to it."""
+    stops = _straight("mixed", 50, 0.0, np.random.default_rng(77))
+    motion = drive(Nature(), stops._replace(delay=np.zeros_like(stops.speed)))
+    return _fitted(motion, stops)
+
+
+def make(order: EngineOrder, configured: dict[str, float]) -> EngineSet:
+    """Drive and measure one set."""
+    rng = np.random.default_rng(order.seed)
+    noise, scatter = float(rng.choice([0.01, 0.03])), float(rng.choice([0.0075, 0.02]))
+    stops = _straight("mixed", _STOPS, scatter, rng)
+    nature = _nature(order.what, stops, rng)
+    motion = drive(nature, stops)
+    columns = sensing.log(motion, stops, noise, rng)
+    return EngineSet(order, noise, scatter, nature, columns, configured, stops)
+
+
+def _straight(design: str, count: int, scatter: float, rng: np.random.Generator) -> Stops:
+    """The engine's vehicle cannot steer."""
+    stops = draw(design, count, scatter, rng)
+    return stops._replace(curvature=np.zeros(count), roll=0.6 * stops.roll)
+
+
+def _nature(what: str, stops: Stops, rng: np.random.Generator) -> Nature:
+    strong = float(rng.uniform(0.8, 1.4))
+    run = round(len(stops.speed) * rng.uniform(0.35, 0.65))
+    x, y = (float(rng.uniform(110.0, side - 110.0)) for side in FIELD)
+    towards = float(rng.uniform(-np.pi, np.pi))
+    changes: dict[str, dict[str, Any]] = {
+        "": {},
+        "heavier body": {"payload": 90.0 * strong, "payload_run": run},
+        "weaker brakes": {"repair": 1.0 - 0.15 * strong, "payload_run": run},
+        "air": {"air": 12.0 * strong},
+        "wind": {"air": 4.0 * strong, "wind": 7.0, "wind_from": towards},
+        "fading brakes": {"fading": 0.004 * strong, "cooling": 150.0},
+        "slippery area": {"slippery": (x, y, 100.0, 0.34 / strong)},
+        "viscous bearings": {"bearing": 1.6 * strong},
+        "slow hydraulics": {"build_up": 0.12 * strong},
+        "glazing pads": {"glazing": 0.15 * strong / float(stops.clock[-1])},
+    }
+    return replace(Nature(), **changes[what])
+
+
+def _fitted(motion: Motion, stops: Stops) -> dict[str, float]:
+    """Base coefficients by least squares over the speeds of noise-free stops."""
+    time = motion.time[motion.time >= 0.0]
+    real = motion.speed[:, motion.time >= 0.0]
+    even = stops._replace(friction=np.ones_like(stops.speed), delay=np.zeros_like(stops.speed))
+    rolling = real > _ROLLING
+
+    def left(values: Floats) -> Floats:
+        found: Floats = (speeds(Physics(*values), even, time, 0.005) - real)[rolling]
+        return found
+
+    start = np.array([0.0, 0.0, 0.0, 0.42, 0.25])
+    best = least_squares(left, start, x_scale=[0.01, 0.1, 0.01, 0.1, 0.05], diff_step=1e-4)
+    return dict(zip(_KEYS, (float(v) for v in best.x), strict=True))
+
+
+def judge(engine_set: EngineSet, finding: Finding) -> EngineOutcome:
+    """Names beside the truth, and the gap on fresh stops that are driven twice."""
+    order = engine_set.order
+    sure = finding.verdict == "missing_effect"
+    allowed = [frozenset(names) for names in NAMES.get(order.what, ())]
+    named = frozenset(finding.names)
+    right = sure and named in allowed
+    wrong = sure and not any(named <= names for names in allowed)
+    before, after, floor = _fresh(engine_set, finding)
+    closed = None
+    if order.what and before >= WORTH_CLOSING * floor:
+        closed = (before - after) / (before - floor)
+    return EngineOutcome(
+        order.what or "clean", order.seed, engine_set.noise, engine_set.scatter,
+        finding.verdict, finding.names, right, wrong, before, after, floor, closed,
+        finding.closed, finding.seconds * 100.0 / _STOPS, finding.text,
+    )  # fmt: skip
+
+
+def _fresh(engine_set: EngineSet, finding: Finding) -> tuple[float, float, float]:
+    """Root mean square disagreement in speed: configured, found, and from twin to twin [m/s]."""
+    rng = np.random.default_rng((engine_set.order.seed, 9))
+    share_of_runs = _FRESH / _STOPS
+    clock = np.interp(
+        np.linspace(0.0, _STOPS - 1.0, _FRESH), np.arange(_STOPS), engine_set.stops.clock
+    )
+    nature = replace(
+        engine_set.nature, payload_run=round(engine_set.nature.payload_run * share_of_runs)
+    )
+    stops = _straight("mixed", _FRESH, 0.0, rng)._replace(clock=clock)
+    even = stops._replace(friction=np.ones(_FRESH), delay=np.zeros(_FRESH))
+    twins = []
+    for _ in range(2):
+        friction = 1.0 + engine_set.scatter * rng.standard_normal(_FRESH)
+        delay = 0.006 * rng.standard_normal(_FRESH)
+        twins.append(drive(nature, stops._replace(friction=friction, delay=delay)))
+    time = twins[0].time[twins[0].time >= 0.0]
+    real = [twin.speed[:, twin.time >= 0.0] for twin in twins]
+    rolling = (real[0] > _ROLLING) & (real[1] > _ROLLING)
+    noise = engine_set.noise**2
+    floor = np.sqrt(0.5 * np.mean((real[0] - real[1])[rolling] ** 2) + noise)
+    base = Physics(**engine_set.configured)
+    found = physics_of(finding, base)
+    found = found._replace(step_run=found.step_run * share_of_runs)
+    sizes = []
+    for physics in (base, found):
+        here = speeds(physics, even, time)
+        errors = [(one - here)[rolling] ** 2 for one in real]
+        sizes.append(float(np.sqrt(np.mean(errors) + noise)))
+    return sizes[0], sizes[1], float(floor)
+
+
+def engine_metrics(outcomes: Sequence[EngineOutcome]) -> list[Metric]:
+    """The table of the engine's sets."""
+    clean = [o for o in outcomes if o.what == "clean"]
+    hidden = [o for o in outcomes if o.what != "clean"]
+    closed = [o.closed for o in hidden if o.closed is not None]
+    return [
+        share("right name", ">=", 0.85, [o.right for o in hidden]),
+        share("wrong name given with confidence", "<=", 0.01, [o.wrong for o in hidden]),
+        share("a name on clean sets", "<=", 0.0, [o.verdict == "missing_effect" for o in clean]),
+        figure("closable gap closed, fresh stops, median", ">=", 0.80, closed, unit="share"),
+        figure("time per 100 stops, median", "<=", 5.0, [o.seconds for o in outcomes], unit="s"),
+        share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
+    ]
+
+
+def engine_by_effect(outcomes: Sequence[EngineOutcome]) -> list[dict[str, Any]]:
+    """Effect by effect, in the form of :func:`benchmarks.discrepancy.campaign.by_effect`."""
+    rows = []
+    for what in dict.fromkeys(o.what for o in sorted(outcomes, key=lambda o: o.what)):
+        group = [o for o in outcomes if o.what == what]
+        closed = sorted(o.closed for o in group if o.closed is not None)
+        verdicts: dict[str, int] = {}
+        for o in group:
+            verdicts[o.verdict] = verdicts.get(o.verdict, 0) + 1
+        rows.append(
+            {
+                "kind": "engine", "effect": what, "sets": len(group), "identifiable": len(group),
+                "right": sum(o.right for o in group), "wrong": sum(o.wrong for o in group),
+                "axis": None, "verdicts": verdicts,
+                "closed": closed[len(closed) // 2] if closed else None,
+            }
+        )  # fmt: skip
+    return rows
+
+
+def truth_of(engine_set: EngineSet) -> dict[str, Any]:
+    """What is true of a set, for the sealed file."""
+    return asdict(engine_set.order) | {"nature": asdict(engine_set.nature)}
