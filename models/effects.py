@@ -1,13 +1,14 @@
 """Named effects that the base braking model leaves out, as terms that add up.
 
 The base is Braking (7)–(8): a force fixed by grade and by the speed at brake onset, after a pure
-dead time. An effect enters in one of four ways, and planner and simulation use the same ones:
+dead time. An effect enters in one of five ways, and planner and simulation use the same ones:
 
 =====================  ============================================================
 ground term            F_b/W += term(grade, roll, x, y, yaw, session time)
 scale                  F_b/W *= scale
 motion term            a += term(speed, curvature, yaw), with a the deceleration
 state or cap           the force builds up, fades with heat, or is capped by friction
+crest                  all of it falls with the load that a crest takes: see `models.crest`
 =====================  ============================================================
 
 Of the last, in this order: pressure builds up (lag), hot pads make less of it (fade), and friction
@@ -74,6 +75,7 @@ LAWS: dict[str, EffectLaw] = {
     "wheel_lockup": _law("friction caps the force", {"mu": ("1", _POSITIVE)}),
     "grade_asymmetry": _law("another slope coefficient uphill", {"k": ("1/rad", _ANY)}),
     "grade_nonlinearity": _law("slope dependence bends away", {"k": ("1/rad²", _ANY)}),
+    "crest_unloading": _law("force falls with the load over a crest", {"k": ("1", _POSITIVE)}),
     "cross_slope": _law("force changes with roll", {"k": ("1/rad", _ANY)}),
     "turning_resistance": _law("turning costs force", {"k": ("s/rad", _POSITIVE)}),
     "surface_patch": _law(
@@ -246,6 +248,15 @@ def force_scale(effects: Iterable[Effect]) -> float:
 
 NO_MOTION = motion(())
 """Nothing acts on the motion."""
+
+
+def crest_share(effects: Iterable[Effect]) -> float | None:
+    """Share k of the load lost over a crest that the force loses as well; None without the effect.
+
+    With k = 0 it is the loads only that suffer.
+    """
+    shares = [validate(e)["k"] for e in effects if e.name == "crest_unloading"]
+    return sum(shares) if shares else None
 
 
 def motion_deceleration(speed: Any, curvature: Any, yaw: Any, terms: Motion) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from models import braking, effects, wheel_lockup
+from models import braking, crest, effects, wheel_lockup
 from models.parameters import Braking, Model
 from models.quantity import GRAVITY
 
@@ -52,6 +52,15 @@ class Track:
         """Grade, roll, yaw, curvature, x and y at a station."""
         names = ("grade", "roll", "yaw", "curvature", "x", "y")
         return {n: float(np.interp(station, self.station, getattr(self, n))) for n in names}
+
+    def vertical_curvature(self, station: float) -> float:
+        """Change of grade along the way, of the segment that a station is in [1/m]."""
+        if len(self.station) < 2 or not self.station[0] <= station <= self.station[-1]:
+            return 0.0
+        i = int(np.searchsorted(self.station, station, "right")) - 1
+        i = min(max(i, 0), len(self.station) - 2)
+        rise = float(self.grade[i + 1] - self.grade[i])
+        return rise / float(self.station[i + 1] - self.station[i])
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +145,7 @@ def simulate_stop(
     on = model.braking.on(surface) if surface else model.braking
     motion = effects.motion(model.effect, on.sliding_friction, heat)
     onset = station + speed * on.dead_time
+    crests = effects.crest_share(model.effect)
 
     def rates(_: float, state: Floats) -> list[float]:
         s, v, f, q = state
@@ -146,6 +156,8 @@ def simulate_stop(
             cap = wheel_lockup.friction_cap(place["grade"], place["roll"], motion.friction)
             force = min(force, float(cap))
         rolling = max(v, 0.0)
+        if crests is not None:
+            force *= float(crest.kept_force(rolling, track.vertical_curvature(s), crests))
         decel = float(braking.deceleration(force, place["grade"]))
         decel += effects.motion_deceleration(rolling, place["curvature"], place["yaw"], motion)
         growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0

@@ -16,6 +16,7 @@ from models import effects
 from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.compiled import Bools, Floats
+from planner.crests import over_crests
 from planner.force_margins import capped, ground_terms, widened
 from planner.forces import on_many_surfaces, on_one_surface
 from planner.knowledge import knowledge_of
@@ -124,4 +125,7 @@ def ground_along(
         # Drag needs no friction: it adds to a force that is capped.
         drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
         forces = forces._replace(strong_rest=forces.strong_rest + drag)
+    if known.crests is not None:
+        lever = model.vehicle.cg_z / (model.vehicle.wheelbase - model.vehicle.cg_x)
+        forces = over_crests(forces, profile, known.crests, lever, lagged=motion.lag > 0.0)
     return Ground(*forces, push, motion, known.closed_form)

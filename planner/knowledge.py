@@ -30,6 +30,7 @@ class Knowledge:
         margins: (S, 4, 4) as of :func:`planner.force_margins.margins`; None where all are zero.
         motion: terms that act on the motion itself, without friction, brakes cold.
         slides: friction caps the force of some surface.
+        crests: share of the load lost over a crest that the force loses as well; None: not known.
         closed_form: nothing acts on the motion, and all surfaces have one slowest speed.
     """
 
@@ -38,6 +39,7 @@ class Knowledge:
     margins: Floats | None
     motion: effects.Motion
     slides: bool
+    crests: float | None
     closed_form: bool
 
 
@@ -71,5 +73,6 @@ def _gather(
         doubt if doubt is not None and doubt.any() else None,
         motion,
         bool(np.isfinite(table[:, FRICTION]).any()),
+        effects.crest_share(model.effect),
         motion == effects.NO_MOTION and bool(np.ptp(table[:, SLOWEST]) == 0.0),
     )

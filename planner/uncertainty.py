@@ -22,6 +22,7 @@ _WEAKER: dict[str, dict[str, float]] = {
     "turning_resistance": {"k": -1.0},
     "brake_lag": {"tau": 1.0},
     "brake_fade": {"k": 1.0, "tau": 1.0},
+    "crest_unloading": {"k": 1.0},
 }
 """Which way a parameter goes for stops to become longer, where that is the same everywhere."""
 

@@ -226,7 +226,12 @@ DECELERATION_TERMS: dict[str, Term] = {  # added to the deceleration
     "viscous_resistance": lambda p, here, v: G * p["c"] * v,
     "turning_resistance": lambda p, here, v: G * p["k"] * abs(here.curvature) * v,
 }
-STATE_EFFECTS = ("brake_lag", "brake_fade", "wheel_lockup")  # change the force, one each
+STATE_EFFECTS = (
+    "brake_lag",
+    "brake_fade",
+    "wheel_lockup",
+    "crest_unloading",
+)  # change the force, one each
 
 
 class Coefficients(NamedTuple):
@@ -301,6 +306,7 @@ class Law:
         self.patches: list[Mapping[str, float]] = []
         self.scale, self.lag, self.fade, self.lockup = 1.0, 0.0, 0.0, math.inf
         self.cooling = math.inf
+        self.crests: list[float] = []
         for effect in effects:
             name, p = effect["name"], effect["parameters"]
             if name in FORCE_TERMS:
@@ -317,6 +323,8 @@ class Law:
                 self.lag = p["tau"]
             elif name == "brake_fade":
                 self.fade, self.cooling = p["k"], p["tau"]
+            elif name == "crest_unloading":
+                self.crests.append(p["k"])
             elif name == "wheel_lockup":
                 self.lockup = min(self.lockup, p["mu"])
 
@@ -372,12 +380,18 @@ class Law:
         wanted = [self.wanted(c, here, v, onset) for c in sides]
         least = wanted[0] if len(wanted) == 1 else np.min(wanted, axis=0)
         acting = []
+        kept = 1.0 - sum(self.crests) * self.lost_load(here, v)
         normal = np.cos(here.grade) * np.cos(here.roll)
         for c, force in zip(sides, wanted, strict=True):
             cold = f + (force - least) if self.lag and f is not None else force
             hot = cold / (1.0 + self.fade * q)
-            acting.append(np.minimum(hot, np.minimum(c.friction, self.lockup) * normal))
+            held = np.minimum(hot, np.minimum(c.friction, self.lockup) * normal)
+            acting.append(held * np.maximum(kept, 0.0) if self.crests else held)
         return least, acting
+
+    def lost_load(self, here: Here, v: Values) -> Values:
+        """Share of the weight that a crest takes: the ground falls away with v² dθ/ds."""
+        return v * v * np.maximum(-self.ground.slope[here.segment, 0], 0.0) / G
 
     def deceleration(self, here: Here, force: Values, v: Values) -> Values:
         """Deceleration under a braking force. Source: Braking (2), and the effects."""
@@ -405,6 +419,8 @@ class Law:
         a_y = v**2 * here.curvature / cos_roll
         aside = 2.0 * z / width * (cos_grade * np.sin(here.roll) + a_y / G)
         rear = ((length - x) * weight - shift) / (length - x)
+        if self.crests:
+            rear = rear - self.lost_load(here, v)
         return np.array([rear, weight - abs(aside), (x * weight + shift) / x])
 
     def braking_loads(self, y: np.ndarray, onset: np.ndarray) -> np.ndarray:

@@ -31,6 +31,7 @@ EFFECT_RANGES: dict[str, dict[str, tuple[float, float]]] = {
     "grade_asymmetry": {"k": (-0.3, 0.3)},
     "grade_nonlinearity": {"k": (-0.5, 0.5)},
     "cross_slope": {"k": (-0.2, 0.2)},
+    "crest_unloading": {"k": (0.0, 1.5)},
     "turning_resistance": {"k": (0.0, 0.1)},
     "surface_patch": {"delta": (-0.15, 0.15), "x": (0.0, 8.0), "y": (-1.0, 1.0),
                       "radius": (0.3, 3.0)},

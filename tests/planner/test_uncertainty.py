@@ -311,6 +311,7 @@ EFFECTS = [
     ("grade_asymmetry", {"k": 0.2}),
     ("grade_nonlinearity", {"k": 0.3}),
     ("cross_slope", {"k": 0.1}),
+    ("crest_unloading", {"k": 0.8}),
     ("surface_patch", {"delta": -0.1, "x": 4.0, "y": 0.0, "radius": 2.0}),
     ("directional_surface", {"k": 0.05, "direction": 0.0}),
     ("step_change", {"delta": -0.05}),
