@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from benchmarks.closed_loop.quad import QUAD
 from benchmarks.closed_loop.route import Route
 from benchmarks.closed_loop.terrain import RESOLUTION, Terrain
 from planner.compiled import Floats
@@ -25,7 +26,7 @@ _KINDS: tuple[Kind, ...] = ("forced", "obstacle", "unknown")
 _SHARES = (0.8, 0.1, 0.1)
 _STRETCH = (5.0, 12.0)  # [m] over which the range of sight stays the same
 _SIGHT = (2.0, 7.0)  # [m]
-_FOOTPRINT = 0.7  # [m] from the middle of the wheelbase to where the front wheels touch
+_FOOTPRINT = 1.0  # [m] no wheel is farther from the middle of the wheelbase
 
 
 @dataclass(slots=True)
@@ -37,12 +38,14 @@ class Happening:
             slammed on; ``obstacle``: a wall comes into view; ``unknown``: a hole in the map.
         trigger: station of the vehicle at which it happens [m].
         barrier: station that the middle of the wheelbase must not pass [m].
+        centre: station of the middle of the hole; NaN without one [m].
         over: it is gone.
     """
 
     kind: Kind
     trigger: float
     barrier: float
+    centre: float = float("nan")
     over: bool = False
     active: bool = field(default=False)
 
@@ -82,13 +85,27 @@ class Course:
             elif kind == "obstacle":
                 found.append(Happening("obstacle", 0.0, at))
             else:
-                found.append(Happening("unknown", 0.0, at - UNKNOWN_RADIUS - _FOOTPRINT))
+                found.append(Happening("unknown", 0.0, self._edge_of_hole(at), at))
         standing = [h.barrier for h in found if h.kind != "forced"]
         for h in found:
             if h.kind == "forced":
                 later = [b for b in standing if b > h.trigger]
                 h.barrier = min([h.barrier, *later])
         return found
+
+    def _edge_of_hole(self, centre: float) -> float:
+        """Station at which the first wheel comes to a hole around a station [m]."""
+        route = self._route
+        near = np.abs(route.station - centre) < UNKNOWN_RADIUS + _FOOTPRINT
+        x, y = (route.at(centre, c) for c in (route.x, route.y))
+        cos, sin = np.cos(route.heading[near]), np.sin(route.heading[near])
+        reached = np.zeros(len(cos), np.bool_)
+        for ahead in (0.5 * QUAD.wheelbase, -0.5 * QUAD.wheelbase):
+            for aside in (0.5 * QUAD.track_width, -0.5 * QUAD.track_width):
+                dx = route.x[near] + ahead * cos - aside * sin - x
+                dy = route.y[near] + ahead * sin + aside * cos - y
+                reached |= np.hypot(dx, dy) < UNKNOWN_RADIUS
+        return float(route.station[near][np.argmax(reached)])
 
     def reach(self, station: float) -> float:
         """Station up to which the way is seen to be free from a station [m]."""
@@ -132,7 +149,6 @@ class Course:
         along = RESOLUTION * np.arange(len(terrain.height))
         cells = np.zeros(terrain.height.shape, np.bool_)
         for hole in holes:
-            centre = hole.barrier + UNKNOWN_RADIUS + _FOOTPRINT
-            x, y = (self._route.at(centre, c) for c in (self._route.x, self._route.y))
+            x, y = (self._route.at(hole.centre, c) for c in (self._route.x, self._route.y))
             cells |= np.hypot(along[None, :] - x, along[:, None] - y) < UNKNOWN_RADIUS
         return cells

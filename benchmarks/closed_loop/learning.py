@@ -3,9 +3,9 @@
 Onset and deceleration follow from how stopping time and distance go together. Then each stop has
 a force ratio, gravity taken out, and one joint least squares over [v θ, θ, v, 1] a surface gives
 the four coefficients (Braking (9)–(10), the gravity-free form). One more column, the size of the
-roll, is the effect `cross_slope`: tyres that hold a vehicle sideways brake less. The grade is the
-map's: the body dives under braking, and its pitch would make the ground look steeper downhill than
-it is.
+roll, is the effect `cross_slope`: tyres that hold a vehicle sideways brake less; another, the load
+that crests take, is the effect `crest_unloading`. The grade is the map's: the body dives under
+braking, and its pitch would make the ground look steeper downhill than it is.
 
 What the stops then go beyond the model is covered in two parts: by a share of the force, for what
 grows with the square of the speed, and by the safety offset (Braking (12)), for what does not.
@@ -56,11 +56,13 @@ def fit(samples: list[StopSample], name: str) -> Model:
     )
     found, _, _, _ = np.linalg.lstsq(columns * weight[:, None], force * weight, rcond=None)
     left = force - columns @ found
-    bread = np.linalg.inv(columns.T @ (weight[:, None] ** 2 * columns))
+    # Stops on even slopes say nothing on crests: then nothing is said.
+    bread = np.linalg.pinv(columns.T @ (weight[:, None] ** 2 * columns), hermitian=True)
     # Stops scatter by their force, whatever their weight: the sandwich form.
     meat = columns.T @ ((weight**2 * left)[:, None] ** 2 * columns)
     covariance = bread @ meat @ bread
-    lean = min(float(found[-1]), 0.0)
+    # Neither may help: a cross slope and a crest only take away.
+    lean, crest = min(float(found[-2]), 0.0), max(float(found[-1]), 0.0)
     tables = {}
     for i, (surface, own) in enumerate(zip(surfaces, groups, strict=True)):
         four = slice(4 * i, 4 * i + 4)
@@ -68,7 +70,7 @@ def fit(samples: list[StopSample], name: str) -> Model:
         moved = weight[[s.surface == surface for s in ordered]]
         fastest = b.speed_range[1]
         level = fastest**2 / (2.0 * GRAVITY * b.level_force(fastest) ** 2)
-        margin, offset = _cover(residuals(own, b, lean), moved, level)
+        margin, offset = _cover(residuals(own, b, lean, crest), moved, level)
         tables[surface] = replace(b, b_b=b.b_b - margin, distance_offset=offset)
     # On ground of no known surface the weakest of all holds.
     weakest = min(tables.values(), key=lambda b: b.level_force(2.0))
@@ -82,7 +84,7 @@ def fit(samples: list[StopSample], name: str) -> Model:
             for surface, b in tables.items()
         },
     )
-    return _model(name, base, lean)
+    return _model(name, base, lean, crest)
 
 
 def dead_time_of(samples: list[StopSample]) -> float:
@@ -96,15 +98,20 @@ def dead_time_of(samples: list[StopSample]) -> float:
 
 
 def _regression(samples: list[StopSample], dead_time: float) -> tuple[Floats, Floats, Floats]:
-    """Columns [v θ, θ, v, 1, |φ|], F_b/W, and how far each stop moves with its force [m]."""
+    """Columns [v θ, θ, v, 1, |φ|, −crest F_b/W], F_b/W, and how far stops move with it [m]."""
     speed = np.array([s.speed for s in samples])
-    grade = np.array([s.grade for s in samples])
+    # What a stop lasts tells the force on average over its time, so the ground counts by time too.
+    sine = np.array([np.mean(np.sin(s.while_braking(s.track.grade, dead_time))) for s in samples])
+    grade = np.arcsin(sine)
     lean = np.array([s.lean for s in samples])
+    crest = np.array([s.crest(dead_time) for s in samples])
     time = np.array([s.stop_time for s in samples])
     slowing = braking.mean_deceleration(speed, dead_time, np.maximum(time, 1.5 * dead_time))
     force = braking.force_ratio_of_deceleration(slowing, grade)
     weight = GRAVITY * speed**2 / (2.0 * slowing**2) * (time > 1.5 * dead_time)
-    columns = np.column_stack((speed * grade, grade, speed, np.ones_like(speed), lean))
+    columns = np.column_stack(
+        (speed * grade, grade, speed, np.ones_like(speed), lean, -crest * force)
+    )
     return columns, force, weight
 
 
@@ -145,15 +152,16 @@ def _cover(beyond: Floats, weight: Floats, level: float) -> tuple[float, float]:
     return float(answer.x[0]), float(answer.x[1])
 
 
-def residuals(samples: list[StopSample], b: Braking, lean: float) -> Floats:
+def residuals(samples: list[StopSample], b: Braking, lean: float, crest: float) -> Floats:
     """How much farther each stop went than the model says, without its offset, (n,) [m]."""
-    model = _model("fit", b, lean)
+    model = _model("fit", b, lean, crest)
     beyond = [s.distance - simulate_stop(model, s.track, s.speed).distance for s in samples]
     return np.array(beyond)
 
 
-def _model(name: str, b: Braking, lean: float) -> Model:
-    effect = Effect(name="cross_slope", parameters={"k": lean}, source="stops of the closed loop")
-    return Model(
-        name=name, vehicle=QUAD, braking=b, terrain=ROLLING, limits=LIMITS, effect=(effect,)
+def _model(name: str, b: Braking, lean: float, crest: float) -> Model:
+    effects = tuple(
+        Effect(name=effect, parameters={"k": k}, source="stops of the closed loop")
+        for effect, k in (("cross_slope", lean), ("crest_unloading", crest))
     )
+    return Model(name=name, vehicle=QUAD, braking=b, terrain=ROLLING, limits=LIMITS, effect=effects)

@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.closed_loop.drive import Drive, Trace
 from benchmarks.closed_loop.terrain import SURFACES
+from models.crest import load_loss
 from models.simulation import Track
 from planner.compiled import Floats, Ints
 
@@ -57,6 +58,23 @@ class StopSample:
     def lean(self) -> float:
         """Size of the roll, averaged over the way [rad]."""
         return float(np.mean(np.abs(self._along(self.track.roll))))
+
+    def while_braking(self, values: Floats, dead_time: float) -> Floats:
+        """A column of the track at even steps of time from onset to rest, braked evenly."""
+        left = 1.0 - (np.arange(20) + 0.5) / 20.0
+        onset = min(self.speed * dead_time, 0.9 * self.distance)
+        where = onset + (self.distance - onset) * (1.0 - left**2)
+        found: Floats = np.interp(where, self.track.station, values)
+        return found
+
+    def crest(self, dead_time: float) -> float:
+        """Share of the weight that crests took, averaged over the time of braking."""
+        left = 1.0 - (np.arange(20) + 0.5) / 20.0
+        station, grade = self.track.station, self.track.grade
+        bend = np.diff(grade) / np.diff(station)
+        there = np.searchsorted(station, self.while_braking(station, dead_time), "right") - 1
+        lost = load_loss(self.speed * left, bend[np.minimum(there, len(bend) - 1)])
+        return float(np.mean(lost))
 
     def _along(self, values: Floats) -> Floats:
         where = np.linspace(0.0, self.distance, 20)

@@ -14,6 +14,7 @@ from models.vehicle import Vehicle
 _AHEAD, _AHEAD_TIME = 1.0, 0.35  # [m], [s] look-ahead of the pursuit
 _GAIN, _RESET = 3.0, 1.5  # [1/s], [1/s²]
 _MOST_WINDUP = 1.0  # [m/s²]
+_STANDING, _BREAKAWAY = 0.05, 0.5  # [m/s], [m/s³]
 _ROLLING = 0.05  # share of the weight that is fed forward
 _BRAKE = 0.45  # force of full brakes as share of the weight, roughly
 
@@ -59,6 +60,9 @@ class Tracker:
         error = wanted - state.speed
         resting = wanted < 0.02 and command.accel <= 0.0
         windup = self._windup + _RESET * error * TICK
+        if abs(state.speed) < _STANDING and not resting:
+            # It stands and should not: more thrust until it breaks away.
+            windup += _BREAKAWAY * TICK
         self._windup = min(max(windup, -_MOST_WINDUP), _MOST_WINDUP)
         accel = command.accel + _GAIN * error + self._windup
         share = accel / GRAVITY - math.sin(state.pitch) + (0.0 if resting else _ROLLING)

@@ -41,6 +41,7 @@ def test_an_exact_law_is_found_again() -> None:
     assert dead_time_of(samples) == pytest.approx(DEAD_TIME, abs=1e-9)
     assert (b.m_m, b.b_m, b.m_b, b.b_b) == pytest.approx((-0.02, -0.1, 0.01, 0.45), abs=1e-6)
     assert model.effect[0].parameters["k"] == pytest.approx(-0.1, abs=1e-6)
+    assert model.effect[1].parameters["k"] == pytest.approx(0.0, abs=1e-9)
     assert b.distance_offset < 1e-3
 
 
@@ -48,7 +49,7 @@ def test_scatter_is_covered_and_no_more_than_needed() -> None:
     samples = made_up(150, scatter=0.02)
     model = fit(samples, "made up")
     b = model.braking.on("firm")
-    beyond = residuals(samples, b, model.effect[0].parameters["k"])
+    beyond = residuals(samples, b, *(effect.parameters["k"] for effect in model.effect))
     assert beyond.max() <= b.distance_offset + 1e-9
     assert 0.0 < b.distance_offset - beyond.mean() < 0.3
 
