@@ -34,6 +34,9 @@ _FEWEST_POINTS = 3
 _FARTHEST = 1e9
 """Coordinates beyond that are none [m]."""
 
+_FASTEST = 1e3
+"""Speeds beyond that are none [m/s]."""
+
 
 class _Client:
     """A client's horizon; one question at a time."""
@@ -110,6 +113,11 @@ class PlanService:
             raise InputError(source, "paths", f"expected at most {most} candidates, {found}")
         if request.client and request.pose is None:
             raise InputError(source, "pose", "expected x, y, heading of a named client, got none")
+        if not abs(request.speed) <= _FASTEST:
+            found = f"got {request.speed:g} m/s"
+            raise InputError(source, "speed", f"expected at most {_FASTEST:g} m/s, {found}")
+        if request.pose is not None and not max(map(abs, request.pose)) <= _FARTHEST:
+            raise InputError(source, "pose", f"expected coordinates of at most {_FARTHEST:g} m")
         if not request.client and request.speed < 0.0:
             found = f"got {request.speed:g} m/s"
             raise InputError(source, "speed", f"expected a speed >= 0 without a client, {found}")

@@ -189,6 +189,17 @@ def test_right_messages_are_taken(key: str, tmp_path: Path) -> None:
         assert own.handle(key, payload, encoding) in _ACCEPTED
 
 
+@pytest.mark.parametrize("field", ["speed", "session_time", "brake_heat", "clear", "pose"])
+@pytest.mark.parametrize("value", [1e300, 1e15, -1e300])
+@pytest.mark.parametrize("client", ["", "c"])
+def test_numbers_that_are_no_quantities(desk: Desk, field: str, value: float, client: str) -> None:
+    raw = {"speed": 1.0, "paths": [{"name": "a", "points": _POINTS.tolist()}], "client": client}
+    raw |= {"pose": [0.0, 0.0, 0.0]} | {field: [value] * 3 if field == "pose" else value}
+    assert desk.handle("plan", msgspec.json.encode(raw), "application/json") in (
+        "error", *_ACCEPTED,
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("key", KEYS)
 def test_nothing_malformed_crashes_or_is_learned_from(key: str, desk: Desk) -> None:
     became = fuzz(key, 1, 400, desk)
