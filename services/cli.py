@@ -36,11 +36,16 @@ app = typer.Typer(
 )
 
 MapFile = Annotated[
-    Path, typer.Argument(metavar="MAP", help="Elevation map: GeoTIFF in metres, or .npz.")
+    Path,
+    typer.Argument(
+        metavar="MAP", help="Elevation map: GeoTIFF in metres, .npz, or GridMap in a bag."
+    ),
 ]
 PathFile = Annotated[
     Path,
-    typer.Argument(metavar="PATHS", help="Candidates: CSV with x,y[,candidate] or GeoJSON lines."),
+    typer.Argument(
+        metavar="PATHS", help="Candidates: CSV with x,y[,candidate], GeoJSON, or a bag."
+    ),
 ]
 LogFiles = Annotated[
     list[Path],
@@ -103,6 +108,10 @@ def plan(
         bool, typer.Option("--explain", help="Say what the best candidate loses to each bound.")
     ] = False,
     smooth: Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")] = True,
+    topics: Annotated[
+        Path | None,
+        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="plan.csv", help="Write all plans, a row a station.")
     ] = None,
@@ -134,6 +143,7 @@ def plan(
         command.with_spacing(settings, spacing),
         command.uncertainty_at(quantile),
         explain,
+        topics,
     )
     result = command.run(job, quiet=as_json)
     if out is not None:
@@ -454,6 +464,48 @@ def query(
     _print(as_json, lambda: command.as_json(outcome), lambda screen: command.show(outcome, screen))
     if not command.admissible(outcome):
         raise typer.Exit(NO_ADMISSIBLE)
+
+
+@app.command()
+def params(
+    group: Annotated[
+        str, typer.Argument(help="braking, braking.SURFACE, terrain or limits; all if left out.")
+    ] = "",
+    history: Annotated[
+        bool,
+        typer.Option("--history", help="The last changes: when, who or what, to which values."),
+    ] = False,
+    most: Annotated[int, typer.Option(min=1, max=10_000, help="Changes that are listed.")] = 20,
+    rollback: Annotated[
+        int | None,
+        typer.Option(metavar="VERSION", help="Go back to how GROUP, or all, was at a version."),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter of GROUP; repeat it."),
+    ] = None,
+    connect: Connect = "tcp/127.0.0.1:7447",
+    namespace: Namespace = "slopewise/robot",
+    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")] = 2.0,
+    zenoh_file: ZenohFile = "",
+    as_json: AsJson = False,
+) -> None:
+    """Read the parameters of a running service, set them, or go back to an earlier version.
+
+    Limits may be set tighter than in the model file, not wider; braking above it counts in plans
+    once stops confirm it.
+
+    [bold]Examples[/]  slopewise params braking --history
+              slopewise params limits --set speed=1.5
+    """
+    from services.commands import params as command
+
+    job = command.ParamsJob(
+        connect, namespace, timeout, zenoh_file, group, most if history else 0, rollback,
+        tuple(changes or ()),
+    )  # fmt: skip
+    reply = command.run(job)
+    _print(as_json, lambda: command.as_json(reply), lambda screen: command.show(reply, job, screen))
 
 
 @app.command()
