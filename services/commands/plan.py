@@ -27,7 +27,8 @@ from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 from planner.uncertainty import Uncertainty
 from services.commands import explain_view
-from services.files.map_file import map_info, read_map
+from services.files.bag import is_bag
+from services.files.map_file import frame_of, map_info, read_map
 from services.files.model_file import find_model, read_model
 from services.files.path_file import check_paths_on_map, read_paths
 from services.files.plan_file import write_plan_csv
@@ -53,6 +54,7 @@ class PlanJob:
     settings: PlannerSettings = field(default_factory=PlannerSettings)
     uncertainty: Uncertainty | None = None
     explain: bool = False
+    topics: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +81,12 @@ def run(job: PlanJob, *, quiet: bool = False) -> PlanResult:
         InputError: names file and field.
     """
     model = read_model(find_model(job.model_file))
-    paths = read_paths(job.path_file)
-    info = map_info(job.map_file)
+    topics = _topics(job)
+    paths = read_paths(job.path_file, topics, frame_of(job.map_file, topics))
+    info = map_info(job.map_file, topics)
     check_paths_on_map(paths, info.extent, str(job.path_file), str(job.map_file))
     margin = model.vehicle.wheelbase + model.vehicle.track_width + 2.0 * info.resolution
-    elevation_map = read_map(job.map_file, around=_around(paths, margin))
+    elevation_map = read_map(job.map_file, around=_around(paths, margin), topics=topics)
     return plan_on(elevation_map, paths, model, job, source=str(job.path_file), quiet=quiet)
 
 
@@ -120,6 +123,13 @@ def plan_on(
             start_speed=job.start_speed, clear=job.clear,
         )  # fmt: skip
     return PlanResult(ranked, elevation_map, model, seconds, job.uncertainty, explanation)
+
+
+def _topics(job: PlanJob) -> Path | None:
+    if job.topics is not None and not (is_bag(job.map_file) or is_bag(job.path_file)):
+        words = "expected a recording with a topic mapping, got files of other kinds"
+        raise InputError(str(job.topics), "", words)
+    return job.topics
 
 
 def _around(paths: list[CandidatePath], margin: float) -> tuple[float, float, float, float]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.files.access import fault, reason
+from services.files.bag import folder_of
 from services.files.bag_topics import Channel, read_topics
 from services.files.drive_log import DriveLog, log_of_tables
 from services.files.table import Table
@@ -51,7 +52,7 @@ def _table(path: Path, channels: dict[str, Channel], mapping: str) -> Table:
 
 
 def _name(path: Path) -> str:
-    return path.name if path.is_dir() or not _folder_of(path) else path.parent.name
+    return path.name if path.is_dir() or not folder_of(path) else path.parent.name
 
 
 def _at(time: Floats, times: Floats, values: Floats, hold: bool) -> Floats:
@@ -74,7 +75,7 @@ def _series(
     found: dict[str, tuple[list[float], list[float]]] = {name: ([], []) for name in channels}
     store = get_typestore(Stores.ROS2_JAZZY)
     try:
-        with AnyReader([_folder_of(path) or path], default_typestore=store) as reader:
+        with AnyReader([folder_of(path) or path], default_typestore=store) as reader:
             wanted = {channel.topic for channel in channels.values()}
             here = [c for c in reader.connections if c.topic in wanted]
             _check_topics(path, channels, {c.topic for c in reader.connections}, mapping)
@@ -91,12 +92,6 @@ def _series(
         if not times:
             raise fault(path, f"topic {channels[name].topic}", "expected messages, got none")
     return {name: _ordered(name, *series) for name, series in found.items()}
-
-
-def _folder_of(path: Path) -> Path | None:
-    """The folder of a recording that a file belongs to."""
-    inside = path.is_file() and (path.parent / "metadata.yaml").is_file()
-    return path.parent if inside else None
 
 
 def _check_topics(path: Path, channels: dict[str, Channel], there: set[str], mapping: str) -> None:

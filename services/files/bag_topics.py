@@ -1,4 +1,4 @@
-"""Topic mappings: which messages of a recording hold which column of a drive log."""
+"""Topic mappings: which messages of a recording hold map, candidates, columns of a drive log."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import tomllib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
@@ -15,6 +16,7 @@ from services.files.drive_log import REQUIRED
 
 ATTITUDE = ("roll", "pitch", "yaw")
 _NO_COLUMN = ("run", "t")
+_SOURCES = ("map", "paths")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +45,54 @@ class Channel:
             raise ParameterError("field", "position, velocity or effort for a joint")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapSource:
+    """Where the elevation map is.
+
+    Attributes:
+        topic: of grid maps; empty: the only one. layer: of the heights; empty: `elevation`.
+        message: its number from 0, -1 for the last.
+    """
+
+    topic: str = ""
+    layer: str = ""
+    message: int = -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathSource:
+    """Where candidates are: topics of paths, all if none is named.
+
+    Attributes:
+        all_messages: each message is a candidate, not only the last of each topic.
+    """
+
+    topics: tuple[str, ...] = ()
+    all_messages: bool = False
+
+
+def read_sources(path: Path | None) -> tuple[MapSource, PathSource]:
+    """Where map and candidates are; without a mapping, what there is one of.
+
+    Raises:
+        InputError: names the file and the dotted key.
+    """
+    if path is None:
+        return MapSource(), PathSource()
+    tables = _tables(path)
+    return (
+        decode_table(MapSource, tables.get("map", {}), str(path), "map"),
+        decode_table(PathSource, tables.get("paths", {}), str(path), "paths"),
+    )
+
+
+def _tables(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(read_text(path))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
+
+
 def read_topics(path: Path | None) -> tuple[dict[str, Channel], str]:
     """The mapping by column, and the name of its file; without one, the mapping that is shipped.
 
@@ -50,12 +100,10 @@ def read_topics(path: Path | None) -> tuple[dict[str, Channel], str]:
         InputError: names the file and the dotted key.
     """
     path = path or Path(str(resources.files("configs") / "topics.toml"))
-    try:
-        tables = tomllib.loads(read_text(path))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
     channels = {}
-    for column, table in tables.items():
+    for column, table in _tables(path).items():
+        if column in _SOURCES:
+            continue
         if column in _NO_COLUMN:
             raise fault(path, dotted("", column), "expected a measured column, this one is made")
         channel = decode_table(Channel, table, str(path), dotted("", column))

@@ -6,14 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from services.files.access import fault
+from services.files.bag import is_bag
 from services.files.drive_log import DriveLog, read_drive_log
-
-_BAGS = (".mcap", ".db3")
-
-
-def is_bag(path: Path) -> bool:
-    """A ROS 2 recording: a file of one, or its folder."""
-    return path.suffix.lower() in _BAGS or (path / "metadata.yaml").is_file()
 
 
 def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:

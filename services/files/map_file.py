@@ -1,4 +1,4 @@
-"""Elevation maps from GeoTIFF or .npz files, whole or only around where they are needed."""
+"""Elevation maps from GeoTIFF, .npz or ROS 2 recordings, whole or only around where needed."""
 
 from __future__ import annotations
 
@@ -12,37 +12,43 @@ from planner.compiled import Ints
 from planner.elevation_map import ElevationMap
 from services.files import geotiff_file, npz_map_file
 from services.files.access import fault
+from services.files.bag import is_bag
 from services.files.grid import MAX_CELLS, Around, MapInfo, in_words
 from services.files.npz_map_file import write_map_npz
 
-__all__ = ["MapInfo", "map_info", "read_map", "write_map_npz"]
+__all__ = ["MapInfo", "frame_of", "map_info", "read_map", "write_map_npz"]
 
 _GEOTIFF = (".tif", ".tiff", ".gtiff")
-_BAGS = (".mcap", ".db3", ".bag")
 _HIGHEST = 1e5  # [m] beyond that it is a marker for missing data that nobody declared
 
 
-def map_info(path: Path) -> MapInfo:
-    """Grid of a map file, without reading its heights.
+def map_info(path: Path, topics: Path | None = None) -> MapInfo:
+    """Grid of a map file; heights are read of a recording only.
 
     Raises:
         InputError: not a map in metres.
     """
+    if is_bag(path):
+        ground = _recorded(path, topics)
+        return MapInfo(*ground.elevation.shape, ground.resolution, ground.origin)
     return _reader(path)(path)
 
 
-def read_map(path: Path, *, around: Around | None = None) -> ElevationMap:
+def read_map(
+    path: Path, *, around: Around | None = None, topics: Path | None = None
+) -> ElevationMap:
     """An elevation map, or the part of it that holds all heights within ``around``.
 
     Args:
-        path: GeoTIFF or .npz file.
+        path: GeoTIFF or .npz file, or a recording with grid maps.
         around: (x_min, x_max, y_min, y_max) [m] with the margin that the caller needs, such as the
             vehicle's footprint. Of a GeoTIFF only that part is read.
+        topics: topic mapping of a recording.
 
     Raises:
         InputError: not a map in metres, ``around`` is off the map, or no cell is known.
     """
-    info = map_info(path)
+    info = map_info(path, topics)
     cells: tuple[slice, slice] | None = slice(0, info.rows), slice(0, info.columns)
     if around is not None:
         cells = info.cells_around(around)
@@ -56,7 +62,9 @@ def read_map(path: Path, *, around: Around | None = None) -> ElevationMap:
         raise fault(path, "", f"expected at most {MAX_CELLS} cells at once, got {size}")
     classes: Ints | None = None
     names: tuple[str, ...] = ("",)
-    if _is_geotiff(path):
+    if is_bag(path):
+        heights = _recorded(path, topics).elevation[cells]
+    elif _is_geotiff(path):
         heights = geotiff_file.read_elevation(path, *cells)
     else:
         heights, classes, names = npz_map_file.read_layers(path)
@@ -78,18 +86,29 @@ def read_map(path: Path, *, around: Around | None = None) -> ElevationMap:
         raise fault(path, error.field, f"expected {error.expected}") from None
 
 
+def frame_of(path: Path, topics: Path | None = None) -> str:
+    """The frame that a recorded map is in; empty for other maps, and where it says none."""
+    if not is_bag(path):
+        return ""
+    from services.files.bag_map import elevation_map_of_recorded
+
+    return elevation_map_of_recorded(path, topics)[1]
+
+
+def _recorded(path: Path, topics: Path | None) -> ElevationMap:
+    from services.files.bag_map import read_bag_map
+
+    return read_bag_map(path, topics)
+
+
 def _is_geotiff(path: Path) -> bool:
     return path.suffix.lower() in _GEOTIFF
 
 
 def _reader(path: Path) -> Callable[[Path], MapInfo]:
-    suffix = path.suffix.lower()
-    if suffix in _BAGS or (path.is_dir() and any(path.glob("metadata.yaml"))):
-        later = "bags are read by an extra that is not available yet"
-        raise fault(path, "", f"expected a GeoTIFF or .npz file, got a bag: {later}")
     if _is_geotiff(path):
         return geotiff_file.read_info
-    if suffix == ".npz":
+    if path.suffix.lower() == ".npz":
         return npz_map_file.read_info
     found = "a directory" if path.is_dir() else f"the name {path.name!r}"
-    raise fault(path, "", f"expected a GeoTIFF (.tif) or .npz file, got {found}")
+    raise fault(path, "", f"expected a GeoTIFF (.tif), .npz or ROS 2 recording, got {found}")

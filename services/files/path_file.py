@@ -1,4 +1,4 @@
-"""Candidate paths: CSV with header x,y[,candidate,speed_limit,yaw], or GeoJSON.
+"""Candidate paths: CSV with header x,y[,candidate,speed_limit,yaw], GeoJSON, ROS 2 recordings.
 
 Coordinates are those of the map [m], speed limits [m/s], yaw [rad].
 """
@@ -13,6 +13,7 @@ import numpy as np
 from models.errors import ParameterError
 from planner.path import CandidatePath
 from services.files.access import fault
+from services.files.bag import is_bag
 from services.files.geojson_file import read_geojson_paths
 from services.files.grid import Around, in_words
 from services.files.table import Floats, Table, read_csv, write_csv
@@ -20,14 +21,22 @@ from services.files.table import Floats, Table, read_csv, write_csv
 _OPTIONAL = {"speed_limit": "m/s", "yaw": "rad"}
 
 
-def read_paths(path: Path) -> list[CandidatePath]:
+def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
     """All candidates of a file, in the order in which they first appear.
+
+    Args:
+        path: CSV, GeoJSON, or a recording with nav_msgs/Path.
+        topics: topic mapping of a recording; frame: that its paths have to be in, if any.
 
     Raises:
         InputError: names the row and column, or the feature, that cannot be used.
     """
     if path.suffix.lower() in (".geojson", ".json"):
         return read_geojson_paths(path)
+    if is_bag(path):
+        from services.files.bag_map import read_bag_paths
+
+        return read_bag_paths(path, topics, frame)
     table = read_csv(path)
     table.require(("x", "y"))
     points = np.stack((table.numbers("x", "m"), table.numbers("y", "m")), axis=1)

@@ -277,17 +277,12 @@ def test_files_that_are_no_map(tmp_path: Path) -> None:
             with fault_in(tmp_path / name, "", f"expected an {kind}, got something else"):
                 read_map(tmp_path / name)
     (tmp_path / "m.csv").write_text("1 2 3")
-    with fault_in(tmp_path / "m.csv", "", "GeoTIFF (.tif) or .npz file, got the name 'm.csv'"):
+    with fault_in(
+        tmp_path / "m.csv", "", "GeoTIFF (.tif), .npz or ROS 2 recording, got the name 'm.csv'"
+    ):
         read_map(tmp_path / "m.csv")
     with fault_in(tmp_path, "", "got a directory"):
         read_map(tmp_path)
-
-
-def test_bags_are_not_read_yet(tmp_path: Path) -> None:
-    (tmp_path / "metadata.yaml").write_text("")
-    for path in (tmp_path, tmp_path / "a.mcap", tmp_path / "a.db3"):
-        with fault_in(path, "", "got a bag", "not available yet"):
-            map_info(path)
 
 
 def test_a_broken_geotiff_says_one_line_and_nothing_else(tmp_path: Path) -> None:
