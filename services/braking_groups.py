@@ -147,7 +147,7 @@ class BrakingGroups:
         drift = self._uncertainty.drift
         older = {name: drift * math.sqrt(age / HOUR) for name, age in ages.items()}
         used = braking_in_use(self._prior, self._online.learned(), older)
-        late = self._dead_time()
+        late = self.dead_time()
         tables = {
             name: table if table.dead_time is None
             else dataclasses.replace(table, dead_time=max(table.dead_time, late))
@@ -155,9 +155,10 @@ class BrakingGroups:
         }  # fmt: skip
         return dataclasses.replace(used, dead_time=max(used.dead_time, late), terrain=tables)
 
-    def _dead_time(self) -> float:
+    def dead_time(self) -> float:
         """Of the last stops the median [s]; brakes that answer sooner are given no credit."""
-        return median(self._dead_times) if len(self._dead_times) > 1 else 0.0
+        late = median(self._dead_times) if len(self._dead_times) > 1 else 0.0
+        return max(self._prior.dead_time, late)
 
     # ------------------------------------------------------------------ groups
 

@@ -118,7 +118,9 @@ class Learner:
         stream = self._streams.pop(source, None)
         if stream is None:
             s = self._settings
-            stream = StopStream(self._prior.braking.dead_time, mount=s.mount, dive=s.dive)
+            stream = StopStream(self._braking.dead_time(), mount=s.mount, dive=s.dive)
+        # Brakes that answer late must not be taken for weak ones.
+        stream.dead_time = self._braking.dead_time()
         self._streams[source] = stream
         while len(self._streams) > _MOST_STREAMS:
             self._streams.pop(next(iter(self._streams)))
