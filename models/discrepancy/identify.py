@@ -20,6 +20,7 @@ from models.discrepancy import screening
 from models.discrepancy.candidates import Candidate, candidates, finer_patches
 from models.discrepancy.hypothesis import Hypothesis, free_parameters
 from models.discrepancy.noise import Noise
+from models.discrepancy.prediction import as_output
 from models.discrepancy.refine import Fit, fit_with_scatter, noise_of, prior_precision, residual
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
@@ -40,6 +41,7 @@ _CLOSER = (
 )  # radii by which patches nearer to the best are moved
 _NEAR = 40.0  # chi square from the best within which an explanation goes on
 _MOVES = 2
+_MORE = 6.0  # chi square that every further effect has to bring beyond its numbers
 _WORTH = 0.4  # of the strongest candidate's chi square, below which another one is left alone
 _STARTS = {"wheel_lockup": 3, "headwind": 2, "brake_fade": 2, "brake_lag": 1}
 _NUMBERS = {"surface_patch": 4, "step_change": 2, "headwind": 3, "brake_fade": 2}
@@ -90,7 +92,8 @@ def numbers(name: str) -> int:
 def score(found: Fit, stops: int) -> float:
     """−2 log likelihood with the price of all chosen numbers."""
     chosen = sum(numbers(name) for name in found.hypothesis.names)
-    return found.deviance + chosen * float(np.log(stops))
+    more = max(len(found.hypothesis.names) - 1, 0)
+    return found.deviance + chosen * float(np.log(stops)) + _MORE * more
 
 
 def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Identified:
@@ -138,7 +141,9 @@ def _again(
     for names, e in known.items():
         if names and e.score > near + 3.0 * _NEAR:
             continue
-        found = fit_with_scatter(table, e.fit.hypothesis, noise, rounds=1)
+        # Speeds are the explanation's own now: noise of the measured ones no longer matters.
+        output = as_output(table, e.fit.hypothesis)
+        found = fit_with_scatter(output, e.fit.hypothesis, noise, rounds=1)
         result[names] = replace(e, fit=found, score=score(found, len(table)))
     return result
 

@@ -10,6 +10,7 @@ Source: Braking (2), (7), (8) with the effects of :mod:`models.effects`.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -251,16 +252,21 @@ def simulate(
 
     Args:
         table: stops. hypothesis: what to believe.
-        speed: (S,) at the command [m/s]. time: (S, M) even steps from the command on [s].
+        speed: (S,) at the command [m/s], held before it. time: (S, M) even steps since it [s].
 
     Returns:
         (S, M) speed, not below 0 [m/s]; (S, M) station since the command [m].
     """
     step = time[:, 1:2] - time[:, :1]
     v = np.repeat(speed[:, None], time.shape[1], axis=1)
-    way = np.zeros_like(v)
-    for _ in range(_SWEEPS):
+
+    def way_of(v: Floats) -> Floats:
+        way = np.zeros_like(v)
         np.cumsum(0.5 * (v[:, 1:] + v[:, :-1]) * step, axis=1, out=way[:, 1:])
+        return way + speed[:, None] * np.minimum(time[:, :1], 0.0)
+
+    for _ in range(_SWEEPS):
+        way = way_of(v)
         fall = predict(table, hypothesis, v, _along(table, way), time)
         again = np.maximum(speed[:, None] - fall, 0.0)
         same = float(np.max(np.abs(again - v))) < _SAME
@@ -268,8 +274,13 @@ def simulate(
         if same:
             break
     v = np.where(np.minimum.accumulate(v, axis=1) > 0.0, v, 0.0)
-    np.cumsum(0.5 * (v[:, 1:] + v[:, :-1]) * step, axis=1, out=way[:, 1:])
-    return v, way
+    return v, way_of(v)
+
+
+def as_output(table: StopTable, hypothesis: Hypothesis) -> StopTable:
+    """The table with the speeds that the hypothesis gives, for a fit to its output."""
+    speed, _ = simulate(table, hypothesis, table.held, table.time)
+    return replace(table, speed=speed)
 
 
 def _along(table: StopTable, way: Floats) -> Ground:

@@ -19,6 +19,7 @@ from models.discrepancy.gap import compared
 from models.discrepancy.hypothesis import Hypothesis
 from models.discrepancy.identify import identify
 from models.discrepancy.locate import follow
+from models.discrepancy.prediction import as_output
 from models.discrepancy.prepare import prepare
 from models.discrepancy.refine import fit_with_noise
 from models.discrepancy.revised import revised
@@ -81,7 +82,8 @@ def investigate_with_evidence(
     advance(1)
     found = identify(table, base, wanted)
     advance(1)
-    left = follow(table, found.best.fit, wanted.seed)
+    output = as_output(table, found.best.fit.hypothesis) if found.best.names else table
+    left = follow(output, found.best.fit, wanted.seed)
     located = follow(table, base, wanted.seed) if found.best.names else left
     decision = decide(table, base, found, left, wanted)
     advance(1)

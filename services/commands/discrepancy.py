@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from dataclasses import asdict, dataclass, replace
+from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +14,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from models.discrepancy.evidence import Evidence
 from models.discrepancy.findings import Findings, Gap
 from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.workflow import STEPS, investigate
+from models.discrepancy.workflow import STEPS, investigate_with_evidence
 from models.errors import ParameterError
 from services.files.access import fault, write_atomic
 from services.files.drive_log import DriveLog
@@ -42,9 +45,10 @@ class DiscrepancyJob:
 
 @dataclass(frozen=True, slots=True)
 class DiscrepancyResult:
-    """What was found, and in which log."""
+    """What was found, what it rests on, and in which log."""
 
     findings: Findings
+    evidence: Evidence
     log: DriveLog
 
 
@@ -64,23 +68,51 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
             ground = ground_grade(log, job.map_file, model.vehicle)
         advance(1)
         try:
-            findings = investigate(
-                log.columns, log.runs, model, ground=ground, settings=job.settings, advance=advance
-            )
+            findings, evidence = investigate_with_evidence(
+                log.columns, log.runs, model, ground=ground, settings=job.settings,
+                source=_source(job), advance=advance,
+            )  # fmt: skip
         except ParameterError as error:
             names = ", ".join(str(path) for path in job.logs)
             raise fault(names, error.field, f"expected {error.expected}") from None
-    return DiscrepancyResult(findings, log)
+    return DiscrepancyResult(findings, evidence, log)
 
 
 def write(result: DiscrepancyResult, job: DiscrepancyJob, folder: Path) -> list[Path]:
     """DIR/discrepancy.json, DIR/model.toml, DIR/report.html; each all or nothing."""
     folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / "discrepancy.json", folder / "model.toml"]
+    from services.report.discrepancy_page import write_report
+
+    files = [folder / name for name in ("discrepancy.json", "model.toml", "report.html")]
     text = json.dumps(as_json(result), allow_nan=False, indent=2, ensure_ascii=False)
     write_atomic(files[0], (text + "\n").encode())
     write_model(result.findings.model, files[1])
+    provenance = {
+        "logs": ", ".join(log.name for log in job.logs),
+        "model so far": job.model_file,
+        "written": f"{datetime.now():%Y-%m-%d %H:%M}",
+    }
+    title = f"{result.findings.model.name} against its log"
+    write_report(files[2], result.findings, result.evidence, title=title, provenance=provenance)
     return files
+
+
+def _source(job: DiscrepancyJob) -> str:
+    """Logs, date and parent of what is added to a model: names with a digest of the bytes."""
+    logs = ", ".join(f"{path.name} {_digest(path)}" for path in job.logs)
+    parent = find_model(job.model_file)
+    return f"slopewise discrepancy {date.today()}; {logs}; parent {parent.name} {_digest(parent)}"
+
+
+def _digest(path: Path) -> str:
+    """First digits of the SHA-256 of a file, or of all files of a recording's folder."""
+    total = hashlib.sha256()
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file():
+            with file.open("rb") as stream:
+                while chunk := stream.read(1 << 20):
+                    total.update(chunk)
+    return total.hexdigest()[:12]
 
 
 def as_json(result: DiscrepancyResult) -> dict[str, Any]:

@@ -73,8 +73,10 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
         while np.isnan(done) or t < done + TAIL:
             theta = ground(s)
             if count % every == 0:
-                rock = 0.0 if np.isnan(done) else -0.05 * np.exp(-(t - done) / 0.1) * np.sin(
-                    (t - done) / 0.04
+                rock = (
+                    0.0
+                    if np.isnan(done)
+                    else -0.05 * np.exp(-(t - done) / 0.1) * np.sin((t - done) / 0.04)
                 )
                 rows.append((t, v + rock, theta, x, y, yaw, rate[i] * (v > 0)))
             share = float(np.clip((t + STEP - world.dead_time) / STEP, 0.0, 1.0))
@@ -110,7 +112,7 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
                     wanted += world.size * np.exp(-v / 0.4)
                 wanted *= friction[i]
                 if "brake_lag" in e:
-                    force += share * STEP * (wanted - force) / e["brake_lag"]["tau"]
+                    force += (wanted - force) * -np.expm1(-share * STEP / e["brake_lag"]["tau"])
                 else:
                     force = wanted
                 given = force
