@@ -39,6 +39,9 @@ KINDS: dict[str, type[Any]] = {
     "terrain": TerrainLabel,
 }
 CHANGES: dict[str, type[Any]] = {"set": SetParameters, "rollback": RollBack}
+_RECALLED = 400
+"""Changes of the past that the page begins with."""
+
 _TICK = 0.5
 _PATIENCE = 2.0
 _FLAGGED_FOR = 60.0
@@ -114,6 +117,7 @@ class ParameterDesk:
     # ------------------------------------------------------------------ own thread
 
     def _work(self) -> None:
+        self._recall()
         while True:
             with self._news:
                 if not self._waiting and not self._closed:
@@ -231,6 +235,23 @@ class ParameterDesk:
                 congestion_control=zenoh.CongestionControl.DROP,
             )
             self._board.learned(_seen(message))
+
+    def _recall(self) -> None:
+        """Hand what was learned before the last start to the page."""
+        question = ParameterQuestion(history=_RECALLED)
+        try:
+            known = parameter_replies.read(self._service, question, self._config.id)
+            for entry in reversed(known.history):
+                self._board.learned(
+                    GroupSeen(
+                        group=entry.group, names=list(entry.values),
+                        value=list(entry.values.values()),
+                        std=[entry.stds.get(name) for name in entry.values], valid=entry.valid,
+                        version=entry.version, cause=entry.cause, at=entry.at,
+                    )
+                )  # fmt: skip
+        except Exception:  # noqa: BLE001 - learning goes on without a picture of its past
+            _log.exception("the page does not show what was learned before")
 
     def _show(self) -> None:
         """Hand stops and the ground to the page."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -108,6 +108,9 @@ def learned(board: Board) -> dict[str, Any]:
 
 def _group(seen: Sequence[GroupSeen]) -> dict[str, Any]:
     last = seen[-1]
+    # By name: in the past a group may have had others.
+    values = [dict(zip(one.names, one.value, strict=True)) for one in seen]
+    stds = [dict(zip(one.names, one.std, strict=True)) for one in seen]
     return {
         "group": last.group,
         "names": list(last.names),
@@ -115,9 +118,14 @@ def _group(seen: Sequence[GroupSeen]) -> dict[str, Any]:
         "version": last.version,
         "cause": last.cause,
         "at": [one.at for one in seen],
-        "value": [[_number(v, 5) for v in one.value] for one in seen],
-        "std": [[None if v is None else _number(v, 5) for v in one.std] for one in seen],
+        "value": [[_known(row, name) for name in last.names] for row in values],
+        "std": [[_known(row, name) for name in last.names] for row in stds],
     }
+
+
+def _known(row: Mapping[str, float | None], name: str) -> float | None:
+    value = row.get(name)
+    return None if value is None else _number(value, 5)
 
 
 def _spread(count: int, most: int) -> NDArray[np.int64]:

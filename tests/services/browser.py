@@ -24,9 +24,14 @@ def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return done
 
 
-def text_of(url: str, width: int = 1400) -> str:
-    """The document after its script ran, as HTML; the script may have had nothing to complain."""
-    return _run(f"--window-size={width},1200", "--dump-dom", url).stdout
+def text_of(url: str, width: int = 1400, tries: int = 5) -> str:
+    """The document once its script has shown all, as HTML; the script had nothing to complain."""
+    for _ in range(tries):
+        shown = _run(f"--window-size={width},1200", "--dump-dom", url).stdout
+        # The browser's clock may run out before a busy machine has answered.
+        if 'data-ready="true"' in shown:
+            return shown
+    raise AssertionError(f"the page was not ready in {tries} tries: {shown[-2000:]}")
 
 
 def screenshot(url: str, file: Path, width: int, height: int = 1500) -> None:

@@ -8,12 +8,14 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from planner.elevation_map import ElevationMap
+from services import wire
 from services.client import PlanClient
 from services.config import PageSettings
 from services.live.board import Board, GroundSeen, GroupSeen, StopSeen
@@ -22,6 +24,8 @@ from services.live.site import Site, Source
 from services.map_store import KnownGround
 from services.messages import Parameters, Status
 from services.messages import Path as Candidate
+from services.observations import Receipt, StopObservation
+from services.wire import Format
 from tests.services import browser
 from tests.services.service_process import Running, fan, flat, free_port, running
 
@@ -119,7 +123,6 @@ def test_the_page_shows_the_plan(asked: str) -> None:
     assert "Answers questions for plans." in shown
     assert "asked by robot" in shown
     assert "limited now by" in shown
-    assert 'data-ready="true"' in shown
     assert "version 1 of" in shown
 
 
@@ -133,6 +136,55 @@ def test_a_page_that_cannot_be_served_stops_nobody(
         PlanClient(session, namespace=started.namespace, timeout=5.0) as client,
     ):
         assert client.plan(1.0, fan(1)).reply is not None
+
+
+def learned(url: str) -> dict[str, Any]:
+    return json.loads(get(f"{url}/learned")[1])
+
+
+def braking(url: str, version: int) -> dict[str, Any]:
+    """The group once it is of that version."""
+    until = time.monotonic() + 10.0
+    while time.monotonic() < until:
+        for group in learned(url)["groups"]:
+            if group["group"] == "braking" and group["version"] >= version:
+                return group
+        time.sleep(0.05)
+    raise AssertionError(learned(url))
+
+
+def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> None:
+    port = free_port()
+    url, page = f"http://127.0.0.1:{port}", f"enabled = true\nport = {port}"
+    store = '[store]\npath = "parameters.db"\n'
+    with running(tmp_path, settings=store, page=page) as started, started.session() as session:
+        for k in range(1, 5):
+            stop = StopObservation(
+                source="s", sequence=k, time=time.monotonic(), speed=2.0, grade=0.0,
+                deceleration=2.5, deceleration_std=0.05, distance=1.4,
+            )  # fmt: skip
+            (reply,) = session.get(
+                started.key("obs/stop"), payload=wire.encode(stop, Format.MESSAGEPACK),
+                encoding=wire.encoding_of(StopObservation, Format.MESSAGEPACK), timeout=5.0,
+            )  # fmt: skip
+        assert reply.ok is not None
+        told = str(reply.ok.encoding)
+        version = wire.decode(Receipt, reply.ok.payload, told, "receipt", 10**6).version
+        before = braking(url, version)
+        stops = learned(url)["stops"]
+        shown = browser.text_of(url)
+    assert len(stops) == 4
+    assert stops[0]["actual"] == 1.4
+    assert stops[0]["predicted"] > 0.0
+    assert shown.count('class="stop') == 4
+    again = free_port()
+    page, url = f"enabled = true\nport = {again}", f"http://127.0.0.1:{again}"
+    with running(tmp_path, settings=store, page=page):
+        after = braking(url, version)
+    assert after["version"] == before["version"]
+    assert after["value"][-1][:4] == before["value"][-1][:4]
+    assert len(before["value"]) > 2
+    assert before["value"][-2][0] in [row[0] for row in after["value"]]
 
 
 @pytest.fixture
