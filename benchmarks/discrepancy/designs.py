@@ -10,8 +10,11 @@ from benchmarks.discrepancy.physics import Stops
 
 DESIGNS = ("mixed", "fast", "steep", "slow", "one-way")
 
-FIELD = (600.0, 400.0)
-"""Where the stops are [m]: so far apart that each has ground of its own, whatever its heading."""
+SPACING = 60.0
+"""Between neighbouring places [m]: no two stops cross, so each has a slope of its own."""
+
+FIELD = (20 * SPACING, 15 * SPACING)
+"""Where the stops are [m]."""
 
 _LONG_PAUSE = 0.05  # share of pauses in which brakes cool
 _CURVED = 0.6  # share of stops in a bend
@@ -52,6 +55,9 @@ def draw(design: str, count: int, scatter: float, rng: np.random.Generator) -> S
     bend = rng.uniform(-_BEND, _BEND, count) / np.maximum(speed, 1.0)
     pause = rng.lognormal(np.log(14.0), 0.5, count)
     pause = np.where(rng.random(count) < _LONG_PAUSE, rng.uniform(120.0, 400.0, count), pause)
+    columns = round(FIELD[0] / SPACING)
+    cell = rng.permutation(columns * round(FIELD[1] / SPACING))[:count]
+    aside = rng.uniform(-0.15, 0.15, (2, count))
     return Stops(
         speed=speed,
         grade=np.maximum(grade, _DOWN),
@@ -61,8 +67,8 @@ def draw(design: str, count: int, scatter: float, rng: np.random.Generator) -> S
         roll=np.clip(rng.normal(0.0, 0.07, count), -0.2, 0.2),
         curvature=np.where(rng.random(count) < _CURVED, bend, 0.0),
         heading=0.4 + rng.uniform(-r.heading, r.heading, count),
-        x=rng.uniform(0.0, FIELD[0], count),
-        y=rng.uniform(0.0, FIELD[1], count),
+        x=SPACING * (cell % columns + 0.5 + aside[0]),
+        y=SPACING * (cell // columns + 0.5 + aside[1]),
         clock=20.0 + np.cumsum(pause + 8.0),
         ambient=rng.uniform(5.0, 35.0, count),
         friction=np.maximum(1.0 + scatter * rng.standard_normal(count), 0.5),

@@ -114,7 +114,7 @@ def _straight(design: str, count: int, scatter: float, rng: np.random.Generator)
 def _nature(what: str, stops: Stops, rng: np.random.Generator) -> Nature:
     strong = float(rng.uniform(0.8, 1.4))
     run = round(len(stops.speed) * rng.uniform(0.35, 0.65))
-    x, y = (float(rng.uniform(110.0, side - 110.0)) for side in FIELD)
+    x, y = (float(rng.uniform(230.0, side - 230.0)) for side in FIELD)
     towards = float(rng.uniform(-np.pi, np.pi))
     changes: dict[str, dict[str, Any]] = {
         "": {},
@@ -123,7 +123,7 @@ def _nature(what: str, stops: Stops, rng: np.random.Generator) -> Nature:
         "air": {"air": 12.0 * strong},
         "wind": {"air": 4.0 * strong, "wind": 7.0, "wind_from": towards},
         "fading brakes": {"fading": 0.004 * strong, "cooling": 150.0},
-        "slippery area": {"slippery": (x, y, 100.0, 0.34 / strong)},
+        "slippery area": {"slippery": (x, y, 200.0, 0.34 / strong)},
         "viscous bearings": {"bearing": 1.6 * strong},
         "slow hydraulics": {"build_up": 0.12 * strong},
         "glazing pads": {"glazing": 0.15 * strong / float(stops.clock[-1])},

@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks.discrepancy.catalogue import HiddenSet, sampled_late
 from benchmarks.discrepancy.designs import draw
+from benchmarks.discrepancy.hidden import FIELDS
 from benchmarks.discrepancy.physics import Floats, Physics, Stops
 from benchmarks.discrepancy.plant import drive
 from benchmarks.discrepancy.sealed import Finding
@@ -21,23 +22,6 @@ from benchmarks.discrepancy.sensing import RATE
 
 WORTH_CLOSING = 1.5
 """Gaps below this many floors have no share that can be told."""
-
-_FIELDS = {
-    "aerodynamic_drag": {"c": "drag"},
-    "viscous_resistance": {"c": "viscous"},
-    "headwind": {"c": "wind_drag", "wind": "wind", "direction": "wind_direction"},
-    "brake_lag": {"tau": "lag"},
-    "brake_fade": {"k": "fade", "tau": "fade_tau"},
-    "wheel_lockup": {"mu": "friction"},
-    "grade_asymmetry": {"k": "asymmetry"},
-    "grade_nonlinearity": {"k": "nonlinearity"},
-    "cross_slope": {"k": "cross_slope"},
-    "turning_resistance": {"k": "turning"},
-    "surface_patch": {"delta": "patch", "x": "patch_x", "y": "patch_y", "radius": "patch_radius"},
-    "directional_surface": {"k": "furrow", "direction": "furrow_direction"},
-    "step_change": {"scale": "step_scale", "delta": "step_delta", "run": "step_run"},
-    "session_drift": {"k": "drift"},
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +88,7 @@ def physics_of(finding: Finding, base: Physics) -> Physics:
 def with_effects(physics: Physics, effects: Iterable[tuple[str, dict[str, float]]]) -> Physics:
     """A world with named effects in it."""
     for name, parameters in effects:
-        fields = _FIELDS[name]
+        fields = FIELDS[name]
         changed = {fields[key]: float(value) for key, value in parameters.items()}
         physics = physics._replace(**changed)
     return physics

@@ -53,6 +53,25 @@ NAMED = (
 )  # fmt: skip
 
 
+FIELDS: dict[str, dict[str, str]] = {
+    "aerodynamic_drag": {"c": "drag"},
+    "viscous_resistance": {"c": "viscous"},
+    "headwind": {"c": "wind_drag", "wind": "wind", "direction": "wind_direction"},
+    "brake_lag": {"tau": "lag"},
+    "brake_fade": {"k": "fade", "tau": "fade_tau"},
+    "wheel_lockup": {"mu": "friction"},
+    "grade_asymmetry": {"k": "asymmetry"},
+    "grade_nonlinearity": {"k": "nonlinearity"},
+    "cross_slope": {"k": "cross_slope"},
+    "turning_resistance": {"k": "turning"},
+    "surface_patch": {"delta": "patch", "x": "patch_x", "y": "patch_y", "radius": "patch_radius"},
+    "directional_surface": {"k": "furrow", "direction": "furrow_direction"},
+    "step_change": {"scale": "step_scale", "delta": "step_delta", "run": "step_run"},
+    "session_drift": {"k": "drift"},
+}
+"""Parameters of the named effects, as a report puts them, and fields of the plant."""
+
+
 @dataclass(frozen=True, slots=True)
 class Hidden:
     """One effect as the plant has it and as a report should put it.
@@ -112,7 +131,7 @@ def _lockup(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Gen
 
 
 def _patch(share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
-    radius = float(rng.uniform(70.0, 110.0))
+    radius = float(rng.uniform(150.0, 230.0))
     x = float(rng.uniform(radius, FIELD[0] - radius))
     y = float(rng.uniform(radius, FIELD[1] - radius))
     delta = sign * share * p.b_b
@@ -146,7 +165,7 @@ def _ambient(
 
 
 def _ripple(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
-    length = float(rng.uniform(150.0, 250.0))
+    length = float(rng.uniform(300.0, 500.0))
     return Hidden("ripple", {"ripple": share * p.b_b, "ripple_length": length})
 
 

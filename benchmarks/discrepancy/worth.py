@@ -8,15 +8,23 @@ which truth and rival differ. Where that is small nobody can name the effect, an
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular, toeplitz
 
-from benchmarks.discrepancy.designs import FIELD
+from benchmarks.discrepancy.hidden import FIELDS
 from benchmarks.discrepancy.physics import Floats, Physics, Stops
 from benchmarks.discrepancy.plant import drive, speeds
+from benchmarks.discrepancy.rivals import (
+    FREE,
+    NOT_NEGATIVE,
+    ONE_SIGN,
+    Doses,
+    amplified,
+    small_doses,
+)
 from benchmarks.discrepancy.sensing import CORRELATED, MEMORY, QUANTUM, RATE
 
 SEEN = 30.0
@@ -33,10 +41,7 @@ _JITTER = 0.008  # [s] of the onset, with the phase of the sampling
 _LONGEST = 9.0  # [s] of a stop
 _HELD_SAMPLES = 20.0  # from which the speed at the command is known
 _ROLLING = 0.15  # [m/s]
-_ONE_SIGN = {
-    "aerodynamic_drag", "viscous_resistance", "brake_lag", "turning_resistance", "headwind",
-    "brake_fade", "wheel_lockup",
-}  # fmt: skip
+_FITTED_OUT = 2  # rivals besides those of a pair itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +87,25 @@ def worth(
     if gap < SEEN:
         return Worth(gap, "", 0.0)
     tangents = scene.tangents(fitted)
-    nearest, apart = "", gap
-    for name, columns in scene.rivals(fitted).items():
+    rivals = []
+    doses = small_doses(fitted, even)
+    for name, options in scene.columns(fitted, doses).items():
         if name in names and len(names) == 1:
             continue
-        left = _left(residual, tangents, columns, one_sign=name in _ONE_SIGN)
-        if left < apart:
-            nearest, apart = name, left
+        left, number, much = _left(residual, tangents, options, one_sign=name in ONE_SIGN)
+        start = None if number < 0 else amplified(name, doses[name][number], much)
+        rivals.append((left, name, start))
+    rivals.sort(key=lambda rival: rival[0])
+    nearest, apart = rivals[0][1], rivals[0][0]
+    # Doses are small and effects are not: the nearest ones, and each of a pair, are fitted out.
+    for place, (_, name, start) in enumerate(rivals):
+        starts = [start] if start is not None and place < _FITTED_OUT else []
+        if name in names:
+            starts.append({key: getattr(truth, key) for key in FIELDS[name].values()})
+        for fields in starts:
+            left = float(np.sum(_fit(scene, fitted._replace(**fields), FREE[name])[1] ** 2))
+            if left < apart:
+                nearest, apart = name, left
     return Worth(gap, nearest, apart)
 
 
@@ -140,37 +157,41 @@ class _Scene:
         weighed: Floats = self._each * np.concatenate(parts).T
         return weighed
 
-    def tangents(self, physics: Physics) -> Floats:
-        """By the base's coefficients and dead time, whitened, (5, all samples)."""
+    def tangents(self, physics: Physics, steps: Mapping[str, float] | None = None) -> Floats:
+        """By the base's coefficients and dead time, or by other fields, whitened."""
         here = self.speed(physics)
         return self.whiten(
             *(
                 (self.speed(physics._replace(**{key: getattr(physics, key) + eps})) - here) / eps
-                for key, eps in _BASE.items()
+                for key, eps in (steps or _BASE).items()
             )
         )
 
-    def rivals(self, physics: Physics) -> dict[str, list[Floats]]:
+    def columns(self, physics: Physics, doses: Doses) -> dict[str, list[Floats]]:
         """Per effect, alternatives of one or two whitened columns, (k, all samples) each."""
         here = self.speed(physics)
-        trials = _trials(physics, self.stops)
-        flat = [(name, fields) for name, options in trials.items() for fields in options]
-        found: dict[str, list[Floats]] = {name: [] for name in trials}
-        for name, options in flat:
-            found[name].append(
-                self.whiten(*(self.speed(physics._replace(**f)) - here for f in options))
-            )
-        return found
+        return {
+            name: [
+                self.whiten(*(self.speed(physics._replace(**fields)) - here for fields in together))
+                for together in options
+            ]
+            for name, options in doses.items()
+        }
 
 
-def _fit(scene: _Scene, base: Physics) -> tuple[Physics, Floats]:
-    """Base coefficients and dead time that come nearest to the truth, and what is left."""
-    physics = base
+def _fit(
+    scene: _Scene, start: Physics, free: Mapping[str, float] | None = None
+) -> tuple[Physics, Floats]:
+    """Base, and further free fields with their steps, nearest to the truth; what is left."""
+    steps = _BASE | dict(free or {})
+    physics = start
     best = scene.whiten(-scene.speed(physics))[0]
     for _ in range(4):
-        step, *_ = np.linalg.lstsq(scene.tangents(physics).T, best, rcond=None)
+        step, *_ = np.linalg.lstsq(scene.tangents(physics, steps).T, best, rcond=None)
         for share in (1.0, 0.3):
-            changed = {k: getattr(physics, k) + share * d for k, d in zip(_BASE, step, strict=True)}
+            changed = {k: getattr(physics, k) + share * d for k, d in zip(steps, step, strict=True)}
+            if any(changed.get(k, 0.0) < 0.0 for k in NOT_NEGATIVE):
+                continue
             trial = physics._replace(**changed)
             left = scene.whiten(-scene.speed(trial))[0]
             if left @ left < best @ best:
@@ -181,52 +202,17 @@ def _fit(scene: _Scene, base: Physics) -> tuple[Physics, Floats]:
     return physics, best
 
 
-def _left(residual: Floats, tangents: Floats, columns: list[Floats], *, one_sign: bool) -> float:
-    """Least χ² over the alternatives of a rival, base refitted with it."""
+def _left(
+    residual: Floats, tangents: Floats, options: Sequence[Floats], *, one_sign: bool
+) -> tuple[float, int, Floats]:
+    """Least χ² over alternatives of a rival, base refitted with it; which one, how much of it."""
     q = np.linalg.qr(tangents.T)[0]
     own = residual - q @ (q.T @ residual)
-    best = float(own @ own)
-    for column in columns:
-        free = column.T - q @ (q.T @ column.T)
+    best = (float(own @ own), -1, np.zeros(1))
+    for number, columns in enumerate(options):
+        free = columns.T - q @ (q.T @ columns.T)
         solution, *_ = np.linalg.lstsq(free, own, rcond=None)
-        if one_sign and np.any(solution < 0.0):
-            continue
         left = own - free @ solution
-        best = min(best, float(left @ left))
+        if not (one_sign and np.any(solution < 0.0)) and left @ left < best[0]:
+            best = (float(left @ left), number, solution)
     return best
-
-
-def _trials(p: Physics, stops: Stops) -> Mapping[str, list[list[dict[str, float]]]]:
-    """Small doses of every named effect; columns in one list are fitted together."""
-    force = (p.m_m * stops.speed + p.b_m) * stops.grade + p.m_b * stops.speed + p.b_b
-    count = len(stops.speed)
-    angles = np.arange(8) * np.pi / 4.0
-    wind = [
-        [{"wind_drag": 1e-3, "wind": w, "wind_direction": a}] for w in (3.0, 8.0) for a in angles
-    ]
-    patches = [
-        [{"patch": 0.005, "patch_x": x, "patch_y": y, "patch_radius": r}]
-        for r in (75.0, 105.0)
-        for x in np.linspace(80.0, FIELD[0] - 80.0, 5)
-        for y in np.linspace(80.0, FIELD[1] - 80.0, 3)
-    ]
-    furrows = [{"furrow": 0.005, "furrow_direction": a} for a in (0.0, np.pi / 4.0)]
-    return {
-        "aerodynamic_drag": [[{"drag": 1e-3}]],
-        "viscous_resistance": [[{"viscous": 1e-3}]],
-        "brake_lag": [[{"lag": tau}] for tau in (0.01, 0.1)],
-        "grade_asymmetry": [[{"asymmetry": 0.01}]],
-        "grade_nonlinearity": [[{"nonlinearity": 0.05}]],
-        "cross_slope": [[{"cross_slope": 0.02}]],
-        "turning_resistance": [[{"turning": 0.01}]],
-        "headwind": wind,
-        "brake_fade": [[{"fade": 0.02 / 50.0, "fade_tau": t}] for t in (50.0, 100.0, 200.0, 500.0)],
-        "wheel_lockup": [[{"friction": q}] for q in np.quantile(force, (0.35, 0.55, 0.75, 0.9))],
-        "surface_patch": patches,
-        "directional_surface": [furrows],
-        "step_change": [
-            [{"step_scale": 0.99, "step_run": float(r)}]
-            for r in np.unique(np.linspace(0.15, 0.85, 9) * count // 1)
-        ],
-        "session_drift": [[{"drift": 0.01 / float(np.ptp(stops.clock))}]],
-    }
