@@ -118,7 +118,7 @@ def seconds_alike(run: Run) -> dict[Condition, list[int]]:
     found: dict[Condition, list[int]] = {}
     for second in range(len(run.rows) // _SECOND):
         part = run.rows[second * _SECOND : (second + 1) * _SECOND]
-        samples = np.array([(r[1], r[2], r[4], r[5], r[3], *r[9]) for r in part])
+        samples = np.array([(r[1], r[2], r[4], r[5], r[6], r[3], *r[9]) for r in part])
         motion = SETTINGS.motion
         window = summarise(samples, motion.least_inner_speed, motion.turn_end)
         if window is None or any(a < part[-1][0] and part[0][0] < b for a, b in stuck):

@@ -36,7 +36,7 @@ from models.quantity import GRAVITY
 Floats = NDArray[np.float64]
 
 FEWEST_STOPS = 8
-_LONG, _COSTLY = 0.97, 0.95  # quantiles of stops that count as long, as costly
+_LONG, _COSTLY = 0.97, 0.9  # quantiles of stops that count as long, as costly
 _SENSOR = 0.01  # [m] what any measured distance is off
 _LEAST_PULL = 0.02  # [1] of the weight, net of gravity
 _PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that

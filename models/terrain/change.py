@@ -3,7 +3,8 @@
 Each condition of driving has a running mean and covariance of what the seconds on this ground were
 like. The latest seconds are compared with it as Hotelling's T² does: the median of their
 differences, over what chance and their correlation in time make of it. Three to five seconds
-decide; a single one, such as a stone, does not.
+decide; a single one, such as a stone, does not. Patches are told once: a difference like the last
+change, or its way back, is nothing new for some twenty seconds.
 
 Validity: changes that last, and conditions that were driven for some seconds before. Omits: ground
 that differs in neither resistance, slip nor roughness, such as ice and asphalt driven straight.
@@ -12,6 +13,7 @@ Source: Hotelling (1931); the covariance is shrunk to a usual one, as after a no
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -19,11 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.quantity import quantity, validate_quantities
-from models.terrain.windows import Condition, Window, usual_spread
+from models.terrain.windows import Condition, Window, by_driving, usual_spread
 
 Floats = NDArray[np.float64]
 
 _LEAST = 3  # windows that decide at least
+_PATCHY = 0.1  # share of a change's square that is usual just after it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +40,12 @@ class ChangeSettings:
         "s", "Driving in a condition before it is compared with.", default=4.0, at_least=2.0
     )
     prior: float = quantity(
-        "s", "Driving that the usual spread counts as.", default=30.0, at_least=1.0
+        "s", "Driving that the usual spread counts as.", default=10.0, at_least=1.0
     )
+    patchy: float = quantity(
+        "s", "Time constant with which it is forgotten that ground is patchy.", default=15.0,
+        above=0.0,
+    )  # fmt: skip
     alike: float = quantity(
         "1", "Correlation of one second with another.", default=0.3, at_least=0.0, at_most=0.99
     )
@@ -57,6 +64,7 @@ class _Usual:
 
     count: float
     mean: Floats
+    driving: Floats
     covariance: Floats
 
 
@@ -75,10 +83,16 @@ class ChangeDetector:
         related = np.eye(len(spread))
         related[3:, 3:] += self._settings.shared * (1.0 - np.eye(len(spread) - 3))
         self._prior = np.outer(spread, spread) * related
+        self._by_driving = by_driving(rates) ** 2
         self.begin()
 
     def begin(self) -> None:
-        """Other ground, or another run: forget what was usual."""
+        """Another run: forget what was usual."""
+        self._patches = np.zeros_like(self._prior)
+        self._anew()
+
+    def _anew(self) -> None:
+        """Other ground."""
         self._usual: dict[Condition, _Usual] = {}
         self._latest: deque[Window] = deque()
 
@@ -90,10 +104,13 @@ class ChangeDetector:
             seconds; what is usual then begins anew.
         """
         self._latest.append(window)
-        found = self._statistic() / self._settings.threshold
+        self._patches *= math.exp(-1.0 / self._settings.patchy)
+        statistic, off = self._statistic()
+        found = statistic / self._settings.threshold
         if found > 1.0:
             latest = list(self._latest)[-_LEAST:]
-            self.begin()
+            self._anew()
+            self._patches = _PATCHY * np.outer(off, off)
             for late in latest:
                 self._learn(late)
             return found
@@ -101,42 +118,48 @@ class ChangeDetector:
             self._learn(self._latest.popleft())
         return None
 
-    def _statistic(self) -> float:
-        """Largest T² per channel over the latest three, four … windows."""
+    def _statistic(self) -> tuple[float, Floats]:
+        """Largest T² per channel over the latest three, four … windows, and its (channels,) off."""
         s = self._settings
         known = [
-            (window.channels - usual.mean, usual)
+            (window, usual)
             for window in reversed(self._latest)
             if (usual := self._usual.get(window.condition)) and usual.count >= s.before
         ]
+        largest, off = 0.0, np.zeros(len(self._prior))
         if len(known) < _LEAST:
-            return 0.0
-        differences = np.array([difference for difference, _ in known])
+            return largest, off
+        differences = np.array([window.channels - usual.mean for window, usual in known])
+        driving = np.array([window.driving - usual.driving for window, usual in known])
         measured = np.isfinite(differences).all(axis=0)
-        differences = differences[:, measured]
-        largest = 0.0
         for count in range(_LEAST, len(known) + 1):
             usual_ones = [usual for _, usual in known[:count]]
             covariance = usual_ones[0].covariance
             if any(usual is not usual_ones[0] for usual in usual_ones):
                 covariance = np.mean([usual.covariance for usual in usual_ones], axis=0)
-            covariance = covariance[measured][:, measured]
-            off = np.median(differences[:count], axis=0)
-            distance = float(off @ np.linalg.solve(covariance, off)) / len(off)
             # the median of so many is 1.2 times as uncertain as their mean
             late = 1.2 * (1.0 + (count - 1.0) * s.alike) / count
             early = count / sum(usual.count for usual in usual_ones)
-            largest = max(largest, distance / (late + early))
-        return largest
+            excused = np.diag(self._by_driving @ driving[:count].mean(axis=0) ** 2)
+            spread = (late + early) * covariance + excused + self._patches
+            median = np.median(differences[:count], axis=0)[measured]
+            distance = median @ np.linalg.solve(spread[measured][:, measured], median)
+            if distance > largest * len(median):
+                largest = float(distance) / len(median)
+                off[measured] = median
+        return largest, off
 
     def _learn(self, window: Window) -> None:
         s = self._settings
         x = np.nan_to_num(window.channels)
         usual = self._usual.get(window.condition)
         if usual is None:
-            self._usual[window.condition] = _Usual(1.0, x.copy(), self._prior.copy())
+            self._usual[window.condition] = _Usual(
+                1.0, x.copy(), window.driving.copy(), self._prior.copy()
+            )
             return
         usual.count = min(usual.count + 1.0, s.memory)
+        usual.driving += (window.driving - usual.driving) / usual.count
         difference = x - usual.mean
         usual.mean += difference / usual.count
         scatter = np.outer(difference, x - usual.mean)

@@ -138,7 +138,7 @@ class TerrainMonitor:
             time, v_left, v_right, yaw_rate, current_left, current_right, pitch, roll, usable
         )
         change = self._watch(time) if time >= self._window_end else None
-        sample = (v_left, v_right, current_left, current_right, yaw_rate, *rates)
+        sample = (v_left, v_right, current_left, current_right, pitch, yaw_rate, *rates)
         self._window.append(sample)
         if not (usable and isfinite(sum(sample))) or self.estimator.phases.phase is Phase.STUCK:
             self._whole = False

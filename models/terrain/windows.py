@@ -3,7 +3,8 @@
 The logarithm of the current's mean and of its fluctuation, the yaw rate that a difference of rim
 speeds gets, and how much the body shakes about each axis in three bands of frequency, over the
 speed of the wheels. They also change with the way of driving, so that seconds are compared only
-with seconds of the same condition: straight, turn or turn on the spot, and octaves of speed.
+with seconds of the same condition: straight, turn or turn on the spot, and octaves of speed. What
+is left of the difference in driving, in speed, curvature and slope, excuses some of theirs.
 
 Source: none for the features; that terrains shake a vehicle each in their own way is Slip [7].
 """
@@ -29,6 +30,12 @@ _SPEED_STEPS = 1.5  # conditions an octave of rim speed
 _SPREAD_CURRENT, _SPREAD_FLUCTUATION, _SPREAD_TURNING = 0.15, 0.40, 0.15
 _SPREAD_BANDS = (0.40, 0.35, 0.35)
 
+# What a difference in driving may do to a channel, as a standard deviation: per unit of the speed's
+# logarithm, of the share of turning (0 straight, 1 on the spot), of the slope.
+_BY_DRIVING_CURRENT = (0.5, 2.0, 5.0)
+_BY_DRIVING_TURNING = (0.3, 1.0, 2.0)
+_BY_DRIVING_SHAKING = (0.5, 1.0, 3.0)
+
 
 @dataclass(frozen=True, slots=True)
 class Window:
@@ -37,10 +44,13 @@ class Window:
     Attributes:
         condition: how it was driven.
         channels: (channels,) what the ground did to it.
+        driving: (3,) logarithm of the rim speed, share of turning, slope in the direction of travel
+            [rad]: how it was driven within the condition.
     """
 
     condition: Condition
     channels: Floats
+    driving: Floats
 
 
 def usual_spread(rates: int) -> Floats:
@@ -49,12 +59,18 @@ def usual_spread(rates: int) -> Floats:
     return np.array(body + list(_SPREAD_BANDS) * rates)
 
 
+def by_driving(rates: int) -> Floats:
+    """(channels, 3) what a difference in driving may do to each channel, see :class:`Window`."""
+    body = [_BY_DRIVING_CURRENT, _BY_DRIVING_CURRENT, _BY_DRIVING_TURNING]
+    return np.array(body + [_BY_DRIVING_SHAKING] * (len(_BANDS) * rates))
+
+
 def summarise(samples: Floats, least_rim_speed: float, turn_begin: float) -> Window | None:
     """A window out of its samples, None unless it was driven steadily.
 
     Args:
-        samples: (n, 5 + rates) v_left, v_right [m/s], currents left and right [A], yaw rate and
-            further rates of turn [rad/s], evenly in time over one second.
+        samples: (n, 6 + rates) v_left, v_right [m/s], currents left and right [A], pitch [rad], yaw
+            rate and further rates of turn [rad/s], evenly in time over one second.
         least_rim_speed: slower wheels do not count as driving [m/s].
         turn_begin: difference of rim speeds that is a turn [m/s].
     """
@@ -69,14 +85,16 @@ def summarise(samples: Floats, least_rim_speed: float, turn_begin: float) -> Win
     turning = abs(difference) >= turn_begin
     kind = "straight" if not turning else "spot" if left * right < 0.0 else "turn"
     current = np.abs(samples[:, 2:4]).sum(axis=1)
-    achieved = float(means[4]) / difference if turning else 0.0
+    achieved = float(means[5]) / difference if turning else 0.0
     channels = [
         math.log(_NO_CURRENT + float(current.mean())),
         math.log(_NO_CURRENT + float(current.std())),
         min(max(achieved, -0.5), 3.0),
-        *_shaking(samples[:, 4:] - means[4:], rim),
+        *_shaking(samples[:, 5:] - means[5:], rim),
     ]
-    return Window((kind, round(_SPEED_STEPS * math.log2(rim))), np.array(channels))
+    slope = -math.copysign(float(means[4]), float(means[4]) * (left + right))
+    driving = np.array([math.log(rim), abs(difference) / (2.0 * rim), slope])
+    return Window((kind, round(_SPEED_STEPS * math.log2(rim))), np.array(channels), driving)
 
 
 def _shaking(rates: Floats, rim: float) -> Floats:

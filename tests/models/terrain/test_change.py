@@ -7,12 +7,14 @@ from models.terrain.change import ChangeDetector, ChangeSettings
 from models.terrain.windows import Window, summarise, usual_spread
 
 STRAIGHT = ("straight", -2)
+LEVEL = (-0.9, 0.0, 0.0)  # logarithm of the speed, share of turning, slope
 
 
-def windows(random, count, shift=0.0, condition=STRAIGHT, rates=1, scale=1.0):
+def windows(random, count, shift=0.0, condition=STRAIGHT, rates=1, scale=1.0, driving=LEVEL):
     spread = usual_spread(rates) * scale
     return [
-        Window(condition, shift + spread * random.normal(size=len(spread))) for _ in range(count)
+        Window(condition, shift + spread * random.normal(size=len(spread)), np.array(driving))
+        for _ in range(count)
     ]
 
 
@@ -85,12 +87,33 @@ def test_a_higher_threshold_is_slower_to_believe():
     assert first_alarm(ChangeDetector(1), given) is not None
 
 
-def samples(v_left, v_right, *, count=100, shaking=((10.0, 0.02),), rate=0.0, seed=0):
+def test_a_steep_slope_excuses_a_difference_and_level_ground_does_not():
+    random = np.random.default_rng(8)
+    given = windows(random, 20)
+    steep = (LEVEL[0], 0.0, 0.3)
+    assert first_alarm(ChangeDetector(1), given + windows(random, 10, 0.8, driving=steep)) is None
+    assert first_alarm(ChangeDetector(1), given + windows(random, 10, 0.8)) is not None
+
+
+def test_a_patch_is_told_once_and_the_way_back_after_a_while():
+    random = np.random.default_rng(9)
+    for stay, told in ((6, False), (40, True)):
+        detector = ChangeDetector(1)
+        first_alarm(detector, windows(random, 20))
+        assert first_alarm(detector, windows(random, 10, shift=1.2)) is not None
+        assert first_alarm(detector, windows(random, stay, shift=1.2)) is None
+        assert (first_alarm(detector, windows(random, 6)) is not None) is told
+
+
+def samples(v_left, v_right, *, count=100, shaking=((10.0, 0.02),), rate=0.0, seed=0, pitch=0.0):
     random = np.random.default_rng(seed)
     t = np.arange(count) / count
     yaw = rate + sum(a * np.sin(2 * np.pi * f * t) for f, a in shaking)
     current = 2.0 + 0.1 * random.normal(size=count)
-    columns = (np.full(count, v_left), np.full(count, v_right), current, current, yaw)
+    columns = (
+        np.full(count, v_left), np.full(count, v_right), current, current, np.full(count, pitch),
+        yaw,
+    )  # fmt: skip
     return np.stack(columns, axis=1)
 
 
@@ -109,6 +132,14 @@ def test_turning_is_the_inverse_of_the_slip_track():
     assert window.condition[0] == "spot"
     assert window.channels[2] == pytest.approx(0.5 / 0.6)
     assert summarise(samples(0.2, 0.5, rate=0.3), 0.03, 0.04).condition[0] == "turn"
+
+
+def test_driving_is_speed_curvature_and_slope_in_the_direction_of_travel():
+    down = summarise(samples(0.4, 0.4, pitch=0.1), 0.03, 0.04)
+    np.testing.assert_allclose(down.driving, [np.log(0.4), 0.0, -0.1])
+    backwards = summarise(samples(-0.4, -0.4, pitch=0.1), 0.03, 0.04)
+    assert backwards.driving[2] == pytest.approx(0.1)
+    assert summarise(samples(-0.3, 0.3), 0.03, 0.04).driving[1] == pytest.approx(1.0)
 
 
 def test_slow_logs_have_fewer_bands():
