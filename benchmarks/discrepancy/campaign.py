@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from benchmarks.discrepancy import peer
-from benchmarks.discrepancy.catalogue import HiddenSet, Order, make, orders
+from benchmarks.discrepancy.catalogue import COUNTS, HiddenSet, Order, make, orders
 from benchmarks.discrepancy.metrics import metrics, record
 from benchmarks.discrepancy.score import Outcome, score
 from benchmarks.discrepancy.sealed import Inquiry, Job, seal, tables_of
@@ -18,6 +18,9 @@ Advance = Callable[[int], None]
 
 QUICK = 0.06
 """Share of the whole benchmark that `--quick` runs."""
+
+FEW = (40, 70)
+"""Numbers of stops in its sets."""
 
 
 def total(quick: bool) -> int:
@@ -56,7 +59,7 @@ def run(quick: bool, advance: Advance) -> Result:
     share = QUICK if quick else 1.0
     sets = []
     for order in orders(share):
-        sets.append(make(order))
+        sets.append(make(order, FEW if quick else COUNTS))
         advance(1)
     result = judged(sets, advance)
     if with_engine():

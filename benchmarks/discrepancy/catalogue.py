@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,8 +99,11 @@ def _wanted(share: float) -> Iterator[tuple[str, tuple[str, ...], str]]:
             yield "faint", (name,), "small"
 
 
-def make(order: Order) -> HiddenSet:
+def make(order: Order, counts: Sequence[int] = COUNTS) -> HiddenSet:
     """Drive and measure one set.
+
+    Args:
+        order: what is wanted. counts: numbers of stops to draw from.
 
     Conditions (design, number of stops, noise, scatter) are drawn; where an effect is to be named
     they are drawn anew until it can be, a few times at most.
@@ -108,10 +111,10 @@ def make(order: Order) -> HiddenSet:
     rng = np.random.default_rng(order.seed)
     wanted = order.kind in ("single", "pair", "off")
     for _ in range(_TRIES if wanted else 1):
-        candidate = _draw(order, rng)
+        candidate = drawn(order, rng, counts)
         if not wanted or candidate.worth.named:
             break
-    return _measured(candidate, rng)
+    return measured(candidate, rng)
 
 
 def sampled_late(stops: Stops, rng: np.random.Generator) -> Stops:
@@ -120,9 +123,10 @@ def sampled_late(stops: Stops, rng: np.random.Generator) -> Stops:
     return stops._replace(delay=stops.delay - phase)
 
 
-def _draw(order: Order, rng: np.random.Generator) -> HiddenSet:
+def drawn(order: Order, rng: np.random.Generator, counts: Sequence[int] = COUNTS) -> HiddenSet:
+    """One set as it comes, not yet measured."""
     design, scatter = str(rng.choice(DESIGNS)), float(rng.choice(SCATTERS))
-    count, noise = int(rng.choice(COUNTS)), float(rng.choice(NOISES))
+    count, noise = int(rng.choice(counts)), float(rng.choice(NOISES))
     base = _draw_base(rng)
     name = order.names[0] if order.names else ""
     absorbed = order.kind == "absorbed"
@@ -192,7 +196,8 @@ def _absorbed(
     return Hidden(name, {"cross_slope": float(rng.uniform(0.2, 0.4))}), same
 
 
-def _measured(found: HiddenSet, rng: np.random.Generator) -> HiddenSet:
+def measured(found: HiddenSet, rng: np.random.Generator) -> HiddenSet:
+    """The set with its log."""
     late = sampled_late(found.stops, rng)
     motion = drive(found.truth, late, sensing.sample_times(11.0))
     columns = sensing.log(motion, late, found.noise, rng)

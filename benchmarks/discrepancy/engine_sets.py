@@ -94,11 +94,11 @@ def calibrated() -> dict[str, float]:
     return _fitted(motion, stops)
 
 
-def make(order: EngineOrder, configured: dict[str, float]) -> EngineSet:
+def make(order: EngineOrder, configured: dict[str, float], count: int = _STOPS) -> EngineSet:
     """Drive and measure one set."""
     rng = np.random.default_rng(order.seed)
     noise, scatter = float(rng.choice([0.01, 0.03])), float(rng.choice([0.0075, 0.02]))
-    stops = _straight("mixed", _STOPS, scatter, rng)
+    stops = _straight("mixed", count, scatter, rng)
     nature = _nature(order.what, stops, rng)
     motion = drive(nature, stops)
     columns = sensing.log(motion, stops, noise, rng)
@@ -162,16 +162,17 @@ def judge(engine_set: EngineSet, finding: Finding) -> EngineOutcome:
     return EngineOutcome(
         order.what or "clean", order.seed, engine_set.noise, engine_set.scatter,
         finding.verdict, finding.names, right, wrong, before, after, floor, closed,
-        finding.closed, finding.seconds * 100.0 / _STOPS, finding.text,
+        finding.closed, finding.seconds * 100.0 / len(engine_set.stops.speed), finding.text,
     )  # fmt: skip
 
 
 def _fresh(engine_set: EngineSet, finding: Finding) -> tuple[float, float, float]:
     """Root mean square disagreement in speed: configured, found, and from twin to twin [m/s]."""
     rng = np.random.default_rng((engine_set.order.seed, 9))
-    share_of_runs = _FRESH / _STOPS
+    count = len(engine_set.stops.speed)
+    share_of_runs = _FRESH / count
     clock = np.interp(
-        np.linspace(0.0, _STOPS - 1.0, _FRESH), np.arange(_STOPS), engine_set.stops.clock
+        np.linspace(0.0, count - 1.0, _FRESH), np.arange(count), engine_set.stops.clock
     )
     nature = replace(
         engine_set.nature, payload_run=round(engine_set.nature.payload_run * share_of_runs)

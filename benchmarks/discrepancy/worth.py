@@ -36,7 +36,6 @@ TOLD_APART = 20.0
 
 _BASE = {"m_m": 1e-3, "b_m": 1e-3, "m_b": 1e-4, "b_b": 1e-4, "dead_time": 1e-3}
 _STEP = 0.005  # [s] of the integration; differences do not see the rest
-_WEIGHED = 60  # stops that are looked at; the others count as much
 _JITTER = 0.008  # [s] of the onset, with the phase of the sampling
 _LONGEST = 9.0  # [s] of a stop
 _HELD_SAMPLES = 20.0  # from which the speed at the command is known
@@ -69,7 +68,13 @@ class Worth:
 
 
 def worth(
-    truth: Physics, base: Physics, stops: Stops, noise: float, scatter: float, own: Iterable[str]
+    truth: Physics,
+    base: Physics,
+    stops: Stops,
+    noise: float,
+    scatter: float,
+    own: Iterable[str],
+    weighed: int = 60,
 ) -> Worth:
     """Judge one set.
 
@@ -78,10 +83,11 @@ def worth(
         stops: as driven; their friction and delay are left out.
         noise, scatter: as of the sensing and the design, one standard deviation.
         own: names of the hidden effects; a single one is no rival of its own, of two each is.
+        weighed: stops that are looked at, spread evenly; the others count as much.
     """
     even = stops._replace(friction=np.ones_like(stops.speed), delay=np.zeros_like(stops.speed))
     names = tuple(own)
-    scene = _Scene(truth, even, noise, scatter)
+    scene = _Scene(truth, even, noise, scatter, weighed)
     fitted, residual = _fit(scene, base)
     gap = float(residual @ residual)
     if gap < SEEN:
@@ -112,7 +118,9 @@ def worth(
 class _Scene:
     """The truth's stops, and how to weigh differences from them."""
 
-    def __init__(self, truth: Physics, stops: Stops, noise: float, scatter: float) -> None:
+    def __init__(
+        self, truth: Physics, stops: Stops, noise: float, scatter: float, weighed: int = 60
+    ) -> None:
         self.stops = stops
         longest = drive(truth, stops, np.zeros(1), _STEP).rest
         end = min(float(np.max(longest, where=np.isfinite(longest), initial=1.0)), _LONGEST)
@@ -135,7 +143,7 @@ class _Scene:
         whole = toeplitz(lags)
         self.roots = []
         count = len(stops.speed)
-        seen = np.unique(np.linspace(0, count - 1, min(_WEIGHED, count)).astype(int))
+        seen = np.unique(np.linspace(0, count - 1, min(weighed, count)).astype(int))
         self._each = float(np.sqrt(count / len(seen)))
         for i in seen:
             w = np.flatnonzero(self.rolling[i])

@@ -119,7 +119,7 @@ def truth_told(hidden: catalogue.HiddenSet) -> sealed.Finding:
 def test_the_truth_scores_full_and_silence_nothing(name: str) -> None:
     order = catalogue.Order("single", (name,), "large", 4)
     rng = np.random.default_rng(4)
-    hidden = catalogue._measured(catalogue._draw(order, rng), rng)
+    hidden = catalogue.measured(catalogue.drawn(order, rng), rng)
     told = truth_told(hidden)
     outcome = score(hidden, told)
     assert outcome.right
@@ -161,7 +161,7 @@ def test_the_other_method_finds_what_is_plain() -> None:
         order, "mixed", 0.01, 0.005, {}, {"dead_time": 0.25}, truth, (), stops,
         worth.Worth(0.0, "", 0.0),
     )  # fmt: skip
-    columns = catalogue._measured(hidden, np.random.default_rng(0)).columns
+    columns = catalogue.measured(hidden, np.random.default_rng(0)).columns
     named = peer.name_effects(columns, hidden.configured)
     assert named is not None
     assert named[0] == "turning_resistance"
