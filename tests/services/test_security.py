@@ -169,6 +169,8 @@ def test_only_who_may_changes_parameters(folder: Path, service: Running, name: s
     """Each role tries what it may not, as put and as query."""
     allowed = {"estimator": ("obs/",), "operator": ("params/",)}.get(name, ())
     before = parameters(folder, service)
+    with as_(folder, service, "navigation") as navigation:
+        planned = plan(navigation)
     with as_(folder, service, name) as intruder:
         for key, message in CHANGES.items():
             if key.startswith(allowed or "\0"):
@@ -180,15 +182,24 @@ def test_only_who_may_changes_parameters(folder: Path, service: Running, name: s
         time.sleep(_SETTLED)
     assert parameters(folder, service) == before
     with as_(folder, service, "navigation") as navigation:
-        assert plan(navigation) is not None
+        again = plan(navigation)
+    assert planned is not None
+    assert again is not None
+    assert planned.parameters is not None
+    assert again.parameters is not None
+    assert again.parameters.version == planned.parameters.version
+    for one, other in zip(again.plans, planned.plans, strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
 
 
 def test_everybody_with_a_role_may_read_parameters(folder: Path, service: Running) -> None:
     for name in ("navigation", "mapping", "estimator", "operator"):
         with as_(folder, service, name) as reader:
             (reply,) = ask(reader, service.key("params"))
-        assert reply.status == "ok"
+            (one,) = ask(reader, service.key("params/braking"))
+        assert reply.status == one.status == "ok"
         assert {group.group for group in reply.groups} >= {"braking", "limits"}
+        assert [group.group for group in one.groups] == ["braking"]
     with as_(folder, service, "stranger") as stranger:
         assert ask(stranger, service.key("params")) == []
 
