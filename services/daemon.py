@@ -153,7 +153,7 @@ class Service:
             ],
             degraded=self.parameters.degraded(),
             instance=self._instance,
-            counters=dict(self.counters + self.parameters.counters),
+            counters=dict(self.counters + self.parameters.told()),
             seconds={
                 "median": float(np.median(seconds)), "p99": float(np.percentile(seconds, 99))
             },

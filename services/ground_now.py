@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class GroundNow:
     """
 
     model: Model
-    monitor: Callable[[Model], object]
+    monitor: Callable[[Model], Any]
     label_for: float
     sure: float
     unable: str = ""
@@ -57,7 +58,7 @@ class GroundNow:
     _own: str = ""
     _label_probability: float = 0.0
     _own_probability: float = 0.0
-    _monitors: OrderedDict[str, object] = field(default_factory=OrderedDict)
+    _monitors: OrderedDict[str, Any] = field(default_factory=OrderedDict)
     _last: dict[str, float] = field(default_factory=dict)
 
     def label(self, label: TerrainLabel, now: float) -> None:
@@ -106,7 +107,7 @@ class GroundNow:
                 features = tuple(zip(known.values, known.stds, strict=True))
         return Told(changed, features)
 
-    def _monitor(self, source: str, begin: float):
+    def _monitor(self, source: str, begin: float) -> Any:
         monitor = self._monitors.pop(source, None)
         if monitor is None:
             try:
@@ -123,18 +124,27 @@ class GroundNow:
         return monitor
 
 
-def monitor_maker(terrains: str) -> Callable[[Model], object]:
-    """A maker of terrain estimators with the classes of a terrain file, or with none."""
+def monitor_maker(terrains: str) -> Callable[[Model], Any]:
+    """A maker of terrain estimators with the classes of a terrain file, or with none.
 
-    def make(model: Model) -> object:
+    Raises:
+        InputError: there is no such file, or it cannot be used.
+    """
+    file: Any = None
+    if terrains:
+        from services.files.terrain_file import find_terrains, read_terrains
+
+        file = read_terrains(find_terrains(terrains))
+
+    def make(model: Model) -> Any:
         # Takes half a second to load; a service that gets no such samples does without.
         from models.terrain.monitor import TerrainMonitor
-        from services.files.terrain_file import TerrainFile, find_terrains, read_terrains
+        from services.files.terrain_file import TerrainFile
 
-        file = read_terrains(find_terrains(terrains)) if terrains else TerrainFile(name=model.name)
+        known = file or TerrainFile(name=model.name)
         return TerrainMonitor(
-            model, file.classes, estimator=file.estimator, classifier=file.classifier,
-            change=file.change,
+            model, known.classes, estimator=known.estimator, classifier=known.classifier,
+            change=known.change,
         )  # fmt: skip
 
     return make

@@ -20,6 +20,7 @@ _LATE = 60.0
 _JUMPED = 5
 """So many observations in a row that agree with each other are right about a clock."""
 
+_MOST_JUMPED = 4
 _MOST_SAMPLES = 20_000
 _BOUNDS = {
     "v": 50.0, "v_cmd": 50.0, "pitch": 1.6, "roll": 1.6, "grade": 0.8, "yaw_rate": 50.0,
@@ -54,7 +55,7 @@ class Intake:
     """Lets through what is new.
 
     Attributes:
-        jumped: sources whose clock was set meanwhile, and how often.
+        jumped: sources whose clock was set, and when that was noticed; monotonic clock [s].
     """
 
     def __init__(self, early: float, seen: dict[str, int] | None = None) -> None:
@@ -67,7 +68,7 @@ class Intake:
         self._early = early
         self._seen = OrderedDict(seen or {})
         self._clocks: OrderedDict[str, _Clock] = OrderedDict()
-        self.jumped: dict[str, int] = {}
+        self.jumped: dict[str, float] = {}
 
     def judge(self, kind: str, one: Observation, now: float) -> str:
         """Why an observation is left out: `duplicate`, `out_of_order`, `future`, `late`; or "".
@@ -84,8 +85,8 @@ class Intake:
             self._clocks.popitem(last=False)
         judged = clock.judge(one.time - now, self._early)
         if judged == "jumped":
-            self.jumped[one.source] = self.jumped.get(one.source, 0) + 1
-            while len(self.jumped) > _MOST_SOURCES:
+            self.jumped[one.source] = now
+            while len(self.jumped) > _MOST_JUMPED:
                 self.jumped.pop(next(iter(self.jumped)))
             return ""
         return judged

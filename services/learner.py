@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable
 
 from models import braking
+from models.calibration.published import PublishSettings
 from models.calibration.stream import StopStream, StreamedStop
 from models.errors import ParameterError
 from models.parameters import Model
@@ -28,6 +29,7 @@ from services.parameter_group import ParameterGroups
 from services.terrain_group import TERRAIN, TerrainGroup
 
 _SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_STRONGEST = PublishSettings().most
 _MOST_STREAMS = 8
 _MOST_STOPS = 200
 
@@ -38,6 +40,7 @@ class Learner:
     Attributes:
         ground: what is driven on now. unable: why braking is not learned; empty if it is.
         stops: the last ones, beside what was predicted. stop_count: all there were.
+        implausible: stops that brakes cannot make, not learned from.
     """
 
     def __init__(
@@ -59,7 +62,7 @@ class Learner:
         )
         self.unable = unable(prior) if settings.enabled else "nothing is learned: it is off"
         self.stops: deque[Stop] = deque(maxlen=_MOST_STOPS)
-        self.stop_count = 0
+        self.stop_count = self.implausible = 0
         self._streams: dict[str, StopStream] = {}
         self._last_surface = ""
 
@@ -132,6 +135,11 @@ class Learner:
     ) -> tuple[set[str], str]:  # fmt: skip
         if self.unable:
             return changed, self.unable
+        # Wheels that lock stand at once, and a push downhill is no brake: neither tells of brakes.
+        if not 0.0 < stop.force_ratio <= _STRONGEST:
+            self.implausible += 1
+            words = f"F_b/W above 0 and at most {_STRONGEST:g}, got {stop.force_ratio:.3g}"
+            return changed, f"not learned from: expected {words}"
         done = self._braking.take(stop, surface, one.source, distance)
         self.stops.append(done)
         self.stop_count += 1

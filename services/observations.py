@@ -62,6 +62,9 @@ class StopObservation(Observation):
 class DriveSamples(Observation):
     """Samples of a drive, in the order of time, next to those of the message before.
 
+    `v` is the speed over ground, and `v_cmd` 0 the command to brake as hard as the brakes can:
+    locked wheels would teach too much of the brakes, gentle stops too little.
+
     Attributes:
         columns: names of the rows. values: (rows, n), all finite; what is not measured is no row.
         surface: what the samples were driven on; empty where nobody knows.

@@ -27,6 +27,7 @@ from services.store import StoreError
 _log = logging.getLogger("slopewise")
 
 TAKEN, IGNORED, REFUSED = "taken", "ignored", "refused"
+_FLAGGED_FOR = 600.0
 
 
 class ParameterService:
@@ -184,10 +185,18 @@ class ParameterService:
         missing = [f"estimator {name} {what}" for name, what in sorted(self._missing.items())]
         return [*missing, *self._faults]
 
+    def told(self) -> Counter[str]:
+        """Counters for the status."""
+        learner = self.learner
+        learned = {"stops": learner.stop_count, "stops_implausible": learner.implausible}
+        return self.counters + Counter(learned)
+
     def flags(self) -> list[str]:
         """What is not as it should be, the reasons of the degraded mode first."""
         flags = [f"degraded: {reason}" for reason in self.degraded()]
-        flags += [f"the clock of {name} was set" for name in self._intake.jumped]
+        late = time.monotonic() - _FLAGGED_FOR
+        set_ = [name for name, noticed in self._intake.jumped.items() if noticed > late]
+        flags += [f"the clock of {name} was set" for name in set_]
         flags += [words for words in (self.learner.unable, self.learner.ground.unable) if words]
         return flags + self._log.flags()
 

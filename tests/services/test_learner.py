@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.errors import InputError, ParameterError
@@ -98,7 +98,7 @@ def test_a_clock_that_is_set_is_believed_once_it_is_steady() -> None:
     assert set(noise) == {"future"}, "a clock that jumps about is never believed"
     steady = [judged(intake, 2 + n, 5000.0 + n, 20.0 + n) for n in range(5)]
     assert steady == ["future"] * 4 + [""]
-    assert intake.jumped == {"a": 1}
+    assert intake.jumped == {"a": 24.0}
     assert judged(intake, 30, 5010.0, 30.0) == ""
 
 
@@ -185,6 +185,22 @@ def test_switched_off_nothing_is_learned() -> None:
     assert one.in_use()[0] == atv()
 
 
+@pytest.mark.parametrize(("deceleration", "grade"), [(19.0, 0.0), (2.0, 0.5)])
+def test_stops_that_no_brakes_can_make_teach_nothing(deceleration: float, grade: float) -> None:
+    one = learner()
+    before = one.in_use()[0]
+    for _ in range(6):
+        told = StopObservation(
+            source="robot", sequence=next(SEQUENCE), time=0.0, speed=2.0, grade=grade,
+            deceleration=deceleration,
+        )  # fmt: skip
+        changed, reason = one.learn(told, "obs/stop")
+        assert changed == set()
+        assert "F_b/W" in reason
+    assert one.in_use()[0] == before
+    assert one.implausible == 6
+
+
 def test_there_is_an_end_of_surfaces() -> None:
     one = learner(named=True)
     for n in range(32):
@@ -240,6 +256,7 @@ def test_another_calibration_in_the_model_file_takes_back_what_was_learned_above
     assert level_force(same) == pytest.approx(level_force(one), rel=1e-6)
 
 
+@settings(max_examples=25)
 @given(
     forces=st.lists(st.floats(0.05, 0.9), max_size=12), ages=st.lists(st.floats(0, 1e6), max_size=4)
 )  # fmt: skip
@@ -337,6 +354,21 @@ def test_limits_follow_a_model_file_that_got_tighter() -> None:
     again.restore("limits", state, 0.0)
     values = again.describe("limits").values
     assert (values["speed"], values["min_load"]) == (2.0, 0.3)
+
+
+def test_a_terrain_file_that_is_none_is_said_at_once() -> None:
+    with pytest.raises(InputError, match="husky"):
+        learner(terrains="nonsense")
+
+
+def test_own_samples_name_the_ground_with_known_classes() -> None:
+    one = learner(husky(), terrains="husky")
+    driven(one, plant.drive(plant.square(sides=3), plant.SAND, plant.Body(), seed=2))
+    name, probability = one.ground.told(time.monotonic())
+    assert name == "beach_sand"
+    assert probability > 0.8
+    one.learn(stop(0.5), "obs/stop")
+    assert "braking.beach_sand" in one.names()
 
 
 def test_labels_expire() -> None:
