@@ -31,6 +31,7 @@ _LARGEST = {  # beyond these a value is no measurement
     "current_left": 2000.0, "current_right": 2000.0,
 }  # fmt: skip
 _FREEZES = ("v", "v_left", "v_right", "pitch", "yaw_rate")
+_FAR = 3.0  # times the largest measured value: a sentinel's distance from measurements
 _MOVING = 0.15  # [m/s] slower than that, the same value again and again is standstill
 _FROZEN_FOR = 1.0  # [s] at least, and
 _FROZEN_TIMES = 10.0  # times as many samples as a value of this channel usually lasts
@@ -131,6 +132,9 @@ def _suspects_of_channel(
                 found.append((a, b, Kind.NOT_FINITE, f"{name} is not a number"))
         size = np.abs(np.where(missing, 0.0, values))
         beyond = size > _LARGEST[name]
+        # A sentinel may lie within the limit: then it is far from everything else.
+        marker = np.isin(size, _SENTINELS)
+        beyond |= marker & (size > _FAR * np.max(size, where=~(marker | beyond), initial=0.0))
         for a, b in stretches_of(beyond):
             sentinel = np.isin(size[a:b], _SENTINELS).any()
             words = "stands for no value" if sentinel else "is beyond any vehicle"

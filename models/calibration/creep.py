@@ -19,7 +19,7 @@ from models.calibration.onset import CREEP, HELD, Knee
 
 Floats = NDArray[np.float64]
 
-_FEWEST = 8  # stops without which it is not known how speeds are held
+_FEWEST = 30  # stops without which their spread says little about how speeds are held
 
 
 def held_weights(knees: Sequence[Knee | None], noise: Floats) -> Floats:

@@ -52,6 +52,19 @@ def test_speed_that_ignores_the_stop_command_is_frozen_even_without_noise() -> N
     assert ("v", Kind.FROZEN) in {(channel, kind) for channel, kind, *_ in found(log)}
 
 
+@pytest.mark.parametrize("value", [-1000.0, 999.0, 99.99])
+def test_a_sentinel_within_the_limit_is_far_from_all_else(value: float) -> None:
+    log = clean()
+    rng = np.random.default_rng(1)
+    log["current_left"] = 6.0 + 2.0 * rng.standard_normal(len(log["t"]))
+    log["current_left"][400:420] = value
+    assert found(log) == [("current_left", Kind.SENTINEL, 400, 420)]
+    # A motor that draws that much anyway has measured it.
+    log["current_left"] = 0.6 * abs(value) + 0.2 * abs(value) * np.sin(log["t"])
+    log["current_left"][400] = value
+    assert found(log) == []
+
+
 def test_nan_and_sentinels() -> None:
     log = clean()
     log["yaw_rate"][10:20] = np.nan

@@ -52,10 +52,10 @@ def test_a_stop_of_its_own_kind_is_left_alone() -> None:
 
 
 def test_few_stops_and_missing_ones_say_nothing() -> None:
-    some = knees(np.zeros(5))
-    np.testing.assert_array_equal(held_weights(some, np.full(5, NOISE)), HELD)
-    gaps = [*knees(np.zeros(20)), None]
-    weights = held_weights(gaps, np.full(20, NOISE))
+    some = knees(np.zeros(20))
+    np.testing.assert_array_equal(held_weights(some, np.full(20, NOISE)), HELD)
+    gaps = [*knees(np.zeros(40)), None]
+    weights = held_weights(gaps, np.full(40, NOISE))
     assert weights[-1] == HELD
     assert (weights[:-1] > HELD).all()
 
