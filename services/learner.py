@@ -112,7 +112,7 @@ class Learner:
         rows = [columns[name].tolist() for name in ("t", "v", "v_cmd", "pitch")]
         surface = one.surface or self.ground.surface(now)
         for *row, slope in zip(*rows, grade, strict=True):
-            stop = stream.feed(*row, slope)
+            stop = stream.feed(row[0], row[1], row[2], row[3], slope)
             if stop is not None:
                 changed, reason = self._stop(stop, surface, one, None, changed)
         return changed, reason

@@ -72,7 +72,7 @@ def change(
     """The answer to an operator's change, which is made if it can be."""
     try:
         if isinstance(request, SetParameters):
-            service.set(request.group, request.values, request.who)
+            service.set_values(request.group, request.values, request.who)
         else:
             service.roll_back(request.version, request.group, request.who)
     except (SlopewiseError, StoreError) as error:

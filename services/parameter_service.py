@@ -12,6 +12,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from models.errors import InputError, ParameterError
 from models.parameters import Model
@@ -99,7 +100,7 @@ class ParameterService:
 
     # ------------------------------------------------------------------ operators
 
-    def set(self, group: str, values: Mapping[str, float], who: str) -> None:
+    def set_values(self, group: str, values: Mapping[str, float], who: str) -> None:
         """An operator's values.
 
         Raises:
@@ -123,7 +124,7 @@ class ParameterService:
         if not self._log.knows(version):
             raise ParameterError("version", f"one of the history, got {version}")
         groups = {group} if group else set(self.learner.names())
-        found: dict[str, tuple[dict | None, Moment]] = {}
+        found: dict[str, tuple[dict[str, Any] | None, Moment]] = {}
         for name in self._log.groups():
             if not group or name == group:
                 first = next(self._log.newest(name, version), None)

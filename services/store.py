@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from services.change import Change, Moment
 
@@ -134,7 +135,7 @@ class Store:
         self._transaction(rows, heard)
         self._make_room({c.group for c in changes})
 
-    def _transaction(self, rows: list[tuple], heard: list[tuple]) -> None:
+    def _transaction(self, rows: list[tuple[Any, ...]], heard: list[tuple[Any, ...]]) -> None:
         connection = self._connection
         try:
             connection.execute("BEGIN IMMEDIATE")
@@ -222,7 +223,7 @@ class Store:
         with self._reading("SELECT DISTINCT fingerprint FROM change") as rows:
             return {str(name) for (name,) in rows}
 
-    def _changes(self, where: str, given: tuple) -> Iterator[Change]:
+    def _changes(self, where: str, given: tuple[Any, ...]) -> Iterator[Change]:
         query = (
             "SELECT version, grp, fingerprint, cause, who, at, boot, uptime, state, learned, crc"
             f" FROM change {where}"
@@ -238,7 +239,7 @@ class Store:
             return int(rows.fetchone()[0])
 
     @contextmanager
-    def _reading(self, query: str, given: Sequence = ()) -> Iterator[sqlite3.Cursor]:
+    def _reading(self, query: str, given: Sequence[Any] = ()) -> Iterator[sqlite3.Cursor]:
         try:
             rows = self._connection.execute(query, tuple(given))
             try:

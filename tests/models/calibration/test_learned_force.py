@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from models.calibration.learned_force import LearnedForce, braking_in_use
 from models.calibration.online import OnlineBraking
+from models.calibration.published import PublishSettings
 from models.calibration.recursive import Outcome, RecursiveSettings, at_least_both
 from models.calibration.stream import StreamedStop
 from models.errors import ParameterError
@@ -48,7 +49,9 @@ def lower_bounds(braking: Braking, width: float = 3.09) -> list[float]:
 
 
 def learning(change: float = 0.15) -> OnlineBraking:
-    return OnlineBraking(PRIOR, recursive=RecursiveSettings(change=change))
+    return OnlineBraking(
+        PRIOR, recursive=RecursiveSettings(change=change), publish=PublishSettings(only_valid=True)
+    )
 
 
 def test_nothing_learned_leaves_the_model_as_it_is() -> None:
