@@ -120,8 +120,9 @@ def _batches(t: np.ndarray, part: slice) -> Iterator[slice]:
     """Samples of a run that travel together."""
     begin = part.start
     while begin < part.stop:
-        end = int(np.searchsorted(t[: part.stop], t[begin] + _BATCH, side="right"))
-        end = min(max(end, begin + 1), begin + _MOST_TOGETHER)
+        # Times grow within a run only.
+        later = np.searchsorted(t[begin : part.stop], t[begin] + _BATCH, side="right")
+        end = begin + min(max(int(later), 1), _MOST_TOGETHER)
         yield slice(begin, end)
         begin = end
 

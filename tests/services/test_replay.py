@@ -75,6 +75,18 @@ def test_what_was_driven_is_learned_much_faster_than_it_was_driven(
         assert after > 0.98 * true
 
 
+def test_logs_whose_clocks_begin_anew_are_all_taken(service: Running, tmp_path: Path) -> None:
+    logs = [tmp_path / name for name in ("one.csv", "two.csv")]
+    for log in logs:
+        log.write_text(drive(3))
+    done = replay(service, logs[0], str(logs[1]), "--speed-up", "inf", "--json")
+    told = json.loads(done.stdout)
+    assert {entry["status"] for entry in told["receipts"]} == {"taken"}
+    batches = sum(entry["batches"] for entry in told["receipts"])
+    assert batches <= told["driven"] / 0.25 + 10
+    assert told["version"]["after"] >= told["version"]["before"] + 6
+
+
 def test_a_pace_is_kept(service: Running, tmp_path: Path) -> None:
     log = tmp_path / "drive.csv"
     log.write_text(drive(2))
