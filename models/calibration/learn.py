@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.calibration.asymmetry import Asymmetry, asymmetry
 from models.calibration.dead_time import DeadTime
 from models.calibration.find_stops import StopWindow, Verdict, find_stops
-from models.calibration.force_fit import NAMES
+from models.calibration.force_fit import NAMES, WEAK_PRIOR
 from models.calibration.ground_grade import Dive
 from models.calibration.measure import measure
 from models.calibration.mount_of_log import mount_of_log
@@ -142,7 +143,14 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
             "the covariance allows for half a degree, the distance offset for one"
         )
     if known.uphill is not None:
-        said.append("coefficients of their own for uphill were dropped: one slope fits both ways")
+        said.append(
+            "coefficients of their own for uphill were dropped: one slope is fitted for both ways"
+        )
+    if (uneven := _asymmetry(base)) is not None and uneven.clear:
+        said.append(
+            f"uphill the slope coefficient differs by {uneven.value:+.2f} ± {uneven.std:.2f}: one for "
+            "both ways leaves that as scatter; slopewise discrepancy adds it to the model"
+        )
     weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
     if weak:
         said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
@@ -154,6 +162,14 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
             f"the longest was {worst:+.2f} m beyond its prediction"
         )
     return said
+
+
+def _asymmetry(base: SurfaceFit) -> Asymmetry | None:
+    kept = [r for r in base.records if r.kept]
+    return asymmetry(
+        np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept]),
+        np.array([r.force_ratio for r in kept]), np.array([r.force_std for r in kept]), WEAK_PRIOR,
+    )  # fmt: skip
 
 
 def _too_few(

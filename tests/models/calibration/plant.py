@@ -31,6 +31,7 @@ class Plant:
     mount: float = 0.0
     undulation: float = np.deg2rad(1.5)
     outliers: float = 0.0
+    uphill: float = 0.0
     hz: float = 100.0
 
     @property
@@ -39,7 +40,7 @@ class Plant:
 
     def force(self, grade: np.ndarray | float, onset_speed: np.ndarray | float) -> np.ndarray:
         m, b = self.m_m * onset_speed + self.b_m, self.m_b * onset_speed + self.b_b
-        return np.asarray(m * grade + b)
+        return np.asarray(m * grade + b + self.uphill * np.maximum(grade, 0.0))
 
 
 @dataclass(frozen=True)

@@ -181,6 +181,12 @@ def test_a_mount_that_cannot_be_told_is_said_and_paid_for() -> None:
     assert blind.braking.distance_offset > both.braking.distance_offset
 
 
+def test_other_brakes_uphill_are_said() -> None:
+    said = learn(*drive(Plant(uphill=0.25), 60, 4)[:2], KNOWN).warnings
+    assert any("uphill" in words and "+0.2" in words for words in said)
+    assert not any("uphill" in w for w in learn(*drive(Plant(), 60, 4)[:2], KNOWN).warnings)
+
+
 def test_level_ground_keeps_the_slopes_and_narrows_the_grades() -> None:
     learned = learn(*drive(Plant(), 40, 0, level=True)[:2], KNOWN)
     assert learned.braking.m_m == pytest.approx(KNOWN.m_m, abs=0.02)
