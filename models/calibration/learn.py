@@ -148,8 +148,8 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
         )
     if (uneven := _asymmetry(base)) is not None and uneven.clear:
         said.append(
-            f"uphill the slope coefficient differs by {uneven.value:+.2f} ± {uneven.std:.2f}: one for "
-            "both ways leaves that as scatter; slopewise discrepancy adds it to the model"
+            f"uphill the slope coefficient differs by {uneven.value:+.2f} ± {uneven.std:.2f}: one "
+            "for both ways leaves that as scatter; slopewise discrepancy adds it to the model"
         )
     weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
     if weak:
