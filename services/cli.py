@@ -113,7 +113,11 @@ def plan(
         typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="plan.csv", help="Write all plans, a row a station.")
+        Path | None,
+        typer.Option(
+            metavar="plan.csv",
+            help="Write all plans, a row a station; .mcap for Foxglove, .rrd for rerun.",
+        ),
     ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")
@@ -147,7 +151,7 @@ def plan(
     )
     result = command.run(job, quiet=as_json)
     if out is not None:
-        command.write_csv(result, out)
+        command.write(result, out)
     if report is not None:
         command.write_page(result, job, report)
     _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))

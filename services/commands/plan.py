@@ -138,6 +138,21 @@ def _around(paths: list[CandidatePath], margin: float) -> tuple[float, float, fl
     return float(x_min), float(x_max), float(y_min), float(y_max)
 
 
+def write(result: PlanResult, path: Path) -> None:
+    """All plans, best first, in the format that the name asks for: .mcap, .rrd, else CSV."""
+    suffix = path.suffix.lower()
+    if suffix == ".mcap":
+        from services.scene.foxglove_file import write_mcap
+
+        write_mcap(path, result.elevation_map, result.plans, result.model.vehicle)
+    elif suffix == ".rrd":
+        from services.scene.rerun_file import write_rrd
+
+        write_rrd(path, result.elevation_map, result.plans, result.model.vehicle)
+    else:
+        write_csv(result, path)
+
+
 def write_csv(result: PlanResult, path: Path) -> None:
     """All plans in one file, best first."""
     parts = [_driven(plan) for plan in result.plans]

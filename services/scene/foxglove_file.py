@@ -1,0 +1,181 @@
+"""Plans as MCAP in Foxglove's own schemas: /map, /candidates, /tf, /vehicle, /plan."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from models.errors import InputError
+from models.vehicle import Vehicle
+from planner.elevation_map import ElevationMap
+from planner.plan import SpeedPlan
+from services.files.access import write_atomic
+from services.scene import drawing
+
+MAP_FRAME = "map"
+VEHICLE_FRAME = "vehicle"
+_THICK = 4.0  # pixels
+_NANO = 1_000_000_000
+
+
+def write_mcap(
+    path: Path, ground: ElevationMap, plans: Sequence[SpeedPlan], vehicle: Vehicle,
+    begin: int | None = None,
+) -> None:  # fmt: skip
+    """Ground, all candidates, and the best plan as it is driven.
+
+    Args:
+        path: file to write, all or nothing.
+        ground: under the plans. plans: best first. vehicle: for its size.
+        begin: when the drive begins [ns since 1970]; now, if left out.
+
+    Raises:
+        InputError: foxglove-sdk is not installed, or the place cannot be written to.
+    """
+    try:
+        import foxglove
+        from foxglove.channels import FrameTransformChannel, SceneUpdateChannel
+    except ImportError:
+        hint = "expected foxglove-sdk to write .mcap, got none: pip install slopewise[viz]"
+        raise InputError("--out", "", hint) from None
+    begin = time.time_ns() if begin is None else begin
+    buffer, context = io.BytesIO(), foxglove.Context()
+    with foxglove.open_mcap(buffer, context=context):
+        scenes = {
+            topic: SceneUpdateChannel(topic, context=context)
+            for topic in ("/map", "/candidates", "/vehicle")
+        }
+        scenes["/map"].log(_ground(ground, begin), log_time=begin)
+        scenes["/candidates"].log(_candidates(plans, begin), log_time=begin)
+        scenes["/vehicle"].log(_vehicle(vehicle, begin), log_time=begin)
+        transforms = FrameTransformChannel("/tf", context=context)
+        numbers = foxglove.Channel("/plan", schema=_schema(), context=context)
+        for plan in plans[:1]:
+            _drive(drawing.drive(plan), plan.candidate, begin, transforms, numbers)
+    write_atomic(path, buffer.getvalue())
+
+
+def _ground(ground: ElevationMap, begin: int) -> Any:
+    from foxglove.messages import Point3, TriangleListPrimitive
+
+    mesh = drawing.surface(ground)
+    triangles = TriangleListPrimitive(
+        points=[Point3(x=x, y=y, z=z) for x, y, z in mesh.vertices.tolist()],
+        colors=[_colour(rgb) for rgb in mesh.colours.tolist()],
+        indices=mesh.triangles.ravel().tolist(),
+    )
+    facts = {"resolution [m]": f"{ground.resolution:g}", "drawn every": f"{mesh.step} cells"}
+    return _scene([_entity(MAP_FRAME, "ground", begin, facts, triangles=[triangles])])
+
+
+def _candidates(plans: Sequence[SpeedPlan], begin: int) -> Any:
+    from foxglove.messages import LinePrimitive, LinePrimitiveLineType, Point3
+
+    fastest = drawing.fastest_of(plans)
+    entities = []
+    for plan in plans:
+        line = drawing.ribbon(plan, fastest)
+        primitive = LinePrimitive(
+            type=LinePrimitiveLineType.LineStrip,
+            thickness=_THICK,
+            scale_invariant=True,
+            points=[Point3(x=x, y=y, z=z) for x, y, z in line.points.tolist()],
+            colors=[_colour(rgb) for rgb in line.colours.tolist()],
+        )
+        facts = {
+            "status": plan.status.value,
+            "reason": plan.reason,
+            "travel time [s]": f"{plan.travel_time:.2f}",
+            "progress [m]": f"{plan.progress:.2f}",
+        }
+        entities.append(_entity(MAP_FRAME, plan.candidate, begin, facts, lines=[primitive]))
+    return _scene(entities)
+
+
+def _vehicle(vehicle: Vehicle, begin: int) -> Any:
+    from foxglove.messages import CubePrimitive, Pose, Quaternion, Vector3
+
+    (length, width, height), middle = drawing.box_of(vehicle)
+    cube = CubePrimitive(
+        pose=Pose(
+            position=Vector3(x=0.0, y=0.0, z=middle),
+            orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+        ),
+        size=Vector3(x=length, y=width, z=height),
+        color=_colour((0, 114, 178), 0.6),
+    )
+    facts = {"wheelbase [m]": f"{vehicle.wheelbase:g}"}
+    return _scene([_entity(VEHICLE_FRAME, "vehicle", begin, facts, locked=True, cubes=[cube])])
+
+
+def _drive(driven: drawing.Drive, name: str, begin: int, transforms: Any, numbers: Any) -> None:
+    from foxglove.messages import FrameTransform, Quaternion, Vector3
+
+    for k, moment in enumerate(driven.time.tolist()):
+        at = begin + round(moment * _NANO)
+        x, y, z = driven.position[k].tolist()
+        turn = dict(zip("xyzw", driven.quaternion[k].tolist(), strict=True))
+        transforms.log(
+            FrameTransform(
+                timestamp=_stamp(at),
+                parent_frame_id=MAP_FRAME,
+                child_frame_id=VEHICLE_FRAME,
+                translation=Vector3(x=x, y=y, z=z),
+                rotation=Quaternion(**turn),
+            ),
+            log_time=at,
+        )
+        row = {key: _number(values[k]) for key, values in driven.series.items()}
+        numbers.log({"candidate": name, "time_s": moment, **row}, log_time=at)
+
+
+def _schema() -> dict[str, Any]:
+    """JSON schema of /plan; a number that is none is left null."""
+    return {
+        "type": "object",
+        "title": "slopewise.plan",
+        "properties": {
+            "candidate": {"type": "string"},
+            "time_s": {"type": "number"},
+            **{name: {"type": ["number", "null"]} for name in drawing.SERIES},
+        },
+    }
+
+
+def _scene(entities: list[Any]) -> Any:
+    from foxglove.messages import SceneUpdate
+
+    return SceneUpdate(entities=entities)
+
+
+def _entity(
+    frame: str, name: str, begin: int, facts: dict[str, str], *, locked: bool = False, **parts: Any
+) -> Any:
+    from foxglove.messages import KeyValuePair, SceneEntity
+
+    return SceneEntity(
+        timestamp=_stamp(begin), frame_id=frame, id=name, frame_locked=locked,
+        metadata=[KeyValuePair(key=key, value=value) for key, value in facts.items()], **parts,
+    )  # fmt: skip
+
+
+def _stamp(at: int) -> Any:
+    from foxglove.messages import Timestamp
+
+    return Timestamp(sec=at // _NANO, nsec=at % _NANO)
+
+
+def _colour(rgb: Sequence[int], alpha: float = 1.0) -> Any:
+    from foxglove.messages import Color
+
+    red, green, blue = (channel / 255.0 for channel in rgb)
+    return Color(r=red, g=green, b=blue, a=alpha)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,146 @@
+"""Plans for viewers: MCAP read by mcap and protobuf alone, rerun's file by rerun's own tool."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.parameters import Model
+from planner.candidates import CandidatePlanner
+from planner.elevation_map import ElevationMap
+from planner.plan import SpeedPlan
+from services.scene import drawing
+from tests.planner import scenes
+
+BEGIN = 1_800_000_000_123_456_789
+
+
+@pytest.fixture(scope="module")
+def planned() -> tuple[ElevationMap, list[SpeedPlan], Model]:
+    model = scenes.model_of(scenes.ATV)
+    ground = scenes.plane(0.05, 0.02)
+    paths = [scenes.straight(20.0, name="left"), scenes.straight(30.0, 0.05, name="right")]
+    return ground, CandidatePlanner(model).plan(ground, paths), model
+
+
+def test_a_surface_has_holes_where_ground_is_unknown() -> None:
+    heights = np.add.outer(0.1 * np.arange(6), 0.2 * np.arange(5))
+    heights[2, 2] = np.nan
+    mesh = drawing.surface(ElevationMap(elevation=heights, resolution=0.5, origin=(3.0, -1.0)))
+    assert mesh.vertices.shape == (29, 3)
+    x, y, z = mesh.vertices.T
+    np.testing.assert_allclose(z, 0.2 * (y + 1.0) + 0.4 * (x - 3.0), atol=1e-12)
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    area = 0.5 * np.cross(b - a, c - a)[:, 2]
+    np.testing.assert_allclose(area, 0.125)  # all seen from above, half a cell each
+    # Six of the eight half cells around the unknown corner's four cells are holes: those with it.
+    assert len(mesh.triangles) == 2 * 20 - 6
+    middles = (a + b + c)[:, :2] / 3.0
+    assert not np.any(np.hypot(*(middles - [4.0, 0.0]).T) < 0.2)
+
+
+def test_large_ground_is_drawn_coarser() -> None:
+    ground = ElevationMap(elevation=np.zeros((300, 400)), resolution=0.5, origin=(0.0, 0.0))
+    mesh = drawing.surface(ground, most=1000)
+    assert len(mesh.vertices) <= 1200
+    assert mesh.vertices[:, 0].max() > 0.95 * ground.extent[1]
+
+
+def test_colours_follow_speed_as_far_as_a_plan_drives(planned: Any) -> None:
+    ground, plans, model = planned
+    (stopped,) = CandidatePlanner(model).plan(ground, [scenes.straight(20.0)], clear=8.0)
+    line = drawing.ribbon(stopped, drawing.fastest_of(plans))
+    assert stopped.station[line.driven - 1] == pytest.approx(stopped.progress)
+    assert np.all(line.colours[line.driven :] == drawing.NOT_DRIVEN)
+    assert len(line.colours) > line.driven
+    top = int(np.argmax(stopped.speed))
+    assert line.colours[top].astype(int).sum() > line.colours[0].astype(int).sum()
+
+
+def test_attitude_follows_the_ground() -> None:
+    """On a plane z = 0.1 x, driven along x, the body's axes are those of the slope."""
+    turn = drawing._quaternions(np.array([0.0]), np.array([-np.arctan(0.1)]), np.array([0.0]))[0]
+    x, y, z, w = turn
+    ahead = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)])
+    np.testing.assert_allclose(ahead, np.array([1.0, 0.0, 0.1]) / np.hypot(1.0, 0.1), atol=1e-12)
+
+
+def messages_in(path: Path) -> dict[str, list[tuple[int, Any]]]:
+    """Messages by topic; protobuf is decoded with the schema that is in the file itself."""
+    reader = pytest.importorskip("mcap.reader", reason="mcap is not installed")
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    found: dict[str, list[tuple[int, Any]]] = {}
+    with path.open("rb") as stream:
+        for schema, channel, message in reader.make_reader(
+            stream, validate_crcs=True
+        ).iter_messages():
+            if schema.encoding == "jsonschema":
+                decoded = json.loads(message.data)
+                assert set(decoded) == set(json.loads(schema.data)["properties"])
+            else:
+                files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
+                pool = descriptor_pool.DescriptorPool()
+                for file in files.file:
+                    pool.Add(file)
+                kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+                decoded = kind.FromString(message.data)
+                assert schema.name.startswith("foxglove.")
+            found.setdefault(channel.topic, []).append((message.log_time, decoded))
+    return found
+
+
+def test_mcap_holds_what_was_planned(planned: Any, tmp_path: Path) -> None:
+    pytest.importorskip("foxglove", reason="the viz extra is not installed")
+    from services.scene.foxglove_file import write_mcap
+
+    ground, plans, model = planned
+    file = tmp_path / "plan.mcap"
+    write_mcap(file, ground, plans, model.vehicle, BEGIN)
+    found = messages_in(file)
+    assert set(found) == {"/map", "/candidates", "/vehicle", "/tf", "/plan"}
+    ((_, scene),) = found["/candidates"]
+    assert [entity.id for entity in scene.entities] == ["left", "right"]
+    for entity, plan in zip(scene.entities, plans, strict=True):
+        (line,) = entity.lines
+        assert len(line.points) == len(line.colors) == len(plan.station)
+        np.testing.assert_allclose([p.x for p in line.points], plan.x)
+        assert entity.frame_id == "map"
+    best = plans[0]
+    rows = found["/plan"]
+    np.testing.assert_allclose([row["speed_m_s"] for _, row in rows], best.speed[: len(rows)])
+    times = np.array([at - BEGIN for at, _ in rows]) * 1e-9
+    np.testing.assert_allclose(times, best.time[: len(rows)], atol=1e-8)
+    assert min(row["margin_m"] for _, row in rows[:-1]) >= 0.0
+    last = found["/tf"][-1][1]
+    assert (last.parent_frame_id, last.child_frame_id) == ("map", "vehicle")
+    assert last.translation.x == pytest.approx(float(best.x[len(rows) - 1]))
+    ((_, map_scene),) = found["/map"]
+    (triangles,) = map_scene.entities[0].triangles
+    assert len(triangles.points) == np.isfinite(ground.elevation).sum()
+    assert max(triangles.indices) == len(triangles.points) - 1
+
+
+def test_rerun_takes_its_file(planned: Any, tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the viz extra is not installed")
+    from services.scene.rerun_file import write_rrd
+
+    ground, plans, model = planned
+    file = tmp_path / "plan.rrd"
+    write_rrd(file, ground, plans, model.vehicle)
+    tool = shutil.which("rerun")
+    if tool is None:
+        pytest.skip("the command rerun is not on the path")
+    for words in (["verify"], ["stats"]):
+        done = subprocess.run(
+            [tool, "rrd", *words, str(file)], stdin=subprocess.DEVNULL, capture_output=True,
+            text=True, timeout=60, check=True,
+        )  # fmt: skip
+    for entity in ("/map/ground", "/map/candidates/1", "/map/vehicle", "/plan/speed_m_s"):
+        assert f"{entity}: " in done.stdout
