@@ -60,6 +60,7 @@ class ParameterDesk:
         self._shown = 0
         self._ground = ("", 0.0)
         self._waiting: deque[tuple[str, float, Any]] = deque()
+        self._alive: dict[str, bool] = {}
         self._news = threading.Condition()
         self._closed = False
         self._lost_at = -float("inf")
@@ -79,7 +80,7 @@ class ParameterDesk:
         for name in config.learning.estimators:
             self._declared.append(
                 session.liveliness().declare_subscriber(
-                    config.key(f"alive/{name}"), self._putter("alive"), history=True
+                    config.key(f"alive/{name}"), self._on_token, history=True
                 )
             )
 
@@ -104,8 +105,7 @@ class ParameterDesk:
     def _putter(self, kind: str) -> Any:
         def put(item: Any) -> None:
             with self._news:
-                # Whether an estimator lives is never lost: there are few of them.
-                if len(self._waiting) < self._config.learning.queue or kind == "alive":
+                if len(self._waiting) < self._config.learning.queue:
                     self._waiting.append((kind, time.monotonic(), item))
                     self._news.notify()
                     return
@@ -114,19 +114,29 @@ class ParameterDesk:
 
         return put
 
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr).rpartition("/")[2]
+        with self._news:
+            # Whether an estimator lives is never lost, and the last word counts.
+            self._alive[name] = sample.kind == zenoh.SampleKind.PUT
+            self._news.notify()
+
     # ------------------------------------------------------------------ own thread
 
     def _work(self) -> None:
         self._recall()
         while True:
             with self._news:
-                if not self._waiting and not self._closed:
+                if not self._waiting and not self._alive and not self._closed:
                     self._news.wait(_TICK)
                 if self._closed:
                     return
                 item = self._waiting.popleft() if self._waiting else None
+                alive, self._alive = self._alive, {}
             self.beat = time.monotonic()
             try:
+                for name, is_alive in alive.items():
+                    self._service.alive(name, is_alive=is_alive)
                 if item is not None:
                     self._take(*item)
                 self._service.tick()
@@ -138,10 +148,7 @@ class ParameterDesk:
                 self._service.fault("learning does not work as it should")
 
     def _take(self, kind: str, arrived: float, item: Any) -> None:
-        if kind == "alive":
-            name = str(item.key_expr).rpartition("/")[2]
-            self._service.alive(name, is_alive=item.kind == zenoh.SampleKind.PUT)
-        elif kind != "params":
+        if kind != "params":
             self._observe(kind, arrived, item)
         else:
             with item:
