@@ -1,7 +1,7 @@
 """The pages and figures of a service as a web application; everything may only be read.
 
-``/`` the live page · ``/state``, ``/learned``, ``/map``, ``/map.png`` what it draws · ``/health``
-200 while plans can be made · ``/metrics`` for Prometheus.
+``/`` the live page · ``/state``, ``/learned``, ``/map`` what it draws · ``/health`` 200 while plans
+can be made · ``/metrics`` for Prometheus.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from services.map_store import KnownGround
 from services.messages import Status
 from services.report.page import asset, page
 from services.report.plan_data import relief
+from services.report.png import data_uri
 
 _SCRIPTS = ("helpers.js", "axes.js", "live_map.js", "live_plan.js", "live_learned.js", "live.js")
 _HEADERS = [
@@ -60,14 +61,13 @@ class Site:
         self._metrics = make_wsgi_app(metrics.registry(source.status))
         self._page = self._html().encode()
         self._lock = Lock()
-        self._drawn: tuple[int, bytes, bytes] = (-1, b"", b"")
+        self._drawn: tuple[int, bytes] = (-1, b"null")
         self._again = 0.0
         self._answers: dict[str, Callable[[], tuple[str, str, bytes]]] = {
             "/": lambda: ("200 OK", "text/html; charset=utf-8", self._page),
             "/state": lambda: _json(view.state(source.status(), source.board)),
             "/learned": lambda: _json(view.learned(source.board)),
-            "/map": lambda: ("200 OK", "application/json", self._relief()[1]),
-            "/map.png": lambda: ("200 OK", "image/png", self._relief()[2]),
+            "/map": lambda: ("200 OK", "application/json", self._relief()),
             "/health": self._health,
         }
 
@@ -107,8 +107,8 @@ class Site:
         body = {"able": able, "flags": status.flags, "uptime": status.uptime}
         return _json(body, "200 OK" if able else "503 Service Unavailable")
 
-    def _relief(self) -> tuple[int, bytes, bytes]:
-        """Version, description and picture of the ground, drawn once a version.
+    def _relief(self) -> bytes:
+        """Description and picture of the ground as JSON, drawn once a version.
 
         Drawing takes the processor from planning, so it may have a small share of it only: where
         the map changes quicker than that, an older picture is shown.
@@ -116,15 +116,14 @@ class Site:
         ground = self._source.ground()
         with self._lock:
             if ground is None:
-                return 0, b"null", b""
-            begun = time.monotonic()
-            if self._drawn[0] != ground.version and begun >= self._again:
+                return b"null"
+            begun = time.thread_time()
+            if self._drawn[0] != ground.version and time.monotonic() >= self._again:
                 picture, table = relief(ground.elevation_map, _MOST_CELLS)
-                told = json.dumps({"version": ground.version, **table}, allow_nan=False)
-                self._drawn = ground.version, told.encode(), picture
-                now = time.monotonic()
-                self._again = now + (now - begun) / _SHARE
-            return self._drawn
+                told = {"version": ground.version, "picture": data_uri(picture), **table}
+                self._drawn = ground.version, json.dumps(told, allow_nan=False).encode()
+                self._again = time.monotonic() + (time.thread_time() - begun) / _SHARE
+            return self._drawn[1]
 
 
 def _json(value: Any, status: str = "200 OK") -> tuple[str, str, bytes]:

@@ -88,6 +88,15 @@ def test_state_is_what_was_answered(asked: str) -> None:
     assert all(v <= b + 1e-3 for v, b in zip(chosen["speed"], chosen["speed_bound"], strict=True))
 
 
+def test_the_map_comes_with_its_picture(asked: str) -> None:
+    told = json.loads(get(f"{asked}/map")[1])
+    assert told["version"] >= 1
+    assert told["cell"] == 0.25
+    assert told["picture"].startswith("data:image/png;base64,")
+    left, right, bottom, top = told["bounds"]
+    assert (right - left, top - bottom) == (193 * 0.25, 49 * 0.25)
+
+
 def test_metrics_are_read_by_prometheus(asked: str) -> None:
     status, text = get(f"{asked}/metrics")
     assert status == 200

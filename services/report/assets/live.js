@@ -43,10 +43,10 @@ async function look_again() {
     const version = state.status.map_version;
     if (version > 0 && version !== seen.map && performance.now() - seen.mapAt > MAP_PERIOD) {
       seen.mapAt = performance.now();
-      await takeGround(version);
+      await takeGround();
       seen.map = ground?.version ?? 0;
-      showMapLegend();
     }
+    showMapLegend(version);
     takePlan(state.plan);
     showPlan(state.plan);
     if (state.changes !== seen.changes) {
@@ -62,5 +62,5 @@ async function look_again() {
 }
 
 seen.mapAt = -MAP_PERIOD;
-showMapLegend();
+showMapLegend(0);
 look_again();

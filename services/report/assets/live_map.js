@@ -13,14 +13,14 @@ let topSpeed = 1;
 const toX = (x) => (x - view.x) * view.scale;
 const toY = (y) => (view.y - y) * view.scale;
 
-async function takeGround(version) {
+async function takeGround() {
   const response = await fetch("/map", { cache: "no-store" });
   const table = response.ok ? await response.json() : null;
   if (!table) return;
   const image = new Image();
-  image.src = `/map.png?version=${table.version}`;
+  image.src = table.picture;
   await image.decode();
-  ground = { ...table, wanted: version };
+  ground = table;
   contours = table.contours.map((line) => ({ strong: line.strong, path: new Path2D(line.path) }));
   surfaces = table.surfaces.map((surface) => ({ name: surface.name, path: new Path2D(surface.path) }));
   picture = tinted(image);
@@ -45,10 +45,7 @@ function tinted(image) {
 function takePlan(plan) {
   shownPlan = plan;
   const top = Math.max(roundedTop(plan?.chosen?.speed ?? []), topSpeed);
-  if (top > topSpeed) {
-    topSpeed = top;
-    showMapLegend();
-  }
+  topSpeed = top;
   paint();
 }
 
@@ -198,7 +195,7 @@ function paintScale(pen, height) {
   pen.fillText(`${Number(long.toPrecision(3))} m`, 21 + long * view.scale, height - 13);
 }
 
-function showMapLegend() {
+function showMapLegend(version) {
   const marked = ticks(0, topSpeed, 4);
   const marks = marked.map((value) => {
     const mark = make("span", {}, tickText(value, marked[1]));
@@ -210,7 +207,8 @@ function showMapLegend() {
   bar.style.background = `linear-gradient(90deg, ${stops.join(", ")})`;
   const scale = make("span", { class: "speed-scale" }, make("span", {}, "speed, m/s"), bar, make("span", { class: "ticks" }, ...marks));
   const named = surfaces.map((surface) => make("span", { class: "item" }, `outlined: ${surface.name || "base"}`));
-  element("map-legend").replaceChildren(scale, make("span", { class: "item" }, "hatched: unknown ground"), ...named);
+  const behind = ground && version > ground.version ? [make("span", { class: "item" }, `drawn: version ${ground.version}`)] : [];
+  element("map-legend").replaceChildren(scale, make("span", { class: "item" }, "hatched: unknown ground"), ...named, ...behind);
 }
 
 function look(at) {
