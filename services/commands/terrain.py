@@ -91,7 +91,7 @@ def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
         classes=terrains.classes if adaptive is None else adaptive.classes,
         good=good,
         seconds=time.perf_counter() - begin,
-        notes=_notes(log, terrains, monitor),
+        notes=_notes(log, terrains, monitor, learn=job.learn),
     )
 
 
@@ -185,7 +185,9 @@ def _labels(log: DriveLog, part: slice, events: list[Classified | Change]) -> li
     return [str(name) for name in log.columns["terrain"][part][index]]
 
 
-def _notes(log: DriveLog, terrains: TerrainFile, monitor: TerrainMonitor) -> list[str]:
+def _notes(
+    log: DriveLog, terrains: TerrainFile, monitor: TerrainMonitor, *, learn: bool
+) -> list[str]:
     notes = []
     if not monitor.estimator.signed:
         notes.append("no current is negative: taken as magnitudes, their signs from the balance")
@@ -193,7 +195,9 @@ def _notes(log: DriveLog, terrains: TerrainFile, monitor: TerrainMonitor) -> lis
         notes.append("no column roll: taken as level from side to side")
     if not _rates(log):
         notes.append("no columns roll_rate, pitch_rate: changes are told from fewer channels")
-    if not terrains.terrain:
+    if not terrains.terrain and learn:
+        notes.append("no classes known before: those learned now are in the file")
+    elif not terrains.terrain:
         notes.append("no classes known: --terrains gives some, --learn makes them")
     return notes
 
