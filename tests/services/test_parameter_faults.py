@@ -290,7 +290,7 @@ def test_learning_that_hangs_makes_plans_slower(
     file = tmp_path / "service.toml"
     file.write_text(
         f'model = "atv"\nnamespace = "test/hang"\n[zenoh]\nlisten = ["tcp/127.0.0.1:{port}"]\n'
-        "[status]\nperiod = 0.05\n[learning]\ndegraded_speed = 0.7\nrefresh = 0.2\n"
+        "[status]\nperiod = 0.05\n[learning]\ndegraded_speed = 0.7\nrefresh = 0.2\n[planning]\ndeadline = 5.0\n"
     )
     monkeypatch.setattr(daemon, "_HANGS_AFTER", 1.5)
     hang = {"for": 0.0}
