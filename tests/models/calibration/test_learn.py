@@ -30,15 +30,20 @@ def plant_of(seed: int, **changes: float) -> Plant:
     )  # fmt: skip
 
 
-def off_in_std(learned: Calibration, plant: Plant, *, askew: bool = True) -> np.ndarray:
-    """Errors over standard deviations; with or without what an unknown mount adds to these."""
+def deviations(learned: Calibration, *, askew: bool = True) -> np.ndarray:
+    """Standard deviations, with or without what an unknown mount adds to them."""
     fit = learned.surfaces[0].fit
     covariance = fit.covariance.copy()
     if not askew and not learned.mount.known:
         m_m, b_m = fit.coefficients[:2]
         shift = learned.mount.std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
         covariance -= np.outer(shift, shift)
-    return (fit.coefficients - plant.coefficients) / np.sqrt(np.diag(covariance))
+    return np.sqrt(np.diag(covariance))
+
+
+def off_in_std(learned: Calibration, plant: Plant, *, askew: bool = True) -> np.ndarray:
+    off = learned.surfaces[0].fit.coefficients - plant.coefficients
+    return off / deviations(learned, askew=askew)
 
 
 def excess(learned: Calibration, truth: Truth) -> np.ndarray:
@@ -103,7 +108,7 @@ def test_outliers_change_nothing_by_more_than_a_standard_deviation() -> None:
         plant = plant_of(seed)
         clean = learn(*drive(plant, 100, seed)[:2], KNOWN)
         dirty = learn(*drive(replace(plant, outliers=0.05), 100, seed)[:2], KNOWN)
-        std = np.sqrt(np.diag(clean.surfaces[0].fit.covariance))
+        std = deviations(clean, askew=False)
         shift = dirty.surfaces[0].fit.coefficients - clean.surfaces[0].fit.coefficients
         assert np.all(np.abs(shift) < std)
         assert any("left out" in words for words in dirty.warnings)
