@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from benchmarks.discrepancy import peer
-from benchmarks.discrepancy.catalogue import COUNTS, HiddenSet, Order, make, orders
+from benchmarks.discrepancy.catalogue import ALL, Conditions, HiddenSet, Order, make, orders
 from benchmarks.discrepancy.metrics import metrics, record
 from benchmarks.discrepancy.score import Outcome, score
 from benchmarks.discrepancy.sealed import Inquiry, Job, seal, tables_of
@@ -19,8 +19,8 @@ Advance = Callable[[int], None]
 QUICK = 0.06
 """Share of the whole benchmark that `--quick` runs."""
 
-FEW = (40, 70)
-"""Numbers of stops in its sets."""
+FEW = Conditions(counts=(40, 70))
+"""Its sets are small ones."""
 
 
 def total(quick: bool) -> int:
@@ -59,7 +59,7 @@ def run(quick: bool, advance: Advance) -> Result:
     share = QUICK if quick else 1.0
     sets = []
     for order in orders(share):
-        sets.append(make(order, FEW if quick else COUNTS))
+        sets.append(make(order, FEW if quick else ALL))
         advance(1)
     result = judged(sets, advance)
     if with_engine():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,13 +14,23 @@ from benchmarks.discrepancy.physics import Physics, Stops
 from benchmarks.discrepancy.plant import drive
 from benchmarks.discrepancy.worth import Worth, worth
 
-COUNTS = (40, 70, 100, 150, 200)
-NOISES = (0.01, 0.03, 0.06)
-SCATTERS = (0.005, 0.02, 0.05)
 ABSORBED = ("grade_bias", "furrows one way", "uphill only", "same roll everywhere")
 
 _TRIES = 6  # for a set in which the effect can be named at all
 _BIAS = 0.025  # [rad] of the pitch sensor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """From which those of a set are drawn: designs, numbers of stops, noise [m/s], scatter [1]."""
+
+    designs: tuple[str, ...] = DESIGNS
+    counts: tuple[int, ...] = (40, 70, 100, 150, 200)
+    noises: tuple[float, ...] = (0.01, 0.03, 0.06)
+    scatters: tuple[float, ...] = (0.005, 0.02, 0.05)
+
+
+ALL = Conditions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,19 +109,18 @@ def _wanted(share: float) -> Iterator[tuple[str, tuple[str, ...], str]]:
             yield "faint", (name,), "small"
 
 
-def make(order: Order, counts: Sequence[int] = COUNTS) -> HiddenSet:
+def make(order: Order, conditions: Conditions = ALL) -> HiddenSet:
     """Drive and measure one set.
 
     Args:
-        order: what is wanted. counts: numbers of stops to draw from.
+        order: what is wanted. conditions: to draw from.
 
-    Conditions (design, number of stops, noise, scatter) are drawn; where an effect is to be named
-    they are drawn anew until it can be, a few times at most.
+    Where an effect is to be named, all is drawn anew until it can be, a few times at most.
     """
     rng = np.random.default_rng(order.seed)
     wanted = order.kind in ("single", "pair", "off")
     for _ in range(_TRIES if wanted else 1):
-        candidate = drawn(order, rng, counts)
+        candidate = drawn(order, rng, conditions)
         if not wanted or candidate.worth.named:
             break
     return measured(candidate, rng)
@@ -123,10 +132,11 @@ def sampled_late(stops: Stops, rng: np.random.Generator) -> Stops:
     return stops._replace(delay=stops.delay - phase)
 
 
-def drawn(order: Order, rng: np.random.Generator, counts: Sequence[int] = COUNTS) -> HiddenSet:
+def drawn(order: Order, rng: np.random.Generator, conditions: Conditions = ALL) -> HiddenSet:
     """One set as it comes, not yet measured."""
-    design, scatter = str(rng.choice(DESIGNS)), float(rng.choice(SCATTERS))
-    count, noise = int(rng.choice(counts)), float(rng.choice(NOISES))
+    c = conditions
+    design, scatter = str(rng.choice(c.designs)), float(rng.choice(c.scatters))
+    count, noise = int(rng.choice(c.counts)), float(rng.choice(c.noises))
     base = _draw_base(rng)
     name = order.names[0] if order.names else ""
     absorbed = order.kind == "absorbed"

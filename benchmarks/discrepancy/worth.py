@@ -35,7 +35,7 @@ TOLD_APART = 20.0
 """Expected χ² to the nearest rival from which the name counts as identifiable."""
 
 _BASE = {"m_m": 1e-3, "b_m": 1e-3, "m_b": 1e-4, "b_b": 1e-4, "dead_time": 1e-3}
-_STEP = 0.005  # [s] of the integration; differences do not see the rest
+_STEP = 0.01  # [s] of the integration; differences do not see the rest
 _JITTER = 0.008  # [s] of the onset, with the phase of the sampling
 _LONGEST = 9.0  # [s] of a stop
 _HELD_SAMPLES = 20.0  # from which the speed at the command is known
@@ -74,7 +74,7 @@ def worth(
     noise: float,
     scatter: float,
     own: Iterable[str],
-    weighed: int = 60,
+    weighed: int = 40,
 ) -> Worth:
     """Judge one set.
 
@@ -119,7 +119,7 @@ class _Scene:
     """The truth's stops, and how to weigh differences from them."""
 
     def __init__(
-        self, truth: Physics, stops: Stops, noise: float, scatter: float, weighed: int = 60
+        self, truth: Physics, stops: Stops, noise: float, scatter: float, weighed: int = 40
     ) -> None:
         self.stops = stops
         longest = drive(truth, stops, np.zeros(1), _STEP).rest

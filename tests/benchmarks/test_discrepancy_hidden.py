@@ -1,0 +1,100 @@
+"""A small, fixed part of the benchmark: hidden effects are found by a process that sees a log only.
+
+`slopewise bench discrepancy` runs all of it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+import pytest
+
+from benchmarks.discrepancy import campaign, catalogue
+from benchmarks.discrepancy.catalogue import Order
+from benchmarks.discrepancy.score import Outcome, score
+from benchmarks.discrepancy.sealed import Inquiry, Job, tables_of
+
+EASY = catalogue.Conditions(
+    designs=("mixed",), counts=(40,), noises=(0.01, 0.03), scatters=(0.005, 0.02)
+)
+
+
+@pytest.fixture(scope="module")
+def inquiry() -> Iterator[Inquiry]:
+    with Inquiry() as process:
+        yield process
+
+
+def asked(inquiry: Inquiry, kind: str, names: str, size: str, seed: int) -> Outcome:
+    hidden = catalogue.make(Order(kind, tuple(names.split("+")) if names else (), size, seed), EASY)
+    outcome = score(hidden, inquiry.ask(Job(hidden.columns, tables_of(hidden.configured))))
+    assert outcome.verdict != "fault", outcome.text
+    return outcome
+
+
+@pytest.mark.parametrize(
+    ("names", "seed"),
+    [
+        ("brake_lag", 1), ("aerodynamic_drag", 2), ("cross_slope", 3), ("step_change", 4),
+        ("surface_patch", 5), ("directional_surface", 6),
+    ],
+)  # fmt: skip
+def test_a_large_effect_is_named_and_closes_the_gap(
+    inquiry: Inquiry, names: str, seed: int
+) -> None:
+    outcome = asked(inquiry, "single", names, "large", seed)
+    assert outcome.identifiable
+    assert outcome.right, (outcome.verdict, outcome.named)
+    assert outcome.axis_right, outcome.located
+    closed = outcome.closing.share
+    assert closed is None or closed > 0.8
+
+
+def test_both_of_a_pair_are_named(inquiry: Inquiry) -> None:
+    outcome = asked(inquiry, "pair", "brake_lag+cross_slope", "large", 11)
+    assert outcome.right, (outcome.verdict, outcome.named)
+
+
+@pytest.mark.parametrize("seed", [21, 22, 23])
+def test_nothing_is_missing_in_clean_logs(inquiry: Inquiry, seed: int) -> None:
+    assert asked(inquiry, "clean", "", "", seed).verdict in ("none", "parameter_drift")
+
+
+def test_other_coefficients_are_no_missing_effect(inquiry: Inquiry) -> None:
+    outcome = asked(inquiry, "drift", "", "", 31)
+    assert outcome.verdict == "parameter_drift"
+    assert outcome.closing.share is not None
+    assert outcome.closing.share > 0.9
+
+
+@pytest.mark.parametrize(("name", "seed"), [("grab", 41), ("bump", 42)])
+def test_what_has_no_name_gets_none(inquiry: Inquiry, name: str, seed: int) -> None:
+    outcome = asked(inquiry, "off", name, "large", seed)
+    assert outcome.verdict == "unknown"
+    assert outcome.axis_right, outcome.located
+
+
+@pytest.mark.parametrize("name", catalogue.ABSORBED)
+def test_what_the_base_takes_up_gets_no_name(inquiry: Inquiry, name: str) -> None:
+    assert asked(inquiry, "absorbed", name, "medium", 51).verdict != "missing_effect"
+
+
+def test_the_process_holds_no_memory_and_no_folder_of_the_truth(inquiry: Inquiry) -> None:
+    pool = inquiry._pool
+    assert pool.submit(os.getppid).result() == os.getpid()
+    assert pool.submit(os.listdir).result() == []
+    # Neither what knows of effects to hide, nor any set that was made.
+    modules = pool.submit(eval, "sorted(__import__('sys').modules)").result()
+    for name in ("catalogue", "hidden", "campaign", "score"):
+        assert f"benchmarks.discrepancy.{name}" not in modules
+
+
+def test_a_campaign_adds_up() -> None:
+    chosen = [Order("clean", (), "", 61), Order("single", ("brake_lag",), "large", 62)]
+    sets = [catalogue.make(order, EASY) for order in chosen]
+    steps: list[int] = []
+    result = campaign.judged(sets, steps.append)
+    assert sum(steps) == len(sets)
+    assert len(result["outcomes"]) == 2
+    assert {row["effect"]: row["sets"] for row in result["by_effect"]} == {"": 1, "brake_lag": 1}
