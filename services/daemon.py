@@ -10,6 +10,7 @@ import contextlib
 import gc
 import logging
 import math
+import sys
 import threading
 import time
 from collections import Counter, deque
@@ -43,6 +44,7 @@ _log = logging.getLogger("slopewise")
 _MOST_MAPS = 16
 """Map updates that may wait; one more is lost, counted and flagged."""
 
+_TURN = 0.001
 _REMEMBERED = 1000
 _LARGEST_STATUS = 1_000_000
 _HANGS_AFTER = 10.0
@@ -363,6 +365,8 @@ def serve(config: ServiceConfig, seconds: float | None = None) -> None:
     # What was built up to now stays: the collector need not look at it again between questions.
     gc.collect()
     gc.freeze()
+    # Planning waits no longer than that for whoever learns or draws meanwhile.
+    sys.setswitchinterval(_TURN)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: service.stop())
     with service:

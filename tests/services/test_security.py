@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 import zenoh
 
+from models.errors import InputError
 from services import wire
 from services.client import PlanClient
+from services.connect import client_session
 from services.messages import PlanReply
 from services.observations import Receipt, StopObservation, TerrainLabel
 from services.parameter_messages import ParameterReply, RollBack, SetParameters
@@ -118,6 +120,23 @@ def test_nobody_answers_in_the_service_s_place(folder: Path, service: Running) -
         reply = plan(navigation)
     assert reply is not None
     assert reply.service == "planner"
+
+
+def test_tls_alone_shows_the_service_s_certificate(folder: Path, tmp_path: Path) -> None:
+    locked = f'config = "{folder / "tls.json5"}"'
+    with running(tmp_path, scheme="tls", zenoh_lines=locked) as started:
+        with (
+            client_session(started.endpoint, str(folder / "tls-client.json5")) as session,
+            PlanClient(session, namespace=started.namespace, timeout=2.0) as asking,
+        ):
+            assert asking.plan(0.0, []).reply is not None
+        other = tmp_path / "other"
+        other.mkdir()
+        certificates.make(other)
+        with pytest.raises(InputError, match="lets this client in"):
+            client_session(started.endpoint, str(other / "tls-client.json5"))
+        with pytest.raises(InputError, match="lets this client in"):
+            client_session(started.endpoint.replace("tls/", "tcp/"))
 
 
 # ---------------------------------------------------------------------- parameters
