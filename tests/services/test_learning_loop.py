@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,11 +50,12 @@ min_load = 0.05
 CLEAR = 9.0
 
 
-@pytest.fixture
-def service(tmp_path: Path) -> Iterator[Running]:
-    (tmp_path / "cautious.toml").write_text(PRIOR)
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    folder = tmp_path_factory.mktemp("loop")
+    (folder / "cautious.toml").write_text(PRIOR)
     learning = '[learning]\nrise = 0.05\n[store]\npath = "p.sqlite"'
-    with running(tmp_path, planning=learning, model="cautious.toml") as started:
+    with running(folder, planning=learning, model="cautious.toml") as started:
         yield started
 
 
@@ -93,10 +93,29 @@ class Drive:
         return float(speed.max())
 
 
+def test_unnamed_ground_slows_plans_within_two_stops(service: Running) -> None:
+    with service.session() as session:
+        robot = Robot(service, session, "nobody names the ground")
+        send_ground(robot)
+        drive = Drive(robot, labelled=False)
+        asphalt = [drive.leg("", ASPHALT) for _ in range(24)]
+        assert drive.overruns == 0
+        assert robot.level_force() == pytest.approx(ASPHALT.force - 0.01, rel=0.06)
+        for surface, legs in ((SAND, 12), (ICE, 8)):
+            before = drive.overruns
+            tops = [drive.leg("", surface) for _ in range(legs)]
+            # Nothing tells of the change but the stops themselves: two of them may go too far.
+            assert drive.overruns - before <= 2
+            assert max(tops[2:]) < asphalt[-1]
+            assert robot.level_force() == pytest.approx(surface.force, rel=0.08)
+        assert tops[2] < 0.75 * tops[0]
+        assert robot.status()["parameters"]["version"] > 44
+
+
 def test_named_ground_is_never_overrun_and_becomes_known(service: Running) -> None:
     with service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
+        robot = Robot(service, session, "somebody names the ground")
+        assert robot.roll_back(1)["status"] == "ok"
         drive = Drive(robot, labelled=True)
         grounds = (("asphalt", ASPHALT, 24), ("sand", SAND, 20), ("ice", ICE, 14))
         tops = {
@@ -116,24 +135,3 @@ def test_named_ground_is_never_overrun_and_becomes_known(service: Running) -> No
         # Back on known ground without a name for it: plans stay slow until stops show it.
         assert drive.leg("asphalt", ASPHALT) < tops["asphalt"][-1]
         assert drive.overruns == 0
-
-
-def test_unnamed_ground_slows_plans_within_two_stops(service: Running) -> None:
-    with service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
-        drive = Drive(robot, labelled=False)
-        asphalt = [drive.leg("", ASPHALT) for _ in range(24)]
-        assert drive.overruns == 0
-        assert robot.level_force() == pytest.approx(ASPHALT.force - 0.01, rel=0.06)
-        for surface, legs in ((SAND, 12), (ICE, 8)):
-            before = drive.overruns
-            tops = [drive.leg("", surface) for _ in range(legs)]
-            # Nothing tells of the change but the stops themselves: two of them may go too far.
-            assert drive.overruns - before <= 2
-            assert max(tops[2:]) < asphalt[-1]
-            assert robot.level_force() == pytest.approx(surface.force, rel=0.08)
-        assert tops[2] < 0.75 * tops[0]
-        status = robot.status()
-        assert status["counters"]["drive_taken"] == 44
-        assert status["parameters"]["version"] > 44

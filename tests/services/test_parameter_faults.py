@@ -290,9 +290,10 @@ def test_learning_that_hangs_makes_plans_slower(
     file = tmp_path / "service.toml"
     file.write_text(
         f'model = "atv"\nnamespace = "test/hang"\n[zenoh]\nlisten = ["tcp/127.0.0.1:{port}"]\n'
-        "[status]\nperiod = 0.05\n[learning]\ndegraded_speed = 0.7\nrefresh = 0.2\n[planning]\ndeadline = 5.0\n"
+        "[status]\nperiod = 0.05\n[learning]\ndegraded_speed = 0.7\nrefresh = 0.2\n"
+        "[planning]\ndeadline = 5.0\n"
     )
-    monkeypatch.setattr(daemon, "_HANGS_AFTER", 1.5)
+    monkeypatch.setattr(daemon, "_HANGS_AFTER", 1.0)
     hang = {"for": 0.0}
     tick = ParameterService.tick
 
@@ -308,7 +309,7 @@ def test_learning_that_hangs_makes_plans_slower(
         send_ground(robot)
         until(lambda: robot.top_speed(20.0) > 0.7)
         free = robot.top_speed(20.0)
-        hang["for"] = 4.0
+        hang["for"] = 2.5
         until(lambda: flagged(robot, "degraded: learning hangs"))
         assert robot.top_speed(20.0) <= 0.7 < free
         hang["for"] = 0.0
