@@ -7,7 +7,7 @@ from dataclasses import asdict
 from importlib.util import find_spec
 from typing import Any
 
-from benchmarks.discrepancy import peer
+from benchmarks.discrepancy import ambiguity, peer
 from benchmarks.discrepancy.catalogue import ALL, Conditions, HiddenSet, Order, make, orders
 from benchmarks.discrepancy.metrics import metrics, record
 from benchmarks.discrepancy.score import Outcome, score
@@ -26,12 +26,16 @@ FEW = Conditions(counts=(40, 70))
 def total(quick: bool) -> int:
     """Steps of :func:`run`."""
     share = QUICK if quick else 1.0
-    return 2 * len(orders(share)) + (_engine_steps(share) if with_engine() else 0)
+    return 2 * len(orders(share)) + _cases(share) + (_engine_steps(share) if with_engine() else 0)
 
 
 def with_engine() -> bool:
     """The physics engine is installed."""
     return find_spec("mujoco") is not None
+
+
+def _cases(share: float) -> int:
+    return max(round(24 * share), 2)
 
 
 def _engine_steps(share: float) -> int:
@@ -62,6 +66,7 @@ def run(quick: bool, advance: Advance) -> Result:
         sets.append(make(order, FEW if quick else ALL))
         advance(1)
     result = judged(sets, advance)
+    result |= ambiguity.run(ambiguity.cases(_cases(share)), advance)
     if with_engine():
         result |= in_the_engine(share, advance)
     return result
