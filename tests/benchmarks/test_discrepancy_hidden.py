@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.discrepancy import campaign, catalogue
+from benchmarks.discrepancy import campaign, catalogue, charts, tables
 from benchmarks.discrepancy.catalogue import Order
 from benchmarks.discrepancy.score import Outcome, score
 from benchmarks.discrepancy.sealed import Inquiry, Job, tables_of
@@ -97,4 +98,7 @@ def test_a_campaign_adds_up() -> None:
     result = campaign.judged(sets, steps.append)
     assert sum(steps) == len(sets)
     assert len(result["outcomes"]) == 2
+    assert json.loads(json.dumps(result, allow_nan=False))["by_effect"] == result["by_effect"]
+    assert len(list(tables.tables(result))) >= 2
+    assert len(charts.charts(result)) == 3
     assert {row["effect"]: row["sets"] for row in result["by_effect"]} == {"": 1, "brake_lag": 1}
