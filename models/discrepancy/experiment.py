@@ -99,7 +99,8 @@ class _Gain:
         """(stops,) chi square with one more stop."""
         info = self.information + np.einsum("skp,skq->spq", self.slopes, self.slopes)
         taken = self.taken + np.einsum("skp,sk->sp", self.slopes, self.apart)
-        solved = np.linalg.solve(info, taken[:, :, None])[:, :, 0]
+        inverse = np.linalg.pinv(info, hermitian=True)
+        solved = np.einsum("spq,sq->sp", inverse, taken)
         raw = self.raw + np.einsum("sk,sk->s", self.apart, self.apart)
         result: Floats = raw - np.einsum("sp,sp->s", taken, solved)
         return result

@@ -21,7 +21,14 @@ from models.discrepancy.candidates import Candidate, candidates, finer_patches
 from models.discrepancy.hypothesis import Hypothesis, free_parameters
 from models.discrepancy.noise import Noise
 from models.discrepancy.prediction import as_output
-from models.discrepancy.refine import Fit, fit_with_scatter, noise_of, prior_precision, residual
+from models.discrepancy.refine import (
+    Fit,
+    fit_either_way,
+    fit_with_scatter,
+    noise_of,
+    prior_precision,
+    residual,
+)
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
 
@@ -39,11 +46,12 @@ _CLOSER = (
     0.07,
     0.05,
 )  # radii by which patches nearer to the best are moved
-_NEAR = 40.0  # chi square from the best within which an explanation goes on
+_NEAR = 30.0  # chi square from the best within which an explanation goes on
 _MOVES = 2
 _MORE = 6.0  # chi square that every further effect has to bring beyond its numbers
 _WORTH = 0.4  # of the strongest candidate's chi square, below which another one is left alone
-_STARTS = {"wheel_lockup": 3, "headwind": 2, "brake_fade": 2, "brake_lag": 1}
+_STARTS = {"wheel_lockup": 2, "headwind": 2, "brake_fade": 2, "brake_lag": 1}
+_EVENS_OUT = ("wheel_lockup",)
 _NUMBERS = {"surface_patch": 4, "step_change": 2, "headwind": 3, "brake_fade": 2}
 _DIRECTIONS = {"directional_surface": 2}
 
@@ -143,7 +151,7 @@ def _again(
             continue
         # Speeds are the explanation's own now: noise of the measured ones no longer matters.
         output = as_output(table, e.fit.hypothesis)
-        found = fit_with_scatter(output, e.fit.hypothesis, noise, rounds=1)
+        found = fit_either_way(output, e.fit.hypothesis, noise, rounds=1)
         result[names] = replace(e, fit=found, score=score(found, len(table)))
     return result
 
@@ -164,17 +172,19 @@ def _extended(
     shares: dict[str, float] = {}
     for c, share in zip(found, scored.absorbed, strict=True):
         shares[c.name] = min(shares.get(c.name, 1.0), float(share))
-    if strongest[0] < needed:
-        return [], strongest, shares
+    floor = max(needed, _WORTH * strongest[0])
     children = []
     for name, members in _leaders(found, strength):
-        if (
-            strength[members[0]] < max(0.5 * needed, _WORTH * strongest[0])
-            or name in fit.hypothesis.names
-        ):
+        # A friction cap shows less in what it takes than in stops that no longer differ.
+        hidden = name in _EVENS_OUT
+        if name in fit.hypothesis.names or not (hidden or strength[members[0]] >= 0.5 * floor):
+            continue
+        if strongest[0] < needed and not hidden:
             continue
         fits = [_refined(table, fit, found[i], float(scored.strength[i])) for i in members]
         best = min(fits, key=lambda f: f.deviance)
+        if hidden and fit.deviance - best.deviance < needed:
+            continue
         gain = (*parent.gained, float(strength[members[0]]))
         children.append(Explanation(best, score(best, len(table)), gain, (*parent.needed, needed)))
     return children, strongest, shares
@@ -246,13 +256,18 @@ def _leaders(found: Sequence[Candidate], strength: Floats) -> list[tuple[str, li
     members: dict[str, list[int]] = {}
     for i in np.argsort(-strength):
         own = members.setdefault(found[i].name, [])
-        if strength[i] > 0.0 and len(own) < _STARTS.get(found[i].name, 1):
+        if (strength[i] > 0.0 or found[i].name in _EVENS_OUT) and len(own) < _STARTS.get(
+            found[i].name, 1
+        ):
             own.append(int(i))
-    return [(name, own) for name, own in members.items() if own][:_NAMES]
+    leaders = [(name, own) for name, own in members.items() if own]
+    late = [leader for leader in leaders[_NAMES:] if leader[0] in _EVENS_OUT]
+    return leaders[:_NAMES] + late
 
 
 def _refined(table: StopTable, fit: Fit, candidate: Candidate, strength: float) -> Fit:
     trials = [candidate.effect(strength)]
+    noise = replace(fit.noise, capped=True)
     if candidate.name == "step_change":
         force = float(np.median(table.force))
         trials.append(
@@ -264,7 +279,7 @@ def _refined(table: StopTable, fit: Fit, candidate: Candidate, strength: float) 
                 },
             )
         )
-    fits = [fit_with_scatter(table, fit.hypothesis.plus(t), fit.noise) for t in trials]
+    fits = [fit_with_scatter(table, fit.hypothesis.plus(t), noise, rounds=1) for t in trials]
     best = min(fits, key=lambda f: f.deviance)
     if candidate.name == "surface_patch":
         for _ in range(_MOVES):

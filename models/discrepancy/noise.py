@@ -21,6 +21,7 @@ from models.discrepancy.stop_table import StopTable
 Floats = NDArray[np.float64]
 
 _LEVEL = 1.0  # [m/s] nothing is known of the speed at which a stop begins
+_RIDGE = 1e-12
 _LEAST_NOISE = 1e-3  # [m/s]
 _MOST_CORRELATED = 0.9
 _FLOOR = (1e-3, 2e-2, 1e-3, 1e-4)  # in the order of Noise, correlation left out
@@ -166,7 +167,7 @@ def estimate(
     def cost(logs: Floats) -> float:
         speed, creep, jitter, scatter = np.exp(logs)
         precision = np.array([1.0 / _LEVEL, 1.0 / creep, 1.0 / jitter, 1.0 / scatter]) ** 2
-        inner = zz / speed**2 + np.diag(precision)
+        inner = zz / speed**2 + np.diag(precision) + _RIDGE * np.eye(4)
         solved = np.linalg.solve(inner, zr[:, :, None] / speed**2)[:, :, 0]
         quadratic = float(rr - np.sum(zr * solved)) / float(speed) ** 2
         logdet = counts * 2.0 * float(np.log(speed)) + float(np.sum(np.linalg.slogdet(inner)[1]))
@@ -192,7 +193,9 @@ def _correlation(table: StopTable, residual: Floats, z: Floats) -> float:
     used = table.spread > 0.0
     scale = np.where(used, 1.0 / np.sqrt(np.where(used, table.spread, 1.0)), 0.0)
     z, r = z * scale[:, :, None], residual * scale
-    inner = z.transpose(0, 2, 1) @ z + 1e-9 * np.eye(z.shape[2])
+    inner = z.transpose(0, 2, 1) @ z
+    # A cap may leave nothing of the friction of a stop.
+    inner += (1e-9 * np.trace(inner, axis1=1, axis2=2)[:, None, None] + _RIDGE) * np.eye(4)
     solved = np.linalg.solve(inner, np.einsum("skp,sk->sp", z, r)[:, :, None])
     left = r - (z @ solved)[:, :, 0]
     both = used[:, 1:] & used[:, :-1]

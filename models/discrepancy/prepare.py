@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 FEWEST_STOPS = 12
 """Without which nothing can be told from the scatter of stops."""
 
+_BY_HEADINGS = "ground driven in several directions"
+_SURE, _USUAL_MOUNTING = np.deg2rad(0.15), np.deg2rad(4.0)  # [rad]
 _PLAIN = 3.0  # standard deviations of a mount offset from which it is taken out
 _MEANINGFUL = frozenset(
     ("run", "terrain", "t", "v", "v_cmd", "pitch", "roll", "yaw", "yaw_rate", "x", "y", "z",
@@ -59,7 +61,13 @@ def prepare(
 
     measured = measure(stops, Mount(), slope)
     mount = mount_of_log(columns, runs, good, ground, measured)
-    askew = mount.known and abs(mount.offset) > _PLAIN * mount.std
+    # Where only headings tell it, a few crossings with a wrong place are enough to mislead.
+    sure = (
+        mapped
+        or mount.source != _BY_HEADINGS
+        or (mount.std < _SURE and abs(mount.offset) < _USUAL_MOUNTING)
+    )
+    askew = mount.known and sure and abs(mount.offset) > _PLAIN * mount.std
     if askew:
         measured = measure(stops, mount, slope, measured.dive)
     if len(measured.records) < FEWEST_STOPS:

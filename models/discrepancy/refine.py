@@ -22,7 +22,9 @@ Floats = NDArray[np.float64]
 
 _PASSES = 12
 _STEP = 1e-3  # of a parameter's scale
-_DONE = 1e-3  # of chi square
+_DONE = 0.01  # of chi square
+_BENT = 2.0  # of chi square
+_TRIES = 8
 _NOISE_PASSES = 2
 
 
@@ -110,20 +112,23 @@ def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int =
         normal = x.T @ x + np.diag(precision)
         gradient = x.T @ r + precision * (here.free - centre)
         before, at = cost, here.free
-        for _ in range(8):
+        for _ in range(_TRIES):
             step = _bounded_step(
                 normal + damping * np.diag(np.diag(normal)), gradient, at, low, high
             )
+            if float(gradient @ step) < _DONE:
+                break
             trial = here.moved(np.clip(at - step, low, high))
             r_trial, cost_trial = cost_of(trial)
             if cost_trial <= cost:
                 here, r, cost = trial, r_trial, cost_trial
                 break
             damping = max(damping * 10.0, 1e-4)
-        if here.free is at or before - cost < _DONE:
+        if before - cost < _DONE:
             break
-        slope = jacobian(table, here)
-        x = white_of(white.grid @ slope)
+        if before - cost > _BENT:  # nearer than that the slopes are the same
+            slope = jacobian(table, here)
+            x = white_of(white.grid @ slope)
         damping *= 0.1
     covariance = np.linalg.pinv(x.T @ x + np.diag(precision), hermitian=True)
     between = white.split(white.bins @ residual(table, here)[:, :, None])[0][:, 0]
@@ -165,22 +170,22 @@ def fit_with_scatter(
     """Fit with the scatter from stop to stop that belongs to this very hypothesis.
 
     Whatever explains differences between stops is believed only as far as they shrink by it.
-    Whether a friction cap hides the scatter of what it cuts off is left to the likelihood.
     """
-    found = _with_scatter(table, hypothesis, noise, rounds)
-    if "wheel_lockup" not in hypothesis.names:
-        return found
-    other = replace(noise, capped=not noise.capped)
-    return min(found, _with_scatter(table, hypothesis, other, rounds), key=lambda f: f.deviance)
-
-
-def _with_scatter(table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int) -> Fit:
     found = fit(table, hypothesis, whitener(table, noise, hypothesis))
     for _ in range(rounds):
         noise = replace(noise, scatter=likely_scatter(found.between, found.white.power))
         white = whitener(table, noise, found.hypothesis)
         found = fit(table, found.hypothesis, white, passes=3)
     return found
+
+
+def fit_either_way(table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int = 2) -> Fit:
+    """As :func:`fit_with_scatter`; whether a friction cap hides scatter is left to likelihood."""
+    found = fit_with_scatter(table, hypothesis, noise, rounds)
+    if "wheel_lockup" not in hypothesis.names:
+        return found
+    other = replace(noise, capped=not noise.capped)
+    return min(found, fit_with_scatter(table, hypothesis, other, rounds), key=lambda f: f.deviance)
 
 
 def likely_scatter(between: Floats, power: Floats) -> float:

@@ -29,13 +29,18 @@ _PAD = 0.1  # of a range, beyond which the log does not vouch for new coefficien
 
 
 def revised(
-    table: StopTable, decision: Decision, held_out: Floats, source: str
+    table: StopTable,
+    decision: Decision,
+    held_out: Floats,
+    widths: dict[str, dict[str, float]],
+    source: str,
 ) -> tuple[Model, tuple[Effect, ...]]:
     """The model, and the effects in it that were not there before.
 
     Args:
         table: stops. decision: what the log allows to say.
         held_out: (S,) distances predicted by fits that had not seen their stop [m].
+        widths: standard deviations of places and times of change, by effect and name.
         source: where the log is from, in words.
     """
     fit = decision.explanation.fit
@@ -58,12 +63,12 @@ def revised(
         force_std=max(on.force_std, fit.noise.scatter),
         dead_time_std=max(on.dead_time_std, fit.noise.jitter),
     )
-    added = effects_of(fit, source)
+    added = effects_of(fit, widths, source)
     better = replace(model, braking=braking, effect=(*model.effect, *added))
     return _wider(better, table, decision, held_out), added
 
 
-def effects_of(fit: Fit, source: str) -> tuple[Effect, ...]:
+def effects_of(fit: Fit, widths: dict[str, dict[str, float]], source: str) -> tuple[Effect, ...]:
     """Effects that were added, with the covariance of their parameters."""
     found = []
     k = BASE
@@ -73,6 +78,10 @@ def effects_of(fit: Fit, source: str) -> tuple[Effect, ...]:
         rows = [i for i, name in enumerate(effect.parameters) if name in free]
         covariance[np.ix_(rows, rows)] = fit.covariance[k : k + len(free), k : k + len(free)]
         k += len(free)
+        for i, name in enumerate(effect.parameters):
+            if name in widths.get(effect.name, {}):
+                covariance[i, :] = covariance[:, i] = 0.0
+                covariance[i, i] = widths[effect.name][name] ** 2
         values = {n: _inside(effect.name, n, float(v)) for n, v in effect.parameters.items()}
         found.append(
             replace(effect, parameters=values, covariance=_matrix(covariance), source=source)

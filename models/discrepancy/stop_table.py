@@ -24,6 +24,7 @@ _NODES = 121
 _MOST_BINS = 40
 _BEFORE = 0.3  # [s] of held speed before the command that belong to a stop
 _LAST = 0.95  # share of the way to standstill; then sensors and suspension do other things
+_ABOVE_NOISE = 2.5  # standard deviations
 _SMOOTH = 0.08  # [s] standard deviation of the kernel for channels in products
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y")
 
@@ -212,12 +213,14 @@ def _row(
 def _end_of_fall(record: StopRecord) -> float:
     """Time until which a stop surely fell [s].
 
-    Noise may hide the standstill for a while, so the fall is also ended where its line ends.
+    Near standstill noise decides which sample comes first to zero: the fall ends where its line
+    is still above the noise.
     """
     knee = record.knee
     pull = GRAVITY * (knee.force_ratio + float(np.sin(knee.mean_grade)))
-    fall = knee.onset_speed / pull if pull > 0.0 else np.inf
-    return min(_LAST * record.samples.rest_time, knee.onset_time + _LAST * fall)
+    least = max((1.0 - _LAST) * knee.onset_speed, _ABOVE_NOISE * knee.rms)
+    fall = max(knee.onset_speed - least, 0.5 * knee.onset_speed) / pull if pull > 0.0 else np.inf
+    return min(_LAST * record.samples.rest_time, knee.onset_time + fall)
 
 
 def _bins(t: Floats, v: Floats, grid: Floats) -> tuple[Floats, Floats, Floats]:

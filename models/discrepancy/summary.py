@@ -17,6 +17,7 @@ from models.discrepancy.hypothesis import BASE, free_parameters
 from models.discrepancy.locate import Followed, part_of_axis
 from models.discrepancy.verdict import Decision
 from models.effects import LAWS
+from models.parameters import Effect
 
 ACTS_ALONG = {
     "aerodynamic_drag": "speed", "headwind": "heading", "viscous_resistance": "speed",
@@ -30,8 +31,15 @@ ACTS_ALONG = {
 _CERTAIN = 0.05
 
 
-def named_effects(decision: Decision, located: Sequence[Followed]) -> tuple[NamedEffect, ...]:
-    """Effects of an explanation with numbers, confidence and alternatives."""
+def named_effects(
+    decision: Decision, located: Sequence[Followed], widths: dict[str, dict[str, float]]
+) -> tuple[NamedEffect, ...]:
+    """Effects of an explanation with numbers, confidence and alternatives.
+
+    Args:
+        decision: explanation and rivals. located: axes. widths: standard deviations of places and
+            times of change, see :func:`models.discrepancy.extent.extents`.
+    """
     if decision.verdict not in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS):
         return ()
     fit = decision.explanation.fit
@@ -45,6 +53,7 @@ def named_effects(decision: Decision, located: Sequence[Followed]) -> tuple[Name
         values = {}
         for name, value in effect.parameters.items():
             error = float(std[k + free.index(name)]) if name in free else 0.0
+            error = widths.get(effect.name, {}).get(name, error)
             values[name] = Estimate(float(value), error, law[name][0])
         k += len(free)
         others = []
@@ -53,7 +62,7 @@ def named_effects(decision: Decision, located: Sequence[Followed]) -> tuple[Name
                 others += [n for n in rival.names if n not in own and n not in others]
         along = next((f for f in located if f.axis.name == ACTS_ALONG[effect.name]), None)
         named.append(
-            NamedEffect(effect.name, values, confidence, tuple(others), _where(effect.name, along))
+            NamedEffect(effect.name, values, confidence, tuple(others), _where(effect, along))
         )
     # The surest first; of equals, the one that was found first.
     return tuple(sorted(named, key=lambda e: -round(e.confidence, 2)))
@@ -81,8 +90,13 @@ def located_axes(
     return tuple(found)
 
 
-def _where(name: str, along: Followed | None) -> str:
-    axis = ACTS_ALONG[name]
+def _where(effect: Effect, along: Followed | None) -> str:
+    p = effect.parameters
+    if effect.name == "surface_patch":
+        return f"within {p['radius']:.1f} m of ({p['x']:.1f}, {p['y']:.1f}) m"
+    if effect.name == "step_change":
+        return f"from the log's run {p['run']:.0f} on, the first being 0"
+    axis = ACTS_ALONG[effect.name]
     if along is None:
         return f"along {axis}"
     low, high = part_of_axis(along)

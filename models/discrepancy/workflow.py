@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from models.discrepancy import experiment
 from models.discrepancy.evidence import Evidence, evidence_of
+from models.discrepancy.extent import extents
 from models.discrepancy.findings import Experiment, Findings, Verdict
 from models.discrepancy.gap import compared
 from models.discrepancy.hypothesis import Hypothesis
@@ -87,15 +88,16 @@ def investigate_with_evidence(
     located = follow(table, base, wanted.seed) if found.best.names else left
     decision = decide(table, base, found, left, wanted)
     advance(1)
+    widths = extents(output, decision.explanation.fit)
     gaps = compared(table, base, decision.explanation.fit, wanted)
-    better, added = revised(table, decision, gaps.held_out, source)
+    better, added = revised(table, decision, gaps.held_out, widths, source)
     advance(1)
     plan = _next(table, decision)
     above = float(np.mean(gaps.refit_squares)) - gaps.speed.noise_floor**2
     findings = Findings(
         decision.verdict,
         summary(decision, gaps.distance, gaps.longer),
-        named_effects(decision, located),
+        named_effects(decision, located, widths),
         located_axes(decision, located, above),
         gaps.speed,
         gaps.distance,

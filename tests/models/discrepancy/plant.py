@@ -48,7 +48,9 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
     yaw0 = yaw0 + 0.02 * rng.standard_normal(stops)
     rate = np.where(rng.random(stops) < 0.4, rng.uniform(-0.6, 0.6, stops), 0.0)
     roll = rng.uniform(-0.15, 0.15, stops)
-    x0, y0 = rng.uniform(0.0, 40.0, (2, stops))
+    # Ground that fits no map must not be driven twice at one place.
+    field = 40.0 if "surface_patch" in world.effects else 400.0
+    x0, y0 = rng.uniform(0.0, field, (2, stops))
     pause = rng.uniform(4.0, 40.0, stops)
     friction = 1.0 + world.scatter * rng.standard_normal(stops)
     ambient = 20.0 + 8.0 * np.sin(np.arange(stops) / 7.0) + rng.standard_normal(stops)

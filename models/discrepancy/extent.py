@@ -1,0 +1,95 @@
+"""How well places and times of change are known, which have no derivative.
+
+The edge of a patch matters only where a stop crosses it, and the run of a change only between runs:
+chi square is flat in between and jumps at the edges. The interval is what chi square does not rule
+out (Wilks), told as the standard deviation of a normal distribution with the same 95 %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy import screening
+from models.discrepancy.candidates import Candidate, candidates, finer_patches
+from models.discrepancy.hypothesis import BASE, free_parameters
+from models.discrepancy.refine import Fit, prior_precision, residual
+from models.discrepancy.stop_table import StopTable
+from models.parameters import Effect
+
+Floats = NDArray[np.float64]
+
+_INSIDE = 3.84  # chi square of one number at 95 %
+_USUAL = 1.96
+_REACH = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5)  # radii
+
+
+def extents(table: StopTable, found: Fit) -> dict[str, dict[str, float]]:
+    """Standard deviations of such parameters, by effect and name.
+
+    Args:
+        table: stops. found: an explanation at its best.
+    """
+    widths = {}
+    for index, effect in enumerate(found.hypothesis.added):
+        if effect.name == "surface_patch":
+            widths[effect.name] = _of_patch(table, found, index, effect)
+        elif effect.name == "step_change":
+            widths[effect.name] = _of_change(table, found, index, effect)
+    return widths
+
+
+def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[str, float]:
+    names = ("x", "y", "radius")
+    inner = {name: float(effect.parameters[name]) for name in names}
+    here = Candidate("surface_patch", "delta", False, inner)
+    without = _without(found, index)
+    tried = [inner]
+    shares = []
+    for reach in _REACH:
+        more, columns = finer_patches(table, without.hypothesis, here, reach)
+        tried += [c.inner for c in more]
+        shares.append(columns)
+    z_square = _chi_squares(table, without, np.concatenate(shares, axis=2))
+    # The best one itself stands first: it is no worse than the best of its neighbours.
+    best = float(z_square.max(initial=0.0))
+    kept = [tried[0]] + [t for t, z in zip(tried[1:], z_square, strict=True) if z > best - _INSIDE]
+    return {
+        name: float(0.5 * (max(t[name] for t in kept) - min(t[name] for t in kept)) / _USUAL)
+        for name in names
+    }
+
+
+def _of_change(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[str, float]:
+    without = _without(found, index)
+    library, columns = candidates(table, without.hypothesis)
+    own = [i for i, c in enumerate(library) if c.name == "step_change"]
+    if not own:
+        return {"run": 0.0}
+    z_square = _chi_squares(table, without, columns[:, :, own])
+    runs = np.array([library[i].inner["run"] for i in own])
+    kept = runs[z_square > float(z_square.max()) - _INSIDE]
+    ends = [*kept.tolist(), float(effect.parameters["run"])]
+    # A change between two runs is known to no better than one run.
+    return {"run": (0.5 * (max(ends) - min(ends)) + 0.5) / _USUAL}
+
+
+def _without(found: Fit, index: int) -> Fit:
+    """The same fit as seen by a search for one of its effects: without it."""
+    added = found.hypothesis.added
+    begin = BASE + sum(len(free_parameters(e)) for e in added[:index])
+    own = np.arange(begin, begin + len(free_parameters(added[index])))
+    rest = replace(found.hypothesis, added=(*added[:index], *added[index + 1 :]))
+    return replace(found, hypothesis=rest, jacobian=np.delete(found.jacobian, own, axis=2))
+
+
+def _chi_squares(table: StopTable, without: Fit, columns: Floats) -> Floats:
+    white = without.white
+    r = white.split(white.bins @ residual(table, without.hypothesis)[:, :, None])
+    precision = prior_precision(without.hypothesis)
+    sums = screening.reduced(white, without.jacobian, columns, precision)
+    scored = screening.scores(sums, (r[0][:, 0], r[1].ravel()), white.noise.scatter)
+    result: Floats = scored.z**2
+    return result

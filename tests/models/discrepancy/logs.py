@@ -1,0 +1,46 @@
+"""Logs of the hidden plant that several tests share, driven once."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from models.discrepancy.prepare import prepare
+from models.discrepancy.settings import DiscrepancySettings
+from models.discrepancy.stop_table import StopTable
+from tests.models.discrepancy.plant import World, drive
+from tests.models.models_for_tests import BASE
+
+WORLDS = {
+    "clean": World(),
+    "drift": World(coefficients=(-0.02, -0.30, 0.02, 0.36), dead_time=0.27),
+    "bias": World(pitch_bias=float(np.deg2rad(1.0))),
+    "drag": World(effects={"aerodynamic_drag": {"c": 0.06}}),
+    "lag": World(effects={"brake_lag": {"tau": 0.2}}),
+    "fade": World(effects={"brake_fade": {"k": 0.012, "tau": 60.0}}),
+    "lockup": World(effects={"wheel_lockup": {"mu": 0.42}}),
+    "cross": World(effects={"cross_slope": {"k": 0.5}}),
+    "patch": World(
+        effects={"surface_patch": {"delta": -0.1, "x": 20.0, "y": 20.0, "radius": 11.0}}
+    ),
+    "step": World(effects={"step_change": {"scale": 0.85, "run": 25}}),
+    "pair": World(
+        effects={"brake_lag": {"tau": 0.2}, "directional_surface": {"k": 0.04, "direction": 0.6}}
+    ),
+    "ambient": World(off_library="ambient", size=0.04),
+    "slow_drag": World(effects={"aerodynamic_drag": {"c": 0.06}}, speeds=(1.0, 2.8)),
+}
+
+
+@cache
+def log(name: str, stops: int = 48, seed: int = 3) -> tuple[dict[str, np.ndarray], list[slice]]:
+    """Columns and runs."""
+    return drive(WORLDS[name], stops, seed)
+
+
+@cache
+def table(name: str, stops: int = 48, seed: int = 3) -> StopTable:
+    """Stops of a log, as the workflow sees them."""
+    columns, runs = log(name, stops, seed)
+    return prepare(columns, runs, BASE, None, DiscrepancySettings())[0]

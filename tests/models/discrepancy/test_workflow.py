@@ -1,0 +1,153 @@
+"""Logs with a hidden effect, driven by a plant that shares no code with what looks at them."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from models.discrepancy.findings import Findings, Verdict
+from models.discrepancy.workflow import investigate
+from models.errors import ParameterError
+from models.simulation import Track, simulate_stop
+from tests.models.discrepancy.logs import WORLDS, log
+from tests.models.models_for_tests import BASE
+
+
+@cache
+def found(name: str) -> Findings:
+    return investigate(*log(name), BASE, source="test")
+
+
+def test_a_log_that_the_model_explains_lacks_nothing() -> None:
+    f = found("clean")
+    assert f.verdict is Verdict.NONE
+    assert f.effects == ()
+    assert f.added == ()
+    assert f.model == BASE  # the offset of 0.2 m covers this log
+    assert f.gap.closed is None  # nothing to close: no percentage
+
+
+def test_other_coefficients_are_drift_and_no_effect() -> None:
+    f = found("drift")
+    assert f.verdict is Verdict.PARAMETER_DRIFT
+    assert f.model.effect == ()
+    truth = WORLDS["drift"]
+    on = f.model.braking
+    std = np.sqrt(np.diag(np.array(on.covariance)))
+    off = np.array([on.m_m, on.b_m, on.m_b, on.b_b]) - truth.coefficients
+    assert np.all(np.abs(off) < 4.0 * std)
+    assert on.dead_time == pytest.approx(truth.dead_time, abs=0.005)
+    assert f.stop_distance.closed is not None
+    assert f.stop_distance.closed > 0.9
+
+
+@pytest.mark.parametrize(
+    ("name", "effect"),
+    [
+        ("drag", "aerodynamic_drag"), ("lag", "brake_lag"), ("lockup", "wheel_lockup"),
+        ("cross", "cross_slope"), ("step", "step_change"), ("patch", "surface_patch"),
+    ],
+)  # fmt: skip
+def test_the_hidden_effect_is_named_with_its_numbers(name: str, effect: str) -> None:
+    f = found(name)
+    assert f.verdict is Verdict.MISSING_EFFECT
+    assert [e.name for e in f.effects] == [effect]
+    assert [e.name for e in f.model.effect] == [effect]
+    assert f.effects[0].confidence > 0.9
+    truth = WORLDS[name].effects[effect]
+    for parameter, value in f.effects[0].parameters.items():
+        # The edge of a patch is known only as far as stops cross it; a change, to a run.
+        if parameter not in ("x", "y", "radius", "run"):
+            assert abs(value.value - truth[parameter]) < 4.0 * value.std, parameter
+    if effect == "step_change":
+        assert abs(f.effects[0].parameters["run"].value - truth["run"]) <= 2.0
+
+
+def test_fade_is_told_from_drag_by_the_heat_of_earlier_stops() -> None:
+    f = found("fade")
+    assert f.effects[0].name == "brake_fade"
+    k = f.effects[0].parameters["k"]
+    assert abs(k.value - 0.012) < 4.0 * k.std
+
+
+def test_two_effects_are_both_named() -> None:
+    f = found("pair")
+    assert f.verdict is Verdict.MISSING_EFFECT
+    assert {e.name for e in f.effects} == {"brake_lag", "directional_surface"}
+
+
+@pytest.mark.parametrize("name", ["drag", "cross", "step", "pair"])
+def test_the_gap_closes_on_stops_held_out(name: str) -> None:
+    f = found(name)
+    assert f.gap.closed is not None
+    assert f.gap.ci95 is not None
+    assert f.gap.closed > 0.8
+    assert f.gap.ci95[0] <= f.gap.closed <= f.gap.ci95[1]
+    assert f.gap.after < f.gap.refit <= f.gap.before * 1.05
+
+
+@pytest.mark.parametrize(
+    ("name", "axis"),
+    [("drag", "speed"), ("lag", "time_since_onset"), ("cross", "roll"), ("step", "run"),
+     ("patch", "place"), ("fade", "brake_heat"), ("ambient", "ambient")],
+)  # fmt: skip
+def test_the_axis_is_located(name: str, axis: str) -> None:
+    first = found(name).located[0]
+    assert first.axis == axis
+    assert first.p_value < 0.02
+
+
+def test_a_cause_outside_the_library_is_unknown_and_its_column_said() -> None:
+    f = found("ambient")
+    assert f.verdict is Verdict.UNKNOWN
+    assert f.effects == ()
+    assert f.model.effect == ()
+    assert "ambient" in f.summary
+    # What is not understood makes stops longer, not shorter.
+    assert f.model.braking.force_std > 2.0 * WORLDS["ambient"].scatter * 0.4
+
+
+def test_a_sensor_askew_is_not_told_from_new_coefficients() -> None:
+    f = found("bias")
+    assert f.verdict is Verdict.UNIDENTIFIABLE
+    assert "grade_bias" in f.summary
+    assert "coast" in f.next_experiment.text
+    assert f.model.effect == ()
+
+
+def test_drag_that_slow_stops_cannot_tell_is_ambiguous_and_an_experiment_is_proposed() -> None:
+    f = found("slow_drag")
+    assert f.verdict is Verdict.AMBIGUOUS
+    names = {f.effects[0].name, *f.effects[0].alternatives}
+    assert {"aerodynamic_drag", "viscous_resistance"} <= names
+    speeds = [stop.speed for stop in f.next_experiment.stops]
+    columns, _ = log("slow_drag")
+    assert min(speeds) > np.median(columns["v_cmd"][columns["v_cmd"] > 0.0])
+
+
+def test_weaker_brakes_make_the_next_stop_longer() -> None:
+    level = Track.of_grade(-0.1)
+    before = simulate_stop(BASE, level, 3.5).distance
+    for name in ("lag", "step", "lockup"):
+        assert simulate_stop(found(name).model, level, 3.5).distance > before + 0.05, name
+
+
+def test_a_second_look_with_the_model_that_was_written_finds_nothing_new() -> None:
+    again = investigate(*log("cross"), found("cross").model)
+    assert again.verdict is Verdict.NONE
+
+
+def test_the_same_log_gives_the_same_findings() -> None:
+    again = investigate(*log("cross"), BASE, source="test")
+    assert again.model == found("cross").model
+    assert again.located == found("cross").located
+
+
+def test_too_few_stops_are_an_error_that_counts_them() -> None:
+    columns, runs = log("clean")
+    end = runs[7].stop
+    few = {name: values[:end] for name, values in columns.items()}
+    with pytest.raises(ParameterError, match="at least 12 usable stops, got 8"):
+        investigate(few, runs[:8], BASE)
