@@ -379,3 +379,49 @@ def test_labels_expire() -> None:
     assert one.ground.surface(now + 6.0) == ""
     one.learn(label("ice", 0.5), "obs/terrain")
     assert one.ground.surface(now) == ""
+
+
+# ---------------------------------------------------------------------- never faster but by stops
+
+EVENTS = st.one_of(
+    st.tuples(st.just("stop"), st.sampled_from(["", "sand", "ice"]), st.floats(0.03, 1.1)),
+    st.tuples(st.just("label"), st.sampled_from(["sand", "ice", "mud"]), st.just(1.0)),
+    st.tuples(st.just("unsure"), st.just("mud"), st.just(0.3)),
+    st.tuples(st.just("age"), st.just(""), st.floats(1.0, 1e5)),
+)
+
+
+def forces(one: Learner) -> dict[str, np.ndarray]:
+    """F_b/W at the corners of the trained rectangle by surface, as planned with before margins."""
+    braking = one.in_use()[0].braking
+    found = {}
+    for name in ("", *braking.terrain):
+        b = braking.on(name) if name else braking
+        corners = [(v, g) for v in b.speed_range for g in b.grade_range]
+        found[name] = np.array([(b.m_m * v + b.b_m) * g + b.m_b * v + b.b_b for v, g in corners])
+    return found
+
+
+@settings(max_examples=60)
+@given(events=st.lists(EVENTS, max_size=40), named=st.booleans())
+def test_only_stops_make_it_faster_and_they_by_steps(events: list[Any], named: bool) -> None:
+    rise, one = 0.01, learner(named=named)
+    known = forces(one)
+    lowest = {"": known[""]}
+    for what, surface, value in events:
+        if what == "stop":
+            one.learn(stop(value, surface), "obs/stop")
+        elif what == "age":
+            one.group("braking")._aged -= value  # type: ignore[attr-defined]
+            one.age()
+        else:
+            one.learn(label(surface, value), "obs/terrain")
+        after = forces(one)
+        allowed = rise if what == "stop" else 0.0
+        for name, force in after.items():
+            if name in known:
+                assert np.all(force <= known[name] + allowed + 1e-6), (what, name)
+            elif name != "model file":
+                # Not known before: no more than the model file, nor what is new ground's share.
+                assert np.all(force <= lowest[""] + 1e-6), (what, name)
+        known = after
