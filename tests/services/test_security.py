@@ -15,7 +15,7 @@ from models.errors import InputError
 from services import wire
 from services.client import PlanClient
 from services.connect import client_session
-from services.messages import PlanReply
+from services.messages import PlanReply, Status
 from services.observations import Receipt, StopObservation, TerrainLabel
 from services.parameter_messages import ParameterReply, RollBack, SetParameters
 from services.wire import Format
@@ -242,3 +242,40 @@ def test_an_estimator_teaches_and_an_operator_sets(folder: Path, service: Runnin
         answer = plan(navigation)
     assert answer is not None
     assert answer.plans[0].column("speed").max() <= 1.5 + 1e-9
+
+
+def degraded(session: zenoh.Session, service: Running, wanted: bool) -> bool:
+    """Whether the status says so within five seconds."""
+    heard: list[Status] = []
+
+    def hear(sample: zenoh.Sample) -> None:
+        told = str(sample.encoding)
+        heard.append(wire.decode(Status, sample.payload, told, "status", 10**6))
+
+    with session.declare_subscriber(service.key("status"), hear):
+        until = time.monotonic() + 5.0
+        while time.monotonic() < until and not (heard and bool(heard[-1].degraded) is wanted):
+            time.sleep(0.05)
+    return bool(heard) and bool(heard[-1].degraded) is wanted
+
+
+def test_an_estimator_shows_that_it_lives_and_nobody_else_for_it(
+    folder: Path, tmp_path: Path
+) -> None:
+    needed = '[learning]\nestimators = ["slip"]\n'
+    locked = f'config = "{folder / "mtls.json5"}"'
+    with running(
+        tmp_path, needed, scheme="tls", namespace=NAMESPACE, zenoh_lines=locked
+    ) as started, as_(folder, started, "operator") as operator:  # fmt: skip
+        assert degraded(operator, started, True)
+        with as_(folder, started, "navigation") as navigation:
+            forged = navigation.liveliness().declare_token(started.key("alive/slip"))
+            time.sleep(_SETTLED)
+            assert degraded(operator, started, True)
+            forged.undeclare()
+        with as_(folder, started, "estimator") as estimator:
+            # A token lives as long as somebody holds it.
+            token = estimator.liveliness().declare_token(started.key("alive/slip"))
+            assert degraded(operator, started, False)
+            token.undeclare()
+        assert degraded(operator, started, True)
