@@ -93,7 +93,10 @@ def shapes_of(axis: Axis) -> list[Floats]:
     knots = np.unique(a[:, 0]) if np.ptp(a, axis=1).max() == 0.0 else None
     if knots is not None and len(knots) <= _COARSE:
         return [np.stack([(a == k).astype(np.float64) for k in knots[1:]], axis=2)]
-    groups = [_line(a), _bumps(a, _COARSE), _bumps(a, _FINE)]
+    fine = _bumps(a, _FINE)
+    groups = [_line(a), _bumps(a, _COARSE), fine]
+    if not axis.repeats:
+        groups += [fine[:, :, k : k + 1] for k in range(fine.shape[2])]
     if axis.repeats:
         low, span = float(a.min()), float(np.ptp(a))
         for k in np.arange(1.0, _WAVES + 0.25, 0.5):

@@ -20,7 +20,7 @@ from models.discrepancy import screening
 from models.discrepancy.candidates import Candidate, candidates, finer_patches
 from models.discrepancy.hypothesis import Hypothesis, free_parameters
 from models.discrepancy.noise import Noise
-from models.discrepancy.prediction import as_output
+from models.discrepancy.prediction import as_output, lag_of
 from models.discrepancy.refine import (
     Fit,
     fit_either_way,
@@ -48,6 +48,8 @@ _CLOSER = (
 )  # radii by which patches nearer to the best are moved
 _NEAR = 30.0  # chi square from the best within which an explanation goes on
 _MOVES = 2
+_LENIENT = 0.2
+_LEAST_LAG, _BLURS = 0.02, 2.5  # [s], standard deviations of the onset
 _MORE = 6.0  # chi square that every further effect has to bring beyond its numbers
 _WORTH = 0.4  # of the strongest candidate's chi square, below which another one is left alone
 _STARTS = {"wheel_lockup": 2, "headwind": 2, "brake_fade": 2, "brake_lag": 1}
@@ -183,11 +185,30 @@ def _extended(
             continue
         fits = [_refined(table, fit, found[i], float(scored.strength[i])) for i in members]
         best = min(fits, key=lambda f: f.deviance)
-        if hidden and fit.deviance - best.deviance < needed:
+        if (hidden and fit.deviance - best.deviance < needed) or _too_quick(table, best):
             continue
         gain = (*parent.gained, float(strength[members[0]]))
         children.append(Explanation(best, score(best, len(table)), gain, (*parent.needed, needed)))
     return children, strongest, shares
+
+
+def _too_quick(table: StopTable, found: Fit) -> bool:
+    """A lag that is no longer than the onset is uncertain: the jitter alone rounds the knee."""
+    lag = lag_of(found.hypothesis)
+    blur = np.hypot(found.noise.jitter, table.sample / np.sqrt(12.0))
+    return 0.0 < lag < max(_LEAST_LAG, _BLURS * float(blur))
+
+
+def rescued(
+    table: StopTable, best: Explanation, settings: DiscrepancySettings
+) -> list[Explanation]:
+    """Effects that chance may bring in one log of five, for a pattern that is surely there."""
+    lenient = replace(settings, false_alarm=_LENIENT)
+    children = _extended(table, best, lenient)[0]
+    noise = noise_of(table, best.fit)
+    known = {c.names: c for c in [best, *children]}
+    again = _again(table, known, noise, best.score)
+    return sorted(again.values(), key=lambda e: e.score)
 
 
 def screen(

@@ -43,6 +43,7 @@ class StopTable:
         held: (S,) speed before the command [m/s]. clock: (S,) of the command in the log [s].
         run: (S,) position of the run in the log. run_names: (S,) its name.
         terrain: (S,) named surface, "" without. distance, rest_time: (S,) measured [m], [s].
+        sample: time between samples [s].
         force: (S,) F_b/W as each stop tells by itself. jitter: of the dead time [s].
         further: other numeric columns, mean over each stop, (S,) by name.
         warmed: per stop, (seconds before it, energy) of stops that warmed its brakes; in place of
@@ -73,6 +74,7 @@ class StopTable:
     rest_time: Floats
     force: Floats
     jitter: float
+    sample: float
     further: Mapping[str, Floats]
     cooled: tuple[tuple[float, float], ...] = ()
     warmed: tuple[tuple[tuple[float, float], ...], ...] | None = None
@@ -161,6 +163,7 @@ def tabulate(
         rest_time=np.array([r.samples.rest_time for r in records]),
         force=np.array([r.force_ratio for r in records]),
         jitter=jitter,
+        sample=float(np.median([np.median(np.diff(r.samples.time)) for r in records])),
         further={n: v for n, v in extra.items() if np.isfinite(v).all() and np.ptp(v) > 0.0},
         cooled=tuple(sorted(heat)),
     )

@@ -27,6 +27,7 @@ Floats = NDArray[np.float64]
 _LEFT = 0.1  # share of what the names explain that may be left along an axis
 _STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
 _DRIFT = 0.003  # p-value of the same coefficients
+_PART = 3.0  # chi square by which a pair has to beat one of its effects alone
 _AT_BOUND = 1e-3
 
 
@@ -83,6 +84,7 @@ def decide(
         e for e in found.others
         if e.names and (e.score < best.score + settings.rival or not _leads(best, e, settings))
         and not set(e.names) > set(best.names)
+        and not (set(e.names) < set(best.names) and e.score > best.score + _PART)
     )  # fmt: skip
     confidence = tuple(_confidence(name, best, found) for name in best.fit.hypothesis.names)
     said: tuple[str, ...] = ()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,8 @@ from models.discrepancy.extent import extents
 from models.discrepancy.findings import Experiment, Findings, Verdict
 from models.discrepancy.gap import compared
 from models.discrepancy.hypothesis import Hypothesis
-from models.discrepancy.identify import identify
-from models.discrepancy.locate import follow
+from models.discrepancy.identify import Explanation, Identified, identify, rescued
+from models.discrepancy.locate import Followed, follow
 from models.discrepancy.prediction import as_output
 from models.discrepancy.prepare import prepare
 from models.discrepancy.refine import fit_with_noise
@@ -83,8 +84,7 @@ def investigate_with_evidence(
     advance(1)
     found = identify(table, base, wanted)
     advance(1)
-    output = as_output(table, found.best.fit.hypothesis) if found.best.names else table
-    left = follow(output, found.best.fit, wanted.seed)
+    found, left, output = _with_what_is_left(table, found, wanted)
     located = follow(table, base, wanted.seed) if found.best.names else left
     decision = decide(table, base, found, left, wanted)
     advance(1)
@@ -110,6 +110,34 @@ def investigate_with_evidence(
     )
     advance(1)
     return findings, evidence_of(table, base, decision, located)
+
+
+def _with_what_is_left(
+    table: StopTable, found: Identified, settings: DiscrepancySettings
+) -> tuple[Identified, list[Followed], StopTable]:
+    """The axes that the best explanation leaves a pattern along, and the table by its speeds.
+
+    Where a pattern is surely left beside named effects, one more effect is believed on weaker
+    evidence of its own, if nothing is left then.
+    """
+    output = _output(table, found.best)
+    left = follow(output, found.best.fit, settings.seed)
+    full = len(found.best.names) >= settings.most_effects
+    if not found.best.names or full or left[0].p_value > settings.structure:
+        return found, left, output
+    better = rescued(table, found.best, settings)
+    if better[0].names == found.best.names:
+        return found, left, output
+    own = _output(table, better[0])
+    remains = follow(own, better[0].fit, settings.seed)
+    if remains[0].p_value < settings.structure:
+        return found, left, output
+    others = (*better[1:], *(e for e in found.others if e.names != better[0].names))
+    return replace(found, best=better[0], others=others), remains, own
+
+
+def _output(table: StopTable, best: Explanation) -> StopTable:
+    return as_output(table, best.fit.hypothesis) if best.names else table
 
 
 def _next(table: StopTable, decision: Decision) -> Experiment:
