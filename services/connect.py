@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import re
+
 import zenoh
 
 from models.errors import InputError
 from services.config import ZenohSettings, zenoh_config
 
-DEFAULT = "tcp/127.0.0.1:7447"
+_PLACE = re.compile(r"\s+at \S+\.rs:\d+\.?")
+
+
+def words_of(error: zenoh.ZError) -> str:
+    """What zenoh says, without the places in its own source."""
+    return _PLACE.sub("", str(error))
 
 
 def client_session(connect: str, config: str = "") -> zenoh.Session:

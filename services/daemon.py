@@ -27,6 +27,7 @@ from planner.elevation_map import ElevationMap
 from services import messages, systemd, wire
 from services.admission import Admission, Question
 from services.config import ServiceConfig, zenoh_config
+from services.connect import words_of
 from services.files.map_file import read_map
 from services.files.model_file import find_model, read_model
 from services.live.board import Board
@@ -91,7 +92,7 @@ class Service:
         except zenoh.ZError as error:
             where = ", ".join(config.zenoh.listen)
             raise InputError(
-                "zenoh", "listen", f"expected free endpoints, {where}: {error}"
+                "zenoh", "listen", f"expected free endpoints, {where}: {words_of(error)}"
             ) from None
         self._look_for_twin()
         work = [self._work] * config.planning.workers

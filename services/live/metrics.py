@@ -47,7 +47,7 @@ class StatusCollector(Collector):
         flags = GaugeMetricFamily(
             "slopewise_flag", "1 for each thing that is not as it should be.", labels=["reason"]
         )
-        for reason in status.flags:
+        for reason in status.flags[:_MOST_FLAGS]:
             flags.add_metric([reason], 1.0)
         yield flags
         parameters = status.parameters
@@ -68,6 +68,7 @@ class StatusCollector(Collector):
         yield InfoMetricFamily("slopewise_service", "Who this is.", value=told)
 
 
+_MOST_FLAGS = 32
 _QUANTILES = {"median": "0.5", "p99": "0.99"}
 
 
