@@ -126,28 +126,27 @@ class ChangeDetector:
             for window in reversed(self._latest)
             if (usual := self._usual.get(window.condition)) and usual.count >= s.before
         ]
-        largest, off = 0.0, np.zeros(len(self._prior))
+        off = np.zeros(len(self._prior))
         if len(known) < _LEAST:
-            return largest, off
+            return 0.0, off
         differences = np.array([window.channels - usual.mean for window, usual in known])
         driving = np.array([window.driving - usual.driving for window, usual in known])
-        measured = np.isfinite(differences).all(axis=0)
-        for count in range(_LEAST, len(known) + 1):
-            usual_ones = [usual for _, usual in known[:count]]
-            covariance = usual_ones[0].covariance
-            if any(usual is not usual_ones[0] for usual in usual_ones):
-                covariance = np.mean([usual.covariance for usual in usual_ones], axis=0)
-            # the median of so many is 1.2 times as uncertain as their mean
-            late = 1.2 * (1.0 + (count - 1.0) * s.alike) / count
-            early = count / sum(usual.count for usual in usual_ones)
-            excused = np.diag(self._by_driving @ driving[:count].mean(axis=0) ** 2)
-            spread = (late + early) * covariance + excused + self._patches
-            median = np.median(differences[:count], axis=0)[measured]
-            distance = median @ np.linalg.solve(spread[measured][:, measured], median)
-            if distance > largest * len(median):
-                largest = float(distance) / len(median)
-                off[measured] = median
-        return largest, off
+        count = np.arange(1, len(known) + 1)
+        # the median of so many is 1.2 times as uncertain as their mean
+        late = 1.2 * (1.0 + (count - 1.0) * s.alike) / count
+        early = count / np.cumsum([usual.count for _, usual in known])
+        covariance = np.cumsum([usual.covariance for _, usual in known], axis=0)
+        spread = covariance * ((late + early) / count)[:, None, None] + self._patches
+        excused = (np.cumsum(driving, axis=0) / count[:, None]) ** 2 @ self._by_driving.T
+        np.einsum("nii->ni", spread)[...] += excused
+        medians = np.array([_median(differences[:n]) for n in range(_LEAST, len(known) + 1)])
+        measured = np.flatnonzero(np.isfinite(differences.sum(axis=0)))
+        medians, spread = medians[:, measured], spread[_LEAST - 1 :, measured[:, None], measured]
+        solved = np.linalg.solve(spread, medians[:, :, None])[..., 0]
+        distance = np.einsum("ni,ni->n", medians, solved)
+        best = int(np.argmax(distance))
+        off[measured] = medians[best]
+        return float(distance[best]) / max(len(measured), 1), off
 
     def _learn(self, window: Window) -> None:
         s = self._settings
@@ -164,3 +163,10 @@ class ChangeDetector:
         usual.mean += difference / usual.count
         scatter = np.outer(difference, x - usual.mean)
         usual.covariance += (scatter - usual.covariance) / (s.prior + usual.count)
+
+
+def _median(values: Floats) -> Floats:
+    """(channels,) of few rows; NumPy's own is slow for these."""
+    ordered = np.sort(values, axis=0)
+    median: Floats = 0.5 * (ordered[(len(values) - 1) // 2] + ordered[len(values) // 2])
+    return median

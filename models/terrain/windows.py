@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +106,7 @@ def _shaking(rates: Floats, rim: float) -> Floats:
         rim: speed of the wheels [m/s].
     """
     count = len(rates)
-    spectrum = np.fft.rfft(rates * np.hanning(count)[:, None], axis=0)
+    spectrum = np.fft.rfft(rates * _taper(count), axis=0)
     power = (spectrum.real**2 + spectrum.imag**2) / count
     amplitudes = np.full((rates.shape[1], len(_BANDS)), math.nan)
     for index, (low, high) in enumerate(_BANDS):
@@ -113,3 +114,8 @@ def _shaking(rates: Floats, rim: float) -> Floats:
             band = power[math.ceil(low) : math.floor(high) + 1]
             amplitudes[:, index] = np.sqrt(band.mean(axis=0))
     return np.asarray(np.log((amplitudes + _NO_SHAKING) / rim).ravel())
+
+
+@lru_cache(maxsize=16)
+def _taper(count: int) -> Floats:
+    return np.hanning(count)[:, None]
