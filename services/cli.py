@@ -433,6 +433,23 @@ def serve(
 
 
 @app.command()
+def ros(
+    config: Annotated[
+        Path, typer.Option("--config", "-c", metavar="ros.toml", help="The edge's settings.")
+    ],
+) -> None:
+    """Give a robot with ROS 2 speed limits: paths, maps and odometry in, limits out.
+
+    Speaks as rmw_zenoh does, without ROS, and asks a running `slopewise serve`.
+
+    [bold]Example[/]  slopewise ros --config configs/ros.toml
+    """
+    from services.commands import ros as command
+
+    command.run(config)
+
+
+@app.command()
 def query(
     path_file: PathFile,
     connect: Connect = "tcp/127.0.0.1:7447",

@@ -1,0 +1,48 @@
+"""`slopewise ros`: the edge to ROS 2."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from importlib.util import find_spec
+from pathlib import Path
+
+from models.errors import InputError
+
+
+def run(config_file: Path, seconds: float | None = None) -> None:
+    """Serve ROS 2 until a signal comes, or for so long.
+
+    Raises:
+        InputError: settings, or nobody is where they point.
+    """
+    for module, extra in (("zenoh", "eclipse-zenoh"), ("rosbags", "slopewise[ros]")):
+        if find_spec(module) is None:
+            raise InputError("ros", "", f"expected {module}, got none: pip install {extra}")
+    import zenoh
+
+    from services.config import ZenohSettings, zenoh_config
+    from services.ros.edge import Edge
+    from services.ros.settings import read_settings
+
+    settings = read_settings(config_file)
+    meets = ZenohSettings(mode="client", connect=settings.ros.connect, config=settings.ros.config)
+    with contextlib.ExitStack() as stack:
+        sessions = []
+        asked = settings.service
+        wanted = [(meets, "ros.connect")]
+        if asked.connect:
+            other = ZenohSettings(mode="client", connect=(asked.connect,), config=asked.config)
+            wanted.append((other, "service.connect"))
+        for place, key in wanted:
+            try:
+                sessions.append(stack.enter_context(zenoh.open(zenoh_config(place))))
+            except zenoh.ZError:
+                words = f"expected a router or service at {', '.join(place.connect)}, got none"
+                raise InputError(str(config_file), key, words) from None
+        edge = stack.enter_context(Edge(settings, sessions[0], sessions[-1]))
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: edge.stop())
+        names = ", ".join(settings.topics.paths)
+        print(f"slopewise: {names} of ROS 2 at {', '.join(settings.ros.connect)}", flush=True)
+        edge.wait(seconds)

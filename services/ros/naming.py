@@ -1,0 +1,115 @@
+"""Keys, liveliness tokens and attachments of rmw_zenoh, as its design document gives them.
+
+A topic's key is ``<domain>/<topic>/<type>/<hash>``. Every node, publisher and subscription declares
+a token below ``@ros2_lv``, from which others build the graph that ``ros2 topic list`` shows. Every
+message carries 33 bytes: sequence number, source time [ns], 16, and the sender's id, little-endian.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import struct
+from dataclasses import dataclass
+
+from models.errors import ParameterError
+
+PUBLISHER, SUBSCRIPTION, NODE = "MP", "MS", "NN"
+NO_HASH = "TypeHashNotSupported"
+"""What ROS 2 Humble has instead of a hash."""
+
+_GID = 16
+_ATTACHMENT = struct.Struct(f"<qqB{_GID}s")
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg)/(?P<name>\w+)")
+
+
+def full_name(namespace: str, topic: str) -> str:
+    """A topic with its namespace, e.g. ``/robot/plan``; one that begins with / stays as it is.
+
+    Raises:
+        ParameterError: not a name of ROS 2.
+    """
+    name = topic if topic.startswith("/") else f"{namespace.rstrip('/')}/{topic}"
+    parts = name.removeprefix("/").split("/")
+    if not all(_NAME.fullmatch(part) for part in parts):
+        raise ParameterError("topic", f"a name of ROS 2 such as /robot/plan, got {name!r}")
+    return f"/{'/'.join(parts)}"
+
+
+def dds_type(kind: str) -> str:
+    """``nav_msgs/msg/Path`` as keys have it: ``nav_msgs::msg::dds_::Path_``."""
+    found = _TYPE.fullmatch(kind)
+    if found is None:
+        raise ParameterError("type", f"package/msg/Name, got {kind!r}")
+    return f"{found['package']}::{found['kind']}::dds_::{found['name']}_"
+
+
+def topic_key(domain: int, topic: str, kind: str, type_hash: str) -> str:
+    """The key that a topic's messages are on; ``*`` as hash matches all of them."""
+    return f"{domain}/{topic.removeprefix('/')}/{dds_type(kind)}/{type_hash}"
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """A node of ROS 2 on a session. ``session``: zenoh's id of it, in hexadecimal digits."""
+
+    domain: int
+    session: str
+    namespace: str
+    node: str
+
+    def node_token(self) -> str:
+        """The token of the node itself; it is entity 0 of its session."""
+        return self._token(0, NODE)
+
+    def token(self, number: int, entity: str, topic: str, kind: str, type_hash: str) -> str:
+        """The token of a publisher or a subscription.
+
+        Args:
+            number: of the entity, unique on the session. entity: `PUBLISHER` or `SUBSCRIPTION`.
+            topic: with its namespace. kind: its type. type_hash: RIHS01_…
+        """
+        # Reliable, volatile, the last ten: what differs from ROS 2's defaults is nothing.
+        qos = "::,10:,:,:,,"
+        topic = topic.replace("/", "%")
+        return f"{self._token(number, entity)}/{topic}/{dds_type(kind)}/{type_hash}/{qos}"
+
+    def _token(self, number: int, entity: str) -> str:
+        # The enclave is that of no security; names lose their slashes.
+        namespace = self.namespace.rstrip("/").replace("/", "%") or "%"
+        return (
+            f"@ros2_lv/{self.domain}/{self.session}/0/{number}/{entity}/%/{namespace}/{self.node}"
+        )
+
+
+def gid_of(token: str) -> bytes:
+    """16 bytes that tell one publisher from all others, from run to run anew."""
+    return hashlib.blake2b(token.encode(), digest_size=_GID).digest()
+
+
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """What travels beside a message. ``at``: when it was sent [ns since 1970]."""
+
+    sequence: int
+    at: int
+    gid: bytes
+
+    def encode(self) -> bytes:
+        """33 bytes."""
+        return _ATTACHMENT.pack(self.sequence, self.at, _GID, self.gid)
+
+
+def read_attachment(data: bytes) -> Attachment:
+    """The attachment in some bytes.
+
+    Raises:
+        ParameterError: they are none.
+    """
+    if len(data) != _ATTACHMENT.size:
+        raise ParameterError("attachment", f"{_ATTACHMENT.size} bytes, got {len(data)}")
+    sequence, at, size, gid = _ATTACHMENT.unpack(data)
+    if size != _GID:
+        raise ParameterError("attachment", f"an id of {_GID} bytes, got {size}")
+    return Attachment(sequence, at, gid)

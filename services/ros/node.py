@@ -1,0 +1,179 @@
+"""A node of ROS 2 on a zenoh session: publishers, subscriptions, and the tokens that show them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any
+
+import zenoh
+
+from models.errors import InputError, ParameterError
+from services.files.ros_types import read_cdr, type_hashes, typestore
+from services.ros import naming
+
+_MOST_BYTES = 64_000_000
+
+
+@dataclass(slots=True)
+class Received:
+    """The newest message of a topic, not decoded yet. ``at``: monotonic clock [s]."""
+
+    raw: bytes
+    at: float
+
+
+@dataclass
+class Inbox:
+    """The newest message of each topic; zenoh's threads fill it, one thread takes from it.
+
+    Attributes:
+        counters: what was received, replaced before it was looked at, or refused.
+        refused: why, by topic, the last time.
+        clock: monotonic [s].
+    """
+
+    clock: Callable[[], float] = time.monotonic
+    counters: Counter[str] = field(default_factory=Counter)
+    refused: dict[str, str] = field(default_factory=dict)
+    news: threading.Condition = field(default_factory=threading.Condition)
+    _newest: dict[str, Received] = field(default_factory=dict)
+
+    def put(self, topic: str, raw: bytes) -> None:
+        """Keep a message; one that nobody took before is replaced."""
+        with self.news:
+            self.counters["received"] += 1
+            self.counters["replaced"] += topic in self._newest
+            self._newest[topic] = Received(raw, self.clock())
+            self.news.notify_all()
+
+    def refuse(self, topic: str, why: str) -> None:
+        """Count a message that cannot be used."""
+        with self.news:
+            self.counters["refused"] += 1
+            self.refused[topic] = why
+
+    def take(self, topics: tuple[str, ...], until: float) -> dict[str, Received]:
+        """Newest messages of some topics; waits for the first one, at most until then [s]."""
+        with self.news:
+            while not (found := {t: self._newest[t] for t in topics if t in self._newest}):
+                left = until - self.clock()
+                if left <= 0.0:
+                    return {}
+                self.news.wait(left)
+            for topic in found:
+                del self._newest[topic]
+            return found
+
+
+class Publisher:
+    """Messages of one type on one topic."""
+
+    def __init__(self, session: zenoh.Session, key: str, kind: str, token: str) -> None:
+        """Made by :meth:`Node.publisher`."""
+        self._kind, self._gid, self._sequence = kind, naming.gid_of(token), 0
+        self._publisher = session.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.DROP, express=True
+        )
+
+    def send(self, message: Any) -> None:
+        """Send one message."""
+        self._sequence += 1
+        attachment = naming.Attachment(self._sequence, time.time_ns(), self._gid)
+        payload = bytes(typestore().serialize_cdr(message, self._kind))
+        self._publisher.put(payload, attachment=attachment.encode())
+
+
+class Node:
+    """A node; a context manager that leaves the session to whoever opened it."""
+
+    def __init__(
+        self, session: zenoh.Session, domain: int, namespace: str, name: str,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
+        """Show a node to others.
+
+        Args:
+            session: open. domain: ROS_DOMAIN_ID. namespace: e.g. ``/robot``. name: of the node.
+            clock: monotonic [s].
+        """
+        self.inbox = Inbox(clock)
+        self._session, self._namespace = session, namespace
+        self._identity = naming.Identity(domain, str(session.info.zid()), namespace, name)
+        self._domain, self._entities = domain, 0
+        self._declared: list[Any] = [
+            session.liveliness().declare_token(self._identity.node_token())
+        ]
+
+    def __enter__(self) -> Node:
+        """Ready as it is."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        """Disappear from the graph."""
+        for declared in reversed(self._declared):
+            declared.undeclare()
+
+    def publisher(self, topic: str, kind: str) -> Publisher:
+        """Publish messages of a type; ``topic`` may be relative to the namespace."""
+        name, type_hash = naming.full_name(self._namespace, topic), type_hashes(kind)[0]
+        token = self._show(naming.PUBLISHER, name, kind, type_hash)
+        key = naming.topic_key(self._domain, name, kind, type_hash)
+        return Publisher(self._session, key, kind, token)
+
+    def subscribe(self, topic: str, kind: str) -> str:
+        """Let messages of a type come into the inbox, under the full name that is returned.
+
+        Of what others publish on the topic under another definition of the type, nothing is taken.
+        """
+        name = naming.full_name(self._namespace, topic)
+        known = {*type_hashes(kind), naming.NO_HASH}
+        self._show(naming.SUBSCRIPTION, name, kind, type_hashes(kind)[0])
+        key = naming.topic_key(self._domain, name, kind, "*")
+        self._declared.append(
+            self._session.declare_subscriber(key, _keep(self.inbox, name, kind, known))
+        )
+        return name
+
+    def _show(self, entity: str, name: str, kind: str, type_hash: str) -> str:
+        self._entities += 1
+        token = self._identity.token(self._entities, entity, name, kind, type_hash)
+        self._declared.append(self._session.liveliness().declare_token(token))
+        return token
+
+
+def _keep(inbox: Inbox, name: str, kind: str, known: set[str]) -> Callable[[zenoh.Sample], None]:
+    def on_sample(sample: zenoh.Sample) -> None:
+        type_hash = str(sample.key_expr).rsplit("/", 1)[-1]
+        if type_hash not in known:
+            inbox.refuse(name, f"expected {kind} as defined by {', '.join(sorted(known))}")
+            return
+        if len(sample.payload) > _MOST_BYTES:
+            found = f"got {len(sample.payload)}"
+            inbox.refuse(name, f"expected at most {_MOST_BYTES} bytes, {found}")
+            return
+        try:
+            if sample.attachment is not None:
+                naming.read_attachment(sample.attachment.to_bytes())
+        except ParameterError as error:
+            inbox.refuse(name, str(error))
+            return
+        inbox.put(name, sample.payload.to_bytes())
+
+    return on_sample
+
+
+def decoded(inbox: Inbox, topic: str, received: Received, kind: str) -> Any | None:
+    """A message out of the inbox; None, counted, if its bytes are not exactly one."""
+    try:
+        return read_cdr(received.raw, kind, topic, "")
+    except InputError as error:
+        inbox.refuse(topic, str(error))
+        return None

@@ -1,0 +1,193 @@
+"""Settings of the edge to ROS 2: one TOML file, strict, every key with a range."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from models.errors import ParameterError
+from models.quantity import quantity, validate_quantities
+from services.files.access import fault, read_text, reason
+from services.files.decode import decode_table
+from services.ros.naming import full_name
+
+_MOST_PATHS = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosSettings:
+    """Where ROS 2 is, and what the edge is called there.
+
+    Attributes:
+        connect: endpoints of rmw_zenohd. config: zenoh's own settings; empty: none.
+        namespace, node: of the node. frame: that map, paths and odometry have to be in; empty: that
+            of the map.
+    """
+
+    connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    config: str = ""
+    domain: int = quantity("1", "ROS_DOMAIN_ID.", default=0, at_least=0, at_most=232)
+    namespace: str = "/"
+    node: str = "slopewise"
+    frame: str = ""
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+        for name, tried in (("namespace", f"{self.namespace.rstrip('/')}/x"), ("node", self.node)):
+            wrong = name == "node" and "/" in tried
+            try:
+                full_name("/", tried)
+            except ParameterError:
+                wrong = True
+            if wrong:
+                found = repr(getattr(self, name))
+                raise ParameterError(name, f"a name of ROS 2 such as robot, got {found}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """The service that plans.
+
+    Attributes:
+        connect: its endpoint, or a router's; empty: it is on the router of ROS 2.
+        config: zenoh's own settings; empty: none. namespace: of its keys.
+    """
+
+    connect: str = ""
+    config: str = ""
+    namespace: str = "slopewise/robot"
+    timeout: float = quantity("s", "For an answer.", default=0.08, above=0.0, at_most=10.0)
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topics:
+    """Topics; without a leading / they are in the node's namespace. Empty: not there.
+
+    Attributes:
+        paths: candidates, nav_msgs/Path each. map: grid_map_msgs/GridMap; layer: of the heights.
+        odometry: nav_msgs/Odometry. imu: sensor_msgs/Imu. joints: sensor_msgs/JointState.
+        command: what the vehicle was told, geometry_msgs of type ``command_type``.
+        speed_limit, profile, diagnostics: out, nav2_msgs/SpeedLimit, nav_msgs/Path,
+            diagnostic_msgs/DiagnosticArray. stop: out, std_msgs/Bool, true: stand still.
+    """
+
+    paths: tuple[str, ...] = ("plan",)
+    map: str = "elevation_map"
+    layer: str = "elevation"
+    odometry: str = "odom"
+    imu: str = ""
+    joints: str = ""
+    command: str = ""
+    command_type: Literal["Twist", "TwistStamped"] = "TwistStamped"
+    speed_limit: str = "speed_limit"
+    profile: str = "speed_plan"
+    diagnostics: str = "/diagnostics"
+    stop: str = "speed_stop"
+
+    def __post_init__(self) -> None:
+        if len(set(self.paths)) < len(self.paths) or len(self.paths) > _MOST_PATHS:
+            raise ParameterError("paths", f"1 … {_MOST_PATHS} topics, each once")
+        for name in ("odometry", "speed_limit"):
+            if not getattr(self, name):
+                raise ParameterError(name, "a topic, nothing works without it")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """How often, and how long things hold."""
+
+    period: float = quantity(
+        "s", "From one limit to the next, if nothing new comes.", default=0.1, at_least=0.01,
+        at_most=1.0,
+    )  # fmt: skip
+    life: float = quantity(
+        "s", "How far a plan is looked ahead: a limit is its lowest speed until then.",
+        default=0.5, above=0.0, at_most=5.0,
+    )  # fmt: skip
+    path_age: float = quantity(
+        "s", "A path older than that is no candidate.", default=3.0, above=0.0
+    )
+    odometry_age: float = quantity(
+        "s", "Odometry older than that tells no speed.", default=0.3, above=0.0
+    )
+    launch: float = quantity(
+        "m/s", "Limits reach that where the bounds allow it: motors do not creep.", default=0.15,
+        at_least=0.0, at_most=1.0,
+    )  # fmt: skip
+    crawl: float = quantity(
+        "m/s", "Limit that stands for a stop; 0 would mean no limit.", default=0.01, above=0.0,
+        at_most=0.1,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+        if self.life <= self.period:
+            raise ParameterError("life", f"more than period, {self.period:g} s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnStop:
+    """What the brakes reach for certain, for the stop when nobody answers."""
+
+    deceleration: float = quantity("m/s^2", "Mean.", default=1.5, above=0.0)
+    dead_time: float = quantity("s", "From command to onset.", default=0.5, at_least=0.0)
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wheels:
+    """Joints of the driven wheels, for learning the ground; none: not told."""
+
+    left: str = ""
+    right: str = ""
+    radius: float = quantity("m", "Of the loaded wheel.", default=0.165, above=0.0)
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+        if bool(self.left) != bool(self.right):
+            raise ParameterError(
+                "right" if self.left else "left", "a joint on either side, or none"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeSettings:
+    """One edge."""
+
+    ros: RosSettings = field(default_factory=RosSettings)
+    service: Asked = field(default_factory=Asked)
+    topics: Topics = field(default_factory=Topics)
+    timing: Timing = field(default_factory=Timing)
+    stop: OwnStop = field(default_factory=OwnStop)
+    wheels: Wheels = field(default_factory=Wheels)
+
+
+def read_settings(path: Path) -> EdgeSettings:
+    """The settings in a TOML file; files named in it are taken relative to it.
+
+    Raises:
+        InputError: names the file and the key.
+    """
+    try:
+        data = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
+    for table in ("ros", "service"):
+        inside = data.get(table)
+        name = inside.get("config") if isinstance(inside, dict) else None
+        if isinstance(inside, dict) and isinstance(name, str) and (path.parent / name).is_file():
+            inside["config"] = str(path.parent / name)
+    settings = decode_table(EdgeSettings, data, str(path))
+    for topic in (*settings.topics.paths, settings.topics.odometry, settings.topics.speed_limit):
+        try:
+            full_name(settings.ros.namespace, topic)
+        except ParameterError as error:
+            raise fault(path, "topics", f"expected {error.expected}") from None
+    return settings

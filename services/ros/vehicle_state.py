@@ -1,0 +1,111 @@
+"""What ROS 2 says of the vehicle: odometry for planning, and samples to learn from."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import zenoh
+
+from models.errors import ParameterError
+from services.ros import conversions as ros
+from services.ros.conversions import Motion
+from services.ros.drive_samples import SampleTeller
+from services.ros.node import Node, Received, decoded
+from services.ros.settings import EdgeSettings
+
+
+class VehicleState:
+    """Takes odometry, IMU, joints and commands out of the inbox of a node."""
+
+    def __init__(self, settings: EdgeSettings, node: Node, service: zenoh.Session) -> None:
+        """Subscribe to what the settings name."""
+        topics = settings.topics
+        self._settings, self._inbox = settings, node.inbox
+        self._kinds: dict[str, tuple[str, Any]] = {}
+        wanted = (
+            (topics.odometry, ros.ODOMETRY, self._on_odometry),
+            (topics.imu, ros.IMU, self._on_imu),
+            (topics.joints, ros.JOINTS, self._on_joints),
+            (topics.command, f"geometry_msgs/msg/{topics.command_type}", self._on_command),
+        )
+        for topic, kind, act in wanted:
+            if topic:
+                self._kinds[node.subscribe(topic, kind)] = (kind, act)
+        self._motion: Motion | None = None
+        self._at = -float("inf")
+        self._teller: SampleTeller | None = None
+        if topics.imu and topics.command:
+            wheels = ("v_left", "v_right") if topics.joints and settings.wheels.left else ()
+            columns = ("v", "v_cmd", "pitch", "roll", "yaw_rate", *wheels)
+            self._teller = SampleTeller(service, settings.service.namespace, columns)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Full names of what is subscribed to."""
+        return tuple(self._kinds)
+
+    def take(self, found: dict[str, Received]) -> None:
+        """Look at new messages; odometry comes last, because a sample is taken with it."""
+        for topic, (kind, act) in reversed(self._kinds.items()):
+            if topic not in found:
+                continue
+            message = decoded(self._inbox, topic, found[topic], kind)
+            if message is None:
+                continue
+            try:
+                act(message, found[topic].at)
+            except ParameterError as error:
+                self._inbox.refuse(topic, str(error))
+
+    def motion(self, now: float, frames: set[str]) -> tuple[Motion | None, str]:
+        """The vehicle now, or why nobody knows.
+
+        Args:
+            now: monotonic clock [s]. frames: of the candidates.
+        """
+        age = now - self._at
+        if self._motion is None:
+            return None, "no odometry"
+        if age > self._settings.timing.odometry_age:
+            return None, f"odometry is {age:.1f} s old"
+        for frame in frames:
+            if frame.lstrip("/") != self._motion.frame.lstrip("/"):
+                return None, f"expected odometry in frame {frame}, got {self._motion.frame}"
+        return self._motion, ""
+
+    def clock(self) -> int:
+        """The time of ROS [ns]: that of the last odometry and what passed since then.
+
+        So it is simulated time where odometry is simulated.
+        """
+        if self._motion is None:
+            return time.time_ns()
+        return self._motion.stamp + round(1e9 * (self._inbox.clock() - self._at))
+
+    def _on_odometry(self, message: Any, at: float) -> None:
+        self._motion, self._at = ros.motion_of(message), at
+        if self._teller is not None:
+            self._teller.now.put(at, v=self._motion.speed)
+            self._teller.sample(at)
+
+    def _on_imu(self, message: Any, at: float) -> None:
+        roll, pitch, _ = ros.angles_of(message.orientation)
+        if self._teller is not None:
+            rate = float(message.angular_velocity.z)
+            self._teller.now.put(at, roll=roll, pitch=pitch, yaw_rate=rate)
+
+    def _on_joints(self, message: Any, at: float) -> None:
+        wheels, names = self._settings.wheels, list(message.name)
+        if self._teller is None or not wheels.left:
+            return
+        for column, joint in (("v_left", wheels.left), ("v_right", wheels.right)):
+            if joint not in names or len(message.velocity) != len(names):
+                raise ParameterError("velocity", f"one of joint {joint}, got {', '.join(names)}")
+            speed = float(message.velocity[names.index(joint)]) * wheels.radius
+            self._teller.now.put(at, **{column: speed})
+
+    def _on_command(self, message: Any, at: float) -> None:
+        twist = message.twist if hasattr(message, "twist") else message
+        if self._teller is not None:
+            self._teller.now.put(at, v_cmd=float(twist.linear.x))
