@@ -40,7 +40,7 @@ _JITTER = 0.008  # [s] of the onset, with the phase of the sampling
 _LONGEST = 9.0  # [s] of a stop
 _HELD_SAMPLES = 20.0  # from which the speed at the command is known
 _ROLLING = 0.15  # [m/s]
-_FITTED_OUT = 2  # rivals besides those of a pair itself
+_FITTED_OUT = 2  # nearest rivals
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,27 +92,41 @@ def worth(
     gap = float(residual @ residual)
     if gap < SEEN:
         return Worth(gap, "", 0.0)
-    tangents = scene.tangents(fitted)
+    if len(names) == 1:
+        return Worth(gap, *_nearest(scene, fitted, residual, {}, names))
+    # Of several, each may be alone, or be accompanied by a wrong one.
+    best = ("", gap)
+    for kept in names:
+        start = fitted._replace(**{key: getattr(truth, key) for key in FIELDS[kept].values()})
+        alone, left = _fit(scene, start, FREE[kept])
+        found = [(kept, float(left @ left)), _nearest(scene, alone, left, FREE[kept], names)]
+        best = min((best, *found), key=lambda rival: rival[1])
+    return Worth(gap, *best)
+
+
+def _nearest(
+    scene: _Scene, fitted: Physics, residual: Floats, free: Mapping[str, float],
+    names: Sequence[str],
+) -> tuple[str, float]:  # fmt: skip
+    """The rival that comes nearest beside what is fitted already, and the χ² it leaves."""
+    tangents = scene.tangents(fitted, _BASE | dict(free))
     rivals = []
-    doses = small_doses(fitted, even)
+    doses = small_doses(fitted, scene.stops)
     for name, options in scene.columns(fitted, doses).items():
-        if name in names and len(names) == 1:
+        if name in names:
             continue
         left, number, much = _left(residual, tangents, options, one_sign=name in ONE_SIGN)
         start = None if number < 0 else amplified(name, doses[name][number], much)
         rivals.append((left, name, start))
     rivals.sort(key=lambda rival: rival[0])
     nearest, apart = rivals[0][1], rivals[0][0]
-    # Doses are small and effects are not: the nearest ones, and each of a pair, are fitted out.
-    for place, (_, name, start) in enumerate(rivals):
-        starts = [start] if start is not None and place < _FITTED_OUT else []
-        if name in names:
-            starts.append({key: getattr(truth, key) for key in FIELDS[name].values()})
-        for fields in starts:
-            left = float(np.sum(_fit(scene, fitted._replace(**fields), FREE[name])[1] ** 2))
-            if left < apart:
-                nearest, apart = name, left
-    return Worth(gap, nearest, apart)
+    # Doses are small and effects are not: the nearest ones are fitted out.
+    for _, name, start in rivals[:_FITTED_OUT]:
+        if start is not None:
+            out = _fit(scene, fitted._replace(**start), FREE[name] | dict(free))[1]
+            if out @ out < apart:
+                nearest, apart = name, float(out @ out)
+    return nearest, apart
 
 
 class _Scene:
