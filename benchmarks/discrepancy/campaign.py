@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.discrepancy import ambiguity, peer
 from benchmarks.discrepancy.catalogue import ALL, Conditions, HiddenSet, Order, make, orders
@@ -13,20 +13,38 @@ from benchmarks.discrepancy.metrics import metrics, record
 from benchmarks.discrepancy.score import Outcome, score
 from benchmarks.discrepancy.sealed import Inquiry, Job, seal, tables_of
 
+if TYPE_CHECKING:
+    from benchmarks.discrepancy.engine_sets import EngineOrder
+
 Result = dict[str, Any]
 Advance = Callable[[int], None]
 
-QUICK = 0.06
-"""Share of the whole benchmark that `--quick` runs."""
 
-FEW = Conditions(counts=(40, 70))
-"""Its sets are small ones."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Size:
+    """How much of it.
+
+    Attributes:
+        share: of the whole catalogue, one of each kind at least; most: sets of it at most.
+        conditions: of the sets. engine: share of the engine's sets. cases: of rivals.
+    """
+
+    share: float
+    most: int
+    conditions: Conditions
+    engine: float
+    cases: int
+
+
+FULL = Size(share=1.0, most=10**6, conditions=ALL, engine=1.0, cases=24)
+QUICK = Size(share=0.01, most=36, conditions=Conditions(counts=(40, 70)), engine=0.01, cases=2)
 
 
 def total(quick: bool) -> int:
     """Steps of :func:`run`."""
-    share = QUICK if quick else 1.0
-    return 2 * len(orders(share)) + _cases(share) + (_engine_steps(share) if with_engine() else 0)
+    size = QUICK if quick else FULL
+    engine = 2 * len(_engine_orders(size)) if with_engine() else 0
+    return 2 * len(orders(size.share)[: size.most]) + size.cases + engine
 
 
 def with_engine() -> bool:
@@ -34,14 +52,10 @@ def with_engine() -> bool:
     return find_spec("mujoco") is not None
 
 
-def _cases(share: float) -> int:
-    return max(round(24 * share), 2)
-
-
-def _engine_steps(share: float) -> int:
+def _engine_orders(size: Size) -> list[EngineOrder]:
     from benchmarks.discrepancy.engine_sets import engine_orders
 
-    return 2 * len(engine_orders(share))
+    return engine_orders(size.engine)
 
 
 def missing() -> list[str]:
@@ -60,25 +74,25 @@ def run(quick: bool, advance: Advance) -> Result:
     Args:
         quick: a few of each kind. advance: told of each step.
     """
-    share = QUICK if quick else 1.0
+    size = QUICK if quick else FULL
     sets = []
-    for order in orders(share):
-        sets.append(make(order, FEW if quick else ALL))
+    for order in orders(size.share)[: size.most]:
+        sets.append(make(order, size.conditions))
         advance(1)
     result = judged(sets, advance)
-    result |= ambiguity.run(ambiguity.cases(_cases(share)), advance)
+    result |= ambiguity.run(ambiguity.cases(size.cases), advance)
     if with_engine():
-        result |= in_the_engine(share, advance)
+        result |= in_the_engine(_engine_orders(size), advance)
     return result
 
 
-def in_the_engine(share: float, advance: Advance) -> Result:
+def in_the_engine(wanted: Sequence[EngineOrder], advance: Advance) -> Result:
     """The sets of the physics engine."""
     from benchmarks.discrepancy import engine_sets
 
     configured = engine_sets.calibrated()
     sets = []
-    for order in engine_sets.engine_orders(share):
+    for order in wanted:
         sets.append(engine_sets.make(order, configured))
         advance(1)
     promise = seal([engine_sets.truth_of(one) for one in sets])
