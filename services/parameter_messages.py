@@ -21,7 +21,7 @@ class ParameterGroup(Message):
         age: since they were learned or set [s]. fingerprint: of the vehicle.
         cause, who: of the last change, in words.
         values: as planned with, before any margin. stds: standard deviations; missing where nothing
-            scatters. covariance: of `values` in their order, for braking.
+            scatters. covariance: for braking, of m_m, b_m, m_b, b_b.
         unit: of each value. notes: further facts, such as how many stops were believed.
     """
 
