@@ -69,6 +69,11 @@ class HiddenSet:
     stops: Stops
     worth: Worth
 
+    @property
+    def identifiable(self) -> bool:
+        """What is to be said of it can be known."""
+        return self.worth.shaped if self.order.kind == "off" else self.worth.named
+
 
 def orders(share: float, seed: int = 1) -> list[Order]:
     """All kinds in shuffled order.
@@ -121,7 +126,7 @@ def make(order: Order, conditions: Conditions = ALL) -> HiddenSet:
     wanted = order.kind in ("single", "pair", "off")
     for _ in range(_TRIES if wanted else 1):
         candidate = drawn(order, rng, conditions)
-        if not wanted or candidate.worth.named:
+        if not wanted or candidate.identifiable:
             break
     return measured(candidate, rng)
 

@@ -99,7 +99,7 @@ def score(hidden: HiddenSet, finding: Finding) -> Outcome:
     return Outcome(
         order.kind, order.names, order.size, order.seed, hidden.design, len(hidden.stops.speed),
         hidden.noise, hidden.scatter, hidden.worth.gap, hidden.worth.nearest, hidden.worth.apart,
-        hidden.worth.named, finding.verdict, finding.names, tuple(sorted(others)),
+        hidden.identifiable, finding.verdict, finding.names, tuple(sorted(others)),
         sure and named == truth, sure and bool(named - truth),
         finding.located[0][0] if finding.located else "", axis in wanted,
         _covered(hidden.hidden, finding) if sure else {}, closing(hidden, finding),

@@ -34,6 +34,10 @@ largest of a library's worth of chance effects has to be exceeded (about 13)."""
 TOLD_APART = 20.0
 """Expected χ² to the nearest rival from which the name counts as identifiable."""
 
+SHAPED = 40.0
+"""Expected χ² to every named effect from which a shape without a name counts as identifiable: it
+has to be found among half a dozen freedoms on each of some fifteen axes."""
+
 _BASE = {"m_m": 1e-3, "b_m": 1e-3, "m_b": 1e-4, "b_b": 1e-4, "dead_time": 1e-3}
 _STEP = 0.01  # [s] of the integration; differences do not see the rest
 _JITTER = 0.008  # [s] of the onset, with the phase of the sampling
@@ -65,6 +69,11 @@ class Worth:
     def named(self) -> bool:
         """The effect can be found and told from all others."""
         return self.seen and self.apart >= TOLD_APART
+
+    @property
+    def shaped(self) -> bool:
+        """It can be found, and no name will do."""
+        return self.apart >= SHAPED
 
 
 def worth(
