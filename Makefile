@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 JOBS ?= 2
 
-.PHONY: demo test lint nightly bench format clean
+.PHONY: demo test lint nightly bench docs format clean
 
 demo: $(VENV)/.installed  ## plan a dozen candidates over a generated hill, and say where the page is
 	$(BIN)/slopewise demo --out out/demo
@@ -24,6 +24,9 @@ nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terra
 
 bench: $(VENV)/.installed-dev  ## the planner beside its peers
 	$(BIN)/slopewise bench --json out/bench.json --plot out/bench.html
+
+docs: $(VENV)/.installed-dev  ## this documentation as a site, in out/docs
+	$(BIN)/mkdocs build --strict
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff check --fix .

@@ -1,0 +1,56 @@
+"""The reference of the command line, made from the commands themselves."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import typer
+
+from services.cli import app
+
+_MARKUP = re.compile(r"\[/?[a-z]*\]")
+_STATUS = """
+## Exit status
+
+| status | means |
+|---|---|
+| 0 | done |
+| 1 | a fault of the program; `SLOPEWISE_DEBUG=1` shows where |
+| 2 | an input is wrong: one line on standard error names file and field, and what was expected |
+| 3 | no candidate may be driven |
+"""
+
+
+def page() -> str:
+    """All commands with their words."""
+    group: Any = typer.main.get_command(app)
+    parts = [
+        "# Commands\n",
+        "Every command has `--help`; most print JSON for machines with `--json`.\n",
+    ]
+    for name, command in group.commands.items():
+        parts.append(f"## slopewise {name}\n")
+        parts.append(_plain(command.help or "") + "\n")
+        rows = [_row(parameter) for parameter in command.params if parameter.name != "help"]
+        parts.append("| word | default | what |\n|---|---|---|\n" + "\n".join(rows) + "\n")
+    return "\n".join([*parts, _STATUS])
+
+
+def _row(parameter: Any) -> str:
+    if parameter.param_type_name == "argument":
+        word = parameter.metavar or parameter.name.upper()
+        text = getattr(parameter, "help", "") or ""
+    else:
+        metavar = "" if parameter.is_flag else f" {parameter.metavar or 'VALUE'}"
+        word = " / ".join([*parameter.opts, *parameter.secondary_opts]) + metavar
+        text = parameter.help or ""
+    default = parameter.default
+    shown = "" if parameter.required or default is None or default == "" else f"`{default}`"
+    return f"| `{word}` | {shown} | {_plain(text).replace('|', '&#124;')} |"
+
+
+def _plain(text: str) -> str:
+    text = text.replace("\b", "").replace(r"\[", "\0")
+    text = re.sub(r"\[bold\](.*?)\[/\]", r"**\1**", text)
+    return _MARKUP.sub("", text).replace("\0", "[").strip()

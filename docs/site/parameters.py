@@ -1,0 +1,215 @@
+"""References of files and messages, made from the schemas that read them: unit, range, default."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Iterator
+from typing import Any, get_args, get_type_hints
+
+import msgspec
+
+from models.effects import LAWS
+from models.parameters import Braking, Effect, Limits, SurfaceBraking, Terrain, UphillBraking
+from models.quantity import describe_range
+from models.vehicle import Vehicle
+from services import messages, observations, parameter_messages
+from services.config import ServiceConfig
+from services.files.bag_topics import Channel, MapSource, PathSource
+from services.ros.settings import EdgeSettings
+from services.wire import schema_of
+
+_HEAD = "| key | unit and range | default | what |\n|---|---|---|---|\n"
+
+
+def model_page() -> str:
+    """Keys of a model file, and effects."""
+    tables = (
+        ("vehicle", Vehicle), ("braking", Braking), ("braking.uphill", UphillBraking),
+        ("braking.terrain.NAME", SurfaceBraking), ("terrain", Terrain), ("limits", Limits),
+    )  # fmt: skip
+    parts = [
+        "# Model file\n",
+        "TOML, in SI units and radians. A key that is not known is an error that names it. What\n"
+        "each number means: [nomenclature](../nomenclature.md); where the laws are from:\n"
+        "[references](../references.md).\n",
+        f"## Top\n\n{_HEAD}| `name` | text | required | Of the vehicle. |\n",
+    ]
+    parts += [f"## [{name}]\n\n{_lead(kind)}\n\n{_table(kind)}\n" for name, kind in tables]
+    parts += [
+        f"## [[effect]]\n\n{_lead(Effect)}\n\n{_table(Effect)}\n",
+        "| effect | what the base model leaves out | parameters |\n|---|---|---|",
+        *(_effect(name, law) for name, law in LAWS.items()),
+    ]
+    return "\n".join(parts)
+
+
+def service_page() -> str:
+    """Keys of the service's settings."""
+    intro = (
+        "What `slopewise serve --config FILE` reads; `configs/service.toml` is the shipped one.\n"
+    )
+    return "\n".join(["# Service settings\n", intro, *_settings(ServiceConfig)])
+
+
+def edge_page() -> str:
+    """Keys of the edge's settings, and of topic mappings."""
+    intro = "What `slopewise ros --config ros.toml` reads; `configs/ros.toml` is the shipped one.\n"
+    return "\n".join(
+        [
+            "# ROS 2 settings\n", intro, *_settings(EdgeSettings),
+            "# Topic mapping\n",
+            "What `--topics` reads for recordings; `configs/topics.toml` is the shipped one.\n",
+            f"## [map]\n\n{_lead(MapSource)}\n\n{_table(MapSource)}\n",
+            f"## [paths]\n\n{_lead(PathSource)}\n\n{_table(PathSource)}\n",
+            f"## [COLUMN]\n\n{_lead(Channel)}\n\n{_table(Channel)}\n",
+        ]
+    )  # fmt: skip
+
+
+def messages_page() -> str:
+    """Schemas of what travels over zenoh."""
+    parts = [
+        "# Messages\n",
+        "Keys below the namespace, JSON for people (`application/json`) and MessagePack for\n"
+        "machines (`application/msgpack`), the schema's name behind it in the encoding.\n",
+        "| key | what |\n|---|---|",
+        "| `v1/plan` | queryable: `PlanRequest` to `PlanReply` |",
+        "| `v1/map` | in: `MapUpdate` |",
+        "| `v1/obs/stop`, `v1/obs/drive`, `v1/obs/terrain` | in: observations, put or queried |",
+        "| `v1/params`, `v1/params/GROUP` | queryable and published: parameters |",
+        "| `v1/status` | out: `Status`, JSON |",
+        "| `v1/alive/ID` | liveliness token |\n",
+    ]
+    for module in (messages, observations, parameter_messages):
+        for _, kind in inspect.getmembers(module, _is_message):
+            if kind.__module__ != module.__name__ or not kind.__struct_fields__:
+                continue
+            parts.append(f"## {kind.__name__}\n\n`{schema_of(kind)}` – {_lead(kind)}\n")
+            parts.append(f"| field | type | default | what |\n|---|---|---|---|\n{_fields(kind)}\n")
+    return "\n".join(parts)
+
+
+def _is_message(kind: Any) -> bool:
+    return inspect.isclass(kind) and issubclass(kind, msgspec.Struct)
+
+
+def _settings(kind: Any) -> Iterator[str]:
+    """The top table, and one for each table in it."""
+    inner = {f.name: f.type for f in dataclasses.fields(kind)}
+    hints = get_type_hints(kind)
+    tables = [name for name in inner if dataclasses.is_dataclass(hints[name])]
+    if len(tables) < len(inner):
+        yield f"## Top\n\n{_table(kind, leave_out=tables)}\n"
+    for name in tables:
+        yield f"## [{name}]\n\n{_lead(hints[name])}\n\n{_table(hints[name])}\n"
+
+
+def _table(kind: Any, leave_out: list[str] | None = None) -> str:
+    told, hints = _attributes(kind), get_type_hints(kind)
+    rows = []
+    for field in dataclasses.fields(kind):
+        if field.name in (leave_out or ()):
+            continue
+        metadata = field.metadata
+        wanted = describe_range(metadata) if "unit" in metadata else _kind(hints[field.name])
+        wanted = wanted.removeprefix("a finite number ").replace(">=", "≥").replace("<=", "≤")
+        text = metadata.get("text") or told.get(field.name, "")
+        rows.append(f"| `{field.name}` | {_cell(wanted)} | {_default(field)} | {_cell(text)} |")
+    return _HEAD + "\n".join(rows)
+
+
+def _default(field: Any) -> str:
+    if field.default is not dataclasses.MISSING:
+        return "optional" if field.default is None else f"`{_toml(field.default)}`"
+    if field.default_factory is not dataclasses.MISSING:
+        made = field.default_factory()
+        return "optional" if not made else f"`{_toml(made)}`"
+    return "required"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(_toml(item) for item in value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _kind(hint: Any) -> str:
+    text = str(hint)
+    if "Literal" in text:
+        return ", ".join(f'"{choice}"' for choice in get_args(hint))
+    for piece, words in (
+        ("dict", "table"),
+        ("tuple", "list"),
+        ("bool", "true or false"),
+        ("str", "text"),
+    ):
+        if piece in text:
+            return words
+    return "number" if "float" in text or "int" in text else "table"
+
+
+def _effect(name: str, law: Any) -> str:
+    def one(parameter: str, unit: str, low: float, high: float) -> str:
+        bounds = [f"≥ {low:g}"] if low > -1e300 else []
+        bounds += [f"≤ {high:g}"] if high < 1e300 else []
+        optional = f", optional ({law.optional[parameter]:g})" if parameter in law.optional else ""
+        return f"`{parameter}` {' and '.join(bounds)} [{unit}]{optional}"
+
+    parameters = "; ".join(one(p, *spec) for p, spec in law.parameters.items())
+    return f"| `{name}` | {_cell(law.missing)} | {_cell(parameters)} |"
+
+
+def _fields(kind: Any) -> str:
+    told = {
+        name: text for base in reversed(kind.__mro__) for name, text in _attributes(base).items()
+    }
+    rows = []
+    for field in msgspec.structs.fields(kind):
+        if field.default is not msgspec.NODEFAULT:
+            default = "null" if field.default is None else f"`{_toml(field.default)}`"
+        else:
+            default = "required" if field.required else "empty"
+        rows.append(
+            f"| `{field.encode_name}` | {_cell(_wire(field.type))} | {default} | "
+            f"{_cell(told.get(field.name, ''))} |"
+        )
+    return "\n".join(rows)
+
+
+def _wire(hint: Any) -> str:
+    text = re.sub(r"typing\.Annotated\[(.*?), msgspec\.Meta\(.*?\)\]", r"\1", str(hint))
+    text = re.sub(r"<class '(.*?)'>", r"\1", text)
+    text = re.sub(r"\b(?:services\.\w+|numpy|typing)\.", "", text)
+    return text.replace("ndarray", "array").replace(" | None", " or null").replace("str", "text")
+
+
+def _lead(kind: Any) -> str:
+    """The first paragraph of a docstring."""
+    return " ".join((inspect.getdoc(kind) or "").split("\n\n")[0].split()).replace("``", "`")
+
+
+def _attributes(kind: Any) -> dict[str, str]:
+    """What a docstring says of each attribute; several may share a sentence."""
+    text = inspect.getdoc(kind) or ""
+    if "Attributes:" not in text:
+        return {}
+    body = " ".join(text.split("Attributes:", 1)[1].split())
+    names = "|".join(sorted(get_type_hints(kind, include_extras=True), key=len, reverse=True))
+    begins = list(re.finditer(rf"(?:^|(?<=\s))((?:{names})(?:, (?:{names}))*): ", body))
+    ends = [match.start() for match in begins[1:]] + [len(body)]
+    found: dict[str, str] = {}
+    for match, end in zip(begins, ends, strict=True):
+        for name in match[1].split(", "):
+            sentence = body[match.end() : end].strip().rstrip(";")
+            found[name] = sentence[:1].upper() + sentence[1:]
+    return found
+
+
+def _cell(text: str) -> str:
+    return text.replace("``", "`").replace("|", "&#124;").replace("<", "&lt;").replace("[", r"\[")

@@ -1,0 +1,125 @@
+"""The site is built without a warning, every link in it leads somewhere, no key is left out."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from models.effects import LAWS
+from models.parameters import Braking, Limits
+from models.vehicle import Vehicle
+from services.config import Planning
+from services.messages import PlanRequest
+from services.ros.settings import Timing
+
+pytest.importorskip("material", reason="the docs extra is not installed")
+
+ROOT = Path(__file__).parents[2]
+
+
+class Page(HTMLParser):
+    """Links, anchors and text of a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.names: set[str] = {""}
+        self.loads: list[str] = []
+        self.text = path.read_text()
+        self.feed(self.text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        if given.get("id"):
+            self.names.add(given["id"] or "")
+        if tag == "a" and given.get("href"):
+            self.links.append(given["href"] or "")
+        wanted = "href" if tag == "link" else "src"
+        if tag in ("link", "script", "img") and given.get(wanted):
+            self.loads.append(given[wanted] or "")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Page]:
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)],
+        cwd=ROOT, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert not re.search(r"^(WARNING|ERROR)", done.stderr, re.MULTILINE), done.stderr
+    return {path: Page(path) for path in folder.rglob("*.html") if path.name != "404.html"}
+
+
+def page_of(site: dict[Path, Page], name: str) -> Page:
+    return next(page for path, page in site.items() if path.as_posix().endswith(name))
+
+
+def test_links_lead_somewhere_and_nothing_is_loaded_from_elsewhere(site: dict[Path, Page]) -> None:
+    assert len(site) > 20
+    count = 0
+    for path, page in site.items():
+        for link in [*page.links, *page.loads]:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc:
+                assert link not in page.loads, f"{path.name} loads {link}"
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path.resolve()
+            target = target / "index.html" if target.is_dir() else target
+            assert target.is_file(), f"{path.name}: {link}"
+            if parts.fragment and target in site:
+                assert unquote(parts.fragment) in site[target].names, f"{path.name}: {link}"
+            count += 1
+    assert count > 500
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("reference/model.html", Vehicle), ("reference/model.html", Braking),
+        ("reference/model.html", Limits), ("reference/service.html", Planning),
+        ("reference/edge.html", Timing),
+    ],
+)  # fmt: skip
+def test_every_quantity_is_there_with_its_unit(
+    site: dict[Path, Page], name: str, kind: type
+) -> None:
+    text = page_of(site, name).text
+    for field in dataclasses.fields(kind):
+        row = re.search(rf"<tr>\s*<td><code>{field.name}</code></td>(.*?)</tr>", text, re.DOTALL)
+        assert row is not None, field.name
+        if "unit" in field.metadata:
+            assert f"[{field.metadata['unit']}]" in row[1], row[1]
+
+
+def test_effects_messages_and_commands_are_there(site: dict[Path, Page]) -> None:
+    model = page_of(site, "reference/model.html").text
+    assert all(f"<code>{name}</code>" in model for name in LAWS)
+    wire = page_of(site, "reference/messages.html").text
+    assert "slopewise.plan_request.v1" in wire
+    assert all(f"<code>{name}</code>" in wire for name in PlanRequest.__struct_fields__)
+    words = page_of(site, "reference/commands.html").text
+    assert all(f"slopewise {name}" in words for name in ("plan", "calibrate", "ros", "serve"))
+    assert "[bold]" not in words
+    assert "[/]" not in words
+
+
+def test_equations_are_mathml(site: dict[Path, Page]) -> None:
+    text = page_of(site, "concepts.html").text
+    assert text.count("<math") >= 15
+    assert "arithmatex" not in text
+    assert "\\frac" not in re.sub(r"<annotation.*?</annotation>", "", text, flags=re.DOTALL)
+
+
+def test_nothing_says_where_packages_come_from() -> None:
+    for path in (ROOT / "constraints.txt", ROOT / "Containerfile", ROOT / "pyproject.toml"):
+        text = path.read_text()
+        assert "://" not in text
+        assert "index-url" not in text

@@ -1,0 +1,55 @@
+"""What the tutorials say is run as it stands: their boxes, in order, in a folder of their own."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+BOX = re.compile(r"^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
+NEEDS = {"recordings": ("rosbags", "foxglove", "rerun")}
+
+
+def script_of(page: str) -> str:
+    """One program of all boxes: files are written, commands run by a shell that stops on errors."""
+    parts = ["import subprocess as _shell, pathlib as _files"]
+    for box in BOX.finditer(page):
+        text = box["text"]
+        if box["kind"] == "python":
+            parts.append(text)
+        elif box["kind"] == "bash":
+            parts.append(f"_run({text!r})")
+        elif box["kind"] == "toml":
+            name = text.splitlines()[0].removeprefix("# ")
+            parts.append(f"_files.Path({name!r}).write_text({text!r})")
+    run = (
+        "def _run(text):\n"
+        "    done = _shell.run(['bash', '-euc', text], capture_output=True, text=True)\n"
+        "    assert done.returncode in (0, 3), text + done.stdout + done.stderr\n"
+    )
+    return "\n".join([parts[0], run, *parts[1:]])
+
+
+@pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
+def test_a_tutorial_does_what_it_says(tutorial: Path, tmp_path: Path) -> None:
+    for module in NEEDS.get(tutorial.stem, ()):
+        pytest.importorskip(module, reason=f"{module} is not installed")
+    page = tutorial.read_text()
+    assert len(BOX.findall(page)) >= 3
+    (tmp_path / "tutorial.py").write_text(script_of(page))
+    paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    done = subprocess.run(
+        [sys.executable, "tutorial.py"], cwd=tmp_path, capture_output=True, text=True,
+        timeout=200, env=os.environ | {"PATH": paths, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_there_are_tutorials() -> None:
+    assert {path.stem for path in TUTORIALS} >= {"plan", "calibrate", "recordings", "service"}
