@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -204,3 +205,31 @@ def test_public_recordings_cell_by_cell(data: Path, name: str) -> None:
             known += np.isfinite(z)
     assert known == np.isfinite(ground.elevation).sum()
     assert (known < 0.2 * rows * columns) == (name == RECORDINGS[0])
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_public_recordings_are_planned_on_and_pictured(
+    data: Path, name: str, tmp_path: Path
+) -> None:
+    folder = data / "bags" / name
+    if not folder.is_dir():
+        pytest.skip(f"no recording at {folder}")
+    paths, page, scene = tmp_path / "p.csv", tmp_path / "p.html", tmp_path / "p.mcap"
+    paths.write_text(
+        "candidate,x,y\nedge,0.9,-1.0\nedge,0.9,1.2\nmiddle,0.0,-1.0\nmiddle,0.0,1.0\n"
+    )
+    if name == RECORDINGS[0]:  # letters in unknown ground: nothing to stand on
+        paths.write_text("candidate,x,y\nmiddle,0.0,-1.0\nmiddle,0.0,1.0\n")
+    words = ["plan", str(folder), str(paths), "--model", "husky", "--json", "--report", str(page)]
+    with_scene = find_spec("foxglove") is not None
+    done = CliRunner().invoke(app, [*words, *(["--out", str(scene)] if with_scene else [])])
+    plans = {plan["candidate"]: plan for plan in json.loads(done.output)["plans"]}
+    if name == RECORDINGS[0]:
+        assert done.exit_code == 3
+        assert "unknown ground" in plans["middle"]["reason"]
+    else:
+        assert done.exit_code == 0
+        assert plans["edge"]["status"] == "ok"
+        assert "outside the trained" in plans["middle"]["reason"]  # a step of 0.4 m
+    assert "<svg" in page.read_text() or "<canvas" in page.read_text()
+    assert not with_scene or scene.stat().st_size > 10_000

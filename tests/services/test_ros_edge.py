@@ -172,4 +172,10 @@ def test_a_silent_hour_makes_the_limit_expire(tmp_path: Path) -> None:
             peer.drive(2.0, 10.0, 1.0, 30.0)
             assert not peer.stops[-1]
             assert peer.limits[-1][1] > 0.1
+            # And when the service dies, its plan does not live on.
+            service.process.kill()
+            service.process.wait(5.0)
+            peer.drive(1.5, 10.0, 1.0, 30.0)
+            assert peer.stops[-1]
+            assert peer.limits[-1][1] == settings.timing.crawl
             peer.session.close()
