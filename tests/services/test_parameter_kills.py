@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import random
 import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.services.parameter_client import Robot, send_ground
@@ -15,7 +17,8 @@ from tests.services.service_process import free_port, running
 G = 9.80665
 STORE = '[store]\npath = "p.sqlite"\n'
 SOON = 3.0
-"""From the start of the process to the first plan [s]."""
+"""From the start of the process to the first plan [s]: of a processor always, of the clock unless the
+machine has others to serve."""
 
 
 class Sender:
@@ -39,15 +42,21 @@ class Sender:
         return True
 
 
-def killed_and_killed_again(folder: Path, times: int, seed: int) -> tuple[Sender, list[float]]:
-    """As often as that, at random moments; how long each start took until the first plan."""
+def processor_seconds(process: int) -> float:
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def killed_and_killed_again(folder: Path, times: int, seed: int) -> tuple[Sender, np.ndarray]:
+    """As often as that, at random moments; clock and processor (times, 2) to the first plan [s]."""
     chance, sender, starts, port = random.Random(seed), Sender(), [], free_port()
     for _ in range(times):
         begun = time.monotonic()
         with running(folder, planning=STORE, port=port) as service, service.peer() as session:
             robot = Robot(service, session)
             reply = robot.plan()
-            starts.append(time.monotonic() - begun)
+            took = time.monotonic() - begun
+            starts.append((took, processor_seconds(service.process.pid)))
             assert reply["parameters"]["version"] >= max(sender.acknowledged.values(), default=1)
             assert not any("corrupt" in flag or "not" in flag for flag in reply["flags"][:-1])
             check(robot, sender)
@@ -60,7 +69,12 @@ def killed_and_killed_again(folder: Path, times: int, seed: int) -> tuple[Sender
         send_ground(robot)
         check(robot, sender)
         assert robot.plan()["plans"]
-    return sender, starts
+    return sender, np.array(starts)
+
+
+def soon(starts: np.ndarray) -> bool:
+    busy = os.getloadavg()[0] > 0.75 * (os.cpu_count() or 1)
+    return bool(starts[:, 1].max() < SOON and (busy or np.median(starts[:, 0]) < SOON))
 
 
 def check(robot: Robot, sender: Sender) -> None:
@@ -77,14 +91,14 @@ def check(robot: Robot, sender: Sender) -> None:
 def test_killed_a_few_times(tmp_path: Path) -> None:
     sender, starts = killed_and_killed_again(tmp_path, 5, seed=1)
     assert len(sender.acknowledged) > 20
-    assert min(starts) < SOON, "whatever else the machine has to do"
+    assert soon(starts)
 
 
 @pytest.mark.nightly
 def test_killed_two_hundred_times(tmp_path: Path) -> None:
     sender, starts = killed_and_killed_again(tmp_path, 200, seed=time.time_ns())
-    middle = sorted(starts)[100]
-    print(f"{len(sender.acknowledged)} acknowledged; median {middle:.2f} s, longest "
-          f"{max(starts):.2f} s to the first reply")  # fmt: skip
+    clock, processor = starts.T
+    print(f"{len(sender.acknowledged)} acknowledged; to the first reply {np.median(clock):.2f} s, "
+          f"at most {clock.max():.2f}; of a processor at most {processor.max():.2f}")  # fmt: skip
     assert len(sender.acknowledged) > 1000
-    assert middle < SOON
+    assert soon(starts)
