@@ -63,7 +63,7 @@ class Edge:
         node = Node(ros_session, ours.domain, ours.namespace, ours.node, clock)
         self.node, self.inbox = node, node.inbox
         self._paths = tuple(node.subscribe(topic, PATH) for topic in topics.paths)
-        self._map = node.subscribe(topics.map, GRID_MAP) if topics.map else ""
+        self._map = node.subscribe(topics.map, GRID_MAP, latched=True) if topics.map else ""
         self._state = VehicleState(settings, node, service_session)
         self._limit = node.publisher(topics.speed_limit, SPEED_LIMIT)
         self._stop = node.publisher(topics.stop, ros.BOOL) if topics.stop else None

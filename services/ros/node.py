@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any
 
 import zenoh
+from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from models.errors import InputError, ParameterError
 from services.files.ros_types import read_cdr, type_hashes, typestore
@@ -128,18 +129,27 @@ class Node:
         key = naming.topic_key(self._domain, name, kind, type_hash)
         return Publisher(self._session, key, kind, token)
 
-    def subscribe(self, topic: str, kind: str) -> str:
+    def subscribe(self, topic: str, kind: str, *, latched: bool = False) -> str:
         """Let messages of a type come into the inbox, under the full name that is returned.
 
         Of what others publish on the topic under another definition of the type, nothing is taken.
+
+        Args:
+            topic: may be relative to the namespace. kind: its type.
+            latched: ask for what was published before, as ROS 2 does of publishers that are
+                ``transient_local``; others answer nothing.
         """
         name = naming.full_name(self._namespace, topic)
         known = {*type_hashes(kind), naming.NO_HASH}
         self._show(naming.SUBSCRIPTION, name, kind, type_hashes(kind)[0])
         key = naming.topic_key(self._domain, name, kind, "*")
-        self._declared.append(
-            self._session.declare_subscriber(key, _keep(self.inbox, name, kind, known))
-        )
+        keep = _keep(self.inbox, name, kind, known)
+        if latched:
+            history = HistoryConfig(detect_late_publishers=True, max_samples=1)
+            late = declare_advanced_subscriber(self._session, key, keep, history=history)
+            self._declared.append(late)
+        else:
+            self._declared.append(self._session.declare_subscriber(key, keep))
         return name
 
     def _show(self, entity: str, name: str, kind: str, type_hash: str) -> str:

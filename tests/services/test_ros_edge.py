@@ -131,6 +131,33 @@ def test_what_is_no_path_is_refused(tmp_path: Path) -> None:
     assert not words
 
 
+def test_a_map_that_was_published_once_before_we_came() -> None:
+    from zenoh.ext import CacheConfig, declare_advanced_publisher
+
+    from services.files.ros_types import GRID_MAP
+    from services.ros.node import Node, decoded
+    from tests.services import ros_peer
+
+    with router() as endpoint:
+        client = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
+        with_clock = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
+        with_clock.insert_json5("timestamping/enabled", "true")  # as rmw_zenoh's own settings
+        with zenoh.open(with_clock) as robot_session, zenoh.open(client) as ours:
+            publisher = declare_advanced_publisher(
+                robot_session, ros_peer.key("elevation_map", GRID_MAP),
+                cache=CacheConfig(max_samples=1), publisher_detection=True,
+            )  # fmt: skip
+            publisher.put(bytes(ros_peer.STORE.serialize_cdr(ros_peer.ground(), GRID_MAP)))
+            time.sleep(0.3)
+            with Node(ours, 0, "/", "late") as node:
+                topic = node.subscribe("elevation_map", GRID_MAP, latched=True)
+                found = node.inbox.take((topic,), time.monotonic() + 5.0)
+                message = decoded(node.inbox, topic, found[topic], GRID_MAP)
+            publisher.undeclare()
+    assert message is not None
+    assert message.info.resolution == 0.25
+
+
 @pytest.mark.nightly
 def test_limits_within_20_ms(tmp_path: Path) -> None:
     """20 Hz for a minute; needs two cores for itself."""
