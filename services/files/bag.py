@@ -47,17 +47,27 @@ def _open(path: Path) -> Iterator[Any]:
         raise fault(path, "", f"expected a ROS 2 recording, got: {reason(error)}") from None
 
 
+def types_of(path: Path) -> dict[str, str]:
+    """Type of each topic.
+
+    Raises:
+        InputError: no recording.
+    """
+    with _open(path) as reader:
+        return {c.topic: c.msgtype for c in reader.connections}
+
+
 def topics_of(path: Path, kind: str) -> list[str]:
     """Topics of a type, sorted.
 
     Raises:
         InputError: no recording, or none of that type; then it says what there is.
     """
-    with _open(path) as reader:
-        found = sorted({c.topic for c in reader.connections if c.msgtype == kind})
-        there = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
+    types = types_of(path)
+    found = sorted(topic for topic, other in types.items() if other == kind)
     if not found:
-        words = f"expected a topic of {kind}, got {', '.join(there) or 'nothing'}"
+        there = ", ".join(f"{topic} ({other})" for topic, other in sorted(types.items()))
+        words = f"expected a topic of {kind}, got {there or 'nothing'}"
         raise fault(path, "topics", words)
     return found
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.files.access import fault, reason
-from services.files.bag import folder_of
+from services.files.bag import folder_of, types_of
+from services.files.bag_guess import guessed
 from services.files.bag_topics import Channel, read_topics
 from services.files.drive_log import DriveLog, log_of_tables
 from services.files.table import Table
@@ -25,13 +26,20 @@ def read_bags(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
 
     Args:
         paths: folders of recordings, or files in them.
-        topics: mapping; the shipped one if left out.
+        topics: mapping; if left out, topics are guessed by their types, see :mod:`bag_guess`.
 
     Raises:
         InputError: names the recording and the topic or field.
     """
     channels, mapping = read_topics(topics)
-    return log_of_tables([_table(path, channels, mapping) for path in paths])
+    guess = topics is None
+    return log_of_tables(
+        [_table(path, _guessed(path, channels) if guess else channels, mapping) for path in paths]
+    )
+
+
+def _guessed(path: Path, channels: dict[str, Channel]) -> dict[str, Channel]:
+    return guessed(channels, types_of(path))
 
 
 def _table(path: Path, channels: dict[str, Channel], mapping: str) -> Table:

@@ -166,3 +166,31 @@ def test_what_is_no_recording(tmp_path: Path, topics: Path) -> None:
         read_logs([broken, table], topics)
     with fault_in(topics, "", "got tables only"):
         read_logs([table], topics)
+
+
+def renamed(folder: Path, names: dict[str, str], *more: str) -> Path:
+    """The same recording with other topics; ``more`` get the speed commands, too."""
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = {}
+        for topic, kind, at, message in messages():
+            for name in (names.get(topic, topic), *(more if topic == "/cmd_vel" else ())):
+                if name not in connections:
+                    connections[name] = writer.add_connection(name, kind, typestore=STORE)
+                writer.write(connections[name], at, STORE.serialize_cdr(message, kind))
+    return folder
+
+
+def test_without_a_mapping_topics_are_guessed_by_type(tmp_path: Path) -> None:
+    names = {"/odom": "/ekf/filtered", "/cmd_vel": "/robot/cmd_vel", "/imu/data": "/xsens"}
+    log = read_logs([renamed(tmp_path / "a", names, "/joystick")])
+    assert set(log.columns) == {"run", "t", "v", "v_cmd", "pitch", "roll", "yaw_rate"}
+    t = log.columns["t"] - 1e-9 * BEGIN
+    np.testing.assert_allclose(log.columns["v"], 2.0 - 0.5 * t, atol=1e-6)
+    np.testing.assert_allclose(log.columns["pitch"], 0.1, atol=1e-9)
+    np.testing.assert_allclose(log.columns["roll"], 0.0, atol=1e-9)
+
+
+def test_what_is_not_certain_is_not_guessed(tmp_path: Path) -> None:
+    bag = renamed(tmp_path / "b", {"/cmd_vel": "/a"}, "/b")
+    with pytest.raises(InputError, match=r"v_cmd of .* is not recorded, expected one of /a, /b"):
+        read_logs([bag])
