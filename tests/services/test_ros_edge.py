@@ -131,6 +131,40 @@ def test_what_is_no_path_is_refused(tmp_path: Path) -> None:
     assert not words
 
 
+@pytest.mark.nightly
+def test_limits_go_on_when_the_router_comes_back(tmp_path: Path) -> None:
+    from services.ros.edge import Edge
+    from services.ros.settings import Asked, EdgeSettings, RosSettings
+    from tests.services import ros_peer
+
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    listening = zenoh_config(ZenohSettings(mode="router", listen=(endpoint,)))
+    client = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
+    with contextlib.ExitStack() as stack:
+        first = zenoh.open(listening)
+        service = stack.enter_context(running(tmp_path))
+        settings = EdgeSettings(
+            ros=RosSettings(connect=(endpoint,)),
+            service=Asked(namespace=service.namespace, timeout=1.0),
+        )
+        ours, asked = (
+            stack.enter_context(zenoh.open(client)),
+            stack.enter_context(service.session()),
+        )
+        stack.enter_context(Edge(settings, ours, asked))
+        peer = ros_peer.Peer(endpoint)
+        peer.drive(2.0, 10.0, 1.0, 30.0)
+        assert not peer.stops[-1]
+        first.close()
+        time.sleep(2.0)
+        stack.enter_context(zenoh.open(listening))
+        time.sleep(3.0)
+        peer.drive(2.0, 10.0, 1.0, 30.0)
+        assert not peer.stops[-1]
+        assert len([token for token in peer.tokens() if "/slopewise" in token]) == 8
+        peer.session.close()
+
+
 def test_a_map_that_was_published_once_before_we_came() -> None:
     from zenoh.ext import CacheConfig, declare_advanced_publisher
 
