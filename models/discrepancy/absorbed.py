@@ -16,6 +16,7 @@ from scipy.stats import chi2
 
 from models.discrepancy.candidates import candidates
 from models.discrepancy.hypothesis import Hypothesis
+from models.discrepancy.patches import left_of
 from models.discrepancy.refine import Fit, fit, residual
 from models.discrepancy.screening import reduced, scores
 from models.discrepancy.stop_table import StopTable
@@ -120,8 +121,8 @@ def _effects(table: StopTable, as_it_is: Fit, names: set[str], limit: float) -> 
     white = as_it_is.white
     nothing = np.zeros((*table.time.shape, 1))
     sums = reduced(white, nothing, columns[:, :, own], np.ones(1))
-    r = white.split(white.bins @ residual(table, as_it_is.hypothesis)[:, :, None])
-    scored = scores(sums, (r[0][:, 0], r[1].ravel()), white.noise.scatter)
+    one_sided = np.array([library[i].one_sided for i in own])
+    scored = scores(sums, left_of(table, as_it_is), white.noise.scatter, one_sided)
     found: dict[str, Absorbed] = {}
     for i in np.argsort(-np.abs(scored.z)):
         candidate = library[own[i]]

@@ -92,12 +92,12 @@ def candidates(table: StopTable, hypothesis: Hypothesis) -> tuple[list[Candidate
 
 
 def finer_patches(
-    table: StopTable, hypothesis: Hypothesis, around: Candidate, closer: float
+    table: StopTable, hypothesis: Hypothesis, around: Candidate, closer: float, draw: int = 0
 ) -> tuple[list[Candidate], Floats]:
     """Patches near one of them, moved by a share of its radius; none that hold too few stops."""
     place = ground_of(table)
     inner = around.inner
-    rng = np.random.default_rng(_TRIES)
+    rng = np.random.default_rng((_TRIES, draw))
     found, shares = [], []
     for dx, dy, grown in closer * rng.standard_normal((_TRIES, 3)):
         at = {
@@ -201,6 +201,12 @@ class _Library:
             if min(int(later.sum()), int((~later).sum())) >= _FEWEST:
                 share = self.wanted * later[:, None]
                 yield Candidate("step_change", "scale", False, {"run": float(first)}, 1.0), share
+
+
+def patch_share(table: StopTable, patch: Candidate) -> Floats:
+    """(S, M, 1) share of the way inside a patch."""
+    p = patch.inner
+    return inside_patch(ground_of(table), p["x"], p["y"], p["radius"])[:, :, None]
 
 
 def _some(inside: Floats) -> bool:

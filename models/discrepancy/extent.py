@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from models.discrepancy import screening
 from models.discrepancy.candidates import Candidate, candidates, finer_patches
 from models.discrepancy.hypothesis import BASE, free_parameters
-from models.discrepancy.refine import Fit, prior_precision, residual
+from models.discrepancy.patches import left_of
+from models.discrepancy.refine import Fit, prior_precision
 from models.discrepancy.stop_table import StopTable
 from models.parameters import Effect
 
@@ -87,9 +88,9 @@ def _without(found: Fit, index: int) -> Fit:
 
 def _chi_squares(table: StopTable, without: Fit, columns: Floats) -> Floats:
     white = without.white
-    r = white.split(white.bins @ residual(table, without.hypothesis)[:, :, None])
     precision = prior_precision(without.hypothesis)
     sums = screening.reduced(white, without.jacobian, columns, precision)
-    scored = screening.scores(sums, (r[0][:, 0], r[1].ravel()), white.noise.scatter)
-    result: Floats = scored.z**2
+    both = np.zeros(columns.shape[2], np.bool_)
+    left = left_of(table, without)
+    result: Floats = screening.scores(sums, left, white.noise.scatter, both).z ** 2
     return result

@@ -118,7 +118,7 @@ def held_out(table: StopTable, parts: list[NDArray[np.bool_]], start: Fit) -> tu
 def speed_floor(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Floats:
     """(S, K) variance of the speed errors of a perfect model [m²/s²]."""
     z = shapes(table, hypothesis, noise.capped)
-    own = noise.speed**2 * table.spread
+    own = noise.speed**2 * table.own_spread
     jitter = noise.jitter * z[:, :, 2]
     friction = noise.scatter * z[:, :, 3]
     result: Floats = own + jitter**2 + friction**2

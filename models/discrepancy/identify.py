@@ -17,42 +17,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.discrepancy import screening
-from models.discrepancy.candidates import Candidate, candidates, finer_patches
-from models.discrepancy.hypothesis import Hypothesis, free_parameters
+from models.discrepancy.candidates import Candidate, candidates, patch_share
+from models.discrepancy.hypothesis import Hypothesis
 from models.discrepancy.noise import Noise
-from models.discrepancy.prediction import as_output, lag_of
+from models.discrepancy.patches import left_of, moved_patch, placed_patch
+from models.discrepancy.prediction import as_output, integral, lag_of
 from models.discrepancy.refine import (
     Fit,
     fit_either_way,
     fit_with_scatter,
     noise_of,
     prior_precision,
-    residual,
 )
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
+from models.parameters import Effect
 
 Floats = NDArray[np.float64]
 
 _NAMES = 6  # of the library that are refitted exactly at each step
 _BEAM = 3
-_CLOSER = (
-    0.5,
-    0.4,
-    0.3,
-    0.2,
-    0.15,
-    0.1,
-    0.07,
-    0.05,
-)  # radii by which patches nearer to the best are moved
 _NEAR = 30.0  # chi square from the best within which an explanation goes on
-_MOVES = 2
+_SLIDING = 0.6  # quantile of the force that a cap may be
+_BLUR = 30.0  # of what happens within stops, where the grid of patches is too coarse for it
 _LENIENT = 0.2
 _LEAST_LAG, _BLURS = 0.02, 2.5  # [s], standard deviations of the onset
 _MORE = 6.0  # chi square that every further effect has to bring beyond its numbers
 _WORTH = 0.4  # of the strongest candidate's chi square, below which another one is left alone
-_STARTS = {"wheel_lockup": 2, "headwind": 2, "brake_fade": 2, "brake_lag": 1}
+_STARTS = {"wheel_lockup": 1, "headwind": 2, "brake_fade": 2, "surface_patch": 2}
 _EVENS_OUT = ("wheel_lockup",)
 _NUMBERS = {"surface_patch": 4, "step_change": 2, "headwind": 3, "brake_fade": 2}
 _DIRECTIONS = {"directional_surface": 2}
@@ -163,14 +155,15 @@ def _extended(
 ) -> tuple[list[Explanation], tuple[float, float], dict[str, float]]:
     """Children of an explanation, its strongest candidate beside chance, absorbed shares."""
     fit = parent.fit
-    found, z, sums, scored = screen(table, fit)
+    found, sums, scored = screen(table, fit)
     one_sided = np.array([c.one_sided for c in found])
-    strength = np.where(one_sided, np.maximum(z, 0.0), np.abs(z)) ** 2
+    able = np.where(one_sided, np.maximum(scored.z, 0.0), np.abs(scored.z)) ** 2
+    strength = scored.gain
     chances = screening.chance(
         sums, one_sided, fit.noise.scatter, settings.bootstraps, settings.seed
     )
     needed = screening.threshold(chances, settings.false_alarm)
-    strongest = (float(strength.max()), needed)
+    strongest = (float(max(strength.max(), able.max())), needed)
     shares: dict[str, float] = {}
     for c, share in zip(found, scored.absorbed, strict=True):
         shares[c.name] = min(shares.get(c.name, 1.0), float(share))
@@ -213,63 +206,27 @@ def rescued(
 
 def screen(
     table: StopTable, fit: Fit
-) -> tuple[list[Candidate], Floats, screening.Reduced, screening.Scores]:
-    """Scores of all candidates beyond a fit; places of patches refined."""
-    white = fit.white
-    r = white.split(white.bins @ residual(table, fit.hypothesis)[:, :, None])
-    left = r[0][:, 0], r[1].ravel()
-    precision = prior_precision(fit.hypothesis)
+) -> tuple[list[Candidate], screening.Reduced, screening.Scores]:
+    """Scores of all candidates beyond a fit."""
     found, columns = candidates(table, fit.hypothesis)
-    sums = screening.reduced(white, fit.jacobian, columns, precision)
-    scored = screening.scores(sums, left, fit.noise.scatter)
+    precision = prior_precision(fit.hypothesis)
+    sums = screening.reduced(fit.white, fit.jacobian, columns, precision)
+    one_sided = np.array([c.one_sided for c in found])
+    left = left_of(table, fit)
+    scored = screening.scores(sums, left, fit.noise.scatter, one_sided)
     patches = [i for i, c in enumerate(found) if c.name == "surface_patch"]
     if patches:
-        best = max(patches, key=lambda i: abs(scored.z[i]))
-        nearest, scored.z[best], scored.strength[best] = _nearest_patch(
-            table, fit, left, (found[best], float(scored.z[best]), float(scored.strength[best]))
+        blurred = screening.scores(
+            sums.blurred(_BLUR), (left[0], left[1] / _BLUR), fit.noise.scatter, one_sided
         )
-        found[best] = nearest
-    return found, scored.z, sums, scored
-
-
-_Patch = tuple[Candidate, float, float]
-
-
-def _nearest_patch(table: StopTable, fit: Fit, left: tuple[Floats, Floats], best: _Patch) -> _Patch:
-    """The patch near a given one that explains most: candidate, z, strength."""
-    precision = prior_precision(fit.hypothesis)
-    for closer in _CLOSER:
-        more, shares = finer_patches(table, fit.hypothesis, best[0], closer)
-        if not more:
-            break
-        own = screening.reduced(fit.white, fit.jacobian, shares, precision)
-        tried = screening.scores(own, left, fit.noise.scatter)
-        k = int(np.argmax(np.abs(tried.z)))
-        if abs(tried.z[k]) > abs(best[1]):
-            best = more[k], float(tried.z[k]), float(tried.strength[k])
-    return best
-
-
-def _moved_patch(table: StopTable, found: Fit) -> Fit:
-    """The same with its last effect, a patch, where it fits best now that less is unexplained."""
-    h = found.hypothesis
-    patch = h.added[-1]
-    without = replace(
-        found,
-        hypothesis=replace(h, added=h.added[:-1]),
-        jacobian=found.jacobian[:, :, : -len(free_parameters(patch))],
-    )
-    r = found.white.split(found.white.bins @ residual(table, without.hypothesis)[:, :, None])
-    inner = {name: patch.parameters[name] for name in ("x", "y", "radius")}
-    here = Candidate("surface_patch", "delta", False, inner)
-    nearest, z, strength = _nearest_patch(
-        table, without, (r[0][:, 0], r[1].ravel()), (here, 0.0, 0.0)
-    )
-    if z == 0.0:
-        return found
-    moved = without.hypothesis.plus(nearest.effect(strength))
-    better = fit_with_scatter(table, moved, found.noise)
-    return better if better.deviance < found.deviance else found
+        start = found[max(patches, key=lambda i: blurred.gain[i])]
+        found[patches[0]] = placed_patch(table, fit, start)[0]
+        forces = np.ones(1, np.bool_)
+        inside = patch_share(table, found[patches[0]])
+        columns[:, :, patches[:1]] = integral(table, fit.hypothesis, inside, forces)
+        sums = screening.reduced(fit.white, fit.jacobian, columns, precision)
+        scored = screening.scores(sums, left, fit.noise.scatter, one_sided)
+    return found, sums, scored
 
 
 def _leaders(found: Sequence[Candidate], strength: Floats) -> list[tuple[str, list[int]]]:
@@ -287,24 +244,25 @@ def _leaders(found: Sequence[Candidate], strength: Floats) -> list[tuple[str, li
 
 
 def _refined(table: StopTable, fit: Fit, candidate: Candidate, strength: float) -> Fit:
-    trials = [candidate.effect(strength)]
+    h = fit.hypothesis
+    trials = [h.plus(candidate.effect(strength))]
     noise = replace(fit.noise, capped=True)
     if candidate.name == "step_change":
-        force = float(np.median(table.force))
-        trials.append(
-            replace(
-                trials[0],
-                parameters={
-                    "delta": (trials[0].parameters["scale"] - 1.0) * force,
-                    "run": trials[0].parameters["run"],
-                },
-            )
-        )
-    fits = [fit_with_scatter(table, fit.hypothesis.plus(t), noise, rounds=1) for t in trials]
+        run, scale = (trials[0].added[-1].parameters[n] for n in ("run", "scale"))
+        delta = (scale - 1.0) * float(np.median(table.force))
+        more = Effect(name="step_change", parameters={"delta": delta, "run": run})
+        trials.append(h.plus(more))
+    if candidate.name == "wheel_lockup":
+        # Where nearly all stops slide, coefficients fitted to them say nothing of the brakes.
+        strong = replace(h, shift=np.zeros(4)).plus(candidate.effect(strength))
+        free = strong.free
+        free[-1] = float(np.quantile(table.force / np.cos(table.grade[:, -1]), _SLIDING))
+        trials.append(strong.moved(free))
+    refit = fit_either_way if candidate.name in _EVENS_OUT else fit_with_scatter
+    fits = [refit(table, t, noise, rounds=1) for t in trials]
     best = min(fits, key=lambda f: f.deviance)
     if candidate.name == "surface_patch":
-        for _ in range(_MOVES):
-            best = _moved_patch(table, best)
+        best = moved_patch(table, best)
     return best
 
 

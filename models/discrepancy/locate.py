@@ -32,7 +32,8 @@ class Followed:
         axis: with its values. chi_square, numbers: explained by its best shapes, and their count.
         strength: −log p of that, before any correction. p_value: corrected for all axes and shapes.
         share: (S, M) of the weight that the best shapes add along each stop.
-        removed: share of the mean square of the residual speeds that they take away.
+        removed: mean square of the residual speeds that they take away [m²/s²].
+        way: root mean square of what they add to the way of a stop [m].
     """
 
     axis: Axis
@@ -42,6 +43,7 @@ class Followed:
     p_value: float
     share: Floats
     removed: float
+    way: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +146,15 @@ class _Space:
         left = residual(self.table, self.fit.hypothesis)
         own = self._mean_square(left) - self._mean_square(left - taken)
         chi_square = float(along @ along)
-        return Followed(axis, chi_square, len(along), strength, p_value, share, own)
+        way = float(np.sqrt(np.mean(self._way(taken) ** 2)))
+        return Followed(axis, chi_square, len(along), strength, p_value, share, own, way)
+
+    def _way(self, speed: Floats) -> Floats:
+        """(S,) integral of speeds in bins over each stop [m]."""
+        used = self.table.spread > 0.0
+        span = self.table.time[:, -1] - self.table.time[:, 0]
+        mean: Floats = np.sum(speed * used, axis=1) / np.sum(used, axis=1)
+        return mean * span
 
     def _mean_square(self, values: Floats) -> float:
         used = self.table.spread > 0.0

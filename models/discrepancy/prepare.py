@@ -82,7 +82,15 @@ def prepare(
     if others:
         notes.append(f"{len(others)} of {len(windows)} stops could not be compared")
     further = [n for n, v in columns.items() if n not in _MEANINGFUL and v.dtype.kind in "fiu"]
-    table = tabulate(columns, runs, measured.records, others, further, measured.dead_time.jitter)
+    table = tabulate(
+        columns,
+        runs,
+        measured.records,
+        others,
+        further,
+        measured.dead_time.jitter,
+        measured.dead_time.value,
+    )
     return table, notes
 
 

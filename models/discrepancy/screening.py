@@ -8,7 +8,7 @@ anew, so that the threshold is that of the whole library on this very log.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 
 _ABSORBED = 1e-4  # share of a column beyond the base below which it says nothing
 _SCATTERS = np.geomspace(0.5, 2.0, 13)
+_OWN_SCATTERS = np.geomspace(0.1, 1.3, 9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,15 @@ class Reduced:
     rows_base: Floats
     rows: Floats
     precision: Floats
+
+    def blurred(self, blur: float) -> Reduced:
+        """With noise within stops that many times as large."""
+        less = 1.0 / blur**2
+        return replace(
+            self, base_within=less * self.base_within, cross_within=less * self.cross_within,
+            own_within=less * self.own_within, rows_base=self.rows_base / blur,
+            rows=self.rows / blur,
+        )  # fmt: skip
 
     def at(self, scatter: float) -> _Projector:
         """For a friction scatter."""
@@ -85,28 +95,55 @@ class Scores:
     """Of each candidate, (Q,).
 
     Attributes:
-        z: signed root of the chi square that it would explain. strength: at its best.
+        z: signed root of the chi square that it would explain at the scatter of the fit so far.
+        gain: drop of −2 log likelihood with the scatter that belongs to the candidate itself; 0
+            where the strength would have the wrong sign.
+        strength: at its best.
         absorbed: share of its column that the fit so far takes up.
     """
 
     z: Floats
+    gain: Floats
     strength: Floats
     absorbed: Floats
 
 
-def scores(sums: Reduced, residual: tuple[Floats, Floats], scatter: float) -> Scores:
+def scores(
+    sums: Reduced, residual: tuple[Floats, Floats], scatter: float, one_sided: NDArray[np.bool_]
+) -> Scores:
     """What each candidate would explain of residuals.
 
     Args:
         residual: (S,) between and (N,) within, of measured less predicted speed.
-        scatter: of the friction from stop to stop.
+        scatter: of the friction from stop to stop. one_sided: (Q,) strengths that must be positive.
     """
-    on = sums.at(scatter)
     between, within = residual[0][:, None], residual[1][:, None]
+    here = _scored(sums, scatter, between, within)
+    least = here[0]
+    lowest, strength = np.full(len(one_sided), np.inf), np.zeros(len(one_sided))
+    for factor in _OWN_SCATTERS:
+        cost, z, size, _ = _scored(sums, factor * scatter, between, within)
+        least = min(least, cost)
+        able = np.where(one_sided & (z < 0.0), 0.0, z)
+        better = cost - able**2 < lowest
+        lowest = np.where(better, cost - able**2, lowest)
+        strength = np.where(better, size, strength)
+    return Scores(here[1], np.maximum(least - lowest, 0.0), strength, here[3])
+
+
+def _scored(
+    sums: Reduced, scatter: float, between: Floats, within: Floats
+) -> tuple[float, Floats, Floats, Floats]:
+    """−2 log likelihood without candidates; z, strength and absorbed share of each (Q,)."""
+    on = sums.at(scatter)
     top = _tops(sums, on, between, within)[:, 0]
     left = np.where(on.left > _ABSORBED * on.own, on.left, np.inf)
+    weighted = on.weight * between[:, 0]
+    base = sums.rows_base.T @ within[:, 0] + sums.base_between.T @ weighted
+    cost = float(weighted @ between[:, 0] - base @ (on.inverse @ base) - np.sum(np.log(on.weight)))
     # More fall is less speed: a strength is positive where the residual is negative.
-    return Scores(-top / np.sqrt(left), -top / left, 1.0 - on.left / np.maximum(on.own, 1e-300))
+    absorbed = 1.0 - on.left / np.maximum(on.own, 1e-300)
+    return cost, -top / np.sqrt(left), -top / left, absorbed
 
 
 def _tops(sums: Reduced, on: _Projector, between: Floats, within: Floats) -> Floats:

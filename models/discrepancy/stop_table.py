@@ -24,6 +24,7 @@ _NODES = 121
 _MOST_BINS = 40
 _BEFORE = 0.3  # [s] of held speed before the command that belong to a stop
 _LAST = 0.95  # share of the way to standstill; then sensors and suspension do other things
+_MOST_BLUR, _BLURS, _NO_WEIGHT = 0.03, 2.5, 1e4  # [s], standard deviations, of a variance
 _ABOVE_NOISE = 2.5  # standard deviations
 _SMOOTH = 0.08  # [s] standard deviation of the kernel for channels in products
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y")
@@ -79,6 +80,11 @@ class StopTable:
     cooled: tuple[tuple[float, float], ...] = ()
     warmed: tuple[tuple[tuple[float, float], ...], ...] | None = None
 
+    @property
+    def own_spread(self) -> Floats:
+        """(S, K) as `spread`, with bins around the onset like all others."""
+        return np.where(self.spread > 1.0, self.spread / _NO_WEIGHT, self.spread)
+
     def __len__(self) -> int:
         return len(self.held)
 
@@ -112,6 +118,7 @@ def tabulate(
     others: Sequence[StopWindow],
     further: Sequence[str],
     jitter: float,
+    dead_time: float,
 ) -> StopTable:
     """The table of measured stops.
 
@@ -119,6 +126,7 @@ def tabulate(
         columns: channels of a drive log, (n,). runs: samples of each run.
         records: stops as measured, with their ground. others: stops that could not be used.
         further: numeric columns without a meaning here. jitter: of the dead time [s].
+        dead_time: [s]; what happens around it is known no better than to the jitter.
     """
     logged = frozenset(n for n in _CHANNELS if n in columns and _complete(columns[n], records))
     rows = [_row(columns, record, logged) for record in records]
@@ -136,6 +144,14 @@ def tabulate(
 
     def stack(name: str) -> Floats:
         return np.stack([row[name] for row in rows])
+
+    sample = float(np.median([np.median(np.diff(r.samples.time)) for r in records]))
+    blur = min(float(np.hypot(jitter, sample / np.sqrt(12.0))), _MOST_BLUR)
+    for row in rows:
+        # Onsets that jitter round the mean knee off, which no linear term of the jitter does.
+        at = row["average"] @ row["time"]
+        reach = _BLURS * blur + 0.5 * float(np.median(np.diff(at)))
+        row["spread"] = np.where(np.abs(at - dead_time) < reach, _NO_WEIGHT, 1.0) * row["spread"]
 
     def padded(name: str) -> Floats:
         return np.stack([_pad(row[name], bins) for row in rows])
@@ -163,7 +179,7 @@ def tabulate(
         rest_time=np.array([r.samples.rest_time for r in records]),
         force=np.array([r.force_ratio for r in records]),
         jitter=jitter,
-        sample=float(np.median([np.median(np.diff(r.samples.time)) for r in records])),
+        sample=sample,
         further={n: v for n, v in extra.items() if np.isfinite(v).all() and np.ptp(v) > 0.0},
         cooled=tuple(sorted(heat)),
     )

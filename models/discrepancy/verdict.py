@@ -15,6 +15,7 @@ from scipy.stats import chi2
 
 from models.discrepancy.absorbed import Absorbed, absorbed_explanations
 from models.discrepancy.findings import Verdict
+from models.discrepancy.gap import distances
 from models.discrepancy.hypothesis import USUAL
 from models.discrepancy.identify import Explanation, Identified
 from models.discrepancy.locate import Followed
@@ -25,9 +26,12 @@ from models.discrepancy.stop_table import StopTable
 Floats = NDArray[np.float64]
 
 _LEFT = 0.1  # share of what the names explain that may be left along an axis
+_TRACE = 0.01  # of the way of a stop, below which a pattern is told and no more
+_BELIEVED = 0.5  # share of what is left for which likelihoods are not believed
 _STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
 _DRIFT = 0.003  # p-value of the same coefficients
 _PART = 3.0  # chi square by which a pair has to beat one of its effects alone
+_WITHIN = ("speed", "time_since_onset", "brake_heat")
 _AT_BOUND = 1e-3
 
 
@@ -64,34 +68,66 @@ def decide(
         left: axes that its best explanation still disagrees along, the most telling first.
         settings: how sure to be.
     """
-    structure = left[0] if left and left[0].p_value < settings.structure else None
+    sure = [f for f in left if f.p_value < settings.structure]
+    large = _large(table, sure)
+    trace = _said_of(sure[0]) if sure and not large else ()
     if not found.best.names:
-        return _without_names(table, base, found, structure, settings)
-    best = found.best
-    refitted = next((e for e in found.others if not e.names), None)
+        return _without_names(table, base, found, large, trace)
+    best, others = found.best, found.others
+    # Where the model's own shape is a little wrong, likelihoods differ by that for no reason.
+    doubt = max(settings.rival, _BELIEVED * sure[0].chi_square) if sure else settings.rival
+    parts = [e for e in others if e.names and set(e.names) < set(best.names)]
+    if parts:
+        plainer = min(parts, key=lambda e: e.score)
+        doubted = sure and plainer.score < best.score + doubt
+        if doubted or _way_between(table, best, plainer) < _TRACE:
+            others = (best, *(e for e in others if e.names != plainer.names))
+            best = plainer
+    refitted = next((e for e in others if not e.names), _plain(base, found))
     ends = _numbers_at_their_end(best)
-    if structure is not None and _matters(table, base, best, structure):
-        notes = (f"{' and '.join(best.names)} came nearest, but left a pattern along "
-                 f"{structure.axis.name}",)  # fmt: skip
-        return Decision(Verdict.UNKNOWN, refitted or _plain(base, found), axis=structure,
-                        notes=notes)  # fmt: skip
     if ends:
-        notes = (f"{' and '.join(best.names)} would explain it, with {ends} at the end of what is "
-                 "usual: the cause is likely another one",)  # fmt: skip
-        return Decision(Verdict.UNKNOWN, refitted or _plain(base, found), axis=structure,
-                        notes=notes)  # fmt: skip
+        words = (
+            f"{' and '.join(best.names)} would explain it, with {ends} at the end of what is "
+            "usual: the cause is likely another one"
+        )
+        return Decision(Verdict.UNKNOWN, refitted, axis=sure[0] if sure else None, notes=(words,))
+    if large and _matters(table, base, best, large[0]):
+        words = f"{' and '.join(best.names)} came nearest, but left a pattern along "
+        words += large[0].axis.name
+        return Decision(Verdict.UNKNOWN, refitted, axis=large[0], notes=(words,))
     rivals = tuple(
-        e for e in found.others
-        if e.names and (e.score < best.score + settings.rival or not _leads(best, e, settings))
+        e for e in others
+        if e.names and (e.score < best.score + doubt or not _leads(best, e, settings))
         and not set(e.names) > set(best.names)
         and not (set(e.names) < set(best.names) and e.score > best.score + _PART)
     )  # fmt: skip
     confidence = tuple(_confidence(name, best, found) for name in best.fit.hypothesis.names)
-    said: tuple[str, ...] = ()
-    if structure is not None:
-        said = (f"a little is left that follows {structure.axis.name}",)
     verdict = Verdict.AMBIGUOUS if rivals else Verdict.MISSING_EFFECT
-    return Decision(verdict, best, rivals, confidence, structure, notes=said)
+    said = _said_of(sure[0]) if sure else ()
+    return Decision(verdict, best, rivals, confidence, sure[0] if sure else None, notes=said)
+
+
+def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
+    """Patterns that matter for the way of a stop.
+
+    What follows time or speed within a stop follows all axes of that kind; the surest of them
+    decides whether it matters.
+    """
+    within = [f for f in sure if f.axis.name in _WITHIN]
+    apart = within[:1] + [f for f in sure if f.axis.name not in _WITHIN]
+    least = _TRACE * float(np.mean(table.distance))
+    return sorted((f for f in apart if f.way > least), key=lambda f: -f.strength)
+
+
+def _way_between(table: StopTable, one: Explanation, other: Explanation) -> float:
+    """Root mean square difference of stopping distances, as a share of their mean."""
+    off = distances(table, one.fit.hypothesis) - distances(table, other.fit.hypothesis)
+    return float(np.sqrt(np.mean(off**2)) / np.mean(table.distance))
+
+
+def _said_of(left: Followed) -> tuple[str, ...]:
+    way = 1000.0 * left.way
+    return (f"a little is left that follows {left.axis.name}: {way:.0f} mm of way a stop",)
 
 
 def _plain(base: Fit, found: Identified) -> Explanation:
@@ -99,16 +135,15 @@ def _plain(base: Fit, found: Identified) -> Explanation:
 
 
 def _without_names(
-    table: StopTable, base: Fit, found: Identified, structure: Followed | None,
-    settings: DiscrepancySettings,
-) -> Decision:  # fmt: skip
-    if structure is not None:
-        return Decision(Verdict.UNKNOWN, found.best, axis=structure)
+    table: StopTable, base: Fit, found: Identified, large: list[Followed], trace: tuple[str, ...]
+) -> Decision:
+    if large:
+        return Decision(Verdict.UNKNOWN, found.best, axis=large[0])
     if not drifted(table, base):
-        return Decision(Verdict.NONE, found.best)
+        return Decision(Verdict.NONE, found.best, notes=trace)
     absorbed = absorbed_explanations(table, base, found.absorbed)
     verdict = Verdict.UNIDENTIFIABLE if absorbed else Verdict.PARAMETER_DRIFT
-    return Decision(verdict, found.best, absorbed=absorbed)
+    return Decision(verdict, found.best, absorbed=absorbed, notes=trace)
 
 
 def drifted(table: StopTable, base: Fit) -> bool:
