@@ -19,6 +19,7 @@ IMU = "sensor_msgs/msg/Imu"
 JOINTS = "sensor_msgs/msg/JointState"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 BOOL = "std_msgs/msg/Bool"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 OK, WARN, ERROR = 0, 1, 2
 
 _NANO = 1_000_000_000

@@ -138,14 +138,15 @@ class Edge:
                 due = self._clock() + period
                 self._tell(self._no("fault of the edge, see its log"))
 
-    def _take_paths(self, found: dict[str, Received]) -> bool:
+    def _take_paths(self, found: dict[str, list[Received]]) -> bool:
         fresh = False
         for topic in self._paths:
             if topic not in found:
                 continue
+            newest = found[topic][-1]
             # A path that cannot be used takes the place of the one before it.
             self._offered.pop(topic, None)
-            message = decoded(self.inbox, topic, found[topic], PATH)
+            message = decoded(self.inbox, topic, newest, PATH)
             if message is None:
                 continue
             try:
@@ -157,7 +158,7 @@ class Edge:
             if other := other_frame(message, frame):
                 self.inbox.refuse(topic, f"expected frame {frame}, got {other}")
                 continue
-            self._offered[topic] = _Offered(path, frame, found[topic].at)
+            self._offered[topic] = _Offered(path, frame, newest.at)
             fresh = True
         return fresh
 
@@ -165,7 +166,10 @@ class Edge:
         now, age = self._clock(), self.settings.timing.path_age
         self._offered = {t: o for t, o in self._offered.items() if now - o.at <= age}
         offered = list(self._offered.values())
-        motion, missing = self._state.motion(now, {o.frame for o in offered})
+        frames = {o.frame for o in offered}
+        motion, missing = self._state.motion(now, *frames) if len(frames) == 1 else (None, "")
+        if len(frames) > 1:
+            missing = f"expected paths in one frame, got {', '.join(sorted(frames))}"
         if not offered:
             missing = f"no path within {age:g} s"
         if missing or motion is None:
@@ -241,7 +245,7 @@ class Edge:
             found = self.inbox.take((self._map,), self._clock() + 0.5)
             if not found:
                 continue
-            message = decoded(self.inbox, self._map, found[self._map], GRID_MAP)
+            message = decoded(self.inbox, self._map, found[self._map][-1], GRID_MAP)
             if message is None:
                 continue
             try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -18,11 +18,12 @@ from services.files.ros_types import read_cdr, type_hashes, typestore
 from services.ros import naming
 
 _MOST_BYTES = 64_000_000
+_MOST_WAITING = 100
 
 
 @dataclass(slots=True)
 class Received:
-    """The newest message of a topic, not decoded yet. ``at``: monotonic clock [s]."""
+    """A message, not decoded yet. ``at``: monotonic clock [s]."""
 
     raw: bytes
     at: float
@@ -30,26 +31,30 @@ class Received:
 
 @dataclass
 class Inbox:
-    """The newest message of each topic; zenoh's threads fill it, one thread takes from it.
+    """The newest messages of each topic; zenoh's threads fill it, one thread takes from it.
 
     Attributes:
         counters: what was received, replaced before it was looked at, or refused.
         refused: why, by topic, the last time.
         clock: monotonic [s].
+        all_of: topics of which every message counts, up to the last hundred; of others the newest.
     """
 
     clock: Callable[[], float] = time.monotonic
     counters: Counter[str] = field(default_factory=Counter)
     refused: dict[str, str] = field(default_factory=dict)
     news: threading.Condition = field(default_factory=threading.Condition)
-    _newest: dict[str, Received] = field(default_factory=dict)
+    all_of: set[str] = field(default_factory=set)
+    _waiting: dict[str, deque[Received]] = field(default_factory=dict)
 
     def put(self, topic: str, raw: bytes) -> None:
-        """Keep a message; one that nobody took before is replaced."""
+        """Keep a message; where there is no room, the oldest makes it."""
         with self.news:
+            most = _MOST_WAITING if topic in self.all_of else 1
+            waiting = self._waiting.setdefault(topic, deque(maxlen=most))
             self.counters["received"] += 1
-            self.counters["replaced"] += topic in self._newest
-            self._newest[topic] = Received(raw, self.clock())
+            self.counters["replaced"] += len(waiting) == most
+            waiting.append(Received(raw, self.clock()))
             self.news.notify_all()
 
     def refuse(self, topic: str, why: str) -> None:
@@ -58,17 +63,15 @@ class Inbox:
             self.counters["refused"] += 1
             self.refused[topic] = why
 
-    def take(self, topics: tuple[str, ...], until: float) -> dict[str, Received]:
-        """Newest messages of some topics; waits for the first one, at most until then [s]."""
+    def take(self, topics: tuple[str, ...], until: float) -> dict[str, list[Received]]:
+        """Messages of some topics, newest last; waits for the first one, until then [s]."""
         with self.news:
-            while not (found := {t: self._newest[t] for t in topics if t in self._newest}):
+            while not any(t in self._waiting for t in topics):
                 left = until - self.clock()
                 if left <= 0.0:
                     return {}
                 self.news.wait(left)
-            for topic in found:
-                del self._newest[topic]
-            return found
+            return {t: list(self._waiting.pop(t)) for t in topics if t in self._waiting}
 
 
 class Publisher:

@@ -22,8 +22,8 @@ class RosSettings:
 
     Attributes:
         connect: endpoints of rmw_zenohd. config: zenoh's own settings; empty: none.
-        namespace, node: of the node. frame: that map, paths and odometry have to be in; empty: that
-            of the map.
+        namespace, node: of the node. frame: that map and paths have to be in; empty: that of the
+            map.
     """
 
     connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
@@ -71,6 +71,7 @@ class Topics:
     Attributes:
         paths: candidates, nav_msgs/Path each. map: grid_map_msgs/GridMap; layer: of the heights.
         odometry: nav_msgs/Odometry. imu: sensor_msgs/Imu. joints: sensor_msgs/JointState.
+        tf, tf_static: tf2_msgs/TFMessage, from odometry's frame to that of map and paths.
         command: what the vehicle was told, geometry_msgs of type ``command_type``.
         speed_limit, profile, diagnostics: out, nav2_msgs/SpeedLimit, nav_msgs/Path,
             diagnostic_msgs/DiagnosticArray. stop: out, std_msgs/Bool, true: stand still.
@@ -80,6 +81,8 @@ class Topics:
     map: str = "elevation_map"
     layer: str = "elevation"
     odometry: str = "odom"
+    tf: str = "/tf"
+    tf_static: str = "/tf_static"
     imu: str = ""
     joints: str = ""
     command: str = ""
@@ -114,6 +117,9 @@ class Timing:
     )
     odometry_age: float = quantity(
         "s", "Odometry older than that tells no speed.", default=0.3, above=0.0
+    )
+    transform_age: float = quantity(
+        "s", "A transform older than that tells no place; fixed ones hold.", default=1.0, above=0.0
     )
     launch: float = quantity(
         "m/s", "Limits reach that where the bounds allow it: motors do not creep.", default=0.15,

@@ -11,6 +11,7 @@ from models.errors import ParameterError
 from services.ros import conversions as ros
 from services.ros.conversions import Motion
 from services.ros.drive_samples import SampleTeller
+from services.ros.frames import Frames
 from services.ros.node import Node, Received, decoded
 from services.ros.settings import EdgeSettings
 
@@ -32,6 +33,13 @@ class VehicleState:
         for topic, kind, act in wanted:
             if topic:
                 self._kinds[node.subscribe(topic, kind)] = (kind, act)
+        self._frames = Frames(settings.timing.transform_age)
+        for topic, act in ((topics.tf, self._on_transforms), (topics.tf_static, self._on_fixed)):
+            if topic:
+                name = node.subscribe(topic, ros.TRANSFORMS, latched=topic == topics.tf_static)
+                self._kinds[name] = (ros.TRANSFORMS, act)
+                # Many publish a part of the tree each.
+                self._inbox.all_of.add(name)
         self._motion: Motion | None = None
         self._at = -float("inf")
         self._teller: SampleTeller | None = None
@@ -45,34 +53,33 @@ class VehicleState:
         """Full names of what is subscribed to."""
         return tuple(self._kinds)
 
-    def take(self, found: dict[str, Received]) -> None:
+    def take(self, found: dict[str, list[Received]]) -> None:
         """Look at new messages; odometry comes last, because a sample is taken with it."""
         for topic, (kind, act) in reversed(self._kinds.items()):
-            if topic not in found:
-                continue
-            message = decoded(self._inbox, topic, found[topic], kind)
-            if message is None:
-                continue
-            try:
-                act(message, found[topic].at)
-            except ParameterError as error:
-                self._inbox.refuse(topic, str(error))
+            for received in found.get(topic, ()):
+                message = decoded(self._inbox, topic, received, kind)
+                if message is None:
+                    continue
+                try:
+                    act(message, received.at)
+                except ParameterError as error:
+                    self._inbox.refuse(topic, str(error))
 
-    def motion(self, now: float, frames: set[str]) -> tuple[Motion | None, str]:
+    def motion(self, now: float, frame: str) -> tuple[Motion | None, str]:
         """The vehicle now, or why nobody knows.
 
         Args:
-            now: monotonic clock [s]. frames: of the candidates.
+            now: monotonic clock [s]. frame: of the candidates.
         """
         age = now - self._at
         if self._motion is None:
             return None, "no odometry"
         if age > self._settings.timing.odometry_age:
             return None, f"odometry is {age:.1f} s old"
-        for frame in frames:
-            if frame.lstrip("/") != self._motion.frame.lstrip("/"):
-                return None, f"expected odometry in frame {frame}, got {self._motion.frame}"
-        return self._motion, ""
+        try:
+            return self._frames.motion_in(frame, self._motion, now), ""
+        except ParameterError as error:
+            return None, f"expected {error.expected}"
 
     def clock(self) -> int:
         """The time of ROS [ns]: that of the last odometry and what passed since then.
@@ -88,6 +95,12 @@ class VehicleState:
         if self._teller is not None:
             self._teller.now.put(at, v=self._motion.speed)
             self._teller.sample(at)
+
+    def _on_transforms(self, message: Any, at: float) -> None:
+        self._frames.take(message, at)
+
+    def _on_fixed(self, message: Any, at: float) -> None:
+        self._frames.take(message, at, fixed=True)
 
     def _on_imu(self, message: Any, at: float) -> None:
         roll, pitch, _ = ros.angles_of(message.orientation)

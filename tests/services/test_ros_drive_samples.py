@@ -35,8 +35,8 @@ class Wire:
     def put(self, payload: bytes, encoding: Any) -> None:
         self.sent.append(wire.decode(DriveSamples, payload, str(encoding), "obs", 10**6))
 
-    def subscribe(self, topic: str, kind: str) -> str:
-        return f"/{topic}"
+    def subscribe(self, topic: str, kind: str, latched: bool = False) -> str:
+        return f"/{topic.strip('/')}"
 
 
 def vector(x: float = 0.0, z: float = 0.0) -> Any:
@@ -82,12 +82,13 @@ def state(wired: Wire) -> VehicleState:
 def give(vehicle: VehicleState, at: float, **messages: Any) -> None:
     kinds = {
         "odom": ros.ODOMETRY, "imu": ros.IMU, "joints": ros.JOINTS,
-        "cmd_vel": "geometry_msgs/msg/TwistStamped",
+        "cmd_vel": "geometry_msgs/msg/TwistStamped", "tf": ros.TRANSFORMS,
+        "tf_static": ros.TRANSFORMS,
     }  # fmt: skip
     store = typestore()
     vehicle.take(
         {
-            f"/{name}": Received(bytes(store.serialize_cdr(message, kinds[name])), at)
+            f"/{name}": [Received(bytes(store.serialize_cdr(message, kinds[name])), at)]
             for name, message in messages.items()
         }
     )
@@ -137,12 +138,65 @@ def test_messages_that_say_nothing_are_counted() -> None:
     wired = Wire()
     vehicle = state(wired)
     give(vehicle, 1.0, odom=odometry(float("nan")))
-    assert vehicle.motion(1.0, {"odom"}) == (None, "no odometry")
+    assert vehicle.motion(1.0, "odom") == (None, "no odometry")
     give(vehicle, 1.0, joints=joints(1.0, 1.0, ("a", "b")))
     assert "joint l" in wired.inbox.refused["/joints"]
     give(vehicle, 2.0, odom=odometry(1.5))
-    motion, why = vehicle.motion(2.1, {"odom"})
+    motion, why = vehicle.motion(2.1, "odom")
     assert motion is not None
     assert (motion.speed, why) == (1.5, "")
-    assert vehicle.motion(2.1, {"map"}) == (None, "expected odometry in frame map, got odom")
-    assert vehicle.motion(9.0, {"odom"}) == (None, "odometry is 7.0 s old")
+    assert vehicle.motion(2.1, "map") == (None, "expected a transform from odom to map, got none")
+    assert vehicle.motion(9.0, "odom") == (None, "odometry is 7.0 s old")
+
+
+def transforms(*links: tuple[str, str, float, float, float]) -> Any:
+    """Of (parent, child, x, y, yaw)."""
+    stamped = TYPES["geometry_msgs/msg/TransformStamped"]
+    return TYPES[ros.TRANSFORMS](
+        [
+            stamped(
+                grid_maps.header(parent),
+                child,
+                TYPES["geometry_msgs/msg/Transform"](
+                    TYPES["geometry_msgs/msg/Vector3"](x, y, 0.0),
+                    TYPES["geometry_msgs/msg/Quaternion"](
+                        0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)
+                    ),
+                ),
+            )
+            for parent, child, x, y, yaw in links
+        ]
+    )
+
+
+def test_odometry_is_carried_over_to_the_frame_of_the_paths() -> None:
+    """odom is turned by a right angle in map, and world lies 10 m beside map."""
+    vehicle = state(Wire())
+    give(vehicle, 1.0, tf_static=transforms(("world", "map", 10.0, 0.0, 0.0)))
+    give(vehicle, 5.0, tf=transforms(("map", "odom", 3.0, 4.0, np.pi / 2)))
+    message = odometry(1.5)
+    message.pose.pose.position.x = 2.0
+    give(vehicle, 5.0, odom=message)
+    for frame, x, y in (("odom", 2.0, 0.0), ("map", 3.0, 6.0), ("/world", 13.0, 6.0)):
+        motion, why = vehicle.motion(5.1, frame)
+        assert motion is not None, why
+        assert (motion.x, motion.y) == pytest.approx((x, y))
+        assert motion.heading == pytest.approx(0.0 if frame == "odom" else np.pi / 2)
+        assert motion.speed == 1.5
+    # A transform that nobody renews is none after a second; the fixed one holds.
+    give(vehicle, 6.5, odom=message)
+    assert vehicle.motion(6.5, "map") == (None, "expected a transform from odom to map, got none")
+    give(vehicle, 6.6, tf=transforms(("map", "odom", 3.0, 4.0, 0.0)), odom=message)
+    motion, _ = vehicle.motion(6.6, "world")
+    assert motion is not None
+    assert motion.x == pytest.approx(15.0)
+
+
+def test_frames_that_go_round_in_circles_or_are_none() -> None:
+    wired = Wire()
+    vehicle = state(wired)
+    give(vehicle, 1.0, odom=odometry(1.0))
+    give(vehicle, 1.0, tf=transforms(("odom", "a", 1.0, 0.0, 0.0), ("a", "odom", 1.0, 0.0, 0.0)))
+    assert vehicle.motion(1.0, "map")[0] is None
+    give(vehicle, 1.0, tf=transforms(("map", "odom", float("nan"), 0.0, 0.0)))
+    assert "finite" in wired.inbox.refused["/tf"]
