@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rich.markup import escape
 from rich.table import Table
 
 from benchmarks.closed_loop.metrics import Result
@@ -36,5 +37,7 @@ def tables(result: Result) -> list[Table]:
     for row in result["targets"]:
         sign = {">=": "≥", "<=": "≤"}[row["relation"]]
         mark = "yes" if row["passed"] else "[red]no[/]"
-        wanted.add_row(row["what"], f"{sign} {row['wanted']:g}", f"{row['reached']:.4g}", mark)
+        wanted.add_row(
+            escape(row["what"]), f"{sign} {row['wanted']:g}", f"{row['reached']:.4g}", mark
+        )
     return [by_policy, wanted]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
-from benchmarks.closed_loop.tables import COLUMNS
+pytest.importorskip("mujoco", reason="the extra sim is not installed")
+
+from benchmarks.closed_loop.tables import COLUMNS, tables
 from services.report.closed_loop_page import render_report, write_report
 
 PICTURES = {name: b"\x89PNG" + name.encode() for name in ("stops", "policies", "drive")}
@@ -39,6 +43,15 @@ def test_figures_are_on_the_page() -> None:
         assert shown in text
     assert "All 1 targets were reached." in text
     assert text.count("data:image/png;base64,") == len(PICTURES)
+
+
+def test_units_in_brackets_are_no_markup_on_a_screen() -> None:
+    result = made_up(0.9)
+    result["targets"][0]["what"] = "mean excess [m]"
+    console = Console(width=140, record=True, file=io.StringIO())
+    for table in tables(result):
+        console.print(table)
+    assert "mean excess [m]" in console.export_text()
 
 
 def test_names_cannot_break_the_page() -> None:
