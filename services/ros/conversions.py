@@ -24,6 +24,9 @@ OK, WARN, ERROR = 0, 1, 2
 
 _NANO = 1_000_000_000
 _FEWEST = 3
+_BEHIND = 2.0  # [m]
+_NEAR = 0.5  # [m] farther than the nearest point by that is as near
+_TURNED = 1.0  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +89,29 @@ def candidate_of(name: str, message: Any) -> Path:
     if len(points) < _FEWEST:
         points = np.stack([points[0], points.mean(axis=0), points[1]])
     return Path(name=name, points=points)
+
+
+def ahead_of(path: Path, motion: Motion, horizon: float) -> Path:
+    """The part of a candidate that matters now: a little behind the vehicle, and so far ahead [m].
+
+    A path may pass by the same place again; the first part counts that leads where the vehicle
+    heads. Paths of a whole field would cost time, or be too long to be asked for.
+    """
+    points = path.points
+    steps = np.diff(points, axis=0)
+    way = np.concatenate(([0.0], np.cumsum(np.hypot(*steps.T))))
+    if way[-1] <= horizon:
+        return path
+    away = np.hypot(points[:, 0] - motion.x, points[:, 1] - motion.y)
+    headings = np.arctan2(steps[:, 1], steps[:, 0])
+    turned = np.abs(np.angle(np.exp(1j * (np.append(headings, headings[-1]) - motion.heading))))
+    near = away <= away.min() + _NEAR
+    along = near & (turned <= _TURNED)
+    here = way[int(np.argmax(along if along.any() else near))]
+    first = max(int(np.searchsorted(way, here - _BEHIND, "right")) - 1, 0)
+    last = max(int(np.searchsorted(way, here + horizon, "left")), first + _FEWEST - 1)
+    cut = points[max(min(first, len(points) - _FEWEST), 0) : last + 1]
+    return Path(name=path.name, points=cut)
 
 
 def stamp_of(header: Any) -> int:

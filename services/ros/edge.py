@@ -177,9 +177,10 @@ class Edge:
             self._tell(self._no(missing))
             self._show(None, None)
             return
-        outcome = self._client.plan(
-            motion.speed, [o.path for o in offered], pose=(motion.x, motion.y, motion.heading)
-        )
+        horizon = self.settings.timing.horizon
+        paths = [ros.ahead_of(o.path, motion, horizon) for o in offered]
+        pose = (motion.x, motion.y, motion.heading)
+        outcome = self._client.plan(motion.speed, paths, pose=pose)
         self._outcome, reply = outcome, outcome.reply
         if reply is None:
             self._tell(self._no(outcome.stop.reason if outcome.stop else "no answer"))

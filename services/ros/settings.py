@@ -102,7 +102,7 @@ class Topics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """How often, and how long things hold."""
+    """How often, how long things hold, and how far is looked."""
 
     period: float = quantity(
         "s", "From one limit to the next, if nothing new comes.", default=0.1, at_least=0.01,
@@ -120,6 +120,9 @@ class Timing:
     )
     transform_age: float = quantity(
         "s", "A transform older than that tells no place; fixed ones hold.", default=1.0, above=0.0
+    )
+    horizon: float = quantity(
+        "m", "So much of a path ahead of the vehicle is planned.", default=60.0, at_least=5.0
     )
     launch: float = quantity(
         "m/s", "Limits reach that where the bounds allow it: motors do not creep.", default=0.15,

@@ -163,3 +163,26 @@ def test_angles_of_orientations(angles: tuple[float, float, float]) -> None:
     np.testing.assert_allclose(ros.angles_of(q), angles, atol=1e-12)
     with pytest.raises(ParameterError, match="length 1"):
         ros.angles_of(typestore().types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 0.0))
+
+
+def motion(x: float, y: float, heading: float) -> ros.Motion:
+    return ros.Motion("map", 0, x, y, heading, 1.0)
+
+
+def test_of_a_long_path_the_part_ahead_counts() -> None:
+    """Out and back: 100 m along x, then back 0.2 m beside it."""
+    out = np.stack([np.arange(0.0, 100.0, 0.05), np.zeros(2000)], axis=1)
+    path = Path(name="p", points=np.concatenate([out, out[::-1] + np.array([0.0, 0.2])]))
+    going = ros.ahead_of(path, motion(30.0, 0.1, 0.1), 40.0).points
+    assert 27.0 < going[0, 0] <= 28.0
+    assert 69.0 < going[-1, 0] <= 70.1
+    assert np.all(going[:, 1] == 0.0)
+    coming = ros.ahead_of(path, motion(30.0, 0.1, np.pi - 0.1), 20.0).points
+    assert np.all(coming[:, 1] == 0.2)
+    assert 32.0 <= coming[0, 0] < 33.0
+    assert 9.9 < coming[-1, 0] < 11.0
+    end = ros.ahead_of(path, motion(0.0, 0.2, np.pi), 20.0).points
+    assert len(end) >= 3
+    assert end[-1].tolist() == [0.0, 0.2]
+    short = Path(name="s", points=out[:100])
+    assert ros.ahead_of(short, motion(0.0, 0.0, 0.0), 20.0) is short
