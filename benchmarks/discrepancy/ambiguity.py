@@ -8,6 +8,7 @@ again.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -111,15 +112,18 @@ def _needed(hidden: HiddenSet, more: Callable[[int], Stops]) -> int:
     base = hidden.truth
     for effect in hidden.hidden:
         base = base._replace(**{key: Physics._field_defaults[key] for key in effect.fields})
-    for count in _LADDER:
+
+    def told(count: int) -> bool:
         stops = joined(hidden.stops, more(count))
         found = worth(
             hidden.truth, base, stops, hidden.noise, hidden.scatter, hidden.order.names,
             weighed=len(stops.speed),
         )  # fmt: skip
-        if found.apart >= TOLD_APART:
-            return count
-    return 2 * _LADDER[-1]
+        return found.apart >= TOLD_APART
+
+    # More stops tell more, so halving the ladder will do.
+    rung = bisect_left(_LADDER, True, key=told)
+    return _LADDER[rung] if rung < len(_LADDER) else 2 * _LADDER[-1]
 
 
 def planned(

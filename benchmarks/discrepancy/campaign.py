@@ -25,7 +25,7 @@ class Size:
     """How much of it.
 
     Attributes:
-        share: of the whole catalogue, one of each kind at least; most: sets of it at most.
+        share: of the whole catalogue, one of each kind at least; most: sets of each world at most.
         conditions: of the sets. engine: share of the engine's sets. cases: of rivals.
     """
 
@@ -55,7 +55,7 @@ def with_engine() -> bool:
 def _engine_orders(size: Size) -> list[EngineOrder]:
     from benchmarks.discrepancy.engine_sets import engine_orders
 
-    return engine_orders(size.engine)
+    return engine_orders(size.engine)[: size.most]
 
 
 def missing() -> list[str]:

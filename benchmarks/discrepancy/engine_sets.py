@@ -209,6 +209,7 @@ def engine_metrics(outcomes: Sequence[EngineOutcome]) -> list[Metric]:
         share("right name", ">=", 0.85, [o.right for o in hidden]),
         share("wrong name given with confidence", "<=", 0.01, [o.wrong for o in hidden]),
         share("a name on clean sets", "<=", 0.0, [o.verdict == "missing_effect" for o in clean]),
+        share("something unknown on clean sets", "", 0.0, [o.verdict == "unknown" for o in clean]),
         figure("closable gap closed, fresh stops, median", ">=", 0.80, closed, unit="share"),
         figure("time per 100 stops, median", "<=", 5.0, [o.seconds for o in outcomes], unit="s"),
         share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
