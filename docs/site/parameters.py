@@ -207,7 +207,9 @@ def _attributes(kind: Any) -> dict[str, str]:
     for match, end in zip(begins, ends, strict=True):
         for name in match[1].split(", "):
             sentence = body[match.end() : end].strip().rstrip(";")
-            found[name] = sentence[:1].upper() + sentence[1:]
+            # Names of types stay as they are.
+            plain = sentence.split(" ", 1)[0].isalpha()
+            found[name] = sentence[:1].upper() + sentence[1:] if plain else sentence
     return found
 
 
