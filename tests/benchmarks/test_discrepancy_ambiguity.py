@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.discrepancy import ambiguity, catalogue, designs, physics
 from benchmarks.discrepancy.hidden import Hidden
-from benchmarks.discrepancy.worth import TOLD_APART, Worth
+from benchmarks.discrepancy.worth import TOLD_APART, Worth, worth
 
 BASE = physics.Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
 WIND = {"wind_drag": 0.012, "wind": 6.0, "wind_direction": 0.4}
@@ -50,11 +50,15 @@ def test_the_other_way_tells_a_wind_sooner(windy: catalogue.HiddenSet) -> None:
     def same(count: int) -> physics.Stops:
         return designs.draw("one-way", count, 0.02, np.random.default_rng(2))
 
-    turned = ambiguity._needed(windy, back)
-    assert turned <= 12
-    assert ambiguity._needed(windy, same) > 3 * turned
+    def apart(more: physics.Stops) -> float:
+        stops = ambiguity.joined(windy.stops, more)
+        return worth(windy.truth, BASE, stops, 0.03, 0.02, ("headwind",)).apart
+
+    assert ambiguity._needed(windy, back) <= 12
+    assert apart(same(24)) < TOLD_APART < apart(back(24))
 
 
+@pytest.mark.nightly
 def test_cases_show_and_cannot_be_named() -> None:
     for hidden in ambiguity.cases(1):
         assert hidden.worth.seen
