@@ -56,7 +56,7 @@ def main(folder: Path) -> None:
     np.savez(
         folder / "map.npz", elevation=height(x, y), resolution=0.5, origin=np.array([0.0, 0.0])
     )
-    line = np.linspace(4.0, SIDE - 4.0, 105)
+    line = np.linspace(31.0, SIDE - 4.0, 51)
     write_csv({"x": line, "y": np.full_like(line, 26.0)}, folder / "path.csv")
     print(f"wrote drive.csv, map.npz and path.csv to {folder}")
 

@@ -17,11 +17,18 @@ from models.discrepancy.axes import Axis, axes_of, shapes_of
 from models.discrepancy.prediction import integral
 from models.discrepancy.refine import Fit, prior_precision, residual
 from models.discrepancy.stop_table import StopTable
+from models.quantity import GRAVITY
 
 Floats = NDArray[np.float64]
 
 _DRAWS = 200
-_RANK = 1e-6  # of a group's largest direction, below which a direction is none
+WITHIN = ("speed", "time_since_onset", "brake_heat")
+"""Axes that run through each stop; all others tell stops apart."""
+
+_NOT_BY_FRICTION = (*WITHIN, "onset_speed", "grade", "abs_grade")
+# What the coefficients themselves act along is told by whole stops only.
+_LEAST_PULL = 0.05  # [1] of the weight, net of gravity
+_RANK = 1e-4  # of a group's largest direction, below which a direction is none
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +59,7 @@ class _Group:
     shapes: Floats
     columns: Floats
     basis: Floats
+    counted: NDArray[np.int64]
 
 
 def follow(table: StopTable, fit: Fit, seed: int) -> list[Followed]:
@@ -63,14 +71,20 @@ def follow(table: StopTable, fit: Fit, seed: int) -> list[Followed]:
     axes = axes_of(table, fit.hypothesis)
     space = _Space(table, fit)
     groups = [
-        space.group(i, shapes) for i, axis in enumerate(axes) for shapes in shapes_of(axis)
+        group
+        for i, axis in enumerate(axes)
+        for shapes in shapes_of(axis)
+        for group in space.groups(i, shapes, axis.name in _NOT_BY_FRICTION)
     ]  # fmt: skip
     groups = [g for g in groups if g.basis.shape[1] > 0]
     rows = space.rows(residual(table, fit.hypothesis)[:, :, None])[:, :, 0]
     strength = _strengths(groups, rows.reshape(1, -1))[0]
     shuffled = _shuffled(table, rows, np.random.default_rng(seed))
-    chance = _strengths(groups, shuffled).max(axis=1)
-    place, scale = gumbel_r.fit(chance)
+    chance = _strengths(groups, shuffled)
+    # A group that chance makes strong, by a few wild stops, has to be so much stronger.
+    usual = np.maximum(chance.mean(axis=0), 1.0)
+    strength = strength / usual
+    place, scale = gumbel_r.fit((chance / usual).max(axis=1))
     found = []
     for i, axis in enumerate(axes):
         own = [j for j, g in enumerate(groups) if g.axis == i]
@@ -114,22 +128,39 @@ class _Space:
         prior = np.diag(np.sqrt(prior_precision(fit.hypothesis)))
         self.base, _ = np.linalg.qr(np.concatenate((self.flat, prior)))
         self.count = len(self.flat)
+        self.all = np.arange(self.count)
+        self.between = self.all[:: table.binned.shape[1] + 1]
+        u, s, _ = np.linalg.svd(self.flat[self.between], full_matrices=False)
+        self.base_between = u[:, s > 1e-9 * s[0]]
 
     def rows(self, bins: Floats) -> Floats:
         """(S, K + 1, P) of bins (S, K, P)."""
         between, within = self.white.split(self.white.bins @ bins)
         return np.concatenate((between[:, None, :] * self.weight[:, None, None], within), axis=1)
 
-    def group(self, axis: int, shapes: Floats) -> _Group:
-        """Orthonormal directions of shapes beyond the fit."""
+    def groups(self, axis: int, shapes: Floats, whole: bool) -> list[_Group]:
+        """Orthonormal directions of shapes beyond the fit, by all rows and by those of friction.
+
+        What happens within stops may be far off for reasons of its own, and drown what differs
+        from stop to stop.
+        """
         columns = self.table.average @ integral(
             self.table, self.fit.hypothesis, shapes, np.ones(shapes.shape[2], np.bool_)
         )
         flat = self.rows(columns).reshape(self.count, -1)
-        size = float(np.max(np.einsum("np,np->p", flat, flat)))
-        flat = flat - self.base[: self.count] @ (self.base[: self.count].T @ flat)
-        u, s, _ = np.linalg.svd(flat, full_matrices=False)
-        return _Group(axis, shapes, columns, u[:, s**2 > _RANK * max(size, 1e-300)])
+        found = []
+        for base, counted in ((self.base, self.all), (self.base_between, self.between)):
+            own = flat[counted]
+            size = float(np.max(np.einsum("np,np->p", own, own)))
+            u, s, _ = np.linalg.svd(
+                own - base[: len(own)] @ (base[: len(own)].T @ own), full_matrices=False
+            )
+            basis = np.zeros((self.count, int(np.sum(s**2 > _RANK * max(size, 1e-300)))))
+            basis[counted] = u[:, : basis.shape[1]]
+            found.append(_Group(axis, shapes, columns, basis, counted))
+            if whole:
+                break
+        return found
 
     def followed(
         self, axis: Axis, group: _Group, rows: Floats, strength: float, p_value: float
@@ -139,7 +170,8 @@ class _Space:
         flat = self.rows(group.columns).reshape(self.count, -1)
         wanted = group.basis @ along
         joint = np.concatenate((flat, self.flat), axis=1)
-        solution = np.linalg.lstsq(joint, wanted, rcond=1e-9)[0]
+        counted = group.counted
+        solution = np.linalg.lstsq(joint[counted], wanted[counted], rcond=1e-9)[0]
         taken = np.concatenate((group.columns, self.columns), axis=2) @ solution
         # Shares of the weight slow down: their sign is against that of the speed.
         share = -(group.shapes @ solution[: flat.shape[1]])
@@ -147,6 +179,13 @@ class _Space:
         own = self._mean_square(left) - self._mean_square(left - taken)
         chi_square = float(along @ along)
         way = float(np.sqrt(np.mean(self._way(taken) ** 2)))
+        if len(counted) < self.count:  # friction alone: its share of what differs between stops
+            total = float(np.sum(rows[:, 0] ** 2))
+            own = max(chi_square - len(along), 0.0) / total * self._mean_square(left)
+            table = self.table
+            force = np.maximum(table.force + np.sin(table.grade[:, -1]), _LEAST_PULL)
+            off = np.mean(share - np.mean(share), axis=1) * table.held**2
+            way = float(np.sqrt(np.mean((off / (2.0 * GRAVITY * force**2)) ** 2)))
         return Followed(axis, chi_square, len(along), strength, p_value, share, own, way)
 
     def _way(self, speed: Floats) -> Floats:

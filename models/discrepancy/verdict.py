@@ -18,7 +18,7 @@ from models.discrepancy.findings import Verdict
 from models.discrepancy.gap import distances
 from models.discrepancy.hypothesis import USUAL
 from models.discrepancy.identify import Explanation, Identified
-from models.discrepancy.locate import Followed
+from models.discrepancy.locate import WITHIN, Followed
 from models.discrepancy.refine import Fit, fit, residual
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
@@ -31,7 +31,6 @@ _BELIEVED = 0.5  # share of what is left for which likelihoods are not believed
 _STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
 _DRIFT = 0.003  # p-value of the same coefficients
 _PART = 3.0  # chi square by which a pair has to beat one of its effects alone
-_WITHIN = ("speed", "time_since_onset", "brake_heat")
 _AT_BOUND = 1e-3
 
 
@@ -113,8 +112,8 @@ def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
     What follows time or speed within a stop follows all axes of that kind; the surest of them
     decides whether it matters.
     """
-    within = [f for f in sure if f.axis.name in _WITHIN]
-    apart = within[:1] + [f for f in sure if f.axis.name not in _WITHIN]
+    within = [f for f in sure if f.axis.name in WITHIN]
+    apart = within[:1] + [f for f in sure if f.axis.name not in WITHIN]
     least = _TRACE * float(np.mean(table.distance))
     return sorted((f for f in apart if f.way > least), key=lambda f: -f.strength)
 
