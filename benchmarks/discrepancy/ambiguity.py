@@ -77,8 +77,8 @@ def run(sets: Sequence[HiddenSet], advance: Callable[[int], None]) -> dict[str, 
         for hidden in sets:
             finding = inquiry.ask(Job(hidden.columns, tables_of(hidden.configured)))
             advance(1)
-            if not finding.design:
-                silent += 1
+            if finding.verdict != "ambiguous" or not finding.design:
+                silent += 1  # it proposes other stops then, or none
                 continue
             resolved.append(_resolve(hidden, finding, inquiry))
     return {
@@ -157,9 +157,12 @@ def joined(first: Stops, second: Stops) -> Stops:
 
 
 def _metrics(resolved: Sequence[Resolved], silent: int) -> list[Metric]:
-    ratios = [one.proposed / one.random for one in resolved]
+    # Where neither does within the longest ladder, nothing is told; where only the proposed ones
+    # do, the ratio is an upper bound.
+    told = [one for one in resolved if min(one.proposed, one.random) <= _LADDER[-1]]
+    ratios = [one.proposed / one.random for one in told]
     return [
-        share("ambiguous logs with stops proposed", "", 0.0,
+        share("called ambiguous, with stops proposed", "", 0.0,
               [True] * len(resolved) + [False] * silent),
         figure("stops to tell apart, proposed over any, median", "<=", 0.5, ratios, unit="×"),
         share("cases with half the stops or fewer", "", 0.0, [r <= 0.5 for r in ratios]),
