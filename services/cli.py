@@ -398,7 +398,7 @@ def bench(
 
     [bold]discrepancy[/] hides effects in stops of a plant of its own, and of a physics engine, has
     each log investigated by a process that sees nothing else, and compares what was said with what
-    is true. It takes about an hour.
+    is true. It takes some two hours, quickly some minutes.
 
     Times depend on the machine, so ratios are the result. Peers that are not installed are said to
     be missing; `pip install slopewise\[bench]` brings them.
