@@ -35,6 +35,7 @@ _COOLING = (10.0, 30.0, 100.0, 300.0, 1000.0)  # [s]
 _WINDS = (2.0, 5.0, 10.0)  # [m/s]
 _HEADINGS = 12
 _CAPS = (0.4, 0.6, 0.75, 0.87, 0.95)  # quantiles of the force
+_LEAST_FRICTION = 0.02
 _LATTICE = 9
 _RADII = (0.07, 0.14, 0.25)  # of the field
 _TRIES = 48  # patches near another one
@@ -154,7 +155,7 @@ class _Library:
             q = heat(self.table, tau, self.speed, self.table.time, self.hypothesis.dead_time)
             yield Candidate("brake_fade", "k", True, {"tau": tau}), -self.force * q
         upright = np.cos(self.place.grade) * np.cos(self.place.roll)
-        for mu in np.quantile(self.force / upright, _CAPS):
+        for mu in np.maximum(np.quantile(self.force / upright, _CAPS), _LEAST_FRICTION):
             over = np.maximum(self.force - mu * upright, 0.0)
             yield Candidate("wheel_lockup", "mu", True, {"mu": float(mu)}), -over
 

@@ -143,6 +143,7 @@ def gap_of(metric: str, unit: str, errors: Sequence[Floats], draws: NDArray[np.i
     """
     squares = np.stack(errors)
     b, r, a, f = np.sqrt(squares.mean(axis=1))
+    f = min(f, b, r, a)  # no model that is here already is better than a perfect one
     if not b > CLAIM_ABOVE * f:
         return Gap(metric, unit, float(b), float(r), float(a), float(f), None, None)
     drawn = np.sqrt(squares[:, draws].mean(axis=2))

@@ -20,7 +20,11 @@ Floats = NDArray[np.float64]
 BASE = 5
 """Numbers of the base: four shifts and the dead time."""
 
-USUAL = {("headwind", "wind"): (0.0, 20.0), ("brake_fade", "tau"): (2.0, 3600.0)}
+USUAL = {
+    ("headwind", "wind"): (0.0, 20.0),
+    ("brake_fade", "tau"): (2.0, 3600.0),
+    ("brake_lag", "tau"): (0.0, 1.0),
+}
 """Sizes beyond which an effect is hardly what its name says: wind above a gale."""
 
 _FIXED = {"step_change": ("run",)}

@@ -256,7 +256,8 @@ def _refined(table: StopTable, fit: Fit, candidate: Candidate, strength: float) 
         # Where nearly all stops slide, coefficients fitted to them say nothing of the brakes.
         strong = replace(h, shift=np.zeros(4)).plus(candidate.effect(strength))
         free = strong.free
-        free[-1] = float(np.quantile(table.force / np.cos(table.grade[:, -1]), _SLIDING))
+        sliding = np.quantile(table.force / np.cos(table.grade[:, -1]), _SLIDING)
+        free[-1] = max(float(sliding), 0.02)
         trials.append(strong.moved(free))
     refit = fit_either_way if candidate.name in _EVENS_OUT else fit_with_scatter
     fits = [refit(table, t, noise, rounds=1) for t in trials]

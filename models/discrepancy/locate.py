@@ -77,6 +77,8 @@ def follow(table: StopTable, fit: Fit, seed: int) -> list[Followed]:
         for group in space.groups(i, shapes, axis.name in _NOT_BY_FRICTION)
     ]  # fmt: skip
     groups = [g for g in groups if g.basis.shape[1] > 0]
+    if not groups:  # too few stops to follow anything
+        return []
     rows = space.rows(residual(table, fit.hypothesis)[:, :, None])[:, :, 0]
     strength = _strengths(groups, rows.reshape(1, -1))[0]
     shuffled = _shuffled(table, rows, np.random.default_rng(seed))

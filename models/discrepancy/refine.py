@@ -15,8 +15,9 @@ from scipy.optimize import minimize_scalar
 from models.calibration.force_fit import WEAK_PRIOR
 from models.discrepancy.hypothesis import Hypothesis
 from models.discrepancy.noise import Noise, Whitener, estimate, whitener
-from models.discrepancy.prediction import predict
+from models.discrepancy.prediction import ground_of, predict, wanted_force
 from models.discrepancy.stop_table import StopTable
+from models.parameters import Model
 
 Floats = NDArray[np.float64]
 
@@ -199,6 +200,17 @@ def likely_scatter(between: Floats, power: Floats) -> float:
         cost, bounds=(np.log(1e-4), np.log(0.5)), method="bounded", options={"xatol": 1e-3}
     )
     return float(np.exp(best.x))
+
+
+def start_of(table: StopTable, model: Model) -> Hypothesis:
+    """The model as configured, moved to where the stops measured one by one are.
+
+    From far away, say a dead time that lasts until standstill, no slope shows the way.
+    """
+    configured = replace(Hypothesis.configured(model), dead_time=table.onset)
+    force = wanted_force(table, configured, ground_of(table))[:, -1]
+    off = float(np.median(table.force - force))
+    return replace(configured, shift=np.array([0.0, 0.0, 0.0, off]))
 
 
 def fit_with_noise(table: StopTable, hypothesis: Hypothesis, noise: Noise | None = None) -> Fit:

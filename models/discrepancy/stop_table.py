@@ -44,7 +44,7 @@ class StopTable:
         held: (S,) speed before the command [m/s]. clock: (S,) of the command in the log [s].
         run: (S,) position of the run in the log. run_names: (S,) its name.
         terrain: (S,) named surface, "" without. distance, rest_time: (S,) measured [m], [s].
-        sample: time between samples [s].
+        sample: time between samples [s]. onset: of the brakes, as calibration finds it [s].
         force: (S,) F_b/W as each stop tells by itself. jitter: of the dead time [s].
         further: other numeric columns, mean over each stop, (S,) by name.
         warmed: per stop, (seconds before it, energy) of stops that warmed its brakes; in place of
@@ -76,6 +76,7 @@ class StopTable:
     force: Floats
     jitter: float
     sample: float
+    onset: float
     further: Mapping[str, Floats]
     cooled: tuple[tuple[float, float], ...] = ()
     warmed: tuple[tuple[tuple[float, float], ...], ...] | None = None
@@ -180,6 +181,7 @@ def tabulate(
         force=np.array([r.force_ratio for r in records]),
         jitter=jitter,
         sample=sample,
+        onset=dead_time,
         further={n: v for n, v in extra.items() if np.isfinite(v).all() and np.ptp(v) > 0.0},
         cooled=tuple(sorted(heat)),
     )

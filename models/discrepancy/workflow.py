@@ -17,13 +17,12 @@ from models.discrepancy import experiment
 from models.discrepancy.evidence import Evidence, evidence_of
 from models.discrepancy.extent import extents
 from models.discrepancy.findings import Experiment, Findings, Verdict
-from models.discrepancy.gap import compared
-from models.discrepancy.hypothesis import Hypothesis
+from models.discrepancy.gap import Gaps, compared
 from models.discrepancy.identify import Explanation, Identified, identify, rescued
-from models.discrepancy.locate import Followed, follow
+from models.discrepancy.locate import WITHIN, Followed, follow
 from models.discrepancy.prediction import as_output
 from models.discrepancy.prepare import prepare
-from models.discrepancy.refine import fit_with_noise
+from models.discrepancy.refine import Fit, fit_with_noise, start_of
 from models.discrepancy.revised import revised
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
@@ -32,6 +31,9 @@ from models.discrepancy.verdict import Decision, decide
 from models.parameters import Model
 
 Floats = NDArray[np.float64]
+
+_WILD = 0.12  # scatter of the force beyond which a log tells little
+_NO_HELP = 1.005  # of the refitted base, on stops held out
 
 STEPS = 6
 """Steps that :func:`investigate` tells of."""
@@ -80,7 +82,7 @@ def investigate_with_evidence(
     wanted = settings or DiscrepancySettings()
     table, notes = prepare(columns, runs, model, ground, wanted)
     advance(1)
-    base = fit_with_noise(table, Hypothesis.configured(model))
+    base = fit_with_noise(table, start_of(table, model))
     advance(1)
     found = identify(table, base, wanted)
     advance(1)
@@ -90,6 +92,9 @@ def investigate_with_evidence(
     advance(1)
     widths = extents(output, decision.explanation.fit)
     gaps = compared(table, base, decision.explanation.fit, wanted)
+    decision, gaps = _that_predicts(table, base, decision, gaps, wanted)
+    if decision.verdict is Verdict.UNKNOWN and decision.axis is None and located:
+        decision = replace(decision, axis=located[0])
     better, added = revised(table, decision, gaps.held_out, widths, source)
     advance(1)
     plan = _next(table, decision)
@@ -105,11 +110,29 @@ def investigate_with_evidence(
         better,
         added,
         len(table),
-        (*notes, *decision.notes),
+        (*notes, *decision.notes, *_doubts(table, decision)),
         time.perf_counter() - begin,
     )
     advance(1)
     return findings, evidence_of(table, base, decision, located)
+
+
+def _that_predicts(
+    table: StopTable, base: Fit, decision: Decision, gaps: Gaps, settings: DiscrepancySettings
+) -> tuple[Decision, Gaps]:
+    """The decision, or `unknown` where its names do not help with stops held out."""
+    named = decision.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
+    if not named or gaps.speed.after <= _NO_HELP * gaps.speed.refit:
+        return decision, gaps
+    names = " and ".join(decision.explanation.names)
+    words = f"{names} fits the log, but predicts stops held out no better than new coefficients"
+    plain = Decision(
+        Verdict.UNKNOWN,
+        Explanation(base, decision.explanation.score),
+        axis=decision.axis,
+        notes=(*decision.notes, words),
+    )
+    return plain, compared(table, base, base, settings)
 
 
 def _with_what_is_left(
@@ -123,14 +146,14 @@ def _with_what_is_left(
     output = _output(table, found.best)
     left = follow(output, found.best.fit, settings.seed)
     full = len(found.best.names) >= settings.most_effects
-    if not found.best.names or full or left[0].p_value > settings.structure:
+    if not found.best.names or full or not left or left[0].p_value > settings.structure:
         return found, left, output
     better = rescued(table, found.best, settings)
     if better[0].names == found.best.names:
         return found, left, output
     own = _output(table, better[0])
     remains = follow(own, better[0].fit, settings.seed)
-    if remains[0].p_value < settings.structure:
+    if remains and remains[0].p_value < settings.structure:
         return found, left, output
     others = (*better[1:], *(e for e in found.others if e.names != better[0].names))
     return replace(found, best=better[0], others=others), remains, own
@@ -138,6 +161,17 @@ def _with_what_is_left(
 
 def _output(table: StopTable, best: Explanation) -> StopTable:
     return as_output(table, best.fit.hypothesis) if best.names else table
+
+
+def _doubts(table: StopTable, decision: Decision) -> tuple[str, ...]:
+    scatter = decision.explanation.fit.noise.scatter
+    share = scatter / max(float(np.median(table.force)), 1e-3)
+    if share < _WILD:
+        return ()
+    return (
+        f"stops differ by ±{share:.0%} of the braking force among themselves: only effects larger "
+        f"than that show in {len(table)} stops",
+    )
 
 
 def _next(table: StopTable, decision: Decision) -> Experiment:
@@ -160,6 +194,11 @@ def _along(decision: Decision) -> str:
     if decision.axis is None:
         return "repeat some of these stops unchanged: what differs between them is not the stop"
     axis = decision.axis.axis
+    if axis.name in WITHIN:
+        return (
+            "log speed and brake pressure as fast as the sensors can, and stop from several "
+            "speeds on level ground: what is missing happens within each stop"
+        )
     values = axis.values
     low, high = np.quantile(values, [0.02, 0.98])
     return (

@@ -53,7 +53,7 @@ def _bars(axes: Any, gap: Gap) -> None:
         xytext=(3, 2), textcoords="offset points",
     )  # fmt: skip
     axes.invert_yaxis()
-    axes.set(xlabel=f"{gap.metric} [{gap.unit}]", xlim=(0.0, 1.18 * max(values)))
+    axes.set(xlabel=f"{gap.metric} [{gap.unit}]", xlim=(0.0, 1.18 * max(*values, gap.noise_floor)))
     axes.grid(axis="y", visible=False)
 
 
@@ -132,11 +132,18 @@ def _means(value: Any, off: Any) -> tuple[Any, Any, Any]:
     return middle, mean, band
 
 
+def _mean_of_rows(values: Any) -> Any:
+    """(S,) means of what is known, NaN where nothing is."""
+    known = np.isfinite(values)
+    count = np.where(known.any(axis=1), known.sum(axis=1), np.nan)
+    return np.where(known, values, 0.0).sum(axis=1) / count
+
+
 def _map(figure: Any, evidence: Evidence) -> Any:
     if not evidence.axes:
         return figure
-    before = np.nanmean(evidence.axes[0].before, axis=1)
-    after = np.nanmean(evidence.axes[0].after, axis=1)
+    before = _mean_of_rows(evidence.axes[0].before)
+    after = _mean_of_rows(evidence.axes[0].after)
     reach = max(float(np.nanquantile(np.abs(before), 0.95)), 1e-6)
     for i, (off, title) in enumerate(((before, "refitted"), (after, "with what was found"))):
         axes = figure.add_subplot(1, 2, i + 1)
