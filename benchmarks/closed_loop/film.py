@@ -34,7 +34,8 @@ class Pose:
     """Everything that a frame shows.
 
     Attributes:
-        time: [s]. joints: of the vehicle. wall: its place. wall_turn: its quaternion.
+        time: [s]. joints: of the vehicle.
+        places, turns: of tiles and wall, (k, 3) [m] and (k, 4) quaternions.
     """
 
     time: float
@@ -52,16 +53,7 @@ def film(number: int, dem: Path | None, policy: Policy, frames: int) -> list[Fra
     Raises:
         RuntimeError: the machine cannot render without a screen.
     """
-    poses: list[Pose] = []
-
-    def watch(world: World) -> None:
-        d = world.data
-        poses.append(Pose(world.time, d.qpos.copy(), d.mocap_pos[0].copy(), d.mocap_quat[0].copy()))
-
-    terrain, route, course = scene(number, dem)
-    run_drive(terrain, route, course, policy, number, watch)
-    walled = [p for p in poses if p.places[_WALL, 2] > _DEEP] or poses
-    chosen = [walled[i] for i in np.linspace(0, len(walled) - 1, frames).astype(int)]
+    chosen = film_poses(number, dem, policy, frames)
     os.environ.setdefault("MUJOCO_GL", "egl")
     spawn = multiprocessing.get_context("spawn")
     try:
@@ -69,6 +61,20 @@ def film(number: int, dem: Path | None, policy: Policy, frames: int) -> list[Fra
             return pool.submit(render, number, dem, chosen).result()
     except (BrokenProcessPool, OSError, ImportError, AttributeError, RuntimeError) as error:
         raise RuntimeError(f"cannot render without a screen: {error}") from error
+
+
+def film_poses(number: int, dem: Path | None, policy: Policy, frames: int) -> list[Pose]:
+    """What frames of one drive show, evenly over the time that the wall stood."""
+    poses: list[Pose] = []
+
+    def watch(world: World) -> None:
+        d = world.data
+        poses.append(Pose(world.time, d.qpos.copy(), d.mocap_pos.copy(), d.mocap_quat.copy()))
+
+    terrain, route, course = scene(number, dem)
+    run_drive(terrain, route, course, policy, number, watch)
+    walled = [p for p in poses if p.places[_WALL, 2] > _DEEP] or poses
+    return [walled[i] for i in np.linspace(0, len(walled) - 1, frames).astype(int)]
 
 
 def render(number: int, dem: Path | None, poses: list[Pose]) -> list[Frame]:

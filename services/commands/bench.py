@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from benchmarks.closed_loop.campaign import Campaign
 
 
+_WIDE = 150  # columns of the widest table
+
+
 def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
     """Measure, show, and write what was asked for.
 
@@ -100,7 +103,7 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
 
     if out is not None and out.exists() and not out.is_dir():
         raise InputError("--out", str(out), "expected a folder, got a file")
-    console = Console()
+    console = Console(width=max(Console().width, _WIDE))
     with ExitStack() as bars:
 
         def progress(what: str, total: int) -> Callable[[int], None]:

@@ -9,11 +9,12 @@ pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
 from benchmarks.closed_loop.course import Course
 from benchmarks.closed_loop.drive import run_drive
+from benchmarks.closed_loop.film import film_poses
 from benchmarks.closed_loop.metrics import summary
 from benchmarks.closed_loop.moving_horizon import MovingHorizon
 from benchmarks.closed_loop.policies import FixedSpeed
 from benchmarks.closed_loop.quad import LIMITS, QUAD, ROLLING
-from benchmarks.closed_loop.route import STEEPEST
+from benchmarks.closed_loop.route import LENGTH, STEEPEST
 from benchmarks.closed_loop.scenes import scene
 from models.parameters import Braking, Model
 
@@ -49,6 +50,16 @@ def test_a_fixed_speed_hits_walls_in_the_same_world(cautious: Model) -> None:
         course = Course(route, np.random.default_rng(n), only_forced=True, sight=(1.2, 2.0))
         hits += run_drive(terrain, route, course, FixedSpeed(cautious, 3.5), n).collisions
     assert hits > 0
+
+
+def test_a_film_shows_the_wall_and_the_vehicle_before_it(cautious: Model) -> None:
+    poses = film_poses(SCENES[0], None, MovingHorizon(cautious), 3)
+    assert len(poses) == 3
+    for pose in poses:
+        vehicle, wall = pose.joints[:3], pose.places[-1]
+        assert pose.places.shape[1:] == (3,)
+        assert 0.5 < np.hypot(*(wall - vehicle)[:2]) < LENGTH
+        assert wall[2] > -1.0  # it waits far below while it is not needed
 
 
 def test_a_scene_is_the_same_for_every_policy() -> None:
