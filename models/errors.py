@@ -20,6 +20,10 @@ class ParameterError(SlopewiseError, ValueError):
         self.field = field
         self.expected = expected
 
+    def __reduce__(self) -> tuple[type[ParameterError], tuple[str, str]]:
+        """Errors travel between processes."""
+        return type(self), (self.field, self.expected)
+
 
 class InputError(SlopewiseError):
     """A file or message cannot be used. One line: which source, which field, what was expected.
@@ -36,3 +40,7 @@ class InputError(SlopewiseError):
         self.source = source
         self.field = field
         self.expected = expected
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
+        """Errors travel between processes."""
+        return type(self), (self.source, self.field, self.expected)

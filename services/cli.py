@@ -490,7 +490,8 @@ def query(
 @app.command()
 def params(
     group: Annotated[
-        str, typer.Argument(help="braking, braking.SURFACE, terrain or limits; all if left out.")
+        str,
+        typer.Argument(help="braking, braking.SURFACE, terrain, limits, effects; all if left out."),
     ] = "",
     history: Annotated[
         bool,
@@ -505,6 +506,17 @@ def params(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter of GROUP; repeat it."),
     ] = None,
+    investigate: Annotated[
+        bool,
+        typer.Option("--investigate", help="Hold the stops that it keeps against the model."),
+    ] = False,
+    adopt: Annotated[
+        str, typer.Option(metavar="OFFER", help="Plan with what it found and offers.")
+    ] = "",
+    faster: Annotated[
+        bool,
+        typer.Option("--faster", help="Even if stops get shorter than by the model file."),
+    ] = False,
     connect: Connect = "tcp/127.0.0.1:7447",
     namespace: Namespace = "slopewise/robot",
     timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")] = 2.0,
@@ -514,16 +526,17 @@ def params(
     """Read the parameters of a running service, set them, or go back to an earlier version.
 
     Limits may be set tighter than in the model file, not wider; braking above it counts in plans
-    once stops confirm it.
+    once stops confirm it. What is missing in the model is offered, and an operator adopts it.
 
     [bold]Examples[/]  slopewise params braking --history
               slopewise params limits --set speed=1.5
+              slopewise params --investigate
     """
     from services.commands import params as command
 
     job = command.ParamsJob(
         connect, namespace, timeout, zenoh_file, group, most if history else 0, rollback,
-        tuple(changes or ()),
+        tuple(changes or ()), investigate, adopt, faster,
     )  # fmt: skip
     reply = command.run(job)
     _print(as_json, lambda: command.as_json(reply), lambda screen: command.show(reply, job, screen))
@@ -557,6 +570,85 @@ def replay(
     job = command.ReplayJob(logs, topics, connect, namespace, speed_up, timeout, zenoh_file)
     result = command.run(job, quiet=as_json)
     _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+
+
+fleet = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    help="Many paths over large maps, on several processes or machines.",
+)
+app.add_typer(fleet, name="fleet")
+
+FleetWorkers = Annotated[
+    int | None,
+    typer.Option(min=0, help="Processes here; 0 works in this one. One for each processor."),
+]
+Scheduler = Annotated[
+    str, typer.Option(metavar="ADDRESS", help="A running Dask scheduler, e.g. tcp://10.0.0.1:8786.")
+]
+
+
+@fleet.command("plan")
+def fleet_plan(
+    map_file: Annotated[
+        Path, typer.Argument(metavar="MAP", help="Elevation map: tiled GeoTIFF in metres.")
+    ],
+    path_files: Annotated[
+        list[Path],
+        typer.Argument(metavar="PATHS…", help="Candidates: CSV or Parquet with x,y[,candidate]."),
+    ],
+    model: ModelFile,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where the results go, as Parquet in parts.")
+    ],
+    speed: Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")] = 0.0,
+    clear: Annotated[
+        float | None,
+        typer.Option(
+            metavar="METRES",
+            help="Station up to which the way is known free; the whole path if left out.",
+        ),
+    ] = None,
+    spacing: Annotated[
+        float | None, typer.Option(metavar="METRES", help="Distance between stations.")
+    ] = None,
+    quantile: Annotated[
+        float | None,
+        typer.Option(
+            metavar="Q",
+            help="Survive this share of what the model leaves open, e.g. 0.999; else its mean.",
+        ),
+    ] = None,
+    smooth: Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")] = True,
+    workers: FleetWorkers = None,
+    scheduler: Scheduler = "",
+    as_json: AsJson = False,
+) -> None:
+    r"""Plan the candidates of many files over a map that need not fit into memory.
+
+    DIR/plans has a row a station, DIR/candidates a row a candidate, in parts. A run that was
+    interrupted goes on where it was; any number of workers gives the same bytes. Status 3: no
+    candidate may be driven. Needs `pip install slopewise\[fleet]`.
+
+    [bold]Example[/]  slopewise fleet plan county.tif paths-*.csv --model atv --out out/county
+    """
+    import math
+
+    from planner.settings import PlannerSettings
+    from services.commands import fleet_plan as command
+    from services.commands import plan as one
+
+    job = command.FleetPlanJob(
+        map_file, path_files, model, out, speed, math.inf if clear is None else clear,
+        one.with_spacing(PlannerSettings(smooth=smooth), spacing), one.uncertainty_at(quantile),
+        workers, scheduler,
+    )  # fmt: skip
+    result = command.run(job, quiet=as_json)
+    _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    if not as_json:
+        typer.echo(f"wrote {out}")
+    if not result.admissible:
+        raise typer.Exit(NO_ADMISSIBLE)
 
 
 def _print(as_json: bool, data: Any, show: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import typer
@@ -29,12 +30,21 @@ def page() -> str:
         "# Commands\n",
         "Every command has `--help`; most print JSON for machines with `--json`.\n",
     ]
-    for name, command in group.commands.items():
+    for name, command in _commands(group):
         parts.append(f"## slopewise {name}\n")
         parts.append(_plain(command.help or "") + "\n")
         rows = [_row(parameter) for parameter in command.params if parameter.name != "help"]
         parts.append("| word | default | what |\n|---|---|---|\n" + "\n".join(rows) + "\n")
     return "\n".join([*parts, _STATUS])
+
+
+def _commands(group: Any, before: str = "") -> Iterator[tuple[str, Any]]:
+    """Commands by their full name, those of a group under the group's."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from _commands(command, f"{before}{name} ")
+        else:
+            yield f"{before}{name}", command
 
 
 def _row(parameter: Any) -> str:

@@ -155,7 +155,7 @@ def write(result: PlanResult, path: Path) -> None:
 
 def write_csv(result: PlanResult, path: Path) -> None:
     """All plans in one file, best first."""
-    parts = [_driven(plan) for plan in result.plans]
+    parts = [driven(plan) for plan in result.plans]
     joined: dict[str, Any] = {}
     for name in parts[0]:
         values = [part[name] for part in parts]
@@ -164,7 +164,7 @@ def write_csv(result: PlanResult, path: Path) -> None:
     write_plan_csv(joined, path)
 
 
-def _driven(plan: SpeedPlan) -> dict[str, Any]:
+def driven(plan: SpeedPlan) -> dict[str, Any]:
     """Columns of a plan up to its clear distance: beyond it there is nothing to drive."""
     columns = plan.columns()
     if plan.status is Status.INFEASIBLE:
@@ -218,12 +218,13 @@ def as_json(result: PlanResult) -> dict[str, Any]:
         "model": result.model.name,
         "admissible": result.admissible,
         "seconds": result.seconds,
-        "plans": [{**_summary(plan), "columns": _columns(plan)} for plan in result.plans],
+        "plans": [{**summary(plan), "columns": _columns(plan)} for plan in result.plans],
         **explained,
     }
 
 
-def _summary(plan: SpeedPlan) -> dict[str, Any]:
+def summary(plan: SpeedPlan) -> dict[str, Any]:
+    """A plan in one row, SI units; None where there is no margin to speak of."""
     return {
         "candidate": plan.candidate,
         "status": plan.status.value,
@@ -242,7 +243,7 @@ def _columns(plan: SpeedPlan) -> dict[str, Any]:
     repeated = ("candidate", "status", "reason")
     return {
         name: values if isinstance(values, list) else values.tolist()
-        for name, values in _driven(plan).items()
+        for name, values in driven(plan).items()
         if name not in repeated
     }
 

@@ -27,38 +27,75 @@ _SMALLEST_CELL = 2e-3  # [m] without a coordinate system, smaller cells are degr
 
 def read_info(path: Path) -> MapInfo:
     """Grid of a GeoTIFF; raises InputError if it cannot be an elevation map in metres."""
-    with _opened(path) as dataset:
-        return _checked(dataset, path)
+    with opened(path) as ground:
+        return ground.info
 
 
 def read_elevation(path: Path, rows: slice, columns: slice) -> Floats:
     """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these are read."""
-    from rasterio.windows import Window
+    with opened(path) as ground:
+        return ground.read(rows, columns)
 
-    with _opened(path) as dataset:
-        info = _checked(dataset, path)
+
+class GeotiffWindows:
+    """An open elevation map that is read by windows.
+
+    Attributes:
+        info: its grid.
+    """
+
+    def __init__(self, dataset: Any, path: Path) -> None:
+        """Raise InputError if it cannot be an elevation map in metres."""
+        self._dataset = dataset
+        self._path = path
+        self.info = _checked(dataset, path)
+
+    def read(self, rows: slice, columns: slice) -> Floats:
+        """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.
+
+        Raises:
+            InputError: the file is damaged there.
+        """
+        from rasterio.windows import Window
+
+        dataset = self._dataset
         flipped = dataset.transform.e < 0.0
-        top = info.rows - rows.stop if flipped else rows.start
+        top = self.info.rows - rows.stop if flipped else rows.start
         window = Window(columns.start, top, columns.stop - columns.start, rows.stop - rows.start)
-        band = dataset.read(1, window=window, masked=True, out_dtype="float64")
-        heights: Floats = np.ma.filled(band, np.nan) * dataset.scales[0] + dataset.offsets[0]
-    return np.ascontiguousarray(heights[::-1] if flipped else heights)
+        with _in_one_line(self._path):
+            band = dataset.read(1, window=window, masked=True, out_dtype="float64")
+            heights: Floats = np.ma.filled(band, np.nan) * dataset.scales[0] + dataset.offsets[0]
+        return np.ascontiguousarray(heights[::-1] if flipped else heights)
 
 
 @contextlib.contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def opened(path: Path) -> Iterator[GeotiffWindows]:
+    """Open a map once for many windows.
+
+    Raises:
+        InputError: not an elevation map in metres.
+    """
     import rasterio
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
     check_file(path)
+    with contextlib.ExitStack() as stack:
+        with _in_one_line(path):
+            dataset = stack.enter_context(rasterio.open(path, driver="GTiff"))
+            ground = GeotiffWindows(dataset, path)
+        yield ground
+
+
+@contextlib.contextmanager
+def _in_one_line(path: Path) -> Iterator[None]:
+    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
     logger = logging.getLogger("rasterio")
     before = logger.level
     logger.setLevel(logging.CRITICAL)  # what GDAL says of a broken file comes out as one line below
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with rasterio.open(path, driver="GTiff") as dataset:
-                yield dataset
+            yield
     except (RasterioError, OSError, MemoryError, ValueError) as error:
         found = "unreadable data inside" if "Read" in str(error) else "something else"
         raise fault(path, "", f"expected an intact GeoTIFF, got {found}") from None

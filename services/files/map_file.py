@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from models.errors import ParameterError
-from planner.compiled import Ints
+from planner.compiled import Floats, Ints
 from planner.elevation_map import ElevationMap
 from services.files import geotiff_file, npz_map_file
 from services.files.access import fault
@@ -16,7 +16,7 @@ from services.files.bag import is_bag
 from services.files.grid import MAX_CELLS, Around, MapInfo, in_words
 from services.files.npz_map_file import write_map_npz
 
-__all__ = ["MapInfo", "frame_of", "map_info", "read_map", "write_map_npz"]
+__all__ = ["MapInfo", "frame_of", "known_heights", "map_info", "read_map", "write_map_npz"]
 
 _GEOTIFF = (".tif", ".tiff", ".gtiff")
 _HIGHEST = 1e5  # [m] beyond that it is a marker for missing data that nobody declared
@@ -70,7 +70,7 @@ def read_map(
         heights, classes, names = npz_map_file.read_layers(path)
         heights = heights[cells]
         classes = None if classes is None else classes[cells]
-    heights = np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
+    heights = known_heights(heights)
     if not np.isfinite(heights).any():
         where = "" if around is None else f" at {in_words(around)}"
         raise fault(path, "elevation", f"expected a known cell{where}, got unknown ones only")
@@ -84,6 +84,11 @@ def read_map(
         )
     except ParameterError as error:
         raise fault(path, error.field, f"expected {error.expected}") from None
+
+
+def known_heights(heights: Floats) -> Floats:
+    """Heights with NaN where they can only be markers for missing data."""
+    return np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
 
 
 def frame_of(path: Path, topics: Path | None = None) -> str:

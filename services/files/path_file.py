@@ -1,4 +1,4 @@
-"""Candidate paths: CSV with header x,y[,candidate,speed_limit,yaw], GeoJSON, ROS 2 recordings.
+"""Candidate paths: CSV or Parquet with x,y[,candidate,speed_limit,yaw], GeoJSON, recordings.
 
 Coordinates are those of the map [m], speed limits [m/s], yaw [rad].
 """
@@ -16,6 +16,7 @@ from services.files.access import fault
 from services.files.bag import is_bag
 from services.files.geojson_file import read_geojson_paths
 from services.files.grid import Around, in_words
+from services.files.parquet_table import read_parquet
 from services.files.table import Floats, Table, read_csv, write_csv
 
 _OPTIONAL = {"speed_limit": "m/s", "yaw": "rad"}
@@ -25,7 +26,7 @@ def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[
     """All candidates of a file, in the order in which they first appear.
 
     Args:
-        path: CSV, GeoJSON, or a recording with nav_msgs/Path.
+        path: CSV, Parquet, GeoJSON, or a recording with nav_msgs/Path.
         topics: topic mapping of a recording; frame: that its paths have to be in, if any.
 
     Raises:
@@ -37,7 +38,7 @@ def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[
         from services.files.bag_map import read_bag_paths
 
         return read_bag_paths(path, topics, frame)
-    table = read_csv(path)
+    table = read_parquet(path) if path.suffix.lower() == ".parquet" else read_csv(path)
     table.require(("x", "y"))
     points = np.stack((table.numbers("x", "m"), table.numbers("y", "m")), axis=1)
     optional = {name: _optional(table, name) for name in _OPTIONAL if name in table.columns}

@@ -1,0 +1,1 @@
+"""A fleet's worth of paths and logs, on several processes or machines."""

@@ -1,0 +1,84 @@
+"""What a worker does with one part: plan its paths window by window, write the results.
+
+Workers hand nothing back but a count: results go to the shared folder, so that a worker that dies
+takes nothing along, and none has to hold more than a part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from models.errors import ParameterError
+from models.parameters import Model
+from planner.candidates import CandidatePlanner
+from planner.elevation_map import ElevationMap
+from planner.path import CandidatePath, batch
+from planner.plan import SpeedPlan
+from services.files.grid import MapInfo
+from services.files.model_file import model_from_dict
+from services.fleet import results
+from services.fleet.parts import Part, Question
+from services.fleet.results import Refused
+from services.fleet.windows import MOST_CELLS, ground_in, opened, windows
+
+
+@dataclass(frozen=True, slots=True)
+class PlanTask:
+    """A part, what is asked about it, and the folder that all workers write to."""
+
+    part: Part
+    question: Question
+    folder: str
+
+
+def plan_part(task: PlanTask) -> int:
+    """Plan and write one part; gives the number of its candidates.
+
+    The planner is made anew for every part: solvers that start from the answer before would let a
+    plan depend, in its last digits, on which parts the same worker had planned.
+
+    Raises:
+        InputError: the map cannot be read, or the folder not be written to.
+    """
+    part, question = task.part, task.question
+    model = model_from_dict(question.model, "model")
+    planner = CandidatePlanner(model, question.settings, question.uncertainty)
+    answers: dict[int, SpeedPlan | Refused] = {}
+    with opened(Path(question.map_file)) as ground:
+        margin = footprint_margin(model, ground.info)
+        for window in windows(part.paths, ground.info, margin):
+            members = [part.paths[i] for i in window.members]
+            if window.cells is None:
+                words = f"expected a path on at most {MOST_CELLS} cells of the map, got more"
+                found: list[SpeedPlan | Refused] = [Refused(p.name, words) for p in members]
+            else:
+                found = _planned(planner, ground_in(ground, window.cells), members, question)
+            answers |= dict(zip(window.members, found, strict=True))
+    ordered = [answers[i] for i in range(len(part.paths))]
+    results.write(Path(task.folder), part.name.file, part.name.source.name, ordered)
+    return len(ordered)
+
+
+def footprint_margin(model: Model, info: MapInfo) -> float:
+    """Ground that has to be known around a path [m]."""
+    return model.vehicle.wheelbase + model.vehicle.track_width + 2.0 * info.resolution
+
+
+def _planned(
+    planner: CandidatePlanner, ground: ElevationMap, paths: list[CandidatePath], question: Question
+) -> list[SpeedPlan | Refused]:
+    spacing = planner.settings.spacing_on(ground.resolution)
+    answers: list[SpeedPlan | Refused | None] = [_refused(path, spacing) for path in paths]
+    good = [path for path, answer in zip(paths, answers, strict=True) if answer is None]
+    plans = iter(planner.plan(ground, good, start_speed=question.start_speed, clear=question.clear))
+    return [next(plans) if answer is None else answer for answer in answers]
+
+
+def _refused(path: CandidatePath, spacing: float) -> Refused | None:
+    """One path that is none must not keep the others from being planned."""
+    try:
+        batch([path], spacing)
+    except ParameterError as error:
+        return Refused(path.name, f"{error.field}: expected {error.expected}")
+    return None

@@ -1,0 +1,123 @@
+"""Results as partitioned Parquet: `plans/` a row a station, `candidates/` a row a candidate.
+
+A part is finished once its file in `candidates/` is there: it is written last, and all or nothing.
+The same plans give the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.plan import SpeedPlan
+from services.commands.plan import driven, summary
+from services.files.access import fault, write_atomic
+
+REFUSED = "refused"
+"""Status of a candidate that is no path to drive forward; its reason says why."""
+
+PLANS, CANDIDATES = "plans", "candidates"
+
+
+def write(folder: Path, file: str, source: str, answers: Sequence[SpeedPlan | Refused]) -> None:
+    """Write a part, finished with the second file.
+
+    Raises:
+        InputError: the folder cannot be written to.
+    """
+    import pyarrow as pa
+
+    plans = [answer for answer in answers if isinstance(answer, SpeedPlan)]
+    write_atomic(folder / PLANS / file, _parquet(_stations(plans, source, pa), pa))
+    rows = [_row(answer, source) for answer in answers]
+    table = pa.Table.from_pylist(rows, schema=_candidates(pa))
+    write_atomic(folder / CANDIDATES / file, _parquet(table, pa))
+
+
+def finished(folder: Path, file: str) -> bool:
+    """The part was written whole."""
+    return (folder / CANDIDATES / file).is_file() and (folder / PLANS / file).is_file()
+
+
+def count(folder: Path, files: Iterable[str]) -> tuple[Counter[str], int]:
+    """Candidates by status, and how many of them may be driven, in all these parts."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    statuses: Counter[str] = Counter()
+    admissible = 0
+    for file in files:
+        path = folder / CANDIDATES / file
+        try:
+            table = pq.read_table(path, columns=["status", "admissible"])
+        except (pa.ArrowException, OSError):
+            words = "expected an intact part: remove it and run again, got something else"
+            raise fault(path, "", words) from None
+        statuses.update(table["status"].to_pylist())
+        admissible += sum(table["admissible"].to_pylist())
+    return statuses, admissible
+
+
+class Refused:
+    """A candidate that cannot be planned, and why."""
+
+    __slots__ = ("candidate", "reason")
+
+    def __init__(self, candidate: str, reason: str) -> None:
+        """Name of the candidate, and a sentence."""
+        self.candidate = candidate
+        self.reason = reason
+
+
+def _row(answer: SpeedPlan | Refused, source: str) -> dict[str, Any]:
+    if isinstance(answer, Refused):
+        told = {"candidate": answer.candidate, "status": REFUSED, "reason": answer.reason}
+        return {"source": source, "admissible": False, **told}
+    return {"source": source, "admissible": answer.admissible, **summary(answer)}
+
+
+def _candidates(pa: Any) -> Any:
+    numbers = (
+        "travel_time", "progress", "length", "max_speed", "clear_distance", "least_margin",
+        "least_rear_load",
+    )  # fmt: skip
+    return pa.schema(
+        [
+            ("source", pa.string()), ("candidate", pa.string()), ("status", pa.string()),
+            ("reason", pa.string()), ("admissible", pa.bool_()),
+            *((name, pa.float64()) for name in numbers),
+        ]
+    )  # fmt: skip
+
+
+_TEXT = ("candidate", "limiting", "status", "reason")
+_NUMBERS = (
+    "station", "x", "y", "z", "grade", "roll", "curvature", "speed", "accel", "time",
+    "speed_bound", "stop_distance", "clear_distance", "rear_load", "side_load",
+)  # fmt: skip
+
+
+def _stations(plans: Sequence[SpeedPlan], source: str, pa: Any) -> Any:
+    """The columns of a plan file, and the file of the path."""
+    parts = [driven(plan) for plan in plans]
+    rows = sum(len(part["station"]) for part in parts)
+    columns: dict[str, Any] = {"source": pa.array([source] * rows, pa.string())}
+    for name in _TEXT:
+        columns[name] = pa.array([cell for part in parts for cell in part[name]], pa.string())
+    for name in _NUMBERS:
+        values = np.concatenate([part[name] for part in parts]) if parts else np.empty(0)
+        columns[name] = pa.array(values, pa.float64())
+    return pa.table(columns)
+
+
+def _parquet(table: Any, pa: Any) -> bytes:
+    import pyarrow.parquet as pq
+
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    return buffer.getvalue()

@@ -1,0 +1,118 @@
+"""Where tasks run: in this process, on a local Dask cluster, or on a scheduler that is there.
+
+Tasks are handed out a few at a time, so that neither scheduler nor workers hold more than they work
+on. A task whose worker dies goes to another one; a task that several workers died of is given up.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from itertools import islice
+from typing import Any, TypeVar
+
+from models.errors import InputError
+from services.files.access import reason
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+MEMORY = "1GiB"
+"""Of a local worker; one that needs more is ended and started again."""
+
+_AHEAD = 2  # tasks waiting beside each one that runs
+_PATIENCE = 20.0  # [s] for a scheduler to answer
+
+Task = tuple[str, T]
+"""A name of its own, and what to work on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """Who works.
+
+    Attributes:
+        count: of local processes; 0 is this one, None one for each processor.
+        scheduler: address of a running Dask scheduler, empty for a local cluster.
+    """
+
+    count: int | None = None
+    scheduler: str = ""
+
+
+def check_installed() -> None:
+    """Raise InputError unless the extra is installed."""
+    for module in ("distributed", "pyarrow"):
+        if find_spec(module) is None:
+            raise InputError("fleet", "", f"needs {module}: pip install slopewise[fleet]")
+
+
+def each_done(
+    function: Callable[[T], R], tasks: Iterable[Task[T]], workers: Workers
+) -> Iterator[R]:
+    """Results in the order in which they are done.
+
+    Args:
+        function: of one task; importable, it runs in other processes.
+        tasks: drawn as workers become free.
+        workers: who works.
+
+    Raises:
+        InputError: no scheduler answers; and whatever the function raises.
+    """
+    if workers.count == 0 and not workers.scheduler:
+        for _, task in tasks:
+            yield function(task)
+        return
+    with _client(workers) as client:
+        yield from _spread(client, function, iter(tasks))
+
+
+def _spread(client: Any, function: Callable[[T], R], tasks: Iterator[Task[T]]) -> Iterator[R]:
+    from distributed import as_completed
+
+    threads = max(sum(client.nthreads().values()), 1)
+
+    def handed_out(some: int) -> list[Any]:
+        return [
+            client.submit(function, task, key=f"{function.__name__}-{name}", pure=False)
+            for name, task in islice(tasks, some)
+        ]
+
+    running = as_completed(handed_out((1 + _AHEAD) * threads))
+    for future in running:
+        result = future.result()
+        future.release()
+        for fresh in handed_out(1):
+            running.add(fresh)
+        yield result
+
+
+@contextmanager
+def _client(workers: Workers) -> Iterator[Any]:
+    from distributed import Client, LocalCluster
+
+    for name in ("distributed", "bokeh", "tornado"):  # a worker that dies is no news for the user
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    if workers.scheduler:
+        try:
+            client = Client(workers.scheduler, timeout=_PATIENCE)
+        except (OSError, ValueError, TypeError) as error:
+            words = f"expected a Dask scheduler that answers, got {reason(error)}"
+            raise InputError("--scheduler", workers.scheduler, words) from None
+        with client:
+            yield client
+        return
+    count = workers.count or os.cpu_count() or 1
+    with (
+        LocalCluster(
+            n_workers=count, threads_per_worker=1, processes=True, memory_limit=MEMORY,
+            dashboard_address=None, silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):  # fmt: skip
+        yield client
