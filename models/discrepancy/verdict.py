@@ -7,7 +7,7 @@ physically usual; else the log has shown that something is there, and no more.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,12 @@ _BELIEVED = 0.5  # share of what is left for which likelihoods are not believed
 _STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
 _DRIFT = 0.003  # p-value of the same coefficients
 _PART = 3.0  # chi square by which a pair has to beat one of its effects alone
+_HARDLY, _PLAIN, _SEEN = 8.0, 40.0, 0.01  # chi squares, p-value
+_SHOWS_ALONG = {
+    "surface_patch": ("place", "x", "y"),
+    "grade_asymmetry": ("grade", "abs_grade"),
+    "grade_nonlinearity": ("grade", "abs_grade"),
+}
 _AT_BOUND = 1e-3
 
 
@@ -58,13 +64,14 @@ class Decision:
 
 def decide(
     table: StopTable, base: Fit, found: Identified, left: list[Followed],
-    settings: DiscrepancySettings,
+    located: list[Followed], settings: DiscrepancySettings,
 ) -> Decision:  # fmt: skip
     """One word for the log.
 
     Args:
         table: stops. base: refitted model. found: outcome of the search.
         left: axes that its best explanation still disagrees along, the most telling first.
+        located: axes that the refitted model disagrees along.
         settings: how sure to be.
     """
     sure = [f for f in left if f.p_value < settings.structure]
@@ -82,7 +89,11 @@ def decide(
         if doubted or _way_between(table, best, plainer) < _TRACE:
             others = (best, *(e for e in others if e.names != plainer.names))
             best = plainer
-    refitted = next((e for e in others if not e.names), _plain(base, found))
+    refitted = next((e for e in others if not e.names), _far(base))
+    if _weak(best, refitted, located):
+        plain = [f for f in located if f.p_value < settings.structure]
+        nothing = replace(found, best=Explanation(base, refitted.score))
+        return _without_names(table, base, nothing, _large(table, plain), ())
     ends = _numbers_at_their_end(best)
     if ends:
         words = (
@@ -118,6 +129,16 @@ def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
     return sorted((f for f in apart if f.way > least), key=lambda f: -f.strength)
 
 
+def _weak(best: Explanation, refitted: Explanation, located: list[Followed]) -> bool:
+    """Too little evidence for a name: hardly better than none, or along an axis that shows none."""
+    margin = refitted.score - best.score
+    if refitted.names or margin > _PLAIN:
+        return False
+    seen = {f.axis.name for f in located if f.p_value < _SEEN}
+    unseen = [n for n in best.names if n in _SHOWS_ALONG and not seen & set(_SHOWS_ALONG[n])]
+    return margin < _HARDLY or (len(best.names) == 1 and bool(unseen))
+
+
 def _way_between(table: StopTable, one: Explanation, other: Explanation) -> float:
     """Root mean square difference of stopping distances, as a share of their mean."""
     off = distances(table, one.fit.hypothesis) - distances(table, other.fit.hypothesis)
@@ -129,8 +150,9 @@ def _said_of(left: Followed) -> tuple[str, ...]:
     return (f"a little is left that follows {left.axis.name}: {way:.0f} mm of way a stop",)
 
 
-def _plain(base: Fit, found: Identified) -> Explanation:
-    return Explanation(base, found.best.score)
+def _far(base: Fit) -> Explanation:
+    """The base where it fell so far behind that its score is not known any more."""
+    return Explanation(base, float("inf"))
 
 
 def _without_names(

@@ -88,7 +88,7 @@ def investigate_with_evidence(
     advance(1)
     found, left, output = _with_what_is_left(table, found, wanted)
     located = follow(table, base, wanted.seed) if found.best.names else left
-    decision = decide(table, base, found, left, wanted)
+    decision = decide(table, base, found, left, located, wanted)
     advance(1)
     widths = extents(output, decision.explanation.fit)
     gaps = compared(table, base, decision.explanation.fit, wanted)
