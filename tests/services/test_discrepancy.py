@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from examples.recordings import f1tenth, husky_drive
 from services import cli
 from services.files.model_file import read_model
 from services.files.table import write_csv
@@ -97,3 +98,21 @@ def test_bad_input_is_one_line_and_status_2(
     assert "few.csv: stops: expected at least 12 usable stops" in error
     assert _status([*base, "--false-alarm", "2"]) == 2
     assert "--false-alarm" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("reader", "folder"), [(husky_drive, "drive_norlab"), (f1tenth, "f1tenth_frictionmaps")]
+)
+def test_recordings_of_other_vehicles_are_no_certain_effect(
+    reader: object, folder: str, data: Path, tmp_path: Path
+) -> None:
+    # Nobody knows the truth here: a name without doubt would be invented.
+    columns = reader.read(data / "stops" / folder)  # type: ignore[attr-defined]
+    table = {n: list(v) if v.dtype.kind in "UO" else v for n, v in columns.items()}
+    write_csv(table, tmp_path / "log.csv")
+    arguments = ["discrepancy", str(tmp_path / "log.csv"), "--model", "husky", "--out"]
+    assert _status([*arguments, str(tmp_path), "--json"]) == 0
+    found = json.loads((tmp_path / "discrepancy.json").read_text())
+    assert found["verdict"] != "missing_effect"
+    assert found["notes"]
+    assert found["stop_distance"]["after"] < found["stop_distance"]["before"]
