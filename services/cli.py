@@ -367,7 +367,7 @@ def demo(
 @app.command()
 def bench(
     what: Annotated[
-        Literal["planner", "cycle", "optimality", "closed-loop", "discrepancy"],
+        Literal["planner", "cycle", "optimality", "closed-loop", "discrepancy", "fleet"],
         typer.Argument(help="What to measure, see above."),
     ] = "planner",
     quick: Annotated[bool, typer.Option(help="Fewer repetitions, half a minute.")] = False,
@@ -382,7 +382,7 @@ def bench(
         typer.Option(
             metavar="DIR",
             help="closed-loop: write report and pictures, and keep every drive: a run that was "
-            "interrupted goes on.",
+            "interrupted goes on. fleet: a folder with room for the map.",
         ),
     ] = None,
 ) -> None:
@@ -407,6 +407,9 @@ def bench(
 
     if what == "closed-loop":
         command.closed_loop(quick=quick, json_file=json_file, out=out)
+        return
+    if what == "fleet":
+        command.fleet(quick=quick, json_file=json_file, out=out)
         return
     if what == "discrepancy":
         command.discrepancy(quick=quick, json_file=json_file, plot=plot)

@@ -56,6 +56,38 @@ def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
         console.print(f"wrote {json_file}")
 
 
+def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
+    """Plan a fleet's worth of paths, show, and write what was asked for.
+
+    Args:
+        quick: a small map. json_file: for all figures.
+        out: folder with room for the large map; a temporary one if left out.
+
+    Raises:
+        InputError: the extra is not installed.
+    """
+    from tempfile import TemporaryDirectory
+
+    from services.fleet.scheduler import check_installed
+
+    check_installed()
+    from benchmarks import fleet as benchmark
+    from services.screen import progress_bar
+
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    console = Console()
+    with (
+        TemporaryDirectory(prefix="slopewise-fleet-", dir=out) as folder,
+        progress_bar("fleet", benchmark.total(quick)) as advance,
+    ):
+        result = benchmark.run(quick, Path(folder) / "run", advance)
+    benchmark.show(result, console)
+    if json_file is not None:
+        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
+        console.print(f"wrote {json_file}")
+
+
 def discrepancy(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
     """Hide effects, have them looked for, show, and write what was asked for.
 
