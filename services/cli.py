@@ -493,7 +493,8 @@ def query(
 @app.command()
 def params(
     group: Annotated[
-        str, typer.Argument(help="braking, braking.SURFACE, terrain or limits; all if left out.")
+        str,
+        typer.Argument(help="braking, braking.SURFACE, terrain, limits, effects; all if left out."),
     ] = "",
     history: Annotated[
         bool,
@@ -508,6 +509,17 @@ def params(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter of GROUP; repeat it."),
     ] = None,
+    investigate: Annotated[
+        bool,
+        typer.Option("--investigate", help="Hold the stops that it keeps against the model."),
+    ] = False,
+    adopt: Annotated[
+        str, typer.Option(metavar="OFFER", help="Plan with what it found and offers.")
+    ] = "",
+    faster: Annotated[
+        bool,
+        typer.Option("--faster", help="Even if stops get shorter than by the model file."),
+    ] = False,
     connect: Connect = "tcp/127.0.0.1:7447",
     namespace: Namespace = "slopewise/robot",
     timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")] = 2.0,
@@ -517,16 +529,17 @@ def params(
     """Read the parameters of a running service, set them, or go back to an earlier version.
 
     Limits may be set tighter than in the model file, not wider; braking above it counts in plans
-    once stops confirm it.
+    once stops confirm it. What is missing in the model is offered, and an operator adopts it.
 
     [bold]Examples[/]  slopewise params braking --history
               slopewise params limits --set speed=1.5
+              slopewise params --investigate
     """
     from services.commands import params as command
 
     job = command.ParamsJob(
         connect, namespace, timeout, zenoh_file, group, most if history else 0, rollback,
-        tuple(changes or ()),
+        tuple(changes or ()), investigate, adopt, faster,
     )  # fmt: skip
     reply = command.run(job)
     _print(as_json, lambda: command.as_json(reply), lambda screen: command.show(reply, job, screen))

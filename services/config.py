@@ -16,6 +16,7 @@ from planner.settings import PlannerSettings
 from planner.uncertainty import Uncertainty
 from services.files.access import fault, read_text, reason
 from services.files.decode import decode_table
+from services.investigation_settings import Investigation
 from services.learning_settings import Learning, StoreSettings
 from services.tls_files import settle
 
@@ -160,6 +161,7 @@ class ServiceConfig:
     page: PageSettings = field(default_factory=PageSettings)
     learning: Learning = field(default_factory=Learning)
     store: StoreSettings = field(default_factory=StoreSettings)
+    discrepancy: Investigation = field(default_factory=Investigation)
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.namespace):
@@ -187,9 +189,10 @@ def read_config(path: Path) -> ServiceConfig:
         name = inside.get(key) if isinstance(inside, dict) else None
         if isinstance(name, str) and name and (path.parent / name).is_file():
             inside[key] = str(path.parent / name)
-    store = data.get("store")
-    if isinstance(store, dict) and isinstance(store.get("path"), str) and store["path"]:
-        store["path"] = str(path.parent / store["path"])
+    for table, key in (("store", "path"), ("discrepancy", "samples")):
+        place = data.get(table)
+        if isinstance(place, dict) and isinstance(place.get(key), str) and place[key]:
+            place[key] = str(path.parent / place[key])
     return decode_table(ServiceConfig, data, str(path))
 
 

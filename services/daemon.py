@@ -95,15 +95,16 @@ class Service:
                 "zenoh", "listen", f"expected free endpoints, {where}: {words_of(error)}"
             ) from None
         self._look_for_twin()
+        # The status tells of it, so it is there before anybody asks.
+        self._desk = ParameterDesk(
+            self._session, config, self.parameters, self.counters, self.board
+        )
+        self._page = self._open_page()
         work = [self._work] * config.planning.workers
         for n, loop in enumerate([*work, self._turn_away, self._take_maps, self._tell]):
             thread = threading.Thread(target=loop, name=f"{loop.__name__}-{n}", daemon=True)
             thread.start()
             self._threads.append(thread)
-        self._page = self._open_page()
-        self._desk = ParameterDesk(
-            self._session, config, self.parameters, self.counters, self.board
-        )
         self._declared = [
             self._session.declare_queryable(self._key, self._on_query, complete=True),
             self._session.declare_subscriber(config.key("map"), self._on_map),

@@ -19,9 +19,10 @@ from models.errors import ParameterError
 from models.parameters import Model
 from models.quantity import GRAVITY
 from services.braking_groups import BASE, BrakingGroups
+from services.effects_group import EFFECTS, EffectsGroup
 from services.ground_now import GroundNow, monitor_maker
 from services.intake import columns_of
-from services.learnable import Stop, unable
+from services.learnable import Stop, may_add, unable
 from services.learning_settings import Learning
 from services.limits_group import LIMITS, LimitsGroup
 from services.observations import DriveSamples, Observation, StopObservation, TerrainLabel
@@ -39,6 +40,7 @@ class Learner:
 
     Attributes:
         ground: what is driven on now. unable: why braking is not learned; empty if it is.
+        effects: the finding that is offered, and the one in use.
         stops: the last ones, beside what was predicted. stop_count: all there were.
         implausible: stops that brakes cannot make, not learned from.
     """
@@ -53,14 +55,16 @@ class Learner:
             settings: of learning.
             names_surfaces: whether the map in use tells surfaces apart.
         """
-        self._prior, self._settings, self._names_surfaces = prior, settings, names_surfaces
+        self._file = self._prior = prior
+        self._settings, self._names_surfaces = settings, names_surfaces
         self._braking = BrakingGroups(prior, settings)
         self._terrain = TerrainGroup(prior, settings)
         self._limits = LimitsGroup(prior)
+        self.effects = EffectsGroup(prior, self._take_up)
         self.ground = GroundNow(
             prior, monitor_maker(settings.terrains), settings.label_for, settings.sure
         )
-        self.unable = unable(prior) if settings.enabled else "nothing is learned: it is off"
+        self.unable = self._unable(prior)
         self.stops: deque[Stop] = deque(maxlen=_MOST_STOPS)
         self.stop_count = self.implausible = 0
         self._streams: dict[str, StopStream] = {}
@@ -164,7 +168,8 @@ class Learner:
 
     def names(self) -> list[str]:
         """All groups."""
-        return [*self._braking.names(), *self._terrain.names(), *self._limits.names()]
+        rest = (self._terrain, self._limits, self.effects)
+        return [*self._braking.names(), *(name for groups in rest for name in groups.names())]
 
     def group(self, name: str) -> ParameterGroups:
         """Who looks after a group, whether there is anything in it yet or not."""
@@ -172,6 +177,8 @@ class Learner:
             return self._terrain
         if name == LIMITS:
             return self._limits
+        if name == EFFECTS:
+            return self.effects
         surface = name.removeprefix(f"{BASE}.")
         if name == BASE or surface in self._prior.braking.terrain:
             return self._braking
@@ -181,9 +188,57 @@ class Learner:
 
     def may_restore(self, name: str) -> bool:
         """Whether what was learned before of a group still has a say."""
-        return name == LIMITS or (
-            self._settings.enabled and not (name.startswith(BASE) and bool(self.unable))
-        )
+        if name in (LIMITS, EFFECTS):
+            return True
+        if not self._settings.enabled:
+            return False
+        if not (name.startswith(BASE) and bool(self.unable)):
+            return True
+        # What stops taught of the base is in an adopted finding already; of other ground it is not.
+        adopted = self._prior is not self._file
+        return adopted and name != BASE and not _counts_twice(self._prior)
+
+    # ------------------------------------------------------------------ findings
+
+    @property
+    def base(self) -> Model:
+        """What is learned on top of: the model file, or the finding that was adopted."""
+        return self._prior
+
+    def _unable(self, model: Model) -> str:
+        if not self._settings.enabled:
+            return "nothing is learned: it is off"
+        return unable(model, "the model file" if model is self._file else "the adopted finding")
+
+    def _take_up(self, model: Model | None, before: dict | None) -> dict | None:
+        """Learn on top of a finding, or of the model file again.
+
+        What stops taught counts below it from now on. Where braking cannot be learned on top of it,
+        what they taught of the base is given back: the finding is made of the same stops.
+
+        Raises:
+            ParameterError: a surface's own force would be counted twice.
+        """
+        now, known = time.monotonic(), self._braking
+        wanted = self._file if model is None else model
+        learned = {name: known.state(name) for name in known.names()}
+        learned = {name: state for name, state in learned.items() if state is not None}
+        surfaces = sorted(set(learned) - {BASE})
+        if surfaces and model is not None and _counts_twice(model):
+            words = "no learned surfaces beside effects that add force, they"
+            raise ParameterError("effects", f"{words} would count twice: {', '.join(surfaces)}")
+        learns = self._unable(wanted) == ""
+        given = None if model is None or learns else learned.pop(BASE, None)
+        if before is not None and BASE not in learned and learns:
+            learned[BASE] = before
+        ages = known.ages(now)
+        braking = BrakingGroups(wanted, self._settings)
+        for name, state in learned.items():
+            age = ages.get(name[len(BASE) + 1 :], self._settings.oldest)
+            braking.restore(name, state, age)
+        # Only what could be taken up whole is.
+        self._prior, self._braking, self.unable = wanted, braking, self._unable(wanted)
+        return given
 
     # ------------------------------------------------------------------ bringing out
 
@@ -204,3 +259,8 @@ class Learner:
             limits=self._limits.in_use(),
         )  # fmt: skip
         return model, least, max(ages.values(), default=0.0)
+
+
+def _counts_twice(model: Model) -> bool:
+    """Whether what stops teach holds force already that the model's effects add."""
+    return bool(unable(model)) and any(may_add(effect) for effect in model.effect)

@@ -2,7 +2,8 @@
 
 An observation comes as a put, or as a query where its sender wants to know that it was kept: the
 receipt comes once it is on disk. Parameters are read at ``params`` and ``params/GROUP``, set at
-``params/set`` and ``params/rollback``: keys of their own, so that access can be given apart.
+``params/set``, ``params/rollback`` and ``params/adopt``: keys of their own, so that access can be
+given apart. ``discrepancy`` tells what stored stops say, and begins a look at them.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from services.config import ServiceConfig
 from services.live.board import Board, GroundSeen, GroupSeen, StopSeen
 from services.observations import DriveSamples, Receipt, StopObservation, TerrainLabel
 from services.parameter_messages import (
+    AdoptOffer,
+    DiscrepancyQuestion,
     ParameterGroup,
     ParameterQuestion,
     ParameterReply,
@@ -38,7 +41,12 @@ KINDS: dict[str, type[Any]] = {
     "drive": DriveSamples,
     "terrain": TerrainLabel,
 }
-CHANGES: dict[str, type[Any]] = {"set": SetParameters, "rollback": RollBack}
+CHANGES: dict[str, type[Any]] = {
+    "set": SetParameters,
+    "rollback": RollBack,
+    "adopt": AdoptOffer,
+}
+PARAMS, DISCREPANCY = "params", "discrepancy"
 _RECALLED = 400
 """Changes of the past that the page begins with."""
 
@@ -72,11 +80,9 @@ class ParameterDesk:
             key = config.key(f"obs/{kind}")
             self._declared.append(session.declare_subscriber(key, self._putter(kind)))
             self._declared.append(session.declare_queryable(key, self._putter(kind), complete=True))
-        self._declared.append(
-            session.declare_queryable(
-                config.key("params/**"), self._putter("params"), complete=True
-            )
-        )
+        for name, pattern in ((PARAMS, f"{PARAMS}/**"), (DISCREPANCY, DISCREPANCY)):
+            key, put = config.key(pattern), self._putter(name)
+            self._declared.append(session.declare_queryable(key, put, complete=True))
         for name in config.learning.estimators:
             self._declared.append(
                 session.liveliness().declare_subscriber(
@@ -148,11 +154,14 @@ class ParameterDesk:
                 self._service.fault("learning does not work as it should")
 
     def _take(self, kind: str, arrived: float, item: Any) -> None:
-        if kind != "params":
+        if kind in KINDS:
             self._observe(kind, arrived, item)
-        else:
-            with item:
+            return
+        with item:
+            if kind == PARAMS:
                 self._answer(item)
+            else:
+                self._findings(item)
 
     def _observe(self, kind: str, arrived: float, item: Any) -> None:
         key = self._config.key(f"obs/{kind}")
@@ -173,11 +182,24 @@ class ParameterDesk:
             with item:
                 self._reply(item, key, receipt, wire.format_of(encoding))
 
+    def _findings(self, query: zenoh.Query) -> None:
+        key, encoding = self._config.key(DISCREPANCY), str(query.encoding or "")
+        question = DiscrepancyQuestion()
+        try:
+            if query.payload is not None and len(query.payload):
+                most = int(self._config.learning.observation_bytes)
+                question = wire.decode(DiscrepancyQuestion, query.payload, encoding, key, most)
+        except InputError as error:
+            self._counters["params_malformed"] += 1
+            self._reply(query, key, self._error(str(error)), _written(encoding))
+            return
+        reply = parameter_replies.findings(self._service, question, self._config.id)
+        self._reply(query, key, reply, _written(encoding))
+
     def _answer(self, query: zenoh.Query) -> None:
-        asked, base = str(query.key_expr), self._config.key("params")
+        asked, base = str(query.key_expr), self._config.key(PARAMS)
         encoding = str(query.encoding or "")
-        machine = encoding.startswith(Format.MESSAGEPACK.value)
-        written = Format.MESSAGEPACK if machine else Format.JSON
+        written = _written(encoding)
         name = asked[len(base) + 1 :] if asked.startswith(f"{base}/") else ""
         if name in CHANGES:
             self._reply(query, asked, self._change(query, name, encoding, asked), written)
@@ -278,6 +300,12 @@ class ParameterDesk:
         if ground != self._ground:
             self._ground = ground
             self._board.classified(GroundSeen(name=ground[0], probability=ground[1]))
+
+
+def _written(encoding: str) -> Format:
+    """How to answer: as a machine only to one that said it is."""
+    machine = encoding.startswith(Format.MESSAGEPACK.value)
+    return Format.MESSAGEPACK if machine else Format.JSON
 
 
 def _seen(message: ParameterGroup) -> GroupSeen:

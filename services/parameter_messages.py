@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
+from services.finding import Offer
 from services.messages import Message, Number, Text
 
 Group = Annotated[str, Meta(min_length=1, max_length=80)]
@@ -15,7 +16,7 @@ class ParameterGroup(Message):
     """Parameters that change together.
 
     Attributes:
-        group: `braking`, `braking.SURFACE`, `terrain` or `limits`.
+        group: `braking`, `braking.SURFACE`, `terrain`, `limits` or `effects`.
         version: since which they are so; of all parameters together. valid: the estimate may be
             trusted; what is planned with is cautious either way.
         age: since they were learned or set [s]. fingerprint: of the vehicle.
@@ -75,6 +76,24 @@ class RollBack(Message):
     who: Text = "operator"
 
 
+class AdoptOffer(Message):
+    """Plan with the finding that is offered; ``offer``: its id, ``who``: the operator.
+
+    ``faster``: stops may become shorter than by the model file, if the finding is valid.
+    """
+
+    offer: Text
+    faster: bool = False
+    who: Text = "operator"
+
+
+class DiscrepancyQuestion(Message):
+    """What the stored stops say; ``start``: look at them anew. ``who``: the operator."""
+
+    start: bool = False
+    who: Text = "operator"
+
+
 class ParameterReply(Message):
     """The answer about parameters; there is always one.
 
@@ -82,6 +101,8 @@ class ParameterReply(Message):
         status: `ok`, `refused` or `error`. reason: in words. version: of the parameters in use.
         durable: the last change is on disk. groups: asked for. history: newest first.
         flags: what is not as it should be.
+        offer: the last finding on stored stops; its model only where findings were asked for.
+        investigation: what the last look at them came to; `investigating` while it goes on.
     """
 
     status: Literal["ok", "refused", "error"]
@@ -92,3 +113,6 @@ class ParameterReply(Message):
     groups: list[ParameterGroup] = field(default_factory=list)
     history: list[HistoryEntry] = field(default_factory=list)
     flags: list[str] = field(default_factory=list)
+    offer: Offer | None = None
+    investigation: str = ""
+    investigating: bool = False

@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import math
 
+import msgspec
+
 from models.calibration.force_fit import NAMES
 from models.errors import ParameterError, SlopewiseError
 from services.change import Change
 from services.parameter_group import ParameterGroups
 from services.parameter_log import Last
 from services.parameter_messages import (
+    AdoptOffer,
+    DiscrepancyQuestion,
     HistoryEntry,
     ParameterGroup,
     ParameterQuestion,
@@ -67,12 +71,14 @@ def read(service: ParameterService, question: ParameterQuestion, name: str) -> P
 
 
 def change(
-    service: ParameterService, request: SetParameters | RollBack, name: str
+    service: ParameterService, request: SetParameters | RollBack | AdoptOffer, name: str
 ) -> ParameterReply:
     """The answer to an operator's change, which is made if it can be."""
     try:
         if isinstance(request, SetParameters):
             service.set_values(request.group, request.values, request.who)
+        elif isinstance(request, AdoptOffer):
+            service.adopt(request.offer, request.who, faster=request.faster)
         else:
             service.roll_back(request.version, request.group, request.who)
     except (SlopewiseError, StoreError) as error:
@@ -83,11 +89,24 @@ def change(
     return reply_of(service, name, "ok", "", groups)
 
 
+def findings(service: ParameterService, question: DiscrepancyQuestion, name: str) -> ParameterReply:
+    """The answer about findings: the last one whole, after a new look was begun if wanted."""
+    status, reason = "ok", ""
+    if question.start:
+        try:
+            service.investigate(question.who)
+        except ParameterError as error:
+            status, reason = "refused", str(error)
+    reply = reply_of(service, name, status, reason)
+    return msgspec.structs.replace(reply, offer=service.learner.effects.offer)
+
+
 def reply_of(
     service: ParameterService, name: str, status: str, reason: str,
     groups: list[ParameterGroup] | None = None, history: list[HistoryEntry] | None = None,
 ) -> ParameterReply:  # fmt: skip
     """An answer of any kind."""
+    offer = service.learner.effects.offer
     return ParameterReply(
         status=status,  # type: ignore[arg-type]
         reason=reason,
@@ -97,6 +116,9 @@ def reply_of(
         groups=groups or [],
         history=history or [],
         flags=service.flags(),
+        offer=None if offer is None else msgspec.structs.replace(offer, model={}),
+        investigation=service.investigator.last,
+        investigating=service.investigator.running,
     )
 
 

@@ -7,20 +7,23 @@ thread may read.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import logging
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from models.errors import InputError, ParameterError
 from models.parameters import Model
 from services.change import Moment
 from services.config import ServiceConfig
-from services.intake import Intake
+from services.effects_group import EFFECTS
+from services.intake import Intake, columns_of
+from services.investigator import BY_ITSELF, Investigator
 from services.learner import Learner
-from services.observations import Observation, Receipt
+from services.observations import DriveSamples, Observation, Receipt
 from services.parameter_log import Last, ParameterLog
 from services.parameters_in_use import ParametersInUse, fingerprint
 from services.store import StoreError
@@ -37,6 +40,7 @@ class ParameterService:
     Attributes:
         in_use: parameters to plan with. changed: groups that nobody was told of yet.
         learner: groups and what they learn. counters: of observations.
+        investigator: stops that are kept, and looks for what the model leaves out of them.
     """
 
     def __init__(
@@ -52,10 +56,11 @@ class ParameterService:
             apply: called with what is to be planned with, each time that changes.
         """
         settings = config.learning
-        self._config, self._settings = config, settings
+        self._config, self._settings, self._file = config, settings, prior
         self._apply = apply
         self.learner = Learner(prior, settings, names_surfaces)
         self._log = ParameterLog(config.store, fingerprint(prior))
+        self.investigator = Investigator(config.discrepancy, fingerprint(prior))
         self._missing: dict[str, str] = dict.fromkeys(settings.estimators, "is not alive")
         self._faults: list[str] = []
         self._looked = -math.inf
@@ -82,6 +87,8 @@ class ParameterService:
             ignored = reason in ("duplicate", "out_of_order")
             return self._receipt(IGNORED if ignored else REFUSED, reason.replace("_", " "))
         try:
+            if isinstance(one, DriveSamples) and self._config.discrepancy.samples:
+                self._keep(one, key)
             changes, reason = self.learner.learn(one, key)
         except (InputError, ParameterError) as error:
             self.counters[f"{kind}_refused"] += 1
@@ -92,6 +99,12 @@ class ParameterService:
             cause = f"{kind} {one.sequence}: {reason}"
             self._commit(changes, cause, one.source, seen=seen)
         return self._receipt(TAKEN, reason)
+
+    def _keep(self, one: DriveSamples, key: str) -> None:
+        surface = one.surface or self.learner.ground.surface(time.monotonic())
+        base = self.learner.base
+        model = hashlib.sha256(repr((base.braking, base.effect)).encode()).hexdigest()[:12]
+        self.investigator.hear(one.source, columns_of(one, key), surface, model)
 
     def _receipt(self, status: str, reason: str) -> Receipt:
         return Receipt(
@@ -132,17 +145,65 @@ class ParameterService:
         before = {name: self.learner.group(name).state(name) for name in groups | found.keys()}
         now = Moment.now()
         try:
-            for name in before:
+            for name in _findings_first(before):
                 state, moment = found.get(name, (None, now))
                 age = moment.age(now, self._settings.oldest)
-                self.learner.group(name).restore(name, state, age)
+                usable = state if self.learner.may_restore(name) else None
+                self.learner.group(name).restore(name, usable, age)
         except (ValueError, KeyError, TypeError) as error:
-            for name, state in before.items():
-                self.learner.group(name).restore(name, state, 0.0)
+            for name in _findings_first(before):
+                self.learner.group(name).restore(name, before[name], 0.0)
             raise ParameterError("version", f"one that can be used: {error}") from None
         moments = {name: moment for name, (_, moment) in found.items()}
         cause = f"rolled back to version {version}"
         self._commit(set(before), cause, who, learned=False, moments=moments)
+        self.changed |= set(self.learner.names())
+
+    def adopt(self, offer: str, who: str, *, faster: bool = False) -> None:
+        """Plan with the finding that is offered.
+
+        Args:
+            offer: its id. who: the operator. faster: stops may become shorter than by the file.
+
+        Raises:
+            ParameterError: says what was expected.
+        """
+        words = self.learner.effects.adopt(offer, faster=faster)
+        self._commit({EFFECTS}, f"adopted {offer}, {words}", who, learned=False)
+        # What is learned of braking counts on top of another model from now on.
+        self.changed |= set(self.learner.names())
+
+    # ------------------------------------------------------------------ findings
+
+    def investigate(self, who: str) -> None:
+        """Begin to hold the stored stops against the model.
+
+        Raises:
+            ParameterError: says why that is not possible now.
+        """
+        self.investigator.begin(self._file, self.learner.base, self.in_use.model, who)
+
+    def _look(self) -> None:
+        """Begin what is due, and offer what was found."""
+        if self.investigator.due():
+            try:
+                self.investigate(BY_ITSELF)
+            except ParameterError as error:
+                self.counters["looks_failed"] += 1
+                _log.warning("%s", error)
+        outcome = self.investigator.poll()
+        if outcome is None or outcome.offer is None:
+            return
+        offer = outcome.offer
+        self.learner.effects.offered(offer)
+        self._commit({EFFECTS}, f"offered {offer.id}, {offer.words()}", offer.cause)
+        allowed = self._config.discrepancy.adopt_slower
+        if allowed and offer.changes and offer.valid and offer.slower_than_now:
+            try:
+                self.adopt(offer.id, "service, as the settings allow")
+            except ParameterError as error:
+                self.counters["changes_refused"] += 1
+                _log.warning("%s", error)
 
     # ------------------------------------------------------------------ time, estimators
 
@@ -166,6 +227,7 @@ class ParameterService:
     def tick(self) -> None:
         """What time brings: age, labels that expire, another attempt to write."""
         now = time.monotonic()
+        self._look()
         if self._log.retry():
             self._intake.heard_before(self._log.seen())
             self._restore(self._log.unsaved)
@@ -190,7 +252,7 @@ class ParameterService:
         """Counters for the status."""
         learner = self.learner
         learned = {"stops": learner.stop_count, "stops_implausible": learner.implausible}
-        return self.counters + Counter(learned)
+        return self.counters + Counter(learned) + self.investigator.told()
 
     def flags(self) -> list[str]:
         """What is not as it should be, the reasons of the degraded mode first."""
@@ -199,7 +261,7 @@ class ParameterService:
         set_ = [name for name, noticed in self._intake.jumped.items() if noticed > late]
         flags += [f"the clock of {name} was set" for name in set_]
         flags += [words for words in (self.learner.unable, self.learner.ground.unable) if words]
-        return flags + self._log.flags()
+        return flags + self.investigator.flags() + self._log.flags()
 
     # ------------------------------------------------------------------ bringing out
 
@@ -209,7 +271,8 @@ class ParameterService:
         return self._log
 
     def close(self) -> None:
-        """Let the store go."""
+        """End what is going on, and let the store go."""
+        self.investigator.close()
         self._log.close()
 
     def _commit(
@@ -244,7 +307,7 @@ class ParameterService:
     def _restore(self, done: set[str]) -> None:
         """Take up the newest state that can be used of each group that is not done."""
         try:
-            groups = [g for g in self._log.groups() if g not in done]
+            groups = [g for g in _findings_first(self._log.groups()) if g not in done]
             old = [g for g in groups if self.learner.may_restore(g) and not self._restore_one(g)]
         except StoreError as error:
             if self._config.store.path:
@@ -268,3 +331,8 @@ class ParameterService:
             self._log.last[group] = Last(change.version, change.cause, change.who)
             return newest
         return False
+
+
+def _findings_first(groups: Iterable[str]) -> list[str]:
+    """Groups in the order to restore them: braking is learned on top of an adopted finding."""
+    return sorted(groups, key=lambda name: (name != EFFECTS, name))

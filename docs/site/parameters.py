@@ -14,7 +14,7 @@ from models.effects import LAWS
 from models.parameters import Braking, Effect, Limits, SurfaceBraking, Terrain, UphillBraking
 from models.quantity import describe_range
 from models.vehicle import Vehicle
-from services import messages, observations, parameter_messages
+from services import finding, messages, observations, parameter_messages
 from services.config import ServiceConfig
 from services.files.bag_topics import Channel, MapSource, PathSource
 from services.ros.settings import EdgeSettings
@@ -79,10 +79,12 @@ def messages_page() -> str:
         "| `v1/map` | in: `MapUpdate` |",
         "| `v1/obs/stop`, `v1/obs/drive`, `v1/obs/terrain` | in: observations, put or queried |",
         "| `v1/params`, `v1/params/GROUP` | queryable and published: parameters |",
+        "| `v1/params/set`, `v1/params/rollback`, `v1/params/adopt` | queryable: changes |",
+        "| `v1/discrepancy` | queryable: what stored stops say, a look at them |",
         "| `v1/status` | out: `Status`, JSON |",
         "| `v1/alive/ID` | liveliness token |\n",
     ]
-    for module in (messages, observations, parameter_messages):
+    for module in (messages, observations, parameter_messages, finding):
         for _, kind in inspect.getmembers(module, _is_message):
             if kind.__module__ != module.__name__ or not kind.__struct_fields__:
                 continue

@@ -1,4 +1,7 @@
-"""`slopewise params`: read a running service's parameters, set them, go back to a version."""
+"""`slopewise params`: read a running service's parameters, set them, go back to a version.
+
+And what the service found on the stops that it keeps: have it look, see the offer, adopt it.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,10 @@ from rich.table import Table
 from models.errors import InputError
 from services import wire
 from services.connect import client_session
+from services.finding import Offer
 from services.parameter_messages import (
+    AdoptOffer,
+    DiscrepancyQuestion,
     HistoryEntry,
     ParameterGroup,
     ParameterQuestion,
@@ -29,16 +35,19 @@ from services.wire import Format
 _LARGEST_REPLY = 256_000_000
 _HOUR = 3600.0
 _MOST_NAME = 120
+_LOOK_AGAIN = 0.3  # [s]
 
 
 @dataclass(frozen=True, slots=True)
 class ParamsJob:
-    """What is wanted of whom; at most one of `history`, `rollback`, `changes`.
+    """What is wanted of whom; at most one of `history` … `adopt`.
 
     Attributes:
         connect, namespace, zenoh_file: where the service is. timeout: for the answer [s].
         group: its name; empty for all.
         history: how many changes. rollback: to which version. changes: NAME=VALUE, to be set.
+        investigate: look at the stored stops, and wait for the finding. adopt: id of an offer;
+            faster: even if stops become shorter than by the model file.
     """
 
     connect: str
@@ -49,6 +58,9 @@ class ParamsJob:
     history: int = 0
     rollback: int | None = None
     changes: tuple[str, ...] = ()
+    investigate: bool = False
+    adopt: str = ""
+    faster: bool = False
 
 
 def run(job: ParamsJob) -> ParameterReply:
@@ -57,12 +69,22 @@ def run(job: ParamsJob) -> ParameterReply:
     Raises:
         InputError: an option cannot be used, nobody answers, or the service refuses.
     """
-    if sum((job.history > 0, job.rollback is not None, bool(job.changes))) > 1:
-        words = "expected one of --history, --rollback, --set, got several"
+    wanted = (
+        job.history > 0, job.rollback is not None, bool(job.changes), job.investigate,
+        bool(job.adopt),
+    )  # fmt: skip
+    if sum(wanted) > 1:
+        words = "expected one of --history, --rollback, --set, --investigate, --adopt, got several"
         raise InputError("params", "", words)
+    if job.faster and not job.adopt:
+        raise InputError("--faster", "", "expected --adopt with it, got none")
     name, request = _request(job)
     with client_session(job.connect, job.zenoh_file) as session:
         reply = _ask(session, f"{job.namespace}/v1/{name}", request, job)
+        while job.investigate and reply.status == "ok" and reply.investigating:
+            time.sleep(_LOOK_AGAIN)
+            key = f"{job.namespace}/v1/{name}"
+            reply = _ask(session, key, DiscrepancyQuestion(who=_who()), job)
     if reply.status != "ok":
         raise InputError(f"{job.namespace}/v1/{name}", "", reply.reason)
     return reply
@@ -78,6 +100,10 @@ def _request(job: ParamsJob) -> tuple[str, msgspec.Struct]:
         if not job.group:
             raise InputError("--set", "", "expected the group that is to be changed before it")
         return "params/set", SetParameters(group=job.group, values=_values(job.changes), who=_who())
+    if job.investigate:
+        return "discrepancy", DiscrepancyQuestion(start=True, who=_who())
+    if job.adopt:
+        return "params/adopt", AdoptOffer(offer=job.adopt, faster=job.faster, who=_who())
     return "params", ParameterQuestion(group=job.group, history=job.history)
 
 
@@ -130,8 +156,12 @@ def show(reply: ParameterReply, job: ParamsJob, console: Console) -> None:
     title = f"{reply.service}: version {reply.version}{kept}"
     if job.history:
         _show_history(reply.history, title, console)
-    else:
+    elif not job.investigate:
         _show_groups(reply.groups, title, console)
+    if reply.investigation and (job.investigate or not job.group):
+        console.print(f"stored stops: {reply.investigation}")
+    if reply.offer is not None and job.group in ("", "effects"):
+        _show_offer(reply.offer, console)
     for flag in reply.flags:
         console.print(f"[yellow]{flag}[/]")
 
@@ -150,6 +180,34 @@ def _show_groups(groups: list[ParameterGroup], title: str, console: Console) -> 
             facts = ["", "", ""]
         table.add_section()
     console.print(table)
+
+
+def _show_offer(offer: Offer, console: Console) -> None:
+    """What is offered, what it changes in metres, and how to adopt it."""
+    console.print(f"[bold]offer {offer.id}[/]: {offer.verdict} – {offer.summary}")
+    for effect in offer.findings["effects"]:
+        values = ", ".join(
+            f"{n} = {p['value']:.4g} ± {p['std']:.2g} {p['unit']}"
+            for n, p in effect["parameters"].items()
+        )
+        console.print(f"  {effect['name']}: {values}, {effect['confidence']:.0%} sure")
+    gap = offer.findings["stop_distance"]
+    console.print(
+        f"  {offer.stops} stops, data {offer.data}: {gap['before']:.3f} m off as configured, "
+        f"{gap['after']:.3f} m with it, floor {gap['noise_floor']:.3f}"
+    )
+    for shift, beside in ((offer.beside_file, "model file"), (offer.beside_use, "parameters then")):
+        by = f"{shift.least:+.2f} m ({shift.where}) … {shift.most:+.2f} m"
+        console.print(f"  plans stop {by} beside the {beside}")
+    for note in offer.notes:
+        console.print(f"  note: {note}", style="yellow")
+    if not offer.changes:
+        console.print("  nothing to adopt")
+    elif offer.slower or offer.valid:
+        more = "" if offer.slower else " --faster"
+        console.print(f"  slopewise params --adopt {offer.id}{more}")
+    else:
+        console.print("  neither sure enough to make plans faster, nor slower everywhere")
 
 
 def _show_history(history: list[HistoryEntry], title: str, console: Console) -> None:

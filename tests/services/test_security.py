@@ -17,7 +17,13 @@ from services.client import PlanClient
 from services.connect import client_session
 from services.messages import PlanReply, Status
 from services.observations import Receipt, StopObservation, TerrainLabel
-from services.parameter_messages import ParameterReply, RollBack, SetParameters
+from services.parameter_messages import (
+    AdoptOffer,
+    DiscrepancyQuestion,
+    ParameterReply,
+    RollBack,
+    SetParameters,
+)
 from services.wire import Format
 from tests.services import certificates
 from tests.services.service_process import Running, fan, flat, running
@@ -180,13 +186,15 @@ CHANGES = {
     "obs/terrain": TerrainLabel(source="intruder", sequence=1, time=0.0, surface="ice"),
     "params/set": SetParameters(group="limits", values={"speed": 4.0}),
     "params/rollback": RollBack(version=1),
+    "params/adopt": AdoptOffer(offer="none"),
+    "discrepancy": DiscrepancyQuestion(start=True),
 }
 
 
 @pytest.mark.parametrize("name", ["navigation", "mapping", "stranger", "estimator", "operator"])
 def test_only_who_may_changes_parameters(folder: Path, service: Running, name: str) -> None:
     """Each role tries what it may not, as put and as query."""
-    allowed = {"estimator": ("obs/",), "operator": ("params/",)}.get(name, ())
+    allowed = {"estimator": ("obs/",), "operator": ("params/", "discrepancy")}.get(name, ())
     before = parameters(folder, service)
     with as_(folder, service, "navigation") as navigation:
         planned = plan(navigation)
@@ -216,9 +224,11 @@ def test_everybody_with_a_role_may_read_parameters(folder: Path, service: Runnin
         with as_(folder, service, name) as reader:
             (reply,) = ask(reader, service.key("params"))
             (one,) = ask(reader, service.key("params/braking"))
+            (effects,) = ask(reader, service.key("params/effects"))
         assert reply.status == one.status == "ok"
         assert {group.group for group in reply.groups} >= {"braking", "limits"}
         assert [group.group for group in one.groups] == ["braking"]
+        assert [group.group for group in effects.groups] == ["effects"]
     with as_(folder, service, "stranger") as stranger:
         assert ask(stranger, service.key("params")) == []
 
@@ -233,6 +243,10 @@ def test_an_estimator_teaches_and_an_operator_sets(folder: Path, service: Runnin
         assert reply.status == "ok", reply
         absurd = SetParameters(group="limits", values={"speed": -1.0})
         (refused,) = ask(operator, service.key("params/set"), absurd)
+        (looked,) = ask(operator, service.key("discrepancy"), DiscrepancyQuestion(start=True))
+        (adopted,) = ask(operator, service.key("params/adopt"), AdoptOffer(offer="none"))
+    assert looked.status == adopted.status == "refused"
+    assert "samples" in looked.reason
     assert refused.status == "refused"
     assert refused.version == reply.version > receipt.version - 1
     with as_(folder, service, "mapping") as mapping:

@@ -20,9 +20,10 @@ def test_shipped_file_names_every_key() -> None:
     named = set(re.findall(r"^(?:# )?(\w+) = ", SHIPPED.read_text(), re.MULTILINE))
     config = ServiceConfig(model="atv")
     tables = [config, config.zenoh, config.planning, config.sizes, config.status, config.page]
-    tables += [config.learning, config.store]
+    tables += [config.learning, config.store, config.discrepancy]
     keys = {name for table in tables for name in table.__dataclass_fields__}
-    assert keys - named == {"zenoh", "planning", "sizes", "status", "page", "learning", "store"}
+    names = {"zenoh", "planning", "sizes", "status", "page", "learning", "store", "discrepancy"}
+    assert keys - named == names
 
 
 @pytest.mark.parametrize(
@@ -41,6 +42,7 @@ def test_shipped_file_names_every_key() -> None:
         ('model = "atv"\n[learning]\nrise = 0.5', "learning.rise", "<= 0.2"),
         ('model = "atv"\n[learning]\nestimators = ["a/b"]', "learning.estimators[0]", "one word"),
         ('model = "atv"\n[store]\nmegabytes = 0.1', "store.megabytes", ">= 0.3"),
+        ('model = "atv"\n[discrepancy]\nstops = 3', "discrepancy.stops", ">= 12"),
         ("model = ", "", "TOML"),
     ],
 )
@@ -60,6 +62,11 @@ def test_files_are_looked_for_beside_the_settings(tmp_path: Path) -> None:
 def test_the_store_is_beside_the_settings(tmp_path: Path) -> None:
     (tmp_path / "service.toml").write_text('model = "atv"\n[store]\npath = "a.sqlite"')
     assert read_config(tmp_path / "service.toml").store.path == str(tmp_path / "a.sqlite")
+
+
+def test_samples_of_stops_are_beside_the_settings(tmp_path: Path) -> None:
+    (tmp_path / "service.toml").write_text('model = "atv"\n[discrepancy]\nsamples = "stops"')
+    assert read_config(tmp_path / "service.toml").discrepancy.samples == str(tmp_path / "stops")
 
 
 def test_nobody_else_can_reach_it_unless_asked_for() -> None:

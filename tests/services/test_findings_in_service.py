@@ -1,0 +1,182 @@
+"""What the model leaves out, found, offered, adopted and taken back by a running service."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zenoh
+
+from tests.services.parameter_client import Robot, block, column, send_ground
+from tests.services.robot_plant import Surface, Vehicle
+from tests.services.service_process import Running, running
+
+SETTINGS = """
+[learning]
+refresh = 0.2
+[store]
+path = "p.sqlite"
+[discrepancy]
+samples = "stops"
+limit = 60.0
+"""
+WEAKER = 0.75
+
+
+def force(speed: float, grade: float) -> float:
+    """F_b/W of the shipped model file, as it is printed in it."""
+    return (-0.03 * speed - 0.35) * grade + 0.015 * speed + 0.40
+
+
+def drive(robot: Robot, stops: int = 26, weaker: float = WEAKER, seed: int = 1) -> None:
+    """Stops of a vehicle whose brakes get weaker halfway, sample by sample."""
+    vehicle = Vehicle(seed=seed)
+    for i in range(stops):
+        speed, grade = 1.2 + 0.4 * (i % 7), 0.1 * (-1) ** i * (i % 3) / 2
+        share = weaker if i >= stops // 2 else 1.0
+        surface = Surface(force(speed, grade) * share, 0.0, 0.005)
+        _, samples = vehicle.stop(surface, speed, grade)
+        samples["grade"] = np.full(samples["t"].size, grade)
+        receipt = robot.send(
+            "drive",
+            robot.fields(columns=list(samples), values=block(np.stack(list(samples.values())))),
+        )
+        assert receipt["status"] == "taken", receipt
+
+
+def look(robot: Robot) -> dict[str, Any]:
+    """Have the stops looked at; the reply once that is done."""
+    began = ask(robot, start=True, who="ann")
+    assert (began["status"], began["investigating"]) == ("ok", True), began
+    until = time.monotonic() + 60.0
+    while time.monotonic() < until:
+        reply = ask(robot)
+        if not reply["investigating"]:
+            return reply
+        # Planning goes on meanwhile.
+        assert robot.plan()["status"] == "ok"
+        time.sleep(0.1)
+    raise AssertionError("it did not end")
+
+
+def ask(robot: Robot, **fields: Any) -> dict[str, Any]:
+    reply = robot.query("discrepancy", fields, "discrepancy_question")
+    assert reply is not None
+    return reply
+
+
+def adopt(robot: Robot, offer: str, *, faster: bool = False) -> dict[str, Any]:
+    fields = {"offer": offer, "faster": faster, "who": "ann"}
+    reply = robot.query("params/adopt", fields, "adopt_offer")
+    assert reply is not None
+    return reply
+
+
+def stopping(robot: Robot) -> float:
+    """Stopping path from 2 m/s on level ground, by a plan that drives it [m]."""
+    plan = robot.plan(2.0)["plans"][0]
+    speeds, stops = column(plan, "speed"), column(plan, "stop_distance")
+    assert speeds[0] == pytest.approx(2.0)
+    return float(stops[0])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("findings")
+
+
+@pytest.fixture(scope="module")
+def service(folder: Path) -> Iterator[Running]:
+    with running(folder, planning=SETTINGS) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def session(service: Running) -> Iterator[zenoh.Session]:
+    with service.session() as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def robot(service: Running, session: zenoh.Session) -> Robot:
+    one = Robot(service, session)
+    send_ground(one)
+    return one
+
+
+def test_a_finding_is_offered_adopted_planned_with_and_taken_back(robot: Robot) -> None:
+    before = stopping(robot)
+    vehicle = robot.plan()["parameters"]["fingerprint"]
+    few = ask(robot, start=True)
+    assert (few["status"], few["offer"]) == ("refused", None)
+    assert "at least 12 stored stops, got 0" in few["reason"]
+    drive(robot)
+    # So that the model file's coefficients are what the finding is compared with in plans.
+    assert robot.roll_back(1)["status"] == "ok"
+    assert stopping(robot) == pytest.approx(before)
+    reply = look(robot)
+    offer = reply["offer"]
+    assert offer["verdict"] == "missing_effect", reply["investigation"]
+    assert [e["name"] for e in offer["findings"]["effects"]] == ["step_change"]
+    assert offer["findings"]["effects"][0]["parameters"]["scale"]["value"] == pytest.approx(
+        WEAKER, abs=0.02
+    )
+    assert offer["valid"]
+    assert offer["changes"]
+    assert offer["beside_file"]["most"] > offer["beside_file"]["least"] > 0.0
+    # Offered is not adopted.
+    assert stopping(robot) == pytest.approx(before)
+    shown = robot.parameters()
+    assert shown["offer"]["id"] == offer["id"]
+    assert shown["offer"]["model"] == {}
+    assert robot.group("effects")["values"] == {}
+
+    assert "the one that there is" in adopt(robot, "another")["reason"]
+    done = adopt(robot, offer["id"])
+    assert done["status"] == "ok", done
+    assert done["durable"]
+    group = robot.group("effects")
+    assert group["values"]["step_change.scale"] == pytest.approx(WEAKER, abs=0.02)
+    assert group["who"] == "ann"
+    # Brakes of 0.43 W made 0.3225: v²/2a is a third longer, the dead time's way stays.
+    path = 2.0 * 2.0 / (2.0 * 9.80665)
+    least = path * (1.0 / (WEAKER * force(2.0, 0.0)) - 1.0 / force(2.0, 0.0))
+    assert stopping(robot) > before + 0.95 * least
+    reply = robot.plan()
+    assert reply["parameters"]["fingerprint"] == vehicle
+    assert reply["parameters"]["version"] == done["version"]
+    assert any("the adopted finding has the effect step_change" in f for f in reply["flags"])
+    # Braking is not learned twice.
+    assert "not learned" in robot.stop(0.6 * 9.80665)["reason"]
+
+    causes = [h["cause"] for h in robot.parameters("effects", history=10)["history"]]
+    assert causes[0].startswith(f"adopted {offer['id']}")
+    assert any(c.startswith(f"offered {offer['id']}") for c in causes)
+    back = robot.roll_back(1, "effects")
+    assert back["status"] == "ok"
+    assert stopping(robot) == pytest.approx(before, abs=0.02)
+    again = robot.roll_back(done["version"], "effects")
+    assert again["status"] == "ok"
+    assert stopping(robot) > before + 0.95 * least
+
+
+def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
+    with running(tmp_path, planning=SETTINGS) as started, started.session() as session:
+        one = Robot(started, session)
+        send_ground(one)
+        before = stopping(one)
+        drive(one, seed=2)
+        offer = look(one)["offer"]
+        assert adopt(one, offer["id"])["status"] == "ok"
+        adopted = stopping(one)
+        assert adopted > before + 0.05
+        port = int(started.endpoint.rpartition(":")[2])
+    with running(tmp_path, planning=SETTINGS, port=port) as started, started.session() as session:
+        one = Robot(started, session)
+        send_ground(one)
+        assert stopping(one) == pytest.approx(adopted, abs=0.02)
+        assert one.group("effects")["notes"]["adopted"] == offer["id"]
