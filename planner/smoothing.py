@@ -25,8 +25,13 @@ _TIGHTER = 1.5e-4
 
 _REST = 1e-9
 _FREE = 1e6
-_STEP = 0.1
+_STEP = 1.0
+"""OSQP's ρ, fixed: adapted, it wanders off to where nothing converges any more."""
+
 _STEPS = 3
+_EXACT_CALLS = 10
+"""Calls that the interior-point method takes over when OSQP did not get there."""
+
 _NEAR = 0.02
 """Share of the highest v² by which a profile may differ from that of its tangents."""
 
@@ -78,7 +83,7 @@ class Smoothed:
 class Smoother:
     """OSQP for one number of stations, warm from call to call."""
 
-    def __init__(self, stations: int, *, max_iterations: int = 300) -> None:
+    def __init__(self, stations: int, *, max_iterations: int = 150) -> None:
         """Set the sparsity up.
 
         Args:
@@ -88,6 +93,7 @@ class Smoother:
         self.stations = self._n = stations
         self._times = MidTimes(stations)
         self._last: _Answer | None = None
+        self._exact_calls = 0
         rows, n = self._pattern(), stations
         self._a = sparse.csc_matrix(
             (np.ones(len(rows[0])), (rows[0], rows[1])), shape=(n + (n - 1) + 2 * (n - 2), n)
@@ -104,7 +110,7 @@ class Smoother:
         self._solver.setup(
             sparse.eye(n, format="csc"), np.zeros(n), self._a, -np.ones(count), np.ones(count),
             verbose=False, eps_abs=_TOLERANCE, eps_rel=0.0, max_iter=max_iterations,
-            check_termination=10, polishing=False, adaptive_rho=True, adaptive_rho_interval=50,
+            check_termination=10, polishing=False, adaptive_rho=False,
             scaling=0, rho=_STEP,
         )  # fmt: skip
 
@@ -133,8 +139,14 @@ class Smoother:
         """
         top = problem.speed_sq_max
         answer, used = None, 0
-        if shift is not None and self._last is not None:
+        if shift is not None and self._last is not None and self._exact_calls == 0:
             answer, used = self._warmly(problem, shift)
+            # What was slow will be slow in the next cycle as well.
+            self._exact_calls = _EXACT_CALLS if answer is None else 0
+        elif shift is None:
+            self._exact_calls = 0
+        else:
+            self._exact_calls = max(self._exact_calls - 1, 0)
         if answer is None:
             # The first time, and where a first-order method is slow: long at the jerk limit.
             answer = self._exactly(problem)
