@@ -54,6 +54,16 @@ class EffectsGroup:
         """The last finding takes the place of the one before."""
         self.offer = offer
 
+    def flags(self) -> list[str]:
+        """Brakes that are surely weaker somewhere than is planned with, and nobody adopted it."""
+        offer = self.offer
+        if offer is None or offer.id == self.adopted or not (offer.changes and offer.valid):
+            return []
+        if offer.beside_use.most <= 0.0:
+            return []
+        by = f"up to {offer.beside_use.most:.2f} m longer stops"
+        return [f"offer {offer.id} is not adopted: {offer.verdict}, {by}"]
+
     def adopt(self, wanted: str, *, faster: bool) -> str:
         """Plan with the finding that is offered.
 

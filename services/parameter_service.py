@@ -261,6 +261,7 @@ class ParameterService:
         set_ = [name for name, noticed in self._intake.jumped.items() if noticed > late]
         flags += [f"the clock of {name} was set" for name in set_]
         flags += [words for words in (self.learner.unable, self.learner.ground.unable) if words]
+        flags += self.learner.effects.flags()
         return flags + self.investigator.flags() + self._log.flags()
 
     # ------------------------------------------------------------------ bringing out

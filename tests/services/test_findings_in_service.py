@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import zenoh
+from rich.console import Console
 
+from models.errors import InputError
+from services.commands.params import ParamsJob, run, show
 from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import Running, running
@@ -128,7 +133,9 @@ def test_a_finding_is_offered_adopted_planned_with_and_taken_back(robot: Robot) 
     assert offer["valid"]
     assert offer["changes"]
     assert offer["beside_file"]["most"] > offer["beside_file"]["least"] > 0.0
-    # Offered is not adopted.
+    # Offered is not adopted, and plans say so.
+    waiting = f"offer {offer['id']} is not adopted: missing_effect, up to 0.9"
+    assert any(flag.startswith(waiting) for flag in robot.plan()["flags"])
     assert stopping(robot) == pytest.approx(before)
     shown = robot.parameters()
     assert shown["offer"]["id"] == offer["id"]
@@ -148,6 +155,7 @@ def test_a_finding_is_offered_adopted_planned_with_and_taken_back(robot: Robot) 
     assert stopping(robot) > before + 0.95 * least
     reply = robot.plan()
     assert reply["parameters"]["fingerprint"] == vehicle
+    assert not any(flag.startswith("offer") for flag in reply["flags"])
     assert reply["parameters"]["version"] == done["version"]
     assert any("the adopted finding has the effect step_change" in f for f in reply["flags"])
     # Braking is not learned twice.
@@ -170,8 +178,21 @@ def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
         send_ground(one)
         before = stopping(one)
         drive(one, seed=2)
-        offer = look(one)["offer"]
-        assert adopt(one, offer["id"])["status"] == "ok"
+        job = ParamsJob(started.endpoint, started.namespace)
+        found = run(replace(job, investigate=True))
+        assert found.offer is not None, found.investigation
+        offer = found.offer.id
+        screen = Console(width=200, record=True, file=io.StringIO())
+        show(found, replace(job, investigate=True), screen)
+        told = screen.export_text()
+        for words in ("missing_effect", "step_change: scale = 0.7", f"params --adopt {offer}"):
+            assert words in told, told
+        with pytest.raises(InputError, match="one that there is"):
+            run(replace(job, adopt="nonsense"))
+        with pytest.raises(InputError, match="--adopt"):
+            run(replace(job, faster=True))
+        reply = run(replace(job, adopt=offer))
+        assert {g.group: g.valid for g in reply.groups}["effects"]
         adopted = stopping(one)
         assert adopted > before + 0.05
         port = int(started.endpoint.rpartition(":")[2])
@@ -179,4 +200,24 @@ def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
         one = Robot(started, session)
         send_ground(one)
         assert stopping(one) == pytest.approx(adopted, abs=0.02)
-        assert one.group("effects")["notes"]["adopted"] == offer["id"]
+        assert one.group("effects")["notes"]["adopted"] == offer
+
+
+def test_by_schedule_and_where_the_settings_allow_it_plans_get_slower_by_themselves(
+    tmp_path: Path,
+) -> None:
+    settings = SETTINGS.replace("refresh = 0.2", "refresh = 0.2\nenabled = false")
+    settings += "every = 0.5\nfresh = 24\nadopt_slower = true\n"
+    with running(tmp_path, planning=settings) as started, started.session() as session:
+        one = Robot(started, session)
+        send_ground(one)
+        before = stopping(one)
+        drive(one, seed=5)
+        until = time.monotonic() + 60.0
+        while not (group := one.group("effects"))["valid"]:
+            assert time.monotonic() < until, one.parameters()["investigation"]
+            time.sleep(0.1)
+        assert group["who"] == "service, as the settings allow"
+        assert stopping(one) > before + 0.05
+        causes = [h["cause"] for h in one.parameters("effects", history=5)["history"]]
+        assert [c.split()[0] for c in causes] == ["adopted", "offered"]

@@ -98,6 +98,33 @@ def test_one_that_breaks_is_said_and_the_next_may_begin(
     assert not made.running
 
 
+def test_damaged_stops_are_left_out_put_aside_and_counted(tmp_path: Path) -> None:
+    made = filled(tmp_path / "stops", 12)
+    victim = sorted((tmp_path / "stops").iterdir())[4]
+    victim.write_bytes(victim.read_bytes()[:-8])
+    made.begin(FILE, FILE, FILE, "ann")
+    outcome = outcome_of(made, 60.0)
+    assert outcome.damaged == [victim.name]
+    assert "at least 12 usable stops, got 11" in outcome.reason
+    assert made.told()["stops_damaged"] == 1
+    assert not victim.exists()
+    with pytest.raises(ParameterError, match="at least 12 stored stops, got 11"):
+        made.begin(FILE, FILE, FILE, "ann")
+
+
+def test_stops_that_cannot_be_written_are_counted_and_flagged(tmp_path: Path) -> None:
+    made = filled(tmp_path / "stops", 2)
+    for path in (tmp_path / "stops").iterdir():
+        path.unlink()
+    (tmp_path / "stops").rmdir()
+    vehicle = Vehicle(seed=4)
+    for _ in range(3):
+        _, samples = vehicle.stop(ASPHALT, 2.0)
+        made.hear("other", samples, "", "model")
+    assert made.told()["stops_lost"] == 2
+    assert any("stops are not kept" in flag for flag in made.flags())
+
+
 def test_closing_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = filled(tmp_path / "stops")
     monkeypatch.setattr(sys, "executable", _script(tmp_path, "while true; do sleep 0.1; done"))
