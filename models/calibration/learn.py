@@ -22,7 +22,7 @@ from models.calibration.dead_time import DeadTime
 from models.calibration.find_stops import StopWindow, Verdict, find_stops
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
 from models.calibration.ground_grade import Dive
-from models.calibration.measure import measure
+from models.calibration.measure import Measured, measure
 from models.calibration.mount_of_log import mount_of_log
 from models.calibration.mount_offset import Mount
 from models.calibration.stop_record import cut
@@ -89,25 +89,64 @@ def learn(
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
     """
     wanted = settings or CalibrationSettings()
+    log = measure_log(columns, runs, known, ground=ground, settings=wanted)
+    measured, mount = log.measured, log.mount
+    surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
+    warnings += _warnings(surfaces[0], mount, known)
+    return Calibration(
+        _braking(known, surfaces, measured.dead_time), tuple(surfaces), log.windows, log.suspects,
+        measured.dead_time, measured.dive, mount, tuple(warnings),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredLog:
+    """The stops of a log as they were measured, before anything is fitted to their forces.
+
+    Attributes:
+        measured: stops with grade, force and dead time. mount: of the pitch sensor.
+        windows: every stop of the log. suspects: stretches left out.
+    """
+
+    measured: Measured
+    mount: Mount
+    windows: tuple[StopWindow, ...]
+    suspects: tuple[Stretch, ...]
+
+
+def measure_log(
+    columns: Mapping[str, NDArray[Any]],
+    runs: Sequence[slice],
+    known: Braking,
+    *,
+    ground: Floats | None = None,
+    settings: CalibrationSettings | None = None,
+    fewest: int = FEWEST_STOPS,
+) -> MeasuredLog:
+    """Find and measure the stops of a log; arguments as those of :func:`learn`.
+
+    Args:
+        fewest: stops without which there is nothing to learn; those of a vehicle in a fleet may be
+            fewer than those of a vehicle alone.
+
+    Raises:
+        ParameterError: too few usable stops; says how many were found and what was wrong with them.
+    """
+    wanted = settings or CalibrationSettings()
     suspects = find_suspects(columns, runs)
     matter = ["v", "v_cmd"] if ground is not None and np.isfinite(ground).all() else None
     good = usable(len(columns["t"]), suspects, matter or ["v", "v_cmd", "pitch"])
     windows = [w for run in runs for w in find_stops(columns, run, good, wanted.stops)]
     stops = [cut(columns, w, ground) for w in windows if w.usable]
-    if len(stops) < FEWEST_STOPS:
-        raise ParameterError("stops", _too_few(windows, suspects))
+    if len(stops) < fewest:
+        raise ParameterError("stops", _too_few(windows, suspects, fewest=fewest))
     first = measure(stops, Mount(), lambda v: known.m_m * v + known.b_m)
-    if len(first.records) < FEWEST_STOPS:
-        raise ParameterError("stops", _too_few(windows, suspects, len(first.records)))
+    if len(first.records) < fewest:
+        raise ParameterError("stops", _too_few(windows, suspects, len(first.records), fewest))
     mount = mount_of_log(columns, runs, good, ground, first)
     m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
     measured = measure(stops, mount, lambda v: m_m * v + b_m, first.dive)
-    surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
-    warnings += _warnings(surfaces[0], mount, known)
-    return Calibration(
-        _braking(known, surfaces, measured.dead_time), tuple(surfaces), tuple(windows), suspects,
-        measured.dead_time, measured.dive, mount, tuple(warnings),
-    )  # fmt: skip
+    return MeasuredLog(measured, mount, tuple(windows), suspects)
 
 
 def _braking(known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime) -> Braking:
@@ -173,11 +212,12 @@ def _asymmetry(base: SurfaceFit) -> Asymmetry | None:
 
 
 def _too_few(
-    windows: Sequence[StopWindow], suspects: Sequence[Stretch], measured: int | None = None
-) -> str:
+    windows: Sequence[StopWindow], suspects: Sequence[Stretch], measured: int | None = None,
+    fewest: int = FEWEST_STOPS,
+) -> str:  # fmt: skip
     found = Counter(w.verdict for w in windows if w.verdict is not Verdict.USABLE)
     usable_count = sum(w.usable for w in windows) if measured is None else measured
-    words = f"at least {FEWEST_STOPS} usable stops, got {usable_count} of {len(windows)} found"
+    words = f"at least {fewest} usable stops, got {usable_count} of {len(windows)} found"
     if found:
         words += "; " + ", ".join(f"{n} {v.name.lower()}" for v, n in found.most_common())
     for s in suspects[:2]:

@@ -188,20 +188,41 @@ def _distance_offset(
     evens out, but an error of every stop alike. Where brakes barely hold the slope no constant
     suffices; the covariance, which has the mount in it, says how much is open there.
     """
-    shortfall = np.array([r.samples.distance - r.predicted_distance for r in records])
+    speed = np.array([r.onset_speed for r in records])
+    grade = np.array([r.grade for r in records])
+    return offset_of(
+        np.array([r.samples.distance - r.predicted_distance for r in records]), speed, grade,
+        np.array([r.force_ratio for r in records]), fit.coefficients,
+        np.hypot(fit.scatter, fit.force_std(speed, grade)), coverage, mount_std,
+    )  # fmt: skip
+
+
+def offset_of(
+    shortfall: Floats, speed: Floats, grade: Floats, force_ratio: Floats, coefficients: Floats,
+    force_std: Floats, coverage: float, mount_std: float,
+) -> float:  # fmt: skip
+    """The same from columns, (n,) each.
+
+    Args:
+        shortfall: measured minus predicted distance [m]. speed: at onset [m/s]. grade: [rad].
+        force_ratio: F_b/W as measured. coefficients: (4,).
+        force_std: of F_b/W, from stop to stop and by the coefficients.
+        coverage: share of future stops. mount_std: of the pitch sensor's mount [rad].
+
+    Raises:
+        ParameterError: too few stops whose prediction ends.
+    """
     finite = np.isfinite(shortfall)
     if int(finite.sum()) < FEWEST_MEASURED:
         words = (
             f"at least {FEWEST_MEASURED} stops that the fit can explain, got {int(finite.sum())}"
         )
         raise ParameterError("stops", words)
-    speed = np.array([r.onset_speed for r in records])
-    grade = np.array([r.grade for r in records])
-    pull = np.maximum(np.array([r.force_ratio for r in records]) + np.sin(grade), _LEAST_PULL)
+    pull = np.maximum(force_ratio + np.sin(grade), _LEAST_PULL)
     per_force = speed**2 / (2.0 * GRAVITY * pull**2)  # [m] by which less force makes it longer
-    scatter = np.hypot(per_force * np.hypot(fit.scatter, fit.force_std(speed, grade)), _SENSOR)
+    scatter = np.hypot(per_force * force_std, _SENSOR)
     usual = float(stats.norm.ppf(coverage))
-    slope = fit.coefficients[0] * speed + fit.coefficients[1]
+    slope = coefficients[0] * speed + coefficients[1]
     lost = np.minimum(2.0 * mount_std * np.abs(1.0 + slope), pull - _LEAST_PULL)
     askew = lost * per_force * pull / (pull - lost)
     long, costly = float(np.quantile(scatter, _LONG)), float(np.quantile(askew, _COSTLY))

@@ -70,7 +70,7 @@ def run(job: CalibrateJob, *, quiet: bool = False) -> CalibrateResult:
     with progress_bar("calibrating", 4, quiet=quiet) as advance:
         log = read_logs(job.logs, job.topics)
         advance(1)
-        _refuse_wrong_units(log)
+        refuse_wrong_units(log)
         ground = None
         if job.map_file is not None:
             from services.files.track_grade import ground_grade
@@ -95,7 +95,7 @@ def _settings(job: CalibrateJob) -> CalibrationSettings:
         raise fault("--coverage", "", f"expected {error.expected}") from None
 
 
-def _refuse_wrong_units(log: DriveLog) -> None:
+def refuse_wrong_units(log: DriveLog) -> None:
     """A channel that everything rests on and that fits another unit is an error, not a stretch."""
     for run, source in zip(log.runs, log.sources, strict=True):
         part = {n: v[run] for n, v in log.columns.items() if v.dtype.kind == "f"}

@@ -1,0 +1,229 @@
+"""Braking models of a whole fleet: each vehicle's own, pooled where its stops say little.
+
+Surface by surface the stops of all vehicles make one hierarchy (:mod:`.hierarchy`). Dead times are
+pooled likewise. The safety offset of a vehicle covers the shortfalls of the whole fleet, each stop
+predicted without itself, and what its own coefficients leave open: few stops make a longer offset.
+
+Validity: vehicles of one kind, speeds and grades inside those of the fleet's stops.
+Source: Braking (8), (11), (12); pooling is not in the paper.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration import hierarchy, random_effects
+from models.calibration.dead_time import DeadTime
+from models.calibration.force_fit import design
+from models.calibration.hierarchy import Hierarchy
+from models.calibration.learn import MeasuredLog
+from models.calibration.margins import offset_for
+from models.calibration.stopping import stopping_distance, stopping_time
+from models.calibration.surface_fit import CalibrationSettings, offset_of
+from models.errors import ParameterError
+from models.parameters import Braking, SurfaceBraking
+
+Floats = NDArray[np.float64]
+
+FEWEST = 2
+"""Stops of its own without which a vehicle gets the fleet's mean."""
+
+_PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
+_OWN = 20  # stops from which a vehicle's own shortfalls are looked at by themselves
+_NO_STOPS = 2.0  # standard deviations by which the dead time of a vehicle without stops is longer
+_LEAST_STD = 1e-4  # [s] of a dead time
+
+
+@dataclass(frozen=True, slots=True)
+class FleetStop:
+    """What is left of a stop once it is measured; SI, see :class:`.stop_record.StopRecord`."""
+
+    surface: str
+    held_speed: float
+    onset_speed: float
+    grade: float
+    force_ratio: float
+    force_std: float
+    distance: float
+    rest_time: float
+    station: Floats
+    ground: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleStops:
+    """The stops of one vehicle.
+
+    Attributes:
+        name: of the vehicle. stops: measured. dead_time: of its brakes, None without stops.
+        common_std: of F_b/W, what its dead time leaves open in all its stops alike.
+        mount_std: of its pitch sensor's mount [rad], 0 where the ground is from a map.
+        note: why there are none, empty if there are.
+    """
+
+    name: str
+    stops: tuple[FleetStop, ...] = ()
+    dead_time: DeadTime | None = None
+    common_std: float = 0.0
+    mount_std: float = 0.0
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetCalibration:
+    """What a fleet's stops told.
+
+    Attributes:
+        braking: by vehicle, ready for its model file.
+        surfaces: hierarchy of each surface, "" for the base.
+        dead_time: of the fleet [s]; its jitter is the difference from vehicle to vehicle.
+    """
+
+    braking: dict[str, Braking]
+    surfaces: dict[str, Hierarchy]
+    dead_time: DeadTime
+
+
+def vehicle_stops(name: str, log: MeasuredLog, mapped: bool) -> VehicleStops:
+    """The stops of a measured log; ``mapped`` says that the ground is known from a map."""
+    m = log.measured
+    stops = []
+    for r in m.records:
+        s = r.samples
+        along = slice(s.at_command, s.at_rest + 1)
+        stops.append(
+            FleetStop(
+                s.terrain, s.window.held_speed, r.onset_speed, r.grade, r.force_ratio, r.force_std,
+                s.distance, s.rest_time, s.station[along] - s.station[s.at_command],
+                r.ground[along],
+            )
+        )  # fmt: skip
+    common = abs(float(np.mean(m.by_dead_time))) * m.dead_time.std if stops else 0.0
+    mount_std = 0.0 if mapped else log.mount.std
+    return VehicleStops(name, tuple(stops), m.dead_time, common, mount_std)
+
+
+def learn_fleet(
+    vehicles: Sequence[VehicleStops], known: Braking, settings: CalibrationSettings | None = None
+) -> FleetCalibration:
+    """Braking models of all vehicles.
+
+    Args:
+        vehicles: some may have no stops; at least two have some.
+        known: what no stop tells is kept of it. settings: coverage, stops that a surface needs.
+
+    Raises:
+        ParameterError: too few stops in the whole fleet.
+    """
+    wanted = settings or CalibrationSettings()
+    fleet_dead, dead = _dead_times(vehicles)
+    names = sorted({s.surface for v in vehicles for s in v.stops} - {""})
+    own = [n for n in names if _enough(vehicles, [n], wanted)]
+    rest = ["", *(n for n in names if n not in own)]
+    fits: dict[str, tuple[Hierarchy, list[dict[str, Any]]]] = {
+        n: _surface(vehicles, [n], dead, wanted) for n in own
+    }
+    if not own or _enough(vehicles, rest, wanted):
+        base = _surface(vehicles, rest, dead, wanted)
+    else:  # ground without a name brakes like the weakest that has one
+        base = min((fits[n] for n in own), key=lambda f: float(f[0].mean @ (0.0, 0.0, 1.0, 1.0)))
+    braking = {}
+    for i, vehicle in enumerate(vehicles):
+        tables = dict(known.terrain)
+        for name in own:
+            values = fits[name][1][i]
+            before = tables.get(name, SurfaceBraking())
+            tables[name] = dataclasses.replace(before, **values)
+        braking[vehicle.name] = dataclasses.replace(
+            known, uphill=None, dead_time=float(dead[i]), terrain=tables, **base[1][i]
+        )
+    return FleetCalibration(braking, {"": base[0], **{n: fits[n][0] for n in own}}, fleet_dead)
+
+
+def _enough(
+    vehicles: Sequence[VehicleStops], surfaces: Sequence[str], settings: CalibrationSettings
+) -> bool:
+    counts = [sum(s.surface in surfaces for s in v.stops) for v in vehicles]
+    return sum(counts) >= settings.fewest_per_surface and sum(c > 0 for c in counts) > 1
+
+
+def _dead_times(vehicles: Sequence[VehicleStops]) -> tuple[DeadTime, Floats]:
+    """Of the fleet, and (m,) of each vehicle: its own and the fleet's, weighed."""
+    told = [v.dead_time for v in vehicles if v.dead_time is not None]
+    if not told:
+        raise ParameterError("stops", "vehicles with stops, got none")
+    value = np.array([d.value for d in told])
+    std = np.maximum([d.std for d in told], _LEAST_STD)
+    fit = random_effects.fit(
+        np.ones((len(value), 1)), value, std, np.array([float(np.median(value))]), np.eye(1)
+    )
+    mean, between = float(fit.coefficients[0]), fit.scatter
+    each = np.full(len(vehicles), mean + _NO_STOPS * between)
+    for i, vehicle in enumerate(vehicles):
+        if (d := vehicle.dead_time) is not None:
+            weight = between**2 / (between**2 + max(d.std, _LEAST_STD) ** 2)
+            each[i] = mean + weight * (d.value - mean)
+    return DeadTime(mean, float(np.sqrt(fit.covariance[0, 0])), between), np.maximum(each, 0.0)
+
+
+def _surface(
+    vehicles: Sequence[VehicleStops], surfaces: Sequence[str], dead: Floats,
+    settings: CalibrationSettings,
+) -> tuple[Hierarchy, list[dict[str, Any]]]:  # fmt: skip
+    """The hierarchy of a surface, and for each vehicle the keys of its table."""
+    pairs = [(i, s) for i, v in enumerate(vehicles) for s in v.stops if s.surface in surfaces]
+    owner = np.array([i for i, _ in pairs], np.int64)
+    speed, grade, force, noise = np.array(
+        [(s.onset_speed, s.grade, s.force_ratio, s.force_std) for _, s in pairs], np.float64
+    ).reshape(-1, 4).T  # fmt: skip
+    x = design(speed, grade)
+    fit = hierarchy.fit(x, force, noise, owner, len(vehicles))
+    variance = noise**2 + fit.scatter**2
+    short, late = np.full((2, len(pairs)), np.nan)
+    for j in np.flatnonzero(fit.kept).tolist():
+        i, stop = pairs[j]
+        # The coefficients without this stop, as if the fleet's mean and differences stayed.
+        gain = fit.covariance[i] @ x[j] / variance[j]
+        off = force[j] - x[j] @ fit.coefficients[i]
+        without = fit.coefficients[i] - gain * off / (1.0 - min(float(x[j] @ gain), 0.99))
+        way = stopping_distance(stop.held_speed, dead[i], without, stop.station, stop.ground)
+        short[j] = stop.distance - way
+        late[j] = stop.rest_time - stopping_time(stop.held_speed, dead[i], way)
+    kept = fit.kept
+    time_offset = offset_for(settings.coverage, late[np.isfinite(late)])
+    tables = []
+    for i, vehicle in enumerate(vehicles):
+        common = np.array([0.0, 0.0, 0.0, vehicle.common_std])
+        covariance = fit.covariance[i] + np.outer(common, common)
+        doubt = np.sqrt(np.einsum("ni,ij,nj->n", x[kept], covariance, x[kept]))
+        offset = offset_of(
+            short[kept], speed[kept], grade[kept], force[kept], fit.coefficients[i],
+            np.hypot(fit.scatter, doubt), settings.coverage, vehicle.mount_std,
+        )  # fmt: skip
+        mine = short[kept & (owner == i)]
+        mine = mine[np.isfinite(mine)]
+        if len(mine) >= _OWN:
+            offset = max(offset, offset_for(settings.coverage, mine))
+        m_m, b_m = fit.coefficients[i][:2]
+        tilt = vehicle.mount_std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
+        covariance = covariance + np.outer(tilt, tilt)
+        values: dict[str, Any] = dict(
+            zip(("m_m", "b_m", "m_b", "b_b"), fit.coefficients[i].tolist(), strict=True)
+        )
+        tables.append(
+            values
+            | {
+                "distance_offset": offset,
+                "time_offset": time_offset,
+                "speed_range": (float(speed[kept].min()), float(speed[kept].max())),
+                "grade_range": (float(grade[kept].min()) - _PAD, float(grade[kept].max()) + _PAD),
+                "covariance": tuple(map(tuple, covariance.tolist())),
+            }
+        )
+    return fit, tables

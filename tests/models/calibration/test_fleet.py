@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from models.calibration.fleet import FleetCalibration, VehicleStops, learn_fleet, vehicle_stops
+from models.calibration.learn import measure_log
+from models.errors import ParameterError
+from models.parameters import Braking
+from tests.models.calibration.plant import Plant, drive, predicted
+
+KNOWN = Braking(
+    m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.3, dead_time=0.2, speed_range=(1.0, 4.0),
+    grade_range=(-0.26, 0.26),
+)  # fmt: skip
+VEHICLES, THIN = 8, (1, 4, 6)
+
+
+def plant(seed: int) -> Plant:
+    rng = np.random.default_rng(1000 + seed)
+    return Plant(
+        b_m=-0.35 + 0.06 * rng.standard_normal(), b_b=0.40 + 0.03 * rng.standard_normal(),
+        dead_time=0.3 + 0.02 * rng.standard_normal(),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def vehicles() -> list[VehicleStops]:
+    found = []
+    for i in range(VEHICLES):
+        columns, runs, _ = drive(plant(i), 6 if i in THIN else 60, i)
+        # The pitch of the plant is the ground's: mounted straight, without dive.
+        log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], fewest=2)
+        found.append(vehicle_stops(f"v{i}", log, mapped=True))
+    return [*found, VehicleStops("new", note="no stops")]
+
+
+@pytest.fixture(scope="module")
+def learned(vehicles: list[VehicleStops]) -> FleetCalibration:
+    return learn_fleet(vehicles, KNOWN)
+
+
+def test_no_unseen_stop_of_any_vehicle_is_longer_than_predicted(learned: FleetCalibration) -> None:
+    for i in range(VEHICLES):
+        _, _, truth = drive(plant(i), 60, 500 + i)
+        braking = learned.braking[f"v{i}"]
+        own = np.array([braking.m_m, braking.b_m, braking.m_b, braking.b_b])
+        way = predicted(own, braking.dead_time, truth) + braking.distance_offset
+        assert np.mean(truth.distance <= way) >= 0.98
+        assert np.median(way - truth.distance) < 0.35
+        assert braking.dead_time == pytest.approx(plant(i).dead_time, abs=0.015)
+
+
+def test_each_vehicle_is_told_from_the_others(learned: FleetCalibration) -> None:
+    true = np.array([plant(i).b_b + 2.5 * plant(i).m_b for i in range(VEHICLES)])
+    found = np.array(
+        [b.b_b + 2.5 * b.m_b for b in (learned.braking[f"v{i}"] for i in range(VEHICLES))]
+    )
+    assert np.sqrt(np.mean((found - true) ** 2)) < 0.25 * np.std(true)
+
+
+def test_few_stops_make_a_longer_offset_and_none_the_longest(learned: FleetCalibration) -> None:
+    offset = {name: braking.distance_offset for name, braking in learned.braking.items()}
+    thin = [offset[f"v{i}"] for i in THIN]
+    rest = [offset[f"v{i}"] for i in range(VEHICLES) if i not in THIN]
+    assert min(thin) > np.median(rest)
+    assert offset["new"] > max(thin)
+    assert learned.braking["new"].dead_time > learned.dead_time.value
+
+
+def test_surfaces_are_told_apart(vehicles: list[VehicleStops]) -> None:
+    named = []
+    for vehicle in vehicles:
+        stops = tuple(
+            dataclasses.replace(
+                stop, surface="gravel" if j % 2 else "",
+                force_ratio=stop.force_ratio - (0.1 if j % 2 else 0.0),
+            )
+            for j, stop in enumerate(vehicle.stops)
+        )  # fmt: skip
+        named.append(dataclasses.replace(vehicle, stops=stops))
+    learned = learn_fleet(named, KNOWN)
+    assert set(learned.surfaces) == {"", "gravel"}
+    for i in range(VEHICLES):
+        own = learned.braking[f"v{i}"]
+        assert own.level_force(2.5) - own.on("gravel").level_force(2.5) == pytest.approx(
+            0.1, abs=0.03
+        )
+
+
+def test_a_fleet_of_one_is_refused(vehicles: list[VehicleStops]) -> None:
+    with pytest.raises(ParameterError, match="2 vehicles"):
+        learn_fleet([vehicles[0], vehicles[-1]], KNOWN)
+    with pytest.raises(ParameterError, match="got none"):
+        learn_fleet([vehicles[-1]], KNOWN)
