@@ -654,6 +654,44 @@ def fleet_plan(
         raise typer.Exit(NO_ADMISSIBLE)
 
 
+@fleet.command("calibrate")
+def fleet_calibrate(
+    logs: LogFiles,
+    model: ModelFile,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for a model file a vehicle.")],
+    by_folder: Annotated[
+        bool,
+        typer.Option("--by-folder", help="A folder is a vehicle; else each file is one."),
+    ] = False,
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
+    ] = None,
+    coverage: Annotated[
+        float, typer.Option(help="Share of future stops that predictions have to cover.")
+    ] = 0.995,
+    workers: FleetWorkers = None,
+    scheduler: Scheduler = "",
+    as_json: AsJson = False,
+) -> None:
+    """Learn a braking model for each vehicle of a fleet, pooled where its own stops say little.
+
+    Surface by surface: how the vehicles differ, and each as far as its stops tell. One without
+    stops gets the fleet's mean and a longer offset.
+
+    [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
+    """
+    from services.commands import fleet_calibrate as command
+
+    job = command.FleetCalibrateJob(
+        logs, model, out, by_folder, map_file, coverage, workers, scheduler
+    )
+    result = command.run(job, quiet=as_json)
+    _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    if not as_json:
+        typer.echo(f"wrote {len(result.vehicles)} model files to {out}")
+
+
 def _print(as_json: bool, data: Any, show: Any) -> None:
     if as_json:
         typer.echo(json.dumps(data(), allow_nan=False))

@@ -1,0 +1,51 @@
+"""What a worker does with the logs of one vehicle: find its stops and measure them.
+
+What comes back are the stops alone; samples stay with the worker.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from models.calibration.fleet import FEWEST, VehicleStops, vehicle_stops
+from models.calibration.learn import measure_log
+from models.errors import ParameterError
+from services.commands.calibrate import refuse_wrong_units
+from services.files.log_source import read_logs
+from services.files.model_file import model_from_dict
+
+
+@dataclass(frozen=True, slots=True)
+class LogTask:
+    """The logs of one vehicle, the model so far as tables, and a map if there is one."""
+
+    vehicle: str
+    logs: tuple[Path, ...]
+    model: dict[str, Any]
+    map_file: Path | None
+
+
+def measure_vehicle(task: LogTask) -> VehicleStops:
+    """Its stops; none, with the reason, where there are too few.
+
+    Raises:
+        InputError: names file and field.
+    """
+    model = model_from_dict(task.model, "model")
+    log = read_logs(task.logs)
+    refuse_wrong_units(log)
+    ground = None
+    if task.map_file is not None:
+        from services.files.track_grade import ground_grade
+
+        ground = ground_grade(log, task.map_file, model.vehicle)
+    try:
+        measured = measure_log(log.columns, log.runs, model.braking, ground=ground, fewest=FEWEST)
+    except ParameterError as error:
+        return VehicleStops(task.vehicle, note=f"{error.field}: expected {error.expected}")
+    mapped = ground is not None and bool(np.isfinite(ground).all())
+    return vehicle_stops(task.vehicle, measured, mapped)
