@@ -123,7 +123,7 @@ def _cases(after: Model, before: Model) -> Iterator[_Case]:
         _Case,
         itertools.product(
             surfaces,
-            _between(a.speed_range, b.speed_range, 3),
+            _speeds(a.speed_range, b.speed_range),
             _between(a.grade_range, b.grade_range, 5),
             _ROLLS if "cross_slope" in names else (0.0,),
             _YAWS if winds else (0.0,),
@@ -133,6 +133,12 @@ def _cases(after: Model, before: Model) -> Iterator[_Case]:
             (0.0, _HOT) if "brake_fade" in names else (0.0,),
         ),
     )
+
+
+def _speeds(one: Place, other: Place) -> list[float]:
+    """Below the trained speeds, too: there the coefficients of the lowest one hold."""
+    low, high = 0.5 * min(one[0], other[0]), min(one[1], other[1])
+    return [float(value) for value in np.linspace(low, high, 4)]
 
 
 def _between(one: Place, other: Place, count: int) -> list[float]:

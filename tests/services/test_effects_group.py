@@ -77,10 +77,13 @@ def test_distances_are_those_of_the_closed_form() -> None:
     weaker = with_effects(b_b=0.30)
     by = compared(weaker, FILE)
     lengths = []
-    for v in np.linspace(*FILE.braking.speed_range, 3):
+    low, high = FILE.braking.speed_range
+    for v in np.linspace(0.5 * low, high, 4):
+        # Below the trained speeds the coefficients of the lowest one hold.
+        c = max(v, low)
         for theta in np.linspace(*FILE.braking.grade_range, 5):
             a, b = (
-                G * ((-0.03 * v - 0.35) * theta + 0.015 * v + base + np.sin(theta))
+                G * ((-0.03 * c - 0.35) * theta + 0.015 * c + base + np.sin(theta))
                 for base in (0.30, 0.40)
             )
             lengths.append(0.5 * v * v * (1.0 / a - 1.0 / b))
@@ -106,7 +109,7 @@ def test_effects_that_only_take_make_no_stop_shorter_and_others_do(
 ) -> None:
     by = compared(with_effects(effect), FILE)
     if sign == 1.0:
-        assert by.least > 0.01
+        assert by.least > 0.004
     elif sign == 0.0:
         assert by.least == pytest.approx(0.0, abs=1e-6)
         assert by.most > 0.01
