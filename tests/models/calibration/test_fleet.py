@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from models.calibration.fleet import FleetCalibration, VehicleStops, learn_fleet, vehicle_stops
+from models.calibration.force_fit import fit_force
 from models.calibration.learn import measure_log
 from models.errors import ParameterError
 from models.parameters import Braking
@@ -95,3 +96,35 @@ def test_a_fleet_of_one_is_refused(vehicles: list[VehicleStops]) -> None:
         learn_fleet([vehicles[0], vehicles[-1]], KNOWN)
     with pytest.raises(ParameterError, match="got none"):
         learn_fleet([vehicles[-1]], KNOWN)
+
+
+@pytest.mark.nightly
+def test_fifty_vehicles_with_two_hundred_stops() -> None:
+    count = np.where(np.arange(50) % 4 == 0, 5 + np.arange(50) % 13, 200)
+    plants = [plant(i) for i in range(50)]
+    vehicles = []
+    for i, (true, stops) in enumerate(zip(plants, count.tolist(), strict=True)):
+        columns, runs, _ = drive(dataclasses.replace(true, scatter=0.012), stops, i)
+        log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], fewest=2)
+        vehicles.append(vehicle_stops(f"v{i}", log, mapped=True))
+    learned = learn_fleet(vehicles, KNOWN)
+    spread = np.sqrt(np.diag(learned.surfaces[""].spread))
+    drawn = np.std([p.coefficients for p in plants], axis=0, ddof=1)
+    np.testing.assert_allclose(spread[[1, 3]], drawn[[1, 3]], rtol=0.25)
+    drawn_time = np.std([p.dead_time for p in plants], ddof=1)
+    assert learned.dead_time.jitter == pytest.approx(drawn_time, rel=0.25)
+    v, theta = (g.ravel() for g in np.meshgrid(np.linspace(1, 4, 7), np.linspace(-0.2, 0.2, 7)))
+    pooled, alone = [], []
+    for i in np.flatnonzero(count < 20).tolist():
+        stops = vehicles[i].stops
+        own = fit_force(
+            *(np.array([getattr(s, n) for s in stops]) for n in ("onset_speed", "grade")),
+            *(np.array([getattr(s, n) for s in stops]) for n in ("force_ratio", "force_std")),
+            np.array([KNOWN.m_m, KNOWN.b_m, KNOWN.m_b, KNOWN.b_b]),
+        )
+        b = learned.braking[f"v{i}"]
+        true = plants[i].force(theta, v)
+        pooled += ((b.m_m * v + b.b_m) * theta + b.m_b * v + b.b_b - true).tolist()
+        alone += (own.force_ratio(v, theta) - true).tolist()
+    assert np.std(pooled) < 0.7 * np.std(alone)
+    assert np.sqrt(np.mean(np.square(pooled))) < 0.7 * np.sqrt(np.mean(np.square(alone)))
