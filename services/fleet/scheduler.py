@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import os
+import socket
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -95,11 +96,15 @@ def _spread(client: Any, function: Callable[[T], R], tasks: Iterator[Task[T]]) -
 @contextmanager
 def _client(workers: Workers) -> Iterator[Any]:
     from distributed import Client, LocalCluster
+    from distributed.comm import get_address_host_port
 
     for name in ("distributed", "bokeh", "tornado"):  # a worker that dies is no news for the user
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if workers.scheduler:
         try:
+            # A client that never got there hangs in its finaliser when it is collected.
+            place = get_address_host_port(workers.scheduler)
+            socket.create_connection(place, timeout=_PATIENCE).close()
             client = Client(workers.scheduler, timeout=_PATIENCE)
         except (OSError, ValueError, TypeError) as error:
             words = f"expected a Dask scheduler that answers, got {reason(error)}"

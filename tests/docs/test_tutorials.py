@@ -42,6 +42,7 @@ def test_a_tutorial_does_what_it_says(tutorial: Path, tmp_path: Path) -> None:
         pytest.importorskip(module, reason=f"{module} is not installed")
     page = tutorial.read_text()
     assert len(BOX.findall(page)) >= 3
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "tutorial.py").write_text(script_of(page))
     paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     done = subprocess.run(

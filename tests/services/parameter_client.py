@@ -153,11 +153,9 @@ def ground(names: list[str] | None = None, classes: Any = None, length: int = 20
 def send_ground(robot: Robot, update: dict[str, Any] | None = None) -> None:
     """Put a map in, and wait until plans are made from it."""
     before = robot.plan()["map_version"]
-    robot.session.put(
-        robot.service.key("map"), msgspec.msgpack.encode(update or ground()),
-        encoding=FORMAT.format("map_update"),
-    )  # fmt: skip
-    until = time.monotonic() + 5.0
+    payload, until = msgspec.msgpack.encode(update or ground()), time.monotonic() + 10.0
     while robot.plan()["map_version"] == before:
         assert time.monotonic() < until, "the map did not arrive"
-        time.sleep(0.02)
+        # What is put before the service's subscription is known here goes nowhere.
+        robot.session.put(robot.service.key("map"), payload, encoding=FORMAT.format("map_update"))
+        time.sleep(0.2)
