@@ -64,6 +64,36 @@ Namespace = Annotated[str, typer.Option(help="Of the service's keys.")]
 ZenohFile = Annotated[
     str, typer.Option("--zenoh", metavar="FILE", help="Zenoh's own settings, e.g. certificates.")
 ]
+StartSpeed = Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")]
+ClearDistance = Annotated[
+    float | None,
+    typer.Option(
+        metavar="METRES",
+        help="Station up to which the way is known free; the whole path if left out.",
+    ),
+]
+Spacing = Annotated[float | None, typer.Option(metavar="METRES", help="Distance between stations.")]
+Quantile = Annotated[
+    float | None,
+    typer.Option(
+        metavar="Q",
+        help="Survive this share of what the model leaves open, e.g. 0.999; else its mean.",
+    ),
+]
+Smooth = Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")]
+GroundMap = Annotated[
+    Path | None,
+    typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
+]
+Coverage = Annotated[
+    float, typer.Option(help="Share of future stops that predictions have to cover.")
+]
+Topics = Annotated[
+    Path | None,
+    typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
+]
+Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")]
+Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
 
 
@@ -86,32 +116,15 @@ def plan(
     map_file: MapFile,
     path_file: PathFile,
     model: ModelFile,
-    speed: Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")] = 0.0,
-    clear: Annotated[
-        float | None,
-        typer.Option(
-            metavar="METRES",
-            help="Station up to which the way is known free; the whole path if left out.",
-        ),
-    ] = None,
-    spacing: Annotated[
-        float | None, typer.Option(metavar="METRES", help="Distance between stations.")
-    ] = None,
-    quantile: Annotated[
-        float | None,
-        typer.Option(
-            metavar="Q",
-            help="Survive this share of what the model leaves open, e.g. 0.999; else its mean.",
-        ),
-    ] = None,
+    speed: StartSpeed = 0.0,
+    clear: ClearDistance = None,
+    spacing: Spacing = None,
+    quantile: Quantile = None,
     explain: Annotated[
         bool, typer.Option("--explain", help="Say what the best candidate loses to each bound.")
     ] = False,
-    smooth: Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")] = True,
-    topics: Annotated[
-        Path | None,
-        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
-    ] = None,
+    smooth: Smooth = True,
+    topics: Topics = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -119,9 +132,7 @@ def plan(
             help="Write all plans, a row a station; .mcap for Foxglove, .rrd for rerun.",
         ),
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")
-    ] = None,
+    report: Report = None,
     as_json: AsJson = False,
 ) -> None:
     """Fastest safe speed along candidate paths over an elevation map.
@@ -155,10 +166,7 @@ def plan(
     if report is not None:
         command.write_page(result, job, report)
     _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    if not as_json:
-        for written in (out, report):
-            if written is not None:
-                typer.echo(f"wrote {written}")
+    _say_written(as_json, out, report)
     if not result.admissible:
         raise typer.Exit(NO_ADMISSIBLE)
 
@@ -174,20 +182,10 @@ def calibrate(
     stops: Annotated[
         Path | None, typer.Option(metavar="stops.csv", help="Write a row a stop.")
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")
-    ] = None,
-    map_file: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
-    ] = None,
-    topics: Annotated[
-        Path | None,
-        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
-    ] = None,
-    coverage: Annotated[
-        float, typer.Option(help="Share of future stops that predictions have to cover.")
-    ] = 0.995,
+    report: Report = None,
+    map_file: GroundMap = None,
+    topics: Topics = None,
+    coverage: Coverage = 0.995,
     as_json: AsJson = False,
 ) -> None:
     """Learn the braking model from the stops of drive logs.
@@ -209,10 +207,7 @@ def calibrate(
     if report is not None:
         command.write_page(result, job, report)
     _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    if not as_json:
-        for written in (out, stops, report):
-            if written is not None:
-                typer.echo(f"wrote {written}")
+    _say_written(as_json, out, stops, report)
 
 
 @app.command()
@@ -222,9 +217,7 @@ def terrain(
     out: Annotated[
         Path | None, typer.Option(metavar="terrain.csv", help="Write a row a stretch.")
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")
-    ] = None,
+    report: Report = None,
     update: Annotated[
         Path | None,
         typer.Option(metavar="M2.toml", help="Write the model with the ground driven now."),
@@ -241,10 +234,7 @@ def terrain(
         ),
     ] = None,
     adapt: Annotated[bool, typer.Option(help="Let classes follow, and new ones arise.")] = False,
-    topics: Annotated[
-        Path | None,
-        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
-    ] = None,
+    topics: Topics = None,
     as_json: AsJson = False,
 ) -> None:
     """Resistances, slip track, class and changes of terrain from the logs of a skid-steered robot.
@@ -269,10 +259,7 @@ def terrain(
     if report is not None:
         view.write_page(result, job, report)
     _print(as_json, lambda: view.as_json(result), lambda screen: view.show(result, screen))
-    if not as_json:
-        for written in (out, update, learn, report):
-            if written is not None:
-                typer.echo(f"wrote {written}")
+    _say_written(as_json, out, update, learn, report)
 
 
 @app.command()
@@ -298,8 +285,7 @@ def simulate(
     if out is not None:
         command.write(result, out)
     _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    if out is not None and not as_json:
-        typer.echo(f"wrote {out}")
+    _say_written(as_json, out)
 
 
 @app.command()
@@ -310,14 +296,8 @@ def discrepancy(
         Path,
         typer.Option(metavar="DIR", help="Folder for discrepancy.json, model.toml, report.html."),
     ],
-    map_file: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
-    ] = None,
-    topics: Annotated[
-        Path | None,
-        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
-    ] = None,
+    map_file: GroundMap = None,
+    topics: Topics = None,
     false_alarm: Annotated[
         float,
         typer.Option(help="Share of logs without a missing effect that may be said to have one."),
@@ -346,9 +326,7 @@ def discrepancy(
     result = command.run(job, quiet=as_json)
     written = command.write(result, job, out)
     _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    if not as_json:
-        for file in written:
-            typer.echo(f"wrote {file}")
+    _say_written(as_json, *written)
 
 
 @app.command()
@@ -382,8 +360,16 @@ def bench(
         typer.Option(
             metavar="DIR",
             help="closed-loop: write report and pictures, and keep every drive: a run that was "
-            "interrupted goes on. fleet: a folder with room for the map.",
+            "interrupted goes on. discrepancy: likewise, a line of JSON a set. fleet: a folder "
+            "with room for the map.",
         ),
+    ] = None,
+    sets: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="discrepancy: sets at most.")
+    ] = None,
+    minutes: Annotated[
+        float | None,
+        typer.Option(metavar="M", min=0.0, help="discrepancy: begin no further set after that."),
     ] = None,
 ) -> None:
     r"""Benchmark the planner beside its peers, in one run on one thread.
@@ -398,7 +384,7 @@ def bench(
 
     [bold]discrepancy[/] hides effects in stops of a plant of its own, and of a physics engine, has
     each log investigated by a process that sees nothing else, and compares what was said with what
-    is true. It takes some two hours, quickly some minutes.
+    is true, on two processes. It takes some two hours, quickly some minutes.
 
     Times depend on the machine, so ratios are the result. Peers that are not installed are said to
     be missing; `pip install slopewise\[bench]` brings them.
@@ -412,7 +398,9 @@ def bench(
         command.fleet(quick=quick, json_file=json_file, out=out)
         return
     if what == "discrepancy":
-        command.discrepancy(quick=quick, json_file=json_file, plot=plot)
+        command.discrepancy(
+            quick=quick, json_file=json_file, plot=plot, out=out, sets=sets, minutes=minutes
+        )
         return
     if what != "planner":
         command.horizon(what, quick=quick, json_file=json_file)
@@ -457,18 +445,12 @@ def query(
     path_file: PathFile,
     connect: Connect = "tcp/127.0.0.1:7447",
     namespace: Namespace = "slopewise/robot",
-    speed: Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")] = 0.0,
-    clear: Annotated[
-        float | None,
-        typer.Option(
-            metavar="METRES",
-            help="Station up to which the way is known free; the whole path if left out.",
-        ),
-    ] = None,
+    speed: StartSpeed = 0.0,
+    clear: ClearDistance = None,
     map_file: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="Elevation map to send before.")
     ] = None,
-    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")] = 2.0,
+    timeout: Timeout = 2.0,
     zenoh_file: ZenohFile = "",
     as_json: AsJson = False,
 ) -> None:
@@ -522,7 +504,7 @@ def params(
     ] = False,
     connect: Connect = "tcp/127.0.0.1:7447",
     namespace: Namespace = "slopewise/robot",
-    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")] = 2.0,
+    timeout: Timeout = 2.0,
     zenoh_file: ZenohFile = "",
     as_json: AsJson = False,
 ) -> None:
@@ -553,10 +535,7 @@ def replay(
     speed_up: Annotated[
         float, typer.Option(metavar="X", help="Seconds of the log in a second; inf: all it can.")
     ] = 1.0,
-    topics: Annotated[
-        Path | None,
-        typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
-    ] = None,
+    topics: Topics = None,
     timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For each answer.")] = 5.0,
     zenoh_file: ZenohFile = "",
     as_json: AsJson = False,
@@ -604,25 +583,11 @@ def fleet_plan(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where the results go, as Parquet in parts.")
     ],
-    speed: Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")] = 0.0,
-    clear: Annotated[
-        float | None,
-        typer.Option(
-            metavar="METRES",
-            help="Station up to which the way is known free; the whole path if left out.",
-        ),
-    ] = None,
-    spacing: Annotated[
-        float | None, typer.Option(metavar="METRES", help="Distance between stations.")
-    ] = None,
-    quantile: Annotated[
-        float | None,
-        typer.Option(
-            metavar="Q",
-            help="Survive this share of what the model leaves open, e.g. 0.999; else its mean.",
-        ),
-    ] = None,
-    smooth: Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")] = True,
+    speed: StartSpeed = 0.0,
+    clear: ClearDistance = None,
+    spacing: Spacing = None,
+    quantile: Quantile = None,
+    smooth: Smooth = True,
     workers: FleetWorkers = None,
     scheduler: Scheduler = "",
     as_json: AsJson = False,
@@ -648,8 +613,7 @@ def fleet_plan(
     )  # fmt: skip
     result = command.run(job, quiet=as_json)
     _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    if not as_json:
-        typer.echo(f"wrote {out}")
+    _say_written(as_json, out)
     if not result.admissible:
         raise typer.Exit(NO_ADMISSIBLE)
 
@@ -663,13 +627,8 @@ def fleet_calibrate(
         bool,
         typer.Option("--by-folder", help="A folder is a vehicle; else each file is one."),
     ] = False,
-    map_file: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
-    ] = None,
-    coverage: Annotated[
-        float, typer.Option(help="Share of future stops that predictions have to cover.")
-    ] = 0.995,
+    map_file: GroundMap = None,
+    coverage: Coverage = 0.995,
     workers: FleetWorkers = None,
     scheduler: Scheduler = "",
     as_json: AsJson = False,
@@ -699,6 +658,13 @@ def _print(as_json: bool, data: Any, show: Any) -> None:
     from rich.console import Console
 
     show(Console())
+
+
+def _say_written(as_json: bool, *files: Path | None) -> None:
+    if not as_json:
+        for file in files:
+            if file is not None:
+                typer.echo(f"wrote {file}")
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -18,7 +18,7 @@ def test_nobody_there_is_said() -> None:
 
 
 def test_places_in_the_source_of_zenoh_are_left_out() -> None:
-    error = zenoh.ZError("No way [in use at /root/x/tcp.rs:61.] at /root/y/unicast.rs:338.")
+    error = zenoh.ZError("No way [in use at /src/x/tcp.rs:61.] at /src/y/unicast.rs:338.")
     assert words_of(error) == "No way [in use]"
 
 
