@@ -15,7 +15,7 @@ from models.calibration.learn import Calibration
 from models.drive_quality import Stretch
 from services.files.access import write_atomic
 from services.report.calibration_pictures import pictures
-from services.report.page import escaped, page
+from services.report.page import escaped, fact_list, notices, number_row, page
 
 _LISTED = 50
 
@@ -59,12 +59,12 @@ def render_report(
     fields = {
         "title": escaped(title),
         "verdict": escaped(_verdict(calibration)),
-        "facts": _facts({**_shared(calibration), **provenance}),
-        "notes": "".join(f'<p class="notice">{escaped(w)}</p>' for w in calibration.warnings),
+        "facts": fact_list({**_shared(calibration), **provenance}),
+        "notes": notices(calibration.warnings),
         "surfaces": "".join(f'<th class="number" scope="col">{escaped(n)}</th>' for n in surfaces),
-        "rows": "\n".join(_row(label, cells) for label, cells in rows.items()),
+        "rows": "\n".join(number_row(label, cells) for label, cells in rows.items()),
         "found": "\n".join(
-            _row(Verdict[name.upper()].value, [str(count)])
+            number_row(Verdict[name.upper()].value, [str(count)])
             for name, count in calibration.verdicts.items()
         ),
         "suspects": _suspects(calibration.suspects, clock),
@@ -107,22 +107,10 @@ def _shared(calibration: Calibration) -> dict[str, str]:
     }
 
 
-def _facts(facts: Mapping[str, str]) -> str:
-    return "".join(
-        f"<div><dt>{escaped(name)}</dt><dd>{escaped(value)}</dd></div>"
-        for name, value in facts.items()
-    )
-
-
-def _row(label: str, cells: Sequence[str]) -> str:
-    columns = "".join(f'<td class="number">{escaped(cell)}</td>' for cell in cells)
-    return f'<tr><th scope="row">{escaped(label)}</th>{columns}</tr>'
-
-
 def _suspects(suspects: Sequence[Stretch], clock: Mapping[int, float]) -> str:
     if not suspects:
         return ""
-    listed = "".join(_row(f"{clock[s.start]:.2f} s", [s.reason]) for s in suspects[:_LISTED])
+    listed = "".join(number_row(f"{clock[s.start]:.2f} s", [s.reason]) for s in suspects[:_LISTED])
     more = len(suspects) - _LISTED
     further = f"<p>… and {more} more.</p>" if more > 0 else ""
     return (

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from services.files.access import write_atomic
-from services.report.page import escaped, page
+from services.report.page import escaped, fact_list, number_row, page
 from services.report.png import data_uri
 
 _COEFFICIENTS = ("m_m", "b_m", "m_b", "b_b", "distance_offset")
@@ -46,7 +46,7 @@ def render_report(
     fields = {
         "title": escaped(f"Closed loop in a physics engine: {result['ground']}"),
         "verdict": escaped(_verdict(result["targets"])),
-        "facts": _facts(
+        "facts": fact_list(
             {
                 "drives": str(sum(row["drives"] for row in policies.values())),
                 "forced stops": str(sum(row["forced_stops"] for row in policies.values())),
@@ -59,11 +59,11 @@ def render_report(
         "wanted": "\n".join(_target(row) for row in result["targets"]),
         "columns": "".join(f'<th class="number">{escaped(title)}</th>' for title, _, _ in columns),
         "rows": "\n".join(
-            _row(name, [form.format(row[key]) for _, key, form in columns])
+            number_row(name, [form.format(row[key]) for _, key, form in columns])
             for name, row in policies.items()
         ),
         "learned": "\n".join(
-            _row(f"{name}: {surface}", [f"{found[key]:+.4f}" for key in _COEFFICIENTS])
+            number_row(f"{name}: {surface}", [f"{found[key]:+.4f}" for key in _COEFFICIENTS])
             for name, model in result["learned"].items()
             for surface, found in model["surfaces"].items()
         ),
@@ -89,16 +89,4 @@ def _verdict(targets: Sequence[Mapping[str, Any]]) -> str:
 def _target(row: Mapping[str, Any]) -> str:
     sign = {">=": "≥", "<=": "≤"}[row["relation"]]
     reached = "yes" if row["passed"] else "no"
-    return _row(row["what"], [f"{sign} {row['wanted']:g}", f"{row['reached']:.4g}", reached])
-
-
-def _facts(facts: Mapping[str, str]) -> str:
-    return "".join(
-        f"<div><dt>{escaped(name)}</dt><dd>{escaped(value)}</dd></div>"
-        for name, value in facts.items()
-    )
-
-
-def _row(label: str, cells: Sequence[str]) -> str:
-    columns = "".join(f'<td class="number">{escaped(cell)}</td>' for cell in cells)
-    return f'<tr><th scope="row">{escaped(label)}</th>{columns}</tr>'
+    return number_row(row["what"], [f"{sign} {row['wanted']:g}", f"{row['reached']:.4g}", reached])

@@ -15,7 +15,7 @@ from models.discrepancy.findings import Findings, Gap, LocatedAxis, NamedEffect,
 from models.effects import LAWS
 from services.files.access import write_atomic
 from services.report.discrepancy_pictures import pictures
-from services.report.page import escaped, page
+from services.report.page import escaped, fact_list, notices, number_row, page
 
 WORDS = {
     Verdict.NONE: ("nothing missing", "fine"),
@@ -66,10 +66,8 @@ def render_report(
         "word": escaped(word),
         "kind": kind,
         "verdict": escaped(findings.summary),
-        "facts": "".join(
-            f"<div><dt>{escaped(n)}</dt><dd>{escaped(v)}</dd></div>" for n, v in facts.items()
-        ),
-        "notes": "".join(f'<p class="notice">{escaped(n)}</p>' for n in findings.notes),
+        "facts": fact_list(facts),
+        "notes": notices(findings.notes),
         "effects": _effects(findings.effects),
         "closed": escaped(_closed(findings.gap)),
         "located": "\n".join(map(_axis, findings.located)) or _nothing(),
@@ -132,9 +130,7 @@ def _axis(axis: LocatedAxis) -> str:
         unit = unit.replace("rad", "°")
     part = f"{low:.3g} … {high:.3g} {'' if unit == '1' else unit}".rstrip()
     chance = "< 0.001" if axis.p_value < 1e-3 else f"{axis.p_value:.3f}"
-    cells = (part, f"{axis.share_of_gap:.0%}", chance)
-    rest = "".join(f'<td class="number">{escaped(c)}</td>' for c in cells)
-    return f'<tr><th scope="row">{escaped(axis.axis.replace("_", " "))}</th>{rest}</tr>'
+    return number_row(axis.axis.replace("_", " "), (part, f"{axis.share_of_gap:.0%}", chance))
 
 
 def _nothing() -> str:

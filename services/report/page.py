@@ -6,7 +6,7 @@ import base64
 import hashlib
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from string import Template
 from typing import Any
@@ -32,6 +32,25 @@ def script_json(value: Any) -> str:
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
     return text
+
+
+def fact_list(named: Mapping[str, str]) -> str:
+    """Names and what they are, for a description list."""
+    return "".join(
+        f"<div><dt>{escaped(name)}</dt><dd>{escaped(value)}</dd></div>"
+        for name, value in named.items()
+    )
+
+
+def notices(told: Sequence[str]) -> str:
+    """What a reader has to know, a paragraph each."""
+    return "".join(f'<p class="notice">{escaped(words)}</p>' for words in told)
+
+
+def number_row(label: str, cells: Sequence[str]) -> str:
+    """A row of a table of numbers under its label."""
+    columns = "".join(f'<td class="number">{escaped(cell)}</td>' for cell in cells)
+    return f'<tr><th scope="row">{escaped(label)}</th>{columns}</tr>'
 
 
 def page(

@@ -16,7 +16,7 @@ from planner.elevation_map import ElevationMap
 from planner.explain import Explanation
 from planner.plan import SpeedPlan, Status
 from services.files.access import write_atomic
-from services.report.page import asset, escaped, page
+from services.report.page import asset, escaped, fact_list, page
 from services.report.plan_data import page_data
 from services.report.plan_reasons import reasons
 from services.report.plan_summary import PlanSummary, chosen, summarise, verdict
@@ -76,8 +76,8 @@ def render_report(
         "title": escaped(title),
         "verdict": escaped(verdict(plans)),
         "choice": _choice(summaries, best),
-        "provenance": _facts(provenance),
-        "model": _facts(model_facts(model)),
+        "provenance": fact_list(provenance),
+        "model": fact_list(model_facts(model)),
         "model_name": escaped(model.name),
         "relief": data_uri(picture),
         "options": "".join(
@@ -118,13 +118,6 @@ def model_facts(model: Model) -> dict[str, str]:
     if model.effect:
         facts["effects"] = ", ".join(effect.name for effect in model.effect)
     return facts
-
-
-def _facts(facts: Mapping[str, str]) -> str:
-    return "".join(
-        f"<div><dt>{escaped(name)}</dt><dd>{escaped(value)}</dd></div>"
-        for name, value in facts.items()
-    )
 
 
 def _choice(summaries: Sequence[PlanSummary], best: int | None) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from models.terrain.classes import TerrainClasses
 from models.terrain.trace import Trace
 from services.files.access import write_atomic
-from services.report.page import escaped, page
+from services.report.page import escaped, fact_list, notices, page
 from services.report.terrain_pictures import Point, pictures
 
 _LISTED = 50
@@ -55,16 +55,12 @@ def write_report(path: Path, content: TerrainPage) -> None:
 
 def render_report(content: TerrainPage) -> str:
     """The page as text; see :func:`write_report`."""
-    facts = "".join(
-        f"<div><dt>{escaped(name)}</dt><dd>{escaped(value)}</dd></div>"
-        for name, value in content.facts.items()
-    )
     fields = {
         "title": escaped(content.title),
         "verdict": escaped(content.verdict),
-        "facts": facts,
+        "facts": fact_list(content.facts),
         "run_name": escaped(content.run),
-        "notes": "".join(f'<p class="notice">{escaped(words)}</p>' for words in content.notes),
+        "notes": notices(content.notes),
         "rows": "\n".join(_row(cells, numbers=(1, 2, 3, 5, 6, 7)) for cells in content.rows),
         "suspects": _excluded(content.excluded),
         **pictures(content.trace, content.points, content.classes, content.changes),

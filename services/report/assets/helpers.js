@@ -39,3 +39,30 @@ function badge(status) {
 function swatch(limiting) {
   return make("span", { class: "swatch", "data-limiting": limiting.key });
 }
+
+// The grey relief on coloured paper, clear where the ground is unknown.
+function tintedRelief(image) {
+  const made = make("canvas", { width: image.naturalWidth, height: image.naturalHeight });
+  const pen = made.getContext("2d");
+  pen.drawImage(image, 0, 0);
+  pen.globalCompositeOperation = "multiply";
+  pen.fillStyle = styleOf("--paper");
+  pen.fillRect(0, 0, made.width, made.height);
+  pen.globalCompositeOperation = "destination-in";
+  pen.drawImage(image, 0, 0);
+  return made;
+}
+
+// What lies behind the relief, and shows where the ground is unknown.
+function hatchUnknown(pen, width, height) {
+  pen.fillStyle = styleOf("--unknown-ground");
+  pen.fillRect(0, 0, width, height);
+  pen.strokeStyle = styleOf("--unknown-hatch");
+  pen.lineWidth = 1;
+  pen.beginPath();
+  for (let x = -height; x < width; x += 9) {
+    pen.moveTo(x, height);
+    pen.lineTo(x + height, 0);
+  }
+  pen.stroke();
+}

@@ -23,23 +23,8 @@ async function takeGround() {
   ground = table;
   contours = table.contours.map((line) => ({ strong: line.strong, path: new Path2D(line.path) }));
   surfaces = table.surfaces.map((surface) => ({ name: surface.name, path: new Path2D(surface.path) }));
-  picture = tinted(image);
+  picture = tintedRelief(image);
   paint();
-}
-
-// The grey relief on coloured paper, clear where the ground is unknown.
-function tinted(image) {
-  const made = document.createElement("canvas");
-  made.width = image.naturalWidth;
-  made.height = image.naturalHeight;
-  const pen = made.getContext("2d");
-  pen.drawImage(image, 0, 0);
-  pen.globalCompositeOperation = "multiply";
-  pen.fillStyle = styleOf("--paper");
-  pen.fillRect(0, 0, made.width, made.height);
-  pen.globalCompositeOperation = "destination-in";
-  pen.drawImage(image, 0, 0);
-  return made;
 }
 
 function takePlan(plan) {
@@ -88,16 +73,7 @@ function paint() {
 }
 
 function paintGround(pen, width, height, sharp) {
-  pen.fillStyle = styleOf("--unknown-ground");
-  pen.fillRect(0, 0, width, height);
-  pen.strokeStyle = styleOf("--unknown-hatch");
-  pen.lineWidth = 1;
-  pen.beginPath();
-  for (let x = -height; x < width; x += 9) {
-    pen.moveTo(x, height);
-    pen.lineTo(x + height, 0);
-  }
-  pen.stroke();
+  hatchUnknown(pen, width, height);
   if (!ground) return;
   const [left, right, bottom, top] = boundsOfGround();
   pen.imageSmoothingQuality = "high";

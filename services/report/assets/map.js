@@ -14,24 +14,9 @@ let colours = {};
 let waiting = false;
 
 function readColours() {
-  const names = ["paper", "unknown-ground", "unknown-hatch", "contour", "casing", "not-driven", "map-ink", "map-halo", "surface", "stop", "clear", "panel"];
+  const names = ["contour", "casing", "not-driven", "map-ink", "map-halo", "surface", "stop", "clear", "panel"];
   colours = Object.fromEntries(names.map((name) => [name, styleOf(`--${name}`)]));
   tinted = null;
-}
-
-// The grey relief on coloured paper, clear where the ground is unknown.
-function paintRelief() {
-  const picture = document.createElement("canvas");
-  picture.width = relief.naturalWidth;
-  picture.height = relief.naturalHeight;
-  const pen = picture.getContext("2d");
-  pen.drawImage(relief, 0, 0);
-  pen.globalCompositeOperation = "multiply";
-  pen.fillStyle = colours.paper;
-  pen.fillRect(0, 0, picture.width, picture.height);
-  pen.globalCompositeOperation = "destination-in";
-  pen.drawImage(relief, 0, 0);
-  return picture;
 }
 
 const toX = (x) => (x - view.x) * view.scale;
@@ -107,17 +92,8 @@ function paintMap() {
 }
 
 function paintGround(pen, width, height, sharp) {
-  pen.fillStyle = colours["unknown-ground"];
-  pen.fillRect(0, 0, width, height);
-  pen.strokeStyle = colours["unknown-hatch"];
-  pen.lineWidth = 1;
-  pen.beginPath();
-  for (let x = -height; x < width; x += 9) {
-    pen.moveTo(x, height);
-    pen.lineTo(x + height, 0);
-  }
-  pen.stroke();
-  if (!tinted && relief.naturalWidth) tinted = paintRelief();
+  hatchUnknown(pen, width, height);
+  if (!tinted && relief.naturalWidth) tinted = tintedRelief(relief);
   const [left, right, bottom, top] = ground.bounds;
   pen.imageSmoothingEnabled = true;
   pen.imageSmoothingQuality = "high";
