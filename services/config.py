@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -14,8 +13,9 @@ from models.quantity import quantity, validate_quantities
 from planner.answer import HorizonSettings
 from planner.settings import PlannerSettings
 from planner.uncertainty import Uncertainty
-from services.files.access import fault, read_text, reason
+from services.files.access import fault
 from services.files.decode import decode_table
+from services.files.toml_file import beside, read_toml
 from services.investigation_settings import Investigation
 from services.learning_settings import Learning, StoreSettings
 from services.tls_files import settle
@@ -180,19 +180,9 @@ def read_config(path: Path) -> ServiceConfig:
     Raises:
         InputError: names the file and the key.
     """
-    try:
-        data = tomllib.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
-    for table, key in (("", "model"), ("", "map"), ("zenoh", "config"), ("learning", "terrains")):
-        inside = data.get(table, {}) if table else data
-        name = inside.get(key) if isinstance(inside, dict) else None
-        if isinstance(name, str) and name and (path.parent / name).is_file():
-            inside[key] = str(path.parent / name)
-    for table, key in (("store", "path"), ("discrepancy", "samples")):
-        place = data.get(table)
-        if isinstance(place, dict) and isinstance(place.get(key), str) and place[key]:
-            place[key] = str(path.parent / place[key])
+    data = read_toml(path)
+    beside(path, data, "model", "map", "zenoh.config", "learning.terrains")
+    beside(path, data, "store.path", "discrepancy.samples", exists=False)
     return decode_table(ServiceConfig, data, str(path))
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
-from services.files.access import fault, read_text, reason
+from services.files.access import fault
 from services.files.decode import decode_table, dotted
 from services.files.drive_log import REQUIRED
+from services.files.toml_file import read_toml
 
 ATTITUDE = ("roll", "pitch", "yaw")
 _NO_COLUMN = ("run", "t")
@@ -79,18 +78,11 @@ def read_sources(path: Path | None) -> tuple[MapSource, PathSource]:
     """
     if path is None:
         return MapSource(), PathSource()
-    tables = _tables(path)
+    tables = read_toml(path)
     return (
         decode_table(MapSource, tables.get("map", {}), str(path), "map"),
         decode_table(PathSource, tables.get("paths", {}), str(path), "paths"),
     )
-
-
-def _tables(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(read_text(path))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
 
 
 def read_topics(path: Path | None) -> tuple[dict[str, Channel], str]:
@@ -101,7 +93,7 @@ def read_topics(path: Path | None) -> tuple[dict[str, Channel], str]:
     """
     path = path or Path(str(resources.files("configs") / "topics.toml"))
     channels = {}
-    for column, table in _tables(path).items():
+    for column, table in read_toml(path).items():
         if column in _SOURCES:
             continue
         if column in _NO_COLUMN:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
-import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -14,8 +12,9 @@ from models import effects
 from models.errors import ParameterError
 from models.parameters import Model
 from models.vehicle import Vehicle
-from services.files.access import fault, read_text, reason, write_atomic
+from services.files.access import fault, write_atomic
 from services.files.decode import decode_table, dotted
+from services.files.toml_file import read_toml
 
 _MOST_SURFACES = 61  # surfaces that a model can tell apart beside the base
 
@@ -26,17 +25,7 @@ def read_model(path: Path) -> Model:
     Raises:
         InputError: names the file and the dotted key, or the line that is not TOML.
     """
-    text = read_text(path)
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        message = str(error)
-        place = re.search(r" \(at (line \d+, column \d+|end of document)\)$", message)
-        field, end = (place[1], place.start()) if place else ("", None)
-        raise fault(path, field, f"expected TOML, got: {message[:end]}") from None
-    except (ValueError, RecursionError) as error:
-        raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
-    return model_from_dict(data, str(path))
+    return model_from_dict(read_toml(path), str(path))
 
 
 def write_model(model: Model, path: Path) -> None:

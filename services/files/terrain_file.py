@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
-import tomllib
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -19,8 +17,9 @@ from models.terrain.settings import (
     MotionSettings,
     ResistanceSettings,
 )
-from services.files.access import fault, read_text, reason, write_atomic
+from services.files.access import fault, write_atomic
 from services.files.decode import decode_table
+from services.files.toml_file import read_toml
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,14 +55,7 @@ def read_terrains(path: Path) -> TerrainFile:
     Raises:
         InputError: names the file and the dotted key, or the line that is not TOML.
     """
-    try:
-        data = tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
-        place = re.search(r"at (line \d+, column \d+|end of document)", str(error))
-        raise fault(path, place[1] if place else "", f"expected TOML, got: {error}") from None
-    except (ValueError, RecursionError) as error:
-        raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
-    return decode_table(TerrainFile, data, str(path))
+    return decode_table(TerrainFile, read_toml(path), str(path))
 
 
 def write_terrains(terrains: TerrainFile, path: Path) -> None:

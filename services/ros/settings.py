@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
-from services.files.access import fault, read_text, reason
+from services.files.access import fault
 from services.files.decode import decode_table
+from services.files.toml_file import beside, read_toml
 from services.ros.naming import full_name
 
 _MOST_PATHS = 100
@@ -184,15 +184,8 @@ def read_settings(path: Path) -> EdgeSettings:
     Raises:
         InputError: names the file and the key.
     """
-    try:
-        data = tomllib.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise fault(path, "", f"expected TOML, got: {reason(error)}") from None
-    for table in ("ros", "service"):
-        inside = data.get(table)
-        name = inside.get("config") if isinstance(inside, dict) else None
-        if isinstance(inside, dict) and isinstance(name, str) and (path.parent / name).is_file():
-            inside["config"] = str(path.parent / name)
+    data = read_toml(path)
+    beside(path, data, "ros.config", "service.config")
     settings = decode_table(EdgeSettings, data, str(path))
     for topic in (*settings.topics.paths, settings.topics.odometry, settings.topics.speed_limit):
         try:

@@ -144,7 +144,7 @@ def test_mappings_that_do_not_fit(
         ('[v]\ntopic = "/o"\nquaternion = "q"\n', "v", "expected one of roll, pitch, yaw"),
         ('[v]\ntopic = "/o"\nfield = "x"\n', "v_cmd", "missing table"),
         ('[t]\ntopic = "/o"\nfield = "x"\n', "t", "expected a measured column"),
-        ("[v\n", "", "expected TOML"),
+        ("[v\n", "line 1, column 3", "expected TOML"),
     ],
 )
 def test_mappings_that_cannot_be_used(

@@ -43,7 +43,7 @@ def test_shipped_file_names_every_key() -> None:
         ('model = "atv"\n[learning]\nestimators = ["a/b"]', "learning.estimators[0]", "one word"),
         ('model = "atv"\n[store]\nmegabytes = 0.1', "store.megabytes", ">= 0.3"),
         ('model = "atv"\n[discrepancy]\nstops = 3', "discrepancy.stops", ">= 12"),
-        ("model = ", "", "TOML"),
+        ("model = ", "end of document", "TOML"),
     ],
 )
 def test_mistakes_are_named(tmp_path: Path, text: str, field: str, words: str) -> None:
