@@ -10,7 +10,6 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,21 +20,14 @@ from planner.candidates import CandidatePlanner, rank
 from planner.ground import Conditions
 from planner.horizon import Horizon
 from planner.limiting import Limiting
-from planner.path import CandidatePath, batch
 from planner.plan import SpeedPlan, Status
 from planner.uncertainty import Uncertainty
 from services import messages
 from services.config import ServiceConfig
 from services.map_store import KnownGround
-from services.messages import Candidate, Command, Limit, Path, Plan, PlanReply, PlanRequest
+from services.messages import Candidate, Command, Limit, Plan, PlanReply, PlanRequest
 from services.parameters_in_use import ParametersInUse
-
-_FEWEST_POINTS = 3
-_FARTHEST = 1e9
-"""Coordinates beyond that are none [m]."""
-
-_FASTEST = 1e3
-"""Speeds beyond that are none [m/s]."""
+from services.plan_questions import Usable, check, usable_of, without_flaws
 
 
 class _Client:
@@ -81,18 +73,18 @@ class PlanService:
             InputError: the question as a whole cannot be used.
         """
         begun = time.perf_counter()
-        self._check(request, source)
+        check(request, self.config.sizes, source)
         parameters = self.parameters
         if ground is None:
             return self._reply(request, parameters, None, "no map has come yet: full braking")
         spacing = self.config.planning.planner().spacing_on(ground.elevation_map.resolution)
-        usable, refused = self._usable(request, spacing, source)
+        usable, refused = usable_of(request, self.config.sizes, spacing, source)
         checked = time.perf_counter()
         plan = self._go_on if request.client else self._stand_alone
         try:
             reply = plan(request, parameters, ground, usable)
         except ParameterError as error:
-            usable, more = _without_flaws(usable, spacing)
+            usable, more = without_flaws(usable, spacing)
             if not more:
                 raise InputError(source, error.field, f"expected {error.expected}") from None
             refused += more
@@ -104,93 +96,11 @@ class PlanService:
         }
         return _with(reply, ranking=[*reply.ranking, *refused], seconds=seconds)
 
-    # ------------------------------------------------------------------ questions
-
-    def _check(self, request: PlanRequest, source: str) -> None:
-        most = self.config.sizes.candidates
-        if len(request.paths) > most:
-            found = f"got {len(request.paths)}"
-            raise InputError(source, "paths", f"expected at most {most} candidates, {found}")
-        if request.client and request.pose is None:
-            raise InputError(source, "pose", "expected x, y, heading of a named client, got none")
-        if not abs(request.speed) <= _FASTEST:
-            found = f"got {request.speed:g} m/s"
-            raise InputError(source, "speed", f"expected at most {_FASTEST:g} m/s, {found}")
-        if request.pose is not None and not max(map(abs, request.pose)) <= _FARTHEST:
-            raise InputError(source, "pose", f"expected coordinates of at most {_FARTHEST:g} m")
-        if not request.client and request.speed < 0.0:
-            found = f"got {request.speed:g} m/s"
-            raise InputError(source, "speed", f"expected a speed >= 0 without a client, {found}")
-
-    def _usable(
-        self, request: PlanRequest, spacing: float, source: str
-    ) -> tuple[list[_Usable], list[Candidate]]:
-        """Candidates in the order given; and those that are refused at a glance, with reasons."""
-        usable: dict[str, _Usable] = {}
-        refused: list[Candidate] = []
-        stations = 0.0
-        lengths = self._lengths(request.paths)
-        for path, length in zip(request.paths, lengths, strict=True):
-            try:
-                if path.name in usable:
-                    raise ParameterError("name", "a name of its own, got one used before")
-                if isinstance(length, ParameterError):
-                    raise length
-                if path.clear is not None and not path.clear >= 0.0:
-                    raise ParameterError("clear", f"a distance >= 0 [m], got {path.clear}")
-                stations += length / spacing + _FEWEST_POINTS
-                candidate = CandidatePath(path.name, path.points, path.speed_limit)
-                usable[path.name] = _Usable(candidate, _clear_of(path, request))
-            except ParameterError as error:
-                refused.append(Candidate(name=path.name, usable=False, reason=str(error)))
-        most = self.config.sizes.stations
-        if stations > most:
-            words = f"expected at most {most} stations in all, got {stations:.0f}"
-            raise InputError(source, "paths", words)
-        return list(usable.values()), refused
-
-    def _lengths(self, paths: Sequence[Path]) -> list[float | ParameterError]:
-        """Length of each polyline [m], or what can be seen to be wrong with it at a glance.
-
-        All in one go: one by one, small arrays cost more than what is done with them.
-        """
-        sizes = self.config.sizes
-        found = [_misshapen(path.points, sizes.points) for path in paths]
-        good = [i for i, fault in enumerate(found) if not isinstance(fault, ParameterError)]
-        if not good:
-            return found
-        points = np.concatenate([paths[i].points for i in good])
-        ends = np.cumsum([len(paths[i].points) for i in good])
-        begins = np.concatenate(([0], ends[:-1]))
-        with np.errstate(all="ignore"):
-            reach = np.maximum.reduceat(np.abs(points).ravel(), 2 * begins)
-            steps = points[1:] - points[:-1]
-            between = ends[:-1] - 1
-            squares = np.einsum("ij,ij->i", steps, steps)
-            squares[between] = np.inf
-            least = np.minimum.reduceat(squares, begins)
-            squares[between] = 0.0
-            length = np.add.reduceat(np.sqrt(squares), begins)
-        for k, i in enumerate(good):
-            # NaN is never below or above anything.
-            if not reach[k] <= _FARTHEST:
-                found[i] = ParameterError("points", "finite coordinates [m]")
-            elif not least[k] > 0.0:
-                at = int(np.argmin(squares[begins[k] : ends[k] - 1])) + 1
-                words = "a place of its own: stations have to grow"
-                found[i] = ParameterError(f"points[{at}]", words)
-            elif length[k] > sizes.stations:
-                words = f"a path of at most {sizes.stations} m, got {length[k]:g}"
-                found[i] = ParameterError("points", words)
-            else:
-                found[i] = float(length[k])
-        return found
-
     # ------------------------------------------------------------------ planning
 
     def _go_on(
         self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
-        usable: list[_Usable],
+        usable: list[Usable],
     ) -> PlanReply:  # fmt: skip
         assert request.pose is not None
         x, y, heading = request.pose
@@ -233,7 +143,7 @@ class PlanService:
 
     def _stand_alone(
         self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
-        usable: list[_Usable],
+        usable: list[Usable],
     ) -> PlanReply:  # fmt: skip
         if not usable:
             return self._reply(request, parameters, ground, "no candidate is usable: full braking")
@@ -310,44 +220,6 @@ class PlanService:
         old = ground.age() > self.config.status.map_age
         flags = ["map is old"] if old else []
         return [*flags, "map updates were lost"] if ground.incomplete else flags
-
-
-@dataclass(frozen=True, slots=True)
-class _Usable:
-    """A candidate, and the station up to which its way is known free [m]."""
-
-    path: CandidatePath
-    clear: float
-
-
-def _misshapen(points: np.ndarray, most: int) -> float | ParameterError:
-    """What is wrong with the shape of a polyline; 0 if nothing is."""
-    if points.ndim != 2 or points.shape[1] != 2:
-        return ParameterError("points", f"an array (n, 2) of x, y, got shape {points.shape}")
-    if not _FEWEST_POINTS <= len(points) <= most:
-        words = f"{_FEWEST_POINTS} … {most} points, got {len(points)}"
-        return ParameterError("points", words)
-    return 0.0
-
-
-def _without_flaws(
-    offered: Sequence[_Usable], spacing: float
-) -> tuple[list[_Usable], list[Candidate]]:
-    """Candidates that stations can be laid along; and the others, with reasons."""
-    usable: list[_Usable] = []
-    refused: list[Candidate] = []
-    for one in offered:
-        try:
-            batch([one.path], spacing)
-            usable.append(one)
-        except ParameterError as error:
-            refused.append(Candidate(name=one.path.name, usable=False, reason=str(error)))
-    return usable, refused
-
-
-def _clear_of(path: Path, request: PlanRequest) -> float:
-    clear = request.clear if path.clear is None else path.clear
-    return np.inf if clear is None else clear
 
 
 def _conditions(request: PlanRequest) -> Conditions:
