@@ -1,7 +1,7 @@
-"""The zenoh service: keys, threads, status. What it answers is made in :mod:`plan_service`.
+"""The zenoh service: what it is made of, how it begins and ends, what it tells of itself.
 
-Zenoh's own threads only put things into bounded queues; all replies and decoding are done by
-threads of this file.
+Questions for plans come to :mod:`plan_desk`, maps to :mod:`map_desk`, parameters and observations
+to :mod:`parameter_desk`. Zenoh's own threads only put things into their bounded queues.
 """
 
 from __future__ import annotations
@@ -9,11 +9,10 @@ from __future__ import annotations
 import contextlib
 import gc
 import logging
-import math
 import sys
 import threading
 import time
-from collections import Counter, deque
+from collections import Counter
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,29 +23,26 @@ import zenoh
 
 from models.errors import InputError
 from planner.elevation_map import ElevationMap
-from services import messages, systemd, wire
-from services.admission import Admission, Question
+from services import systemd, wire
 from services.config import ServiceConfig, zenoh_config
 from services.connect import words_of
 from services.files.map_file import read_map
 from services.files.model_file import find_model, read_model
 from services.live.board import Board
+from services.map_desk import MapDesk
 from services.map_store import KnownGround, MapStore
-from services.messages import MapUpdate, PlanReply, PlanRequest, Status
 from services.messages import Path as CandidateMessage
+from services.messages import PlanRequest, Status
 from services.parameter_desk import ParameterDesk
 from services.parameter_service import ParameterService
 from services.parameters_in_use import ParametersInUse, slowed
+from services.plan_desk import PlanDesk
 from services.plan_service import PlanService
 from services.wire import Format
 
 _log = logging.getLogger("slopewise")
 
-_MOST_MAPS = 16
-"""Map updates that may wait; one more is lost, counted and flagged."""
-
 _TURN = 0.001
-_REMEMBERED = 1000
 _LARGEST_STATUS = 1_000_000
 _HANGS_AFTER = 10.0
 _TWIN = "another service has this id"
@@ -71,17 +67,13 @@ class Service:
         )
         self.counters: Counter[str] = Counter()
         self.board = Board()
-        self._admission = Admission(config.planning.queue)
-        self._updates: deque[zenoh.Sample] = deque()
-        self._news = threading.Condition()
-        self._seconds: deque[float] = deque(maxlen=_REMEMBERED)
+        self._questions = PlanDesk(config, self.plans, self.maps, self.counters, self.board)
+        self._updates = MapDesk(config, self.maps, self.counters)
         self._stopped = threading.Event()
-        self._threads: list[threading.Thread] = []
-        self._working: dict[str, float] = {}
+        self._teller = threading.Thread(target=self._tell, name="status", daemon=True)
         self._begun = time.monotonic()
         self._instance = uuid4().hex
         self._flags: list[str] = []
-        self._key = config.key("plan")
         self._warm_up()
 
     def __enter__(self) -> Service:
@@ -100,14 +92,12 @@ class Service:
             self._session, config, self.parameters, self.counters, self.board
         )
         self._page = self._open_page()
-        work = [self._work] * config.planning.workers
-        for n, loop in enumerate([*work, self._turn_away, self._take_maps, self._tell]):
-            thread = threading.Thread(target=loop, name=f"{loop.__name__}-{n}", daemon=True)
-            thread.start()
-            self._threads.append(thread)
+        self._questions.open()
+        self._updates.open()
+        self._teller.start()
         self._declared = [
-            self._session.declare_queryable(self._key, self._on_query, complete=True),
-            self._session.declare_subscriber(config.key("map"), self._on_map),
+            self._questions.declare(self._session),
+            self._updates.declare(self._session),
             self._session.liveliness().declare_token(config.key(f"alive/{config.id}")),
             self._session.declare_subscriber(
                 config.key("status"), self._on_status, allowed_origin=zenoh.Locality.REMOTE
@@ -126,12 +116,9 @@ class Service:
         for declared in self._declared:
             declared.undeclare()
         self._desk.close()
-        for question in self._admission.close():
-            self._say(question, messages.BUSY, "the service is stopping")
-        with self._news:
-            self._news.notify_all()
-        for thread in self._threads:
-            thread.join(_PATIENCE)
+        self._questions.close()
+        self._updates.close()
+        self._teller.join(_PATIENCE)
         self._session.close()
 
     def wait(self, seconds: float | None = None) -> None:
@@ -144,7 +131,6 @@ class Service:
 
     def status(self) -> Status:
         """How the service is."""
-        seconds = np.array(self._seconds or [0.0])
         ground = self.maps.ground
         return Status(
             service=self.config.id,
@@ -153,41 +139,18 @@ class Service:
             map_version=0 if ground is None else ground.version,
             map_age=None if ground is None else ground.age(),
             flags=[
-                *self._flags, *self.plans.parameters.flags, *self._desk.flags(),
+                *self._flags,
+                *self.plans.parameters.flags,
+                *self._desk.flags(),
                 *self.plans.flags(ground),
             ],
             degraded=self.parameters.degraded(),
             instance=self._instance,
             counters=dict(self.counters + self.parameters.told()),
-            seconds={
-                "median": float(np.median(seconds)), "p99": float(np.percentile(seconds, 99))
-            },
-        )  # fmt: skip
+            seconds=self._questions.seconds(),
+        )
 
     # ------------------------------------------------------------------ zenoh's threads
-
-    def _on_query(self, query: zenoh.Query) -> None:
-        planning = self.config.planning
-        try:
-            deadline = float(query.parameters.get("deadline") or planning.deadline)
-        except ValueError:
-            deadline = planning.deadline
-        if not deadline > 0.0 or math.isinf(deadline):
-            deadline = planning.deadline
-        deadline = min(deadline, planning.longest_deadline)
-        self.counters["queries"] += 1
-        early = min(planning.early, 0.5 * deadline)
-        if not self._admission.offer(Question(query, deadline - early)):
-            self.counters["queries_lost"] += 1
-
-    def _on_map(self, sample: zenoh.Sample) -> None:
-        with self._news:
-            if len(self._updates) < _MOST_MAPS:
-                self._updates.append(sample)
-                self._news.notify()
-                return
-        self.counters["map_updates_lost"] += 1
-        self.maps.lose()
 
     def _on_status(self, sample: zenoh.Sample) -> None:
         """Another service with this id tells of itself here, too; anything else is none of ours."""
@@ -200,102 +163,6 @@ class Service:
 
     # ------------------------------------------------------------------ own threads
 
-    def _work(self) -> None:
-        name = threading.current_thread().name
-        while (question := self._admission.take()) is not None:
-            self._working[name] = time.monotonic()
-            try:
-                self._answer(question)
-            except Exception:  # noqa: BLE001 - logged and counted; the process has to live
-                self.counters["faults"] += 1
-                _log.exception("a question was not answered as it should be")
-                if self._admission.claim(question):
-                    self._say(question, messages.ERROR, "fault of the service")
-            finally:
-                self._working.pop(name, None)
-
-    def _well(self) -> bool:
-        """Whether every worker gets on: none is still at a question long since told busy."""
-        latest = time.monotonic() - self.config.planning.longest_deadline - _PATIENCE
-        return all(began > latest for began in [*self._working.values()])
-
-    def _answer(self, question: Question) -> None:
-        begun = time.monotonic()
-        query, client = question.query, ""
-        encoding = str(query.encoding or "")
-        try:
-            request = wire.decode(
-                PlanRequest, query.payload or b"", encoding, self._key,
-                self.config.sizes.request_bytes,
-            )  # fmt: skip
-            client = request.client
-            decoded = time.monotonic()
-            reply = self.plans.answer(request, self.maps.ground, self._key)
-        except InputError as error:
-            self.counters["refused"] += 1
-            if self._admission.claim(question):
-                self._say(question, messages.ERROR, str(error))
-            return
-        written = wire.format_of(encoding)
-        reply.seconds.update(queued=begun - question.arrived, decode=decoded - begun)
-        payload = wire.encode(reply, written)
-        if not self._admission.claim(question):
-            # It was told busy meanwhile, so it does not drive this.
-            if client:
-                self.plans.forget(client)
-            return
-        with query:
-            query.reply(self._key, payload, encoding=wire.encoding_of(PlanReply, written))
-        self._seconds.append(time.monotonic() - question.arrived)
-        self.counters["answered"] += 1
-        self.board.planned(request, reply)
-        self.counters["candidates_refused"] += sum(not c.usable for c in reply.ranking)
-
-    def _turn_away(self) -> None:
-        while (late := self._admission.late()) is not None:
-            for question in late:
-                self.counters["busy"] += 1
-                self._say(question, messages.BUSY, "too many questions to answer this one in time")
-
-    def _say(self, question: Question, status: str, reason: str) -> None:
-        """An answer without plans, to a question that was claimed."""
-        written = wire.format_of(str(question.query.encoding or ""))
-        reply = PlanReply(status=status, reason=reason, service=self.config.id)
-        try:
-            with question.query as query:
-                query.reply(
-                    self._key, wire.encode(reply, written),
-                    encoding=wire.encoding_of(PlanReply, written),
-                )  # fmt: skip
-        except zenoh.ZError as error:
-            self.counters["replies_lost"] += 1
-            _log.warning("a reply could not be sent: %s", error)
-
-    def _take_maps(self) -> None:
-        key = self.config.key("map")
-        while True:
-            with self._news:
-                while not self._updates and not self._stopped.is_set():
-                    self._news.wait()
-                if self._stopped.is_set():
-                    return
-                sample = self._updates.popleft()
-            try:
-                update = wire.decode(
-                    MapUpdate, sample.payload, str(sample.encoding), key,
-                    self.config.sizes.map_bytes,
-                )  # fmt: skip
-                taken = self.maps.take(update, key)
-            except InputError as error:
-                self.counters["map_updates_refused"] += 1
-                _log.warning("%s", error)
-                continue
-            except Exception:  # noqa: BLE001 - logged and counted; the process has to live
-                self.counters["faults"] += 1
-                _log.exception("a map update was not taken up")
-                continue
-            self.counters["map_updates" if taken else "map_updates_ignored"] += 1
-
     def _tell(self) -> None:
         key = self.config.key("status")
         publisher = self._session.declare_publisher(
@@ -305,7 +172,7 @@ class Service:
         while not self._stopped.wait(self.config.status.period):
             publisher.put(wire.encode(self.status(), Format.JSON), encoding=encoding)
             self._watch_learning()
-            if self._well():
+            if self._questions.well():
                 systemd.tell(systemd.ALIVE)
 
     # ------------------------------------------------------------------ beginning
