@@ -77,11 +77,11 @@ def run(quick: bool, folder: Path, progress: Callable[[int], None]) -> Result:
         progress(1)
         local = _run(map_file, some, folder / "local", "--workers", "0")
         progress(1)
-        with _cluster(1) as (address, _):
+        with cluster(1) as (address, _):
             _warm(map_file, paths[0], folder / "warm1", address)
             one = _run(map_file, some, folder / "one", "--scheduler", address)
         progress(1)
-        with _cluster(2) as (address, workers):
+        with cluster(2) as (address, workers):
             _warm(map_file, paths[0], folder / "warm2", address)
             two = _run(map_file, some, folder / "two", "--scheduler", address)
             progress(1)
@@ -188,7 +188,7 @@ def _warm(map_file: Path, paths: Path, out: Path, address: str) -> None:
 
 
 @contextmanager
-def _cluster(count: int) -> Iterator[tuple[str, list[int]]]:
+def cluster(count: int) -> Iterator[tuple[str, list[int]]]:
     """A scheduler and workers as processes of their own: its address, and the workers' nannies."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
@@ -230,7 +230,7 @@ def _wait_for(address: str, count: int) -> None:
         client.wait_for_workers(count, timeout=60.0)
 
 
-def _workers_of(nannies: list[int]) -> list[Any]:
+def workers_of(nannies: list[int]) -> list[Any]:
     """The processes that plan: of each nanny's children the largest."""
     import psutil
 
@@ -256,7 +256,7 @@ def _watched(nannies: list[int]) -> Iterator[list[tuple[float, int]]]:
         begin = time.monotonic()
         while not stop.wait(_LOOK):
             sizes = []
-            for worker in _workers_of(nannies):
+            for worker in workers_of(nannies):
                 try:
                     sizes.append(worker.memory_info().rss)
                 except psutil.NoSuchProcess:
@@ -290,7 +290,7 @@ def _killed(map_file: Path, paths: list[Path], folder: Path) -> Result:
     """Two workers, one of which dies half-way without a word."""
     out = folder / "killed"
     parts = len(list((folder / "local" / "candidates").glob("*.parquet")))
-    with _cluster(2) as (address, nannies):
+    with cluster(2) as (address, nannies):
         command = _command(map_file, paths, out, "--scheduler", address)
         process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -299,7 +299,7 @@ def _killed(map_file: Path, paths: list[Path], folder: Path) -> Result:
         while process.poll() is None:
             written = len(list((out / "candidates").glob("*.parquet")))
             if not dead and 2 * written >= parts:
-                victim = _workers_of(nannies)[0]
+                victim = workers_of(nannies)[0]
                 os.kill(victim.pid, signal.SIGKILL)
                 dead = written
             time.sleep(0.02)

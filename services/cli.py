@@ -92,6 +92,11 @@ Topics = Annotated[
     Path | None,
     typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
 ]
+FalseAlarm = Annotated[
+    float,
+    typer.Option(help="Share of logs without a missing effect that may be said to have one."),
+]
+Seed = Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")]
 Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")]
 Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
@@ -298,11 +303,8 @@ def discrepancy(
     ],
     map_file: GroundMap = None,
     topics: Topics = None,
-    false_alarm: Annotated[
-        float,
-        typer.Option(help="Share of logs without a missing effect that may be said to have one."),
-    ] = 0.01,
-    seed: Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")] = 20,
+    false_alarm: FalseAlarm = 0.01,
+    seed: Seed = 20,
     as_json: AsJson = False,
 ) -> None:
     """Find where a model and a drive log disagree, name what is missing, add it, show what is left.
@@ -557,10 +559,13 @@ def replay(
 fleet = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
-    help="Many paths over large maps, on several processes or machines.",
+    help="Many paths over large maps, the logs of many vehicles: on several processes or machines.",
 )
 app.add_typer(fleet, name="fleet")
 
+ByFolder = Annotated[
+    bool, typer.Option("--by-folder", help="A folder is a vehicle; else each file is one.")
+]
 FleetWorkers = Annotated[
     int | None,
     typer.Option(min=0, help="Processes here; 0 works in this one. One for each processor."),
@@ -623,10 +628,7 @@ def fleet_calibrate(
     logs: LogFiles,
     model: ModelFile,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for a model file a vehicle.")],
-    by_folder: Annotated[
-        bool,
-        typer.Option("--by-folder", help="A folder is a vehicle; else each file is one."),
-    ] = False,
+    by_folder: ByFolder = False,
     map_file: GroundMap = None,
     coverage: Coverage = 0.995,
     workers: FleetWorkers = None,
@@ -649,6 +651,53 @@ def fleet_calibrate(
     _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
     if not as_json:
         typer.echo(f"wrote {len(result.vehicles)} model files to {out}")
+
+
+@fleet.command("discrepancy")
+def fleet_discrepancy(
+    logs: LogFiles,
+    models: Annotated[
+        str,
+        typer.Option(
+            metavar="MODEL|DIR",
+            help="Model file or name for all, or a folder with NAME.toml for each vehicle.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for what is found.")],
+    by_folder: ByFolder = False,
+    map_file: GroundMap = None,
+    topics: Topics = None,
+    false_alarm: FalseAlarm = 0.01,
+    seed: Seed = 20,
+    pages: Annotated[
+        bool,
+        typer.Option("--pages/--no-pages", help="Draw a page for each, and one for the fleet."),
+    ] = True,
+    workers: FleetWorkers = None,
+    scheduler: Scheduler = "",
+    as_json: AsJson = False,
+) -> None:
+    r"""Hold the logs of many vehicles against their models: who lacks which effect, and how sure.
+
+    DIR/vehicles/NAME has discrepancy.json, model.toml and report.html as `slopewise discrepancy`
+    writes them; DIR/findings a row a vehicle as Parquet; DIR/findings.jsonl a line each. A log that
+    cannot be used is told in its row. A second run looks at what is new: logs that grew, models
+    that changed. Needs `pip install slopewise\[fleet,report]`.
+
+    [bold]Examples[/]  slopewise fleet discrepancy logs/*.csv --models atv --out out/fleet
+              slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may
+    """
+    from services.commands import discrepancy as one
+    from services.commands import fleet_discrepancy as command
+
+    job = command.FleetDiscrepancyJob(
+        logs, models, out, by_folder, map_file, topics, one.with_settings(false_alarm, seed), pages,
+        workers, scheduler,
+    )  # fmt: skip
+    result = command.run(job, quiet=as_json)
+    _print(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    if not as_json:
+        typer.echo(f"wrote {out / command.PAGE if pages else out}")
 
 
 def _print(as_json: bool, data: Any, show: Any) -> None:

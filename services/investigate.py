@@ -70,10 +70,9 @@ def _be_humble(limit: float) -> None:
 
 
 def _look(job: Job, folder: Path) -> Outcome:
-    from models.discrepancy.workflow import investigate_with_evidence
+    from models.discrepancy.workflow import investigate
     from models.errors import ParameterError
-    from services.commands.discrepancy import DiscrepancyResult, as_json
-    from services.files.drive_log import DriveLog
+    from services.commands.discrepancy import findings_as_json
     from services.files.model_file import model_to_dict, read_model
     from services.stops_compared import cautious, compared
 
@@ -85,12 +84,10 @@ def _look(job: Job, folder: Path) -> Outcome:
     columns, runs, ground = as_log(own)
     source = f"slopewise service, {len(own)} stops {data}; {job.cause}"
     try:
-        findings, evidence = investigate_with_evidence(
-            columns, runs, base, ground=ground, source=source
-        )
+        findings = investigate(columns, runs, base, ground=ground, source=source)
     except ParameterError as error:
         return Outcome(reason=str(error), damaged=damaged)
-    told = as_json(DiscrepancyResult(findings, evidence, DriveLog(columns, tuple(runs), (), True)))
+    told = findings_as_json(findings)
     adopted = cautious(findings.model, file)
     shifts = [compared(adopted, other) for other in (file, in_use)]
     offer = Offer(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import date, datetime
 from pathlib import Path
@@ -24,6 +25,9 @@ from services.files.drive_log import DriveLog
 from services.files.log_source import read_logs
 from services.files.model_file import find_model, read_model, write_model
 from services.screen import progress_bar
+
+FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"
+"""What a folder of results holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +74,8 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
         try:
             findings, evidence = investigate_with_evidence(
                 log.columns, log.runs, model, ground=ground, settings=job.settings,
-                source=_source(job), advance=advance,
+                source=source_of(job.logs, find_model(job.model_file), f"{date.today()}"),
+                advance=advance,
             )  # fmt: skip
         except ParameterError as error:
             names = ", ".join(str(path) for path in job.logs)
@@ -80,28 +85,33 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
 
 def write(result: DiscrepancyResult, job: DiscrepancyJob, folder: Path) -> list[Path]:
     """DIR/discrepancy.json, DIR/model.toml, DIR/report.html; each all or nothing."""
-    folder.mkdir(parents=True, exist_ok=True)
     from services.report.discrepancy_page import write_report
 
-    files = [folder / name for name in ("discrepancy.json", "model.toml", "report.html")]
-    text = json.dumps(as_json(result), allow_nan=False, indent=2, ensure_ascii=False)
-    write_atomic(files[0], (text + "\n").encode())
-    write_model(result.findings.model, files[1])
+    files = write_findings(result.findings, folder)
+    page = folder / PAGE
     provenance = {
         "logs": ", ".join(log.name for log in job.logs),
         "model so far": job.model_file,
         "written": f"{datetime.now():%Y-%m-%d %H:%M}",
     }
     title = f"{result.findings.model.name} against its log"
-    write_report(files[2], result.findings, result.evidence, title=title, provenance=provenance)
-    return files
+    write_report(page, result.findings, result.evidence, title=title, provenance=provenance)
+    return [*files, page]
 
 
-def _source(job: DiscrepancyJob) -> str:
+def write_findings(findings: Findings, folder: Path) -> list[Path]:
+    """DIR/discrepancy.json and DIR/model.toml; each all or nothing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    told = json.dumps(findings_as_json(findings), allow_nan=False, indent=2, ensure_ascii=False)
+    write_atomic(folder / FINDINGS, (told + "\n").encode())
+    write_model(findings.model, folder / MODEL)
+    return [folder / FINDINGS, folder / MODEL]
+
+
+def source_of(logs: Sequence[Path], parent: Path, day: str) -> str:
     """Logs, date and parent of what is added to a model: names with a digest of the bytes."""
-    logs = ", ".join(f"{path.name} {_digest(path)}" for path in job.logs)
-    parent = find_model(job.model_file)
-    return f"slopewise discrepancy {date.today()}; {logs}; parent {parent.name} {_digest(parent)}"
+    told = ", ".join(f"{path.name} {_digest(path)}" for path in logs)
+    return f"slopewise discrepancy {day}; {told}; parent {parent.name} {_digest(parent)}"
 
 
 def _digest(path: Path) -> str:
@@ -117,7 +127,11 @@ def _digest(path: Path) -> str:
 
 def as_json(result: DiscrepancyResult) -> dict[str, Any]:
     """Everything for machines, SI units and radians."""
-    f = result.findings
+    return findings_as_json(result.findings)
+
+
+def findings_as_json(f: Findings) -> dict[str, Any]:
+    """What discrepancy.json holds."""
     return {
         "verdict": f.verdict.value,
         "summary": f.summary,

@@ -21,7 +21,7 @@ from models.parameters import Model
 from services.files.access import fault, reason
 from services.files.model_file import find_model, model_to_dict, read_model, write_model
 from services.fleet.scheduler import Task, Workers, check_installed, each_done
-from services.fleet.vehicles import LogTask, measure_vehicle
+from services.fleet.vehicles import LogTask, measure_vehicle, vehicles_of
 from services.screen import progress_bar
 
 _LISTED = 30
@@ -71,7 +71,7 @@ def run(job: FleetCalibrateJob, *, quiet: bool = False) -> FleetCalibrateResult:
     except ParameterError as error:
         raise fault("--coverage", "", f"expected {error.expected}") from None
     model = read_model(find_model(job.model_file))
-    grouped = _vehicles(job)
+    grouped = vehicles_of(job.logs, job.by_folder)
     _make(job.out)
     map_file = None if job.map_file is None else job.map_file.resolve()
     tasks: list[Task[LogTask]] = [
@@ -91,19 +91,6 @@ def run(job: FleetCalibrateJob, *, quiet: bool = False) -> FleetCalibrateResult:
     for name, braking in learned.braking.items():
         write_model(replace(model, name=name, braking=braking), job.out / f"{name}.toml")
     return FleetCalibrateResult(learned, model, vehicles, time.perf_counter() - begin)
-
-
-def _vehicles(job: FleetCalibrateJob) -> dict[str, list[Path]]:
-    grouped: dict[str, list[Path]] = {}
-    for log in job.logs:
-        name = log.resolve().parent.name if job.by_folder else log.stem
-        logs = grouped.setdefault(name, [])
-        if logs and (not job.by_folder or logs[0].resolve().parent != log.resolve().parent):
-            words = f"expected a vehicle of its own, got another {name} in {logs[0]}"
-            hint = "" if job.by_folder else "; --by-folder takes the logs of a folder together"
-            raise fault(log, "", words + hint)
-        logs.append(log)
-    return grouped
 
 
 def _make(folder: Path) -> None:

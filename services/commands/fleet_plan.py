@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -15,17 +14,16 @@ from rich.console import Console
 from models.errors import InputError
 from planner.settings import PlannerSettings
 from planner.uncertainty import Uncertainty
-from services.files.access import fault, read_text, reason, write_atomic
+from services.files.access import fault
 from services.files.grid import MapInfo
 from services.files.model_file import find_model, model_to_dict, read_model
 from services.fleet import results
+from services.fleet.folder import open_folder
 from services.fleet.parts import PartName, Question, parts_of
 from services.fleet.planning import PlanTask, plan_part
 from services.fleet.scheduler import Task, Workers, check_installed, each_done
 from services.fleet.windows import opened
 from services.screen import progress_bar
-
-_RUN = "fleet.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +86,7 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
     )  # fmt: skip
     digest = question.digest()
     _check_names(job.path_files)
-    _open_folder(job.out, digest)
+    open_folder(job.out, (results.PLANS, results.CANDIDATES), digest, "map, model, options")
     names: list[PartName] = []
     with progress_bar("looking through paths", len(job.path_files), quiet=quiet) as advance:
         for source in job.path_files:
@@ -141,26 +139,6 @@ def _check_names(files: Sequence[Path]) -> None:
         other = seen.setdefault(file.name, file)
         if other != file or list(files).count(file) > 1:
             raise fault(file, "", f"expected a file name of its own, got that of {other}")
-
-
-def _open_folder(folder: Path, digest: str) -> None:
-    """Make the folder, or go on in one that answers the same question."""
-    note = folder / _RUN
-    try:
-        for part in (results.PLANS, results.CANDIDATES):
-            (folder / part).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise fault(folder, "", f"expected a folder to write to, got: {reason(error)}") from None
-    if not note.exists():
-        write_atomic(note, json.dumps({"question": digest}).encode())
-        return
-    try:
-        before = json.loads(read_text(note))["question"]
-    except (ValueError, KeyError, TypeError):
-        raise fault(note, "question", "expected the digest of a run, got none") from None
-    if before != digest:
-        words = "expected an empty folder, or one begun with the same map, model, options and "
-        raise fault(folder, "", words + "version; got results of others")
 
 
 def as_json(result: FleetPlanResult) -> dict[str, Any]:

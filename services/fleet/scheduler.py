@@ -53,7 +53,10 @@ def check_installed() -> None:
 
 
 def each_done(
-    function: Callable[[T], R], tasks: Iterable[Task[T]], workers: Workers
+    function: Callable[[T], R],
+    tasks: Iterable[Task[T]],
+    workers: Workers,
+    given_up: Callable[[T], R] | None = None,
 ) -> Iterator[R]:
     """Results in the order in which they are done.
 
@@ -61,6 +64,8 @@ def each_done(
         function: of one task; importable, it runs in other processes.
         tasks: drawn as workers become free.
         workers: who works.
+        given_up: result of a task that several workers died of; such a task is the end of all if
+            left out.
 
     Raises:
         InputError: no scheduler answers; and whatever the function raises.
@@ -70,23 +75,37 @@ def each_done(
             yield function(task)
         return
     with _client(workers) as client:
-        yield from _spread(client, function, iter(tasks))
+        yield from _spread(client, function, iter(tasks), given_up)
 
 
-def _spread(client: Any, function: Callable[[T], R], tasks: Iterator[Task[T]]) -> Iterator[R]:
-    from distributed import as_completed
+def _spread(
+    client: Any,
+    function: Callable[[T], R],
+    tasks: Iterator[Task[T]],
+    given_up: Callable[[T], R] | None,
+) -> Iterator[R]:
+    from distributed import KilledWorker, as_completed
 
     threads = max(sum(client.nthreads().values()), 1)
+    out: dict[str, T] = {}
 
     def handed_out(some: int) -> list[Any]:
-        return [
-            client.submit(function, task, key=f"{function.__name__}-{name}", pure=False)
-            for name, task in islice(tasks, some)
-        ]
+        futures = []
+        for name, task in islice(tasks, some):
+            key = f"{function.__name__}-{name}"
+            futures.append(client.submit(function, task, key=key, pure=False))
+            out[key] = task
+        return futures
 
     running = as_completed(handed_out((1 + _AHEAD) * threads))
     for future in running:
-        result = future.result()
+        task = out.pop(future.key)
+        try:
+            result = future.result()
+        except KilledWorker:
+            if given_up is None:
+                raise
+            result = given_up(task)
         future.release()
         for fresh in handed_out(1):
             running.add(fresh)

@@ -1,10 +1,11 @@
-"""What a worker does with the logs of one vehicle: find its stops and measure them.
+"""Which logs are of which vehicle, and what a worker does with them: find its stops, measure them.
 
 What comes back are the stops alone; samples stay with the worker.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,30 @@ from models.calibration.fleet import FEWEST, VehicleStops, vehicle_stops
 from models.calibration.learn import measure_log
 from models.errors import ParameterError
 from services.commands.calibrate import refuse_wrong_units
+from services.files.access import fault
 from services.files.log_source import read_logs
 from services.files.model_file import model_from_dict
+
+
+def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:
+    """Logs of each vehicle, in the order given.
+
+    Args:
+        logs: of all. by_folder: a folder is a vehicle; else each file is one.
+
+    Raises:
+        InputError: two vehicles have the same name.
+    """
+    grouped: dict[str, list[Path]] = {}
+    for log in logs:
+        name = log.resolve().parent.name if by_folder else log.stem
+        own = grouped.setdefault(name, [])
+        if own and (not by_folder or own[0].resolve().parent != log.resolve().parent):
+            words = f"expected a vehicle of its own, got another {name} in {own[0]}"
+            hint = "" if by_folder else "; --by-folder takes the logs of a folder together"
+            raise fault(log, "", words + hint)
+        own.append(log)
+    return grouped
 
 
 @dataclass(frozen=True, slots=True)
