@@ -20,8 +20,9 @@ import zenoh
 from models.errors import InputError
 from services import parameter_replies, wire
 from services.config import ServiceConfig
-from services.live.board import Board, GroundSeen, GroupSeen, StopSeen
+from services.live.board import Board
 from services.observations import DriveSamples, Receipt, StopObservation, TerrainLabel
+from services.parameter_board import ParameterBoard
 from services.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
@@ -47,9 +48,6 @@ CHANGES: dict[str, type[Any]] = {
     "adopt": AdoptOffer,
 }
 PARAMS, DISCREPANCY = "params", "discrepancy"
-_RECALLED = 400
-"""Changes of the past that the page begins with."""
-
 _TICK = 0.5
 _PATIENCE = 2.0
 _FLAGGED_FOR = 60.0
@@ -64,9 +62,8 @@ class ParameterDesk:
     ) -> None:  # fmt: skip
         """Declare keys and begin to work."""
         self._session, self._config, self._service = session, config, service
-        self._counters, self._board = counters, board
-        self._shown = 0
-        self._ground = ("", 0.0)
+        self._counters = counters
+        self._board = ParameterBoard(service, board, config.id)
         self._waiting: deque[tuple[str, float, Any]] = deque()
         self._alive: dict[str, bool] = {}
         self._news = threading.Condition()
@@ -130,7 +127,7 @@ class ParameterDesk:
     # ------------------------------------------------------------------ own thread
 
     def _work(self) -> None:
-        self._recall()
+        self._board.recall()
         while True:
             with self._news:
                 if not self._waiting and not self._alive and not self._closed:
@@ -147,7 +144,7 @@ class ParameterDesk:
                     self._take(*item)
                 self._service.tick()
                 self._publish()
-                self._show()
+                self._board.show()
             except Exception:  # noqa: BLE001 - logged, counted and flagged; plans get slower
                 self._counters["faults"] += 1
                 _log.exception("parameters were not looked after as they should be")
@@ -263,54 +260,10 @@ class ParameterDesk:
                 encoding=wire.encoding_of(ParameterGroup, Format.JSON),
                 congestion_control=zenoh.CongestionControl.DROP,
             )
-            self._board.learned(_seen(message))
-
-    def _recall(self) -> None:
-        """Hand what was learned before the last start to the page."""
-        question = ParameterQuestion(history=_RECALLED)
-        try:
-            known = parameter_replies.read(self._service, question, self._config.id)
-            for entry in reversed(known.history):
-                self._board.learned(
-                    GroupSeen(
-                        group=entry.group, names=list(entry.values),
-                        value=list(entry.values.values()),
-                        std=[entry.stds.get(name) for name in entry.values], valid=entry.valid,
-                        version=entry.version, cause=entry.cause, at=entry.at,
-                    )
-                )  # fmt: skip
-        except Exception:  # noqa: BLE001 - learning goes on without a picture of its past
-            _log.exception("the page does not show what was learned before")
-
-    def _show(self) -> None:
-        """Hand stops and the ground to the page."""
-        service = self._service
-        count = service.learner.stop_count
-        new = min(count - self._shown, len(service.learner.stops))
-        self._shown = count
-        for stop in list(service.learner.stops)[len(service.learner.stops) - new :]:
-            self._board.stopped(
-                StopSeen(
-                    speed=stop.speed, grade=stop.grade, predicted=stop.predicted,
-                    actual=stop.actual, surface=stop.surface, outcome=stop.outcome,
-                    version=service.log.version,
-                )
-            )  # fmt: skip
-        ground = service.learner.ground.told(time.monotonic())
-        if ground != self._ground:
-            self._ground = ground
-            self._board.classified(GroundSeen(name=ground[0], probability=ground[1]))
+            self._board.learned(message)
 
 
 def _written(encoding: str) -> Format:
     """How to answer: as a machine only to one that said it is."""
     machine = encoding.startswith(Format.MESSAGEPACK.value)
     return Format.MESSAGEPACK if machine else Format.JSON
-
-
-def _seen(message: ParameterGroup) -> GroupSeen:
-    return GroupSeen(
-        group=message.group, names=list(message.values), value=list(message.values.values()),
-        std=[message.stds.get(name) for name in message.values], valid=message.valid,
-        version=message.version, cause=message.cause,
-    )  # fmt: skip

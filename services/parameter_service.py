@@ -12,8 +12,7 @@ import logging
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
 
 from models.errors import InputError, ParameterError
 from models.parameters import Model
@@ -24,7 +23,8 @@ from services.intake import Intake, columns_of
 from services.investigator import BY_ITSELF, Investigator
 from services.learner import Learner
 from services.observations import DriveSamples, Observation, Receipt
-from services.parameter_log import Last, ParameterLog
+from services.parameter_log import ParameterLog
+from services.parameter_past import ParameterPast
 from services.parameters_in_use import ParametersInUse, fingerprint
 from services.store import StoreError
 
@@ -60,6 +60,7 @@ class ParameterService:
         self._apply = apply
         self.learner = Learner(prior, settings, names_surfaces)
         self._log = ParameterLog(config.store, fingerprint(prior))
+        self._past = ParameterPast(self.learner, self._log, settings.oldest)
         self.investigator = Investigator(config.discrepancy, fingerprint(prior))
         self._missing: dict[str, str] = dict.fromkeys(settings.estimators, "is not alive")
         self._faults: list[str] = []
@@ -132,31 +133,9 @@ class ParameterService:
             ParameterError: there is no such version, or what it was cannot be used.
             StoreError: the history cannot be read.
         """
-        if group:
-            self.learner.group(group)
-        if not self._log.knows(version):
-            raise ParameterError("version", f"one of the history, got {version}")
-        groups = {group} if group else set(self.learner.names())
-        found: dict[str, tuple[dict[str, Any] | None, Moment]] = {}
-        for name in self._log.groups():
-            if not group or name == group:
-                first = next(self._log.newest(name, version), None)
-                found[name] = (None, Moment.now()) if first is None else (first[1], first[0].moment)
-        before = {name: self.learner.group(name).state(name) for name in groups | found.keys()}
-        now = Moment.now()
-        try:
-            for name in _findings_first(before):
-                state, moment = found.get(name, (None, now))
-                age = moment.age(now, self._settings.oldest)
-                usable = state if self.learner.may_restore(name) else None
-                self.learner.group(name).restore(name, usable, age)
-        except (ValueError, KeyError, TypeError) as error:
-            for name in _findings_first(before):
-                self.learner.group(name).restore(name, before[name], 0.0)
-            raise ParameterError("version", f"one that can be used: {error}") from None
-        moments = {name: moment for name, (_, moment) in found.items()}
+        groups, moments = self._past.go_back(version, group)
         cause = f"rolled back to version {version}"
-        self._commit(set(before), cause, who, learned=False, moments=moments)
+        self._commit(groups, cause, who, learned=False, moments=moments)
         self.changed |= set(self.learner.names())
 
     def adopt(self, offer: str, who: str, *, faster: bool = False) -> None:
@@ -306,34 +285,8 @@ class ParameterService:
         self._apply(self.in_use)
 
     def _restore(self, done: set[str]) -> None:
-        """Take up the newest state that can be used of each group that is not done."""
         try:
-            groups = [g for g in _findings_first(self._log.groups()) if g not in done]
-            old = [g for g in groups if self.learner.may_restore(g) and not self._restore_one(g)]
+            self._past.take_up(done)
         except StoreError as error:
             if self._config.store.path:
                 _log.warning("%s", error)
-            return
-        if old:
-            words = "stored parameters could not be used, older ones are"
-            self._log.notes.append(f"{words}: {', '.join(old)}")
-
-    def _restore_one(self, group: str) -> bool:
-        """Whether the newest state of a group could be used; else an older one is, or none."""
-        now, newest = Moment.now(), True
-        for change, state in self._log.newest(group):
-            try:
-                age = change.moment.age(now, self._settings.oldest)
-                self.learner.group(group).restore(group, state, age)
-            except (ValueError, KeyError, TypeError) as error:
-                _log.warning("%s of version %d: %s", group, change.version, error)
-                newest = False
-                continue
-            self._log.last[group] = Last(change.version, change.cause, change.who)
-            return newest
-        return False
-
-
-def _findings_first(groups: Iterable[str]) -> list[str]:
-    """Groups in the order to restore them: braking is learned on top of an adopted finding."""
-    return sorted(groups, key=lambda name: (name != EFFECTS, name))

@@ -1,0 +1,73 @@
+"""What was learned, as the live page shows it: parameters with their past, stops, the ground."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from services import parameter_replies
+from services.live.board import Board, GroundSeen, GroupSeen, StopSeen
+from services.parameter_messages import ParameterGroup, ParameterQuestion
+from services.parameter_service import ParameterService
+
+_log = logging.getLogger("slopewise")
+
+_RECALLED = 400
+"""Changes of the past that the page begins with."""
+
+
+class ParameterBoard:
+    """Hands what is new to the page; called by the thread that learns."""
+
+    def __init__(self, service: ParameterService, board: Board, service_id: str) -> None:
+        """Show what ``service`` learns on ``board``."""
+        self._service, self._board, self._id = service, board, service_id
+        self._shown = 0
+        self._ground = ("", 0.0)
+
+    def recall(self) -> None:
+        """What was learned before the last start."""
+        question = ParameterQuestion(history=_RECALLED)
+        try:
+            known = parameter_replies.read(self._service, question, self._id)
+            for entry in reversed(known.history):
+                self._board.learned(
+                    GroupSeen(
+                        group=entry.group, names=list(entry.values),
+                        value=list(entry.values.values()),
+                        std=[entry.stds.get(name) for name in entry.values], valid=entry.valid,
+                        version=entry.version, cause=entry.cause, at=entry.at,
+                    )
+                )  # fmt: skip
+        except Exception:  # noqa: BLE001 - learning goes on without a picture of its past
+            _log.exception("the page does not show what was learned before")
+
+    def learned(self, message: ParameterGroup) -> None:
+        """A group changed."""
+        self._board.learned(
+            GroupSeen(
+                group=message.group, names=list(message.values),
+                value=list(message.values.values()),
+                std=[message.stds.get(name) for name in message.values], valid=message.valid,
+                version=message.version, cause=message.cause,
+            )
+        )  # fmt: skip
+
+    def show(self) -> None:
+        """Stops and the ground since the last call."""
+        service = self._service
+        count = service.learner.stop_count
+        new = min(count - self._shown, len(service.learner.stops))
+        self._shown = count
+        for stop in list(service.learner.stops)[len(service.learner.stops) - new :]:
+            self._board.stopped(
+                StopSeen(
+                    speed=stop.speed, grade=stop.grade, predicted=stop.predicted,
+                    actual=stop.actual, surface=stop.surface, outcome=stop.outcome,
+                    version=service.log.version,
+                )
+            )  # fmt: skip
+        ground = service.learner.ground.told(time.monotonic())
+        if ground != self._ground:
+            self._ground = ground
+            self._board.classified(GroundSeen(name=ground[0], probability=ground[1]))
