@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import os
 import sqlite3
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +55,19 @@ def level_force(service: ParameterService) -> float:
     return service.in_use.model.braking.level_force(2.0)
 
 
+@contextlib.contextmanager
+def raw(store: Path) -> Iterator[sqlite3.Connection]:
+    """The store's tables past its own code."""
+    with contextlib.closing(sqlite3.connect(store)) as connection, connection:
+        yield connection
+
+
+def forge(tables: sqlite3.Connection, version: int, state: bytes) -> None:
+    """Another state with a checksum that fits."""
+    query = "UPDATE change SET state = ?, crc = ? WHERE version = ?"
+    tables.execute(query, (state, zlib.crc32(state), version))
+
+
 def test_what_was_acknowledged_is_there_after_a_restart(store: Path) -> None:
     first = started(store)
     for n in range(1, 5):
@@ -93,18 +108,12 @@ def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path
         vehicle = dataclasses.replace(model.vehicle, mass=600.0)
         model = dataclasses.replace(model, vehicle=vehicle)
     else:
-        raw = sqlite3.connect(store)
-        query = "SELECT version, state FROM change ORDER BY version DESC LIMIT 1"
-        version, state = raw.execute(query).fetchone()
-        told = json.loads(state)
-        told["learned"]["published"] = [0.0, 0.0, 0.0, 9.0]
-        data = json.dumps(told).encode() if how == "insane" else b"{"
-        raw.execute(
-            "UPDATE change SET state = ?, crc = ? WHERE version = ?",
-            (data, zlib.crc32(data), version),
-        )
-        raw.commit()
-        raw.close()
+        with raw(store) as tables:
+            query = "SELECT version, state FROM change ORDER BY version DESC LIMIT 1"
+            version, state = tables.execute(query).fetchone()
+            told = json.loads(state)
+            told["learned"]["published"] = [0.0, 0.0, 0.0, 9.0]
+            forge(tables, version, json.dumps(told).encode() if how == "insane" else b"{")
     again = started(store, model)
     words = {"noise": "corrupt-1", "insane": "older ones are: braking",
              "another vehicle": "of another vehicle"}  # fmt: skip
@@ -129,11 +138,9 @@ def test_a_roll_back_that_cannot_be_used_changes_nothing(store: Path) -> None:
         stopped(service, n, 0.12)
     before = service.in_use.model
     service.close()
-    raw = sqlite3.connect(store)
-    data = json.dumps({"learned": {"estimate": []}, "prior": "", "dead_times": []}).encode()
-    raw.execute("UPDATE change SET state = ?, crc = ? WHERE version = 2", (data, zlib.crc32(data)))
-    raw.commit()
-    raw.close()
+    with raw(store) as tables:
+        data = json.dumps({"learned": {"estimate": []}, "prior": "", "dead_times": []})
+        forge(tables, 2, data.encode())
     again = started(store)
     with pytest.raises(ParameterError, match="can be used"):
         again.roll_back(2, "", "me")
@@ -174,20 +181,16 @@ def test_with_age_uncertainty_grows_and_the_plan_service_is_told(store: Path) ->
     for n in range(1, 4):
         stopped(service, n, 0.3)
     service.close()
-    raw = sqlite3.connect(store)
-    raw.execute("UPDATE change SET uptime = uptime - 7200, at = at - 7200")
-    raw.commit()
-    raw.close()
+    with raw(store) as tables:
+        tables.execute("UPDATE change SET uptime = uptime - 7200, at = at - 7200")
     again = started(store)
     assert again.in_use.uncertainty is not None
     assert again.in_use.uncertainty.age == pytest.approx(7200.0, abs=5.0)
     assert again.in_use.message().age == pytest.approx(7200.0, abs=5.0)
     assert level_force(again) <= 0.31
     again.close()
-    raw = sqlite3.connect(store)
-    raw.execute("UPDATE change SET boot = 'another', at = at + 1e9")
-    raw.commit()
-    raw.close()
+    with raw(store) as tables:
+        tables.execute("UPDATE change SET boot = 'another', at = at + 1e9")
     lost = started(store)
     assert lost.in_use.uncertainty is not None
     assert lost.in_use.uncertainty.age == 14_400.0, "a clock that went back tells nothing"

@@ -63,23 +63,29 @@ def plan(session: zenoh.Session) -> PlanReply | None:
         return asking.plan(1.0, fan(3)).reply
 
 
-def map_version(folder: Path, service: Running) -> int:
+def planned(folder: Path, service: Running) -> PlanReply:
     with as_(folder, service, "navigation") as navigation:
         reply = plan(navigation)
     assert reply is not None
-    return reply.map_version
+    return reply
+
+
+def map_version(folder: Path, service: Running) -> int:
+    return planned(folder, service).map_version
+
+
+def planned_on_a_new_map(folder: Path, service: Running) -> PlanReply:
+    with as_(folder, service, "mapping") as mapping:
+        send_map(mapping, service)
+        time.sleep(_SETTLED)
+    return planned(folder, service)
 
 
 def test_mapping_brings_ground_and_navigation_gets_plans_on_it(
     folder: Path, service: Running
 ) -> None:
     before = map_version(folder, service)
-    with as_(folder, service, "mapping") as mapping:
-        send_map(mapping, service)
-        time.sleep(_SETTLED)
-    with as_(folder, service, "navigation") as navigation:
-        reply = plan(navigation)
-    assert reply is not None
+    reply = planned_on_a_new_map(folder, service)
     assert reply.map_version == before + 1
     assert len(reply.plans) == 3
     assert reply.plans[0].column("speed").max() > 2.0
@@ -196,8 +202,7 @@ def test_only_who_may_changes_parameters(folder: Path, service: Running, name: s
     """Each role tries what it may not, as put and as query."""
     allowed = {"estimator": ("obs/",), "operator": ("params/", "discrepancy")}.get(name, ())
     before = parameters(folder, service)
-    with as_(folder, service, "navigation") as navigation:
-        planned = plan(navigation)
+    first = planned(folder, service)
     with as_(folder, service, name) as intruder:
         for key, message in CHANGES.items():
             if key.startswith(allowed or "\0"):
@@ -208,14 +213,11 @@ def test_only_who_may_changes_parameters(folder: Path, service: Running, name: s
             assert ask(intruder, service.key(key), message) == []
         time.sleep(_SETTLED)
     assert parameters(folder, service) == before
-    with as_(folder, service, "navigation") as navigation:
-        again = plan(navigation)
-    assert planned is not None
-    assert again is not None
-    assert planned.parameters is not None
+    again = planned(folder, service)
+    assert first.parameters is not None
     assert again.parameters is not None
-    assert again.parameters.version == planned.parameters.version
-    for one, other in zip(again.plans, planned.plans, strict=True):
+    assert again.parameters.version == first.parameters.version
+    for one, other in zip(again.plans, first.plans, strict=True):
         np.testing.assert_array_equal(one.values, other.values)
 
 
@@ -249,12 +251,7 @@ def test_an_estimator_teaches_and_an_operator_sets(folder: Path, service: Runnin
     assert "samples" in looked.reason
     assert refused.status == "refused"
     assert refused.version == reply.version > receipt.version - 1
-    with as_(folder, service, "mapping") as mapping:
-        send_map(mapping, service)
-        time.sleep(_SETTLED)
-    with as_(folder, service, "navigation") as navigation:
-        answer = plan(navigation)
-    assert answer is not None
+    answer = planned_on_a_new_map(folder, service)
     assert answer.plans[0].column("speed").max() <= 1.5 + 1e-9
 
 
