@@ -1,0 +1,173 @@
+"""Figures of the page on benchmarks: tables of stored `slopewise bench --json` results.
+
+A table on the page is the table that the command shows, made by the same code from the file. On the
+page a comment says where it goes; what follows the comment, up to the one that ends it, is shown
+only as long as there is no file:
+
+    <!-- results: cycle -->
+    measured so far: …
+    <!-- end of results -->
+
+`python docs/site/results.py NAME FILE` puts a result into docs/results, with date and machine.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import sys
+from collections.abc import Callable, Iterable
+from datetime import date
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+_PLACE = re.compile(
+    r"^<!-- results: (?P<name>[\w-]+) -->\n(?P<so_far>.*?)^<!-- end of results -->\n",
+    re.DOTALL | re.MULTILINE,
+)
+_SHOWN = {
+    "planner": "benchmarks.planner_speed:show",
+    "cycle": "benchmarks.cycle:show",
+    "optimality": "benchmarks.optimality:show",
+    "closed-loop": "benchmarks.closed_loop.tables:tables",
+    "discrepancy": "benchmarks.discrepancy.tables:tables",
+    "fleet": "benchmarks.fleet:show",
+}
+"""What makes tables of a result: a function that prints to a screen, or gives them."""
+_FACTS = "measured"
+
+
+class ResultError(Exception):
+    """A stored result that the page cannot show."""
+
+
+class Screen:
+    """Takes what a command would print, as Markdown."""
+
+    def __init__(self) -> None:
+        self.parts: list[str] = []
+
+    def print(self, *things: object, **_: object) -> None:
+        """A table, or a line."""
+        for thing in things:
+            self.parts.append(_table(thing) if isinstance(thing, Table) else _cell(thing))
+
+
+def filled(page: str, folder: Path) -> str:
+    """The page with a table wherever there is a result.
+
+    Raises:
+        ResultError: a result has no place, or is not what its benchmark writes now.
+    """
+    files = {_name(file): file for file in sorted(folder.glob("*.json"))}
+    places = {match["name"] for match in _PLACE.finditer(page)}
+    if lost := sorted(files.keys() - places):
+        raise ResultError(f"{files[lost[0]]}: expected a place for {lost[0]} on the page, got none")
+
+    def put(match: re.Match[str]) -> str:
+        file = files.get(match["name"])
+        return match["so_far"] if file is None else shown(match["name"], file)
+
+    return _PLACE.sub(put, page)
+
+
+def shown(name: str, file: Path) -> str:
+    """One result as Markdown: when and where measured, then its tables.
+
+    Raises:
+        ResultError: names the file, and what is wrong with it.
+    """
+    if name not in _SHOWN:
+        raise ResultError(f"{file}: expected one of {', '.join(_SHOWN)}, got {name}")
+    module, function = _SHOWN[name].split(":")
+    make: Callable[..., Any] = getattr(import_module(module), function)
+    screen = Screen()
+    try:
+        result = json.loads(file.read_text())
+        given = make(result, screen) if function == "show" else make(result)
+        for table in given or ():
+            screen.print(table)
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        words = f"expected what `slopewise bench` writes now, got {type(error).__name__}: {error}"
+        raise ResultError(f"{file}: {words}") from error
+    return "\n\n".join([_when(result, file), *screen.parts]) + "\n"
+
+
+def facts() -> dict[str, Any]:
+    """Of today and this machine."""
+    return {
+        "date": f"{date.today()}",
+        "version": version("slopewise"),
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "memory": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
+        "python": platform.python_version(),
+    }
+
+
+def _processor() -> str:
+    found = re.search(r"^model name\s*: (.*)$", _read(Path("/proc/cpuinfo")), re.MULTILINE)
+    return found[1] if found else platform.machine()
+
+
+def _read(path: Path) -> str:
+    return path.read_text() if path.is_file() else ""
+
+
+def _name(file: Path) -> str:
+    return file.stem.replace("_", "-").removeprefix("bench-")
+
+
+def _when(result: dict[str, Any], file: Path) -> str:
+    told = result.get(_FACTS, {})
+    parts = ["Small run (`--quick`)" if result.get("quick") else "Measured"]
+    if told:
+        parts.append(f"on {told['date']} with slopewise {told['version']} on {told['cores']} cores")
+        parts.append(f"({told['processor']}, {told['memory'] / 1e9:.0f} GB),")
+        parts.append(f"Python {told['python']}")
+    return f"{' '.join(parts)}: [all figures](results/{file.name})."
+
+
+def _table(table: Table) -> str:
+    heads = [_cell(column.header) or " " for column in table.columns]
+    if not any(head.strip() for head in heads):
+        heads[0] = "what"
+    ends = ["--:" if column.justify == "right" else "---" for column in table.columns]
+    rows = zip(*(map(_cell, column.cells) for column in table.columns), strict=True)
+    lines = [_line(heads), _line(ends), *map(_line, rows)]
+    title = f"**{_cell(table.title)}**\n\n" if table.title else ""
+    return title + "\n".join(lines)
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _cell(value: object) -> str:
+    """Text without colours; what is red on a screen is bold."""
+    text = value if isinstance(value, Text) else Text.from_markup(str(value))
+    plain = " ".join(text.plain.split()).replace("|", "&#124;").replace("<", "&lt;")
+    red = any("red" in str(span.style) for span in text.spans)
+    return f"**{plain}**" if red and plain else plain
+
+
+def _keep(name: str, file: Path, folder: Path) -> Path:
+    """Put a result where the page finds it."""
+    result = json.loads(file.read_text())
+    kept = folder / f"{name}.json"
+    result[_FACTS] = facts()
+    folder.mkdir(exist_ok=True)
+    kept.write_text(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+    shown(name, kept)
+    return kept
+
+
+if __name__ == "__main__":
+    print(_keep(sys.argv[1], Path(sys.argv[2]), Path(__file__).parents[1] / "results"))

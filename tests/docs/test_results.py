@@ -1,0 +1,91 @@
+"""Tables of the page on benchmarks come from stored results, and only from such as fit."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("material", reason="the docs extra is not installed")
+
+DOCS = Path(__file__).parents[2] / "docs"
+sys.path.insert(0, str(DOCS / "site"))
+
+import results  # noqa: E402
+
+STORED = sorted((DOCS / "results").glob("*.json"))
+OPTIMALITY = {
+    "solved_by_both": 7, "warm_of": 6,
+    **{
+        key: {"least": 0.0, "median": 0.001, "p90": 0.002, "p99": 0.003, "most": 0.00412}
+        for key in ("excess", "warm_excess")
+    },
+    "seconds": {
+        name: {"median": 0.002} for name in ("from nothing", "from the last cycle", "IPOPT")
+    },
+    **{
+        key: {"median": 12.3, "least": 4.0, "share": 0.5} for key in ("ratio", "warm_ratio")
+    },
+    "above": [{"excess": 0.02, "name": "steep | icy"}], "unsolved": [],
+}  # fmt: skip
+PAGE = "before\n<!-- results: optimality -->\nby hand\n<!-- end of results -->\nafter\n"
+
+
+def put(folder: Path, name: str, result: object) -> Path:
+    folder.mkdir(exist_ok=True)
+    (folder / name).write_text(json.dumps(result))
+    return folder / name
+
+
+def test_what_was_written_by_hand_stays_until_there_is_a_result(tmp_path: Path) -> None:
+    plain = results.filled(PAGE, tmp_path)
+    assert plain == "before\nby hand\nafter\n"
+    put(tmp_path, "optimality.json", OPTIMALITY)
+    page = results.filled(PAGE, tmp_path)
+    assert "by hand" not in page
+    assert page.startswith("before\n")
+    assert page.endswith("\nafter\n")
+    assert "| problems solved by both | 7 | 6 |" in page
+    assert "| travel time above it, most | 0.412% | 0.412% |" in page
+    assert "2.00% above the optimum: steep &#124; icy" in page
+    assert "(results/optimality.json)" in page
+
+
+def test_date_and_machine_are_kept_with_a_result(tmp_path: Path) -> None:
+    file = put(tmp_path, "o.json", OPTIMALITY | {"quick": True})
+    kept = results._keep("optimality", file, tmp_path / "results")
+    told = json.loads(kept.read_text())["measured"]
+    text = results.shown("optimality", kept)
+    assert text.startswith(f"Small run (`--quick`) on {told['date']} with slopewise")
+    assert f"on {told['cores']} cores" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "result", "words"),
+    [
+        ("cycle.json", OPTIMALITY, "a place for cycle"),
+        ("optimality.json", {"seconds": 1}, "writes now"),
+        ("optimality.json", [], "writes now"),
+    ],
+)
+def test_a_result_that_does_not_fit_is_named(
+    tmp_path: Path, name: str, result: object, words: str
+) -> None:
+    put(tmp_path, name, result)
+    with pytest.raises(results.ResultError, match=words) as error:
+        results.filled(PAGE, tmp_path)
+    assert name in str(error.value)
+
+
+def test_misses_are_bold() -> None:
+    assert results._cell("[red]miss") == "**miss**"
+    assert results._cell("[green]pass[/]") == "pass"
+
+
+@pytest.mark.parametrize("file", STORED, ids=lambda file: file.stem)
+def test_stored_results_are_on_the_page(file: Path) -> None:
+    page = results.filled((DOCS / "benchmarks.md").read_text(), DOCS / "results")
+    assert f"(results/{file.name})" in page
+    assert page.count("\n| ") > 10
