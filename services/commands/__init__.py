@@ -1,1 +1,1 @@
-"""What each command does; `services.cli` only reads its words. Imported when a command is run."""
+"""What each command does, imported when it is run; `services.command_line` reads its words."""

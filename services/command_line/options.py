@@ -1,0 +1,100 @@
+"""Options that several commands share, and how all of them say what they did."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+NO_ADMISSIBLE = 3
+"""Exit status: no candidate may be driven."""
+
+MapFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MAP", help="Elevation map: GeoTIFF in metres, .npz, or GridMap in a bag."
+    ),
+]
+PathFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="PATHS", help="Candidates: CSV with x,y[,candidate], GeoJSON, or a bag."
+    ),
+]
+LogFiles = Annotated[
+    list[Path],
+    typer.Argument(metavar="LOG…", help="Drive logs: CSV or Parquet, run,t,v,v_cmd,pitch."),
+]
+ModelFile = Annotated[
+    str,
+    typer.Option(
+        "--model", "-m", metavar="M.toml", help="Model file, or the name of a shipped vehicle."
+    ),
+]
+Connect = Annotated[
+    str, typer.Option(metavar="ENDPOINT", help="Where the service, or a router, listens.")
+]
+Namespace = Annotated[str, typer.Option(help="Of the service's keys.")]
+ZenohFile = Annotated[
+    str, typer.Option("--zenoh", metavar="FILE", help="Zenoh's own settings, e.g. certificates.")
+]
+StartSpeed = Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")]
+ClearDistance = Annotated[
+    float | None,
+    typer.Option(
+        metavar="METRES",
+        help="Station up to which the way is known free; the whole path if left out.",
+    ),
+]
+Spacing = Annotated[float | None, typer.Option(metavar="METRES", help="Distance between stations.")]
+Quantile = Annotated[
+    float | None,
+    typer.Option(
+        metavar="Q",
+        help="Survive this share of what the model leaves open, e.g. 0.999; else its mean.",
+    ),
+]
+Smooth = Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")]
+GroundMap = Annotated[
+    Path | None,
+    typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
+]
+Coverage = Annotated[
+    float, typer.Option(help="Share of future stops that predictions have to cover.")
+]
+Topics = Annotated[
+    Path | None,
+    typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
+]
+FalseAlarm = Annotated[
+    float,
+    typer.Option(help="Share of logs without a missing effect that may be said to have one."),
+]
+Seed = Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")]
+Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")]
+Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
+
+
+def say(as_json: bool, data: Any, show: Any) -> None:
+    """The result as JSON, or as tables.
+
+    Args:
+        as_json: which of them. data: called for what JSON holds. show: called with the console.
+    """
+    if as_json:
+        typer.echo(json.dumps(data(), allow_nan=False))
+        return
+    from rich.console import Console
+
+    show(Console())
+
+
+def say_written(as_json: bool, *files: Path | None) -> None:
+    """Name the files that were written, where people read it."""
+    if not as_json:
+        for file in files:
+            if file is not None:
+                typer.echo(f"wrote {file}")
