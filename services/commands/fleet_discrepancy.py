@@ -30,7 +30,7 @@ from services.fleet.investigating import VehicleTask, finished, given_up, invest
 from services.fleet.parts import map_digest
 from services.fleet.scheduler import Task, Workers, check_installed, each_done
 from services.fleet.vehicles import vehicles_of
-from services.fleet.words import by_surprise, chance_words, counted, effect_words, numbers
+from services.fleet.words import by_surprise, chance_words, counted, effect_words, left_out, numbers
 from services.screen import progress_bar
 
 LINES, PAGE = "findings.jsonl", "report.html"
@@ -239,8 +239,8 @@ def show(result: FleetDiscrepancyResult, console: Console) -> None:
         console.print(_effects(c.lacked, c.looked_at))
     console.print(_vehicles(result.rows))
     console.print(chance_words(c), style="dim")
-    for name, why in c.without.items():
-        console.print(f"note: {escape(name)} is left out: {escape(why)}", style="yellow")
+    for words in left_out(c, _LISTED):
+        console.print(f"note: {escape(words)}", style="yellow")
     if result.resumed:
         console.print(f"{result.resumed} of them were looked at by an earlier run")
     if result.strays:

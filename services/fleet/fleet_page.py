@@ -17,11 +17,12 @@ from services.fleet import finding
 from services.fleet.census import Census, Lacked
 from services.fleet.finding import Row
 from services.fleet.fleet_picture import picture
-from services.fleet.words import by_surprise, chance_words, counted, effect_words, numbers
+from services.fleet.words import by_surprise, chance_words, counted, effect_words, left_out, numbers
 from services.report.discrepancy_page import WORDS
 from services.report.page import escaped, fact_list, notices, page
 
 _LISTED = 500
+_NOTES = 20
 
 
 def write_report(path: Path, rows: Sequence[Row], census: Census) -> None:
@@ -40,7 +41,7 @@ def render_report(rows: Sequence[Row], census: Census) -> str:
     """The page as text; see :func:`write_report`."""
     done = by_surprise(rows)
     verdicts = {WORDS[Verdict(name)][0]: str(n) for name, n in census.verdicts.items()}
-    notes = [f"{name} is left out: {why}" for name, why in census.without.items()]
+    notes = left_out(census, _NOTES)
     if len(done) > _LISTED:
         notes.append(f"{len(done) - _LISTED} vehicles more are in findings.jsonl")
     fields = {
@@ -56,7 +57,7 @@ def render_report(rows: Sequence[Row], census: Census) -> str:
         "fleet.html",
         fields,
         title=f"{fields['title']} – slopewise fleet",
-        styles=("page.css", "calibration.css", "discrepancy.css"),
+        styles=("page.css", "calibration.css", "discrepancy.css", "fleet.css"),
         scripts=(),
         data=None,
     )

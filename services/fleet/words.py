@@ -16,6 +16,15 @@ def chance_words(c: Census) -> str:
     )
 
 
+def left_out(c: Census, most: int) -> list[str]:
+    """Vehicles without an answer, and why; of more than so many only their number."""
+    told = [f"{name} is left out: {why}" for name, why in c.without.items()]
+    more = len(told) - most
+    return (
+        told if more <= 0 else [*told[:most], f"{more} more are left out; findings.jsonl says why"]
+    )
+
+
 def counted(one: Lacked, looked_at: int) -> tuple[str, str, str, str]:
     """Vehicles, confidence from the least sure to the surest, vehicles named rightly, perhaps."""
     perhaps = str(len(one.perhaps)) if one.perhaps else ""

@@ -142,7 +142,8 @@ def _map(picture: str | None) -> str:
         return ""
     return (
         '<section class="panel wide"><h2>Where the stops were</h2>'
-        f'<img src="{picture}" alt="Missing force of each stop on the map, before and after">'
+        f'<div class="scroll" tabindex="0"><img src="{picture}" '
+        'alt="Missing force of each stop on the map, before and after"></div>'
         "<p>Each dot is a stop: red, the vehicle braked harder than the model says; blue, less."
         "</p></section>"
     )

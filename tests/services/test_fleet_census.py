@@ -4,7 +4,7 @@ import pytest
 
 from services.fleet.census import census
 from services.fleet.finding import DONE, REFUSED, Row, without_answer
-from services.fleet.words import by_surprise, counted, effect_words, numbers
+from services.fleet.words import by_surprise, counted, effect_words, left_out, numbers
 
 
 def row(vehicle: str, verdict: str, *effects: Row, before: float = 0.1) -> Row:
@@ -51,6 +51,14 @@ def test_words() -> None:
     assert counted(second, 4) == ("", "", "", "1")
     assert [r["vehicle"] for r in by_surprise(ROWS)] == ["c", "d", "a", "b"]
     assert effect_words(ROWS[3]) == "brake_lag 50% or brake_fade"
+
+
+def test_of_many_without_an_answer_some_are_told() -> None:
+    counts = census([without_answer(f"r{i}", "", REFUSED, "no") for i in range(5)], 0.02)
+    assert left_out(counts, 5)[4] == "r4 is left out: no"
+    told = left_out(counts, 3)
+    assert len(told) == 4
+    assert told[3].startswith("2 more")
 
 
 def test_a_fleet_without_answers_has_no_effects() -> None:
