@@ -17,8 +17,8 @@ from services.files.map_file import write_map_npz
 from services.files.model_file import read_model
 from services.files.table import write_csv
 from tests.models.calibration.plant import Plant, drive
+from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import fault_in
-from tests.services.test_cli import one_line_of, slopewise
 
 Log = dict[str, np.ndarray]
 
@@ -199,7 +199,7 @@ def test_logs_that_cannot_be_used_are_one_line(
 
 def test_faults_leave_by_status_two(log: Log, tmp_path: Path) -> None:
     path = written(changed(log, "v_cmd", 2.0), tmp_path / "bad.csv")
-    one_line_of(slopewise("calibrate", path, "--model", "atv"), "bad.csv", "stops", "at least 8")
+    one_line_of(here("calibrate", path, "--model", "atv"), "bad.csv", "stops", "at least 8")
     with fault_in("--coverage", "", "1.5"):
         calibrate.run(job(path, coverage=1.5), quiet=True)
 

@@ -16,12 +16,8 @@ from services.commands import demo
 from services.files.map_file import write_map_npz
 from services.files.path_file import write_paths_csv
 from tests import oracle
+from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import real_data
-
-
-def slopewise(*words: object, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "services.cli", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -30,14 +26,6 @@ def ground(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_map_npz(demo.hillside(), folder / "map.npz")
     write_paths_csv(demo.fan(), folder / "paths.csv")
     return folder
-
-
-def one_line_of(result: subprocess.CompletedProcess[str], *words: str) -> None:
-    assert result.returncode == 2, result.stderr
-    assert len(result.stderr.strip().splitlines()) == 1, result.stderr
-    assert "Traceback" not in result.stderr
-    for word in words:
-        assert word in result.stderr, result.stderr
 
 
 def test_help_teaches_and_is_quick() -> None:
@@ -140,7 +128,12 @@ def test_bad_input_is_one_line_and_status_2(
     ground: Path, words: list[str], expected: list[str]
 ) -> None:
     names = {"map": ground / "map.npz", "paths": ground / "paths.csv"}
-    one_line_of(slopewise(*(word.format(**names) for word in words)), *expected)
+    one_line_of(here(*(word.format(**names) for word in words)), *expected)
+
+
+def test_bad_input_ends_a_process_with_one_line_and_status_2(ground: Path) -> None:
+    one_line_of(slopewise("plan", ground / "map.npz"), "PATHS")
+    one_line_of(slopewise("plan", "none.npz", ground / "paths.csv", "-m", "atv"), "none.npz")
 
 
 @pytest.mark.parametrize(
@@ -157,7 +150,7 @@ def test_bad_input_is_one_line_and_status_2(
 def test_bad_paths(ground: Path, tmp_path: Path, rows: str, expected: list[str]) -> None:
     paths = tmp_path / "bad.csv"
     paths.write_text(rows)
-    one_line_of(slopewise("plan", ground / "map.npz", paths, "-m", "atv"), "bad.csv", *expected)
+    one_line_of(here("plan", ground / "map.npz", paths, "-m", "atv"), "bad.csv", *expected)
 
 
 @pytest.mark.parametrize(
@@ -176,7 +169,7 @@ def test_bad_models(ground: Path, tmp_path: Path, old: str, new: str, expected: 
     model = tmp_path / "model.toml"
     model.write_text(text.replace(old, new))
     one_line_of(
-        slopewise("plan", ground / "map.npz", ground / "paths.csv", "-m", model),
+        here("plan", ground / "map.npz", ground / "paths.csv", "-m", model),
         "model.toml",
         *expected,
     )
@@ -188,7 +181,7 @@ def test_real_dem_from_the_command_line(tmp_path: Path) -> None:
     x = np.linspace(429_400.0, 429_430.0, 31)
     y = 5_150_700.0 + 2.0 * np.sin(np.linspace(0.0, 3.0, 31))
     paths.write_text("x,y\n" + "\n".join(f"{a},{b}" for a, b in zip(x, y, strict=True)) + "\n")
-    result = slopewise("plan", dem, paths, "--model", "atv", "--out", tmp_path / "plan.csv")
+    result = here("plan", dem, paths, "--model", "atv", "--out", tmp_path / "plan.csv")
     assert result.returncode == 0, result.stderr
     with (tmp_path / "plan.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -201,7 +194,7 @@ def test_simulate_writes_every_sample(tmp_path: Path) -> None:
     rows = [f"1,{a},{b},{3.0 if a < 2.0 else 0.0},0.0" for a, b in zip(t, v, strict=True)]
     log, out = tmp_path / "log.csv", tmp_path / "sim.csv"
     log.write_text("run,t,v,v_cmd,pitch\n" + "\n".join(rows) + "\n")
-    result = slopewise("simulate", log, "--model", "atv", "--out", out)
+    result = here("simulate", log, "--model", "atv", "--out", out)
     assert result.returncode == 0, result.stderr
     with out.open() as file:
         columns = list(csv.DictReader(file))
