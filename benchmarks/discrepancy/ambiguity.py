@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.discrepancy import catalogue
 from benchmarks.discrepancy.catalogue import HiddenSet, Order
 from benchmarks.discrepancy.designs import FIELD, draw
-from benchmarks.discrepancy.metrics import Metric, figure, share
+from benchmarks.discrepancy.metrics import Metric, figure, record, share
 from benchmarks.discrepancy.physics import Floats, Physics, Stops
 from benchmarks.discrepancy.sealed import Finding, Inquiry, Job, tables_of
 from benchmarks.discrepancy.worth import SEEN, TOLD_APART, worth
@@ -52,37 +52,35 @@ class Resolved:
     right: bool
 
 
-def cases(count: int, seed: int = 1) -> list[HiddenSet]:
-    """Logs in which an effect shows and two names fit."""
-    rng = np.random.default_rng((8, seed))
-    found: list[HiddenSet] = []
-    for attempt in range(_TRIES * count):
-        if len(found) == count:
-            break
-        name, size = _EFFECTS[attempt % len(_EFFECTS)], str(rng.choice(["small", "medium"]))
+def case(number: int) -> HiddenSet | None:
+    """A log in which an effect shows and two names fit; None if none such comes up."""
+    rng = np.random.default_rng((8, number))
+    for attempt in range(_TRIES):
+        name = _EFFECTS[(number + attempt) % len(_EFFECTS)]
+        size = str(rng.choice(["small", "medium"]))
         order = Order("single", (name,), size, int(rng.integers(2**31)))
         own = np.random.default_rng(order.seed)
         drawn = catalogue.drawn(order, own)
         if len(drawn.stops.speed) <= 100 and drawn.worth.gap >= SEEN and (
             _NEARLY[0] <= drawn.worth.apart <= _NEARLY[1]
         ):  # fmt: skip
-            found.append(catalogue.measured(drawn, own))
-    return found
+            return catalogue.measured(drawn, own)
+    return None
 
 
-def run(sets: Sequence[HiddenSet], advance: Callable[[int], None]) -> dict[str, Any]:
-    """Ask, drive what is proposed, ask again."""
-    resolved, silent = [], 0
-    with Inquiry() as inquiry:
-        for hidden in sets:
-            finding = inquiry.ask(Job(hidden.columns, tables_of(hidden.configured)))
-            advance(1)
-            if finding.verdict != "ambiguous" or not finding.design:
-                silent += 1  # it proposes other stops then, or none
-                continue
-            resolved.append(_resolve(hidden, finding, inquiry))
+def resolve(hidden: HiddenSet, inquiry: Inquiry) -> Resolved | None:
+    """Ask, drive what is proposed, ask again; None where no rivals are named."""
+    finding = inquiry.ask(Job(hidden.columns, tables_of(hidden.configured)))
+    if finding.verdict != "ambiguous" or not finding.design:
+        return None  # it proposes other stops then, or none
+    return _resolve(hidden, finding, inquiry)
+
+
+def result_of(cases: Sequence[Resolved | None]) -> dict[str, Any]:
+    """All cases together."""
+    resolved = [one for one in cases if one is not None]
     return {
-        "ambiguity": [asdict(m) | {"passed": m.passed} for m in _metrics(resolved, silent)],
+        "ambiguity": [record(m) for m in _metrics(resolved, len(cases) - len(resolved))],
         "ambiguity_cases": [asdict(one) for one in resolved],
     }
 

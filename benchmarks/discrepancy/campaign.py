@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import multiprocessing
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from benchmarks.discrepancy import ambiguity, peer
-from benchmarks.discrepancy.catalogue import ALL, Conditions, HiddenSet, Order, make, orders
+from benchmarks.discrepancy.catalogue import ALL, Conditions
+from benchmarks.discrepancy.engine_outcomes import engine_by_effect, engine_metrics
+from benchmarks.discrepancy.kept import Kept
 from benchmarks.discrepancy.metrics import metrics, record
-from benchmarks.discrepancy.score import Outcome, score
-from benchmarks.discrepancy.sealed import Inquiry, Job, seal, tables_of
-
-if TYPE_CHECKING:
-    from benchmarks.discrepancy.engine_sets import EngineOrder
+from benchmarks.discrepancy.score import Outcome
+from benchmarks.discrepancy.tasks import Done, Task, do, tasks
 
 Result = dict[str, Any]
 Advance = Callable[[int], None]
+
+_PROCESSES = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,8 +32,9 @@ class Size:
     """How much of it.
 
     Attributes:
-        share: of the whole catalogue, one of each kind at least; most: sets of each world at most.
+        share: of the whole catalogue, one of each kind at least. most: sets and cases at most.
         conditions: of the sets. engine: share of the engine's sets. cases: of rivals.
+        seed: of all sets. minutes: after which no further set is begun.
     """
 
     share: float
@@ -34,28 +42,23 @@ class Size:
     conditions: Conditions
     engine: float
     cases: int
+    seed: int = 1
+    minutes: float = float("inf")
 
 
 FULL = Size(share=1.0, most=10**6, conditions=ALL, engine=1.0, cases=24)
-QUICK = Size(share=0.01, most=36, conditions=Conditions(counts=(40, 70)), engine=0.01, cases=2)
+QUICK = Size(share=0.01, most=56, conditions=Conditions(counts=(40, 70)), engine=0.01, cases=2)
 
 
-def total(quick: bool) -> int:
-    """Steps of :func:`run`."""
-    size = QUICK if quick else FULL
-    engine = 2 * len(_engine_orders(size)) if with_engine() else 0
-    return 2 * len(orders(size.share)[: size.most]) + size.cases + engine
+def planned(size: Size) -> list[Task]:
+    """What is to be done, in order."""
+    engine = size.engine if with_engine() else 0.0
+    return tasks(size.share, engine, size.cases, size.seed)[: size.most]
 
 
 def with_engine() -> bool:
     """The physics engine is installed."""
     return find_spec("mujoco") is not None
-
-
-def _engine_orders(size: Size) -> list[EngineOrder]:
-    from benchmarks.discrepancy.engine_sets import engine_orders
-
-    return engine_orders(size.engine)[: size.most]
 
 
 def missing() -> list[str]:
@@ -68,75 +71,83 @@ def missing() -> list[str]:
     return found
 
 
-def run(quick: bool, advance: Advance) -> Result:
-    """All sets of the plant, then those of the engine.
+def run(size: Size, advance: Advance, keep: Path | None = None) -> Result:
+    """All sets, as far as time allows, on two processes.
 
     Args:
-        quick: a few of each kind. advance: told of each step.
+        size: how much. advance: told of each set done.
+        keep: folder of outcomes, see :mod:`benchmarks.discrepancy.kept`; a set that is in it is
+            not made again. A temporary one if left out.
     """
-    size = QUICK if quick else FULL
-    sets = []
-    for order in orders(size.share)[: size.most]:
-        sets.append(make(order, size.conditions))
-        advance(1)
-    result = judged(sets, advance)
-    result |= ambiguity.run(ambiguity.cases(size.cases), advance)
-    if with_engine():
-        result |= in_the_engine(_engine_orders(size), advance)
-    return result
-
-
-def in_the_engine(wanted: Sequence[EngineOrder], advance: Advance) -> Result:
-    """The sets of the physics engine."""
-    from benchmarks.discrepancy import engine_sets
-
-    configured = engine_sets.calibrated()
-    sets = []
-    for order in wanted:
-        sets.append(engine_sets.make(order, configured))
-        advance(1)
-    promise = seal([engine_sets.truth_of(one) for one in sets])
-    findings = []
-    with Inquiry() as inquiry:
-        for one in sets:
-            findings.append(inquiry.ask(Job(one.columns, tables_of(one.configured))))
+    wanted = planned(size)
+    with tempfile.TemporaryDirectory(prefix="slopewise-bench-") as temporary:
+        kept = Kept(keep or Path(temporary), size.conditions)
+        known = kept.find()
+        done = [known[task] for task in wanted if task in known]
+        advance(len(done))
+        for one in _all([task for task in wanted if task not in known], size, kept):
+            done.append(one)
             advance(1)
-    outcomes = [engine_sets.judge(s, f) for s, f in zip(sets, findings, strict=True)]
-    return {
-        "engine_sealed": asdict(promise),
-        "engine": [record(m) for m in engine_sets.engine_metrics(outcomes)],
-        "engine_by_effect": engine_sets.engine_by_effect(outcomes),
-        "engine_outcomes": [asdict(o) for o in outcomes],
-    }
+    order = {task: i for i, task in enumerate(wanted)}
+    return result_of(sorted(done, key=lambda d: order[d.task])) | {"planned": len(wanted)}
 
 
-def judged(sets: Sequence[HiddenSet], advance: Advance) -> Result:
-    """Seal the truths, have every log investigated, then compare."""
-    promise = seal([truth_of(hidden) for hidden in sets])
-    findings, other = [], []
-    with Inquiry() as inquiry:
-        for hidden in sets:
-            findings.append(inquiry.ask(Job(hidden.columns, tables_of(hidden.configured))))
-            other.append(peer.name_effects(hidden.columns, hidden.configured))
-            advance(1)
-    outcomes = [score(h, f) for h, f in zip(sets, findings, strict=True)]
-    return {
-        "sealed": asdict(promise),
+def _all(wanted: Iterable[Task], size: Size, kept: Kept) -> Iterator[Done]:
+    end = time.monotonic() + 60.0 * size.minutes
+    context = multiprocessing.get_context("spawn")
+    rest = iter(wanted)
+    with ProcessPoolExecutor(_PROCESSES, context, _settle) as pool:
+        running = set()
+        while True:
+            while len(running) < _PROCESSES and time.monotonic() < end:
+                task = next(rest, None)
+                if task is None:
+                    break
+                running.add(pool.submit(_do, task, size.conditions, kept))
+            if not running:
+                return
+            ready, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in ready:
+                yield future.result()
+
+
+def _settle() -> None:
+    """One thread each; an interruption is the parent's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    from threadpoolctl import threadpool_limits
+
+    threadpool_limits(1)
+
+
+def _do(task: Task, conditions: Conditions, kept: Kept) -> Done:
+    done = do(task, conditions, kept.promise)
+    kept.put(done)
+    return done
+
+
+def result_of(done: Sequence[Done]) -> Result:
+    """Everything that was wanted and reached."""
+    plant = [d for d in done if d.plant is not None]
+    outcomes = [d.plant for d in plant if d.plant is not None]
+    result: Result = {
+        "sets": len(done),
+        "sealed": [asdict(d.seal) for d in done],
         "metrics": [record(m) for m in metrics(outcomes)],
         "by_effect": by_effect(outcomes),
-        "peer": peer.summary(sets, other, outcomes),
+        "peer": peer.summary([d.peer for d in plant], outcomes),
         "outcomes": [o.record() for o in outcomes],
     }
-
-
-def truth_of(hidden: HiddenSet) -> dict[str, Any]:
-    """What is true of a set, for the sealed file."""
-    order: Order = hidden.order
-    return asdict(order) | {
-        "hidden": [asdict(effect) for effect in hidden.hidden],
-        "physics": hidden.truth._asdict(),
-        "worth": asdict(hidden.worth),
-    }
+    cases = [d.rivals for d in done if d.task.rivals is not None]
+    if cases:
+        result |= ambiguity.result_of(cases)
+    engine = [d.engine for d in done if d.engine is not None]
+    if engine:
+        result |= {
+            "engine": [record(m) for m in engine_metrics(engine)],
+            "engine_by_effect": engine_by_effect(engine),
+            "engine_outcomes": [asdict(o) for o in engine],
+        }
+    return result
 
 
 def by_effect(outcomes: Sequence[Outcome]) -> list[Result]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from benchmarks.discrepancy.hidden import NAMED, OFF_LIBRARY, PAIRS, SIZES, Hidd
 from benchmarks.discrepancy.physics import Physics, Stops
 from benchmarks.discrepancy.plant import drive
 from benchmarks.discrepancy.worth import Worth, worth
+
+T = TypeVar("T")
 
 ABSORBED = ("grade_bias", "furrows one way", "uphill only", "same roll everywhere")
 
@@ -76,14 +79,29 @@ class HiddenSet:
 
 
 def orders(share: float, seed: int = 1) -> list[Order]:
-    """All kinds in shuffled order.
+    """All kinds in random order, each kind spread evenly over it.
 
     Args:
-        share: 1 for the whole benchmark, less for fewer of each kind. seed: of sets and shuffle.
+        share: 1 for the whole benchmark, less for fewer of each kind. seed: of sets and order.
     """
     rng = np.random.default_rng((6, seed))
     found = [Order(*what, seed=int(rng.integers(2**31))) for what in _wanted(share)]
-    return [found[i] for i in rng.permutation(len(found))]
+    return spread(found, lambda o: (o.kind, o.names, o.size), rng)
+
+
+def spread(
+    items: Sequence[T], family: Callable[[T], Hashable], rng: np.random.Generator
+) -> list[T]:
+    """In random order, so that every first part of it holds a fair share of each family."""
+    members: dict[Hashable, list[T]] = {}
+    for item in items:
+        members.setdefault(family(item), []).append(item)
+    places = [
+        ((i + begin) / len(own), item)
+        for own, begin in zip(members.values(), rng.random(len(members)), strict=True)
+        for i, item in enumerate(own)
+    ]
+    return [item for _, item in sorted(places, key=lambda placed: placed[0])]
 
 
 def _wanted(share: float) -> Iterator[tuple[str, tuple[str, ...], str]]:

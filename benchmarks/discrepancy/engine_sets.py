@@ -1,9 +1,9 @@
-"""Sets of the physics engine: effects made by physics, clean ones, and what became of them."""
+"""Sets of the physics engine: effects made by physics, clean ones, and how they are judged."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,36 +12,15 @@ from scipy.optimize import least_squares
 from benchmarks.discrepancy import sensing
 from benchmarks.discrepancy.designs import FIELD, draw
 from benchmarks.discrepancy.engine import Nature, drive
+from benchmarks.discrepancy.engine_outcomes import NAMES, EngineOrder, EngineOutcome
 from benchmarks.discrepancy.fresh import WORTH_CLOSING, physics_of
-from benchmarks.discrepancy.metrics import Metric, figure, share
 from benchmarks.discrepancy.physics import Floats, Physics, Stops
 from benchmarks.discrepancy.plant import Motion, speeds
 from benchmarks.discrepancy.sealed import Finding
 
-NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
-    "heavier body": (("step_change",),),
-    "weaker brakes": (("step_change",),),
-    "air": (("aerodynamic_drag",),),
-    "wind": (("headwind",), ("headwind", "aerodynamic_drag")),
-    "fading brakes": (("brake_fade",),),
-    "slippery area": (("surface_patch",),),
-    "viscous bearings": (("viscous_resistance",),),
-    "slow hydraulics": (("brake_lag",),),
-    "glazing pads": (("session_drift",),),
-}
-"""What each is called in the vocabulary; a wind on a body is also a drag on it."""
-
 _KEYS = ("m_m", "b_m", "m_b", "b_b", "dead_time")
 _STOPS, _FRESH = 70, 24
 _ROLLING = 0.1  # [m/s]
-
-
-@dataclass(frozen=True, slots=True)
-class EngineOrder:
-    """One set that is wanted: what is hidden ("" for nothing), and the seed."""
-
-    what: str
-    seed: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,36 +36,7 @@ class EngineSet:
     stops: Stops
 
 
-@dataclass(frozen=True, slots=True)
-class EngineOutcome:
-    """What was said of one set. See :class:`benchmarks.discrepancy.score.Outcome`."""
-
-    what: str
-    seed: int
-    noise: float
-    scatter: float
-    verdict: str
-    named: tuple[str, ...]
-    right: bool
-    wrong: bool
-    before: float
-    after: float
-    floor: float
-    closed: float | None
-    told: float | None
-    seconds: float
-    text: str
-
-
-def engine_orders(share_of_all: float, seed: int = 1) -> list[EngineOrder]:
-    """Effects and clean sets in shuffled order."""
-    rng = np.random.default_rng((7, seed))
-    each, clean = max(round(4 * share_of_all), 1), max(round(12 * share_of_all), 1)
-    wanted = [name for name in NAMES for _ in range(each)] + [""] * clean
-    found = [EngineOrder(what, int(rng.integers(2**31))) for what in wanted]
-    return [found[i] for i in rng.permutation(len(found))]
-
-
+@cache
 def calibrated() -> dict[str, float]:
     """Coefficients and dead time of the vehicle before anything happened to it."""
     stops = _straight("mixed", 50, 0.0, np.random.default_rng(77))
@@ -198,42 +148,6 @@ def _fresh(engine_set: EngineSet, finding: Finding) -> tuple[float, float, float
         errors = [(one - here)[rolling] ** 2 for one in real]
         sizes.append(float(np.sqrt(np.mean(errors) + noise)))
     return sizes[0], sizes[1], float(floor)
-
-
-def engine_metrics(outcomes: Sequence[EngineOutcome]) -> list[Metric]:
-    """The table of the engine's sets."""
-    clean = [o for o in outcomes if o.what == "clean"]
-    hidden = [o for o in outcomes if o.what != "clean"]
-    closed = [o.closed for o in hidden if o.closed is not None]
-    return [
-        share("right name", ">=", 0.85, [o.right for o in hidden]),
-        share("wrong name given with confidence", "<=", 0.01, [o.wrong for o in hidden]),
-        share("a name on clean sets", "<=", 0.0, [o.verdict == "missing_effect" for o in clean]),
-        share("something unknown on clean sets", "", 0.0, [o.verdict == "unknown" for o in clean]),
-        figure("closable gap closed, fresh stops, median", ">=", 0.80, closed, unit="share"),
-        figure("time per 100 stops, median", "<=", 5.0, [o.seconds for o in outcomes], unit="s"),
-        share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
-    ]
-
-
-def engine_by_effect(outcomes: Sequence[EngineOutcome]) -> list[dict[str, Any]]:
-    """Effect by effect, in the form of :func:`benchmarks.discrepancy.campaign.by_effect`."""
-    rows = []
-    for what in dict.fromkeys(o.what for o in sorted(outcomes, key=lambda o: o.what)):
-        group = [o for o in outcomes if o.what == what]
-        closed = sorted(o.closed for o in group if o.closed is not None)
-        verdicts: dict[str, int] = {}
-        for o in group:
-            verdicts[o.verdict] = verdicts.get(o.verdict, 0) + 1
-        rows.append(
-            {
-                "kind": "engine", "effect": what, "sets": len(group), "identifiable": len(group),
-                "right": sum(o.right for o in group), "wrong": sum(o.wrong for o in group),
-                "axis": None, "verdicts": verdicts,
-                "closed": closed[len(closed) // 2] if closed else None,
-            }
-        )  # fmt: skip
-    return rows
 
 
 def truth_of(engine_set: EngineSet) -> dict[str, Any]:

@@ -8,7 +8,7 @@ threshold stands for 2 % of the braking force.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from typing import Any
 
@@ -17,7 +17,11 @@ import numpy as np
 from benchmarks.discrepancy.metrics import record, share
 from benchmarks.discrepancy.physics import Floats
 from benchmarks.discrepancy.plant import GRAVITY
+from benchmarks.discrepancy.score import Outcome
 from benchmarks.discrepancy.sensing import Columns
+
+Row = tuple[tuple[str, ...], Outcome]
+Hit = Callable[[Row], bool]
 
 _EFFECTS = (
     "viscous_resistance", "aerodynamic_drag", "grade_asymmetry", "grade_nonlinearity",
@@ -103,35 +107,33 @@ def _features(part: dict[str, Floats], onset: float) -> Floats:
     return -GRAVITY * np.column_stack(terms)
 
 
-def summary(
-    sets: Sequence[Any], named: Sequence[tuple[str, ...] | None], own: Sequence[Any]
-) -> Any:
-    """Its shares beside the workflow's on the same sets; None where it is not installed."""
-    if not available():
+def summary(named: Sequence[tuple[str, ...] | None], own: Sequence[Outcome]) -> Any:
+    """Its shares beside the workflow's on the same sets; None where it was not installed."""
+    rows = [(n, o) for n, o in zip(named, own, strict=True) if n is not None]
+    if not rows:
         return None
-    rows = [(h, n, o) for h, n, o in zip(sets, named, own, strict=True) if n is not None]
-    single = [r for r in rows if r[0].order.kind == "single" and r[0].worth.named]
-    listed = [r for r in single if r[0].order.names[0] in _EFFECTS]
-    clean = [r for r in rows if r[0].order.kind == "clean"]
+    single = [r for r in rows if r[1].kind == "single" and r[1].identifiable]
+    listed = [r for r in single if r[1].truth[0] in _EFFECTS]
+    clean = [r for r in rows if r[1].kind == "clean"]
 
-    def pair(what: str, chosen: list[Any], hit: Any, mine: Any) -> dict[str, Any]:
+    def pair(what: str, chosen: list[Row], hit: Hit, mine: Hit) -> dict[str, Any]:
         return {
             "what": what,
             "pysindy": record(share(what, "", 0.0, [hit(r) for r in chosen])),
             "slopewise": record(share(what, "", 0.0, [mine(r) for r in chosen])),
         }
 
-    def first(r: Any) -> bool:
-        return r[1][:1] == r[0].order.names
+    def first(r: Row) -> bool:
+        return r[0][:1] == r[1].truth
 
-    def right(r: Any) -> bool:
-        return bool(r[2].right)
+    def right(r: Row) -> bool:
+        return r[1].right
 
-    def alarm(r: Any) -> bool:
-        return len(r[1]) > 0
+    def alarm(r: Row) -> bool:
+        return len(r[0]) > 0
 
-    def own_alarm(r: Any) -> bool:
-        return bool(r[2].verdict == "missing_effect")
+    def own_alarm(r: Row) -> bool:
+        return r[1].verdict == "missing_effect"
 
     return [
         pair("right name first, effects in its library", listed, first, right),

@@ -19,7 +19,7 @@ class Physics(NamedTuple):
         wind_drag, wind, wind_direction: a += c (|u| u − v²), u = v + wind cos(yaw − direction).
         lag: time constant of the force after the onset [s].
         fade, fade_tau: F/(1 + fade q), dq/dt = braking power per mass − q/fade_tau.
-        friction: F_b/W ≤ friction cos θ.
+        friction: F_b/W ≤ friction cos θ cos φ, a share of the load on the ground.
         asymmetry, nonlinearity, cross_slope: F_b/W += k max(θ, 0), k θ|θ|, k |φ|.
         turning: a += g k |yaw rate|.
         patch, patch_x, patch_y, patch_radius: F_b/W += patch inside a circle.

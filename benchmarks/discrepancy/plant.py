@@ -156,7 +156,7 @@ def _drive(
                     built_mid = force + (built - force) * math.exp(-ahead / p.lag)
                     force = built_mid
                 force /= 1.0 + p.fade * heat
-                force = min(force, p.friction * math.cos(grade))
+                force = min(force, p.friction * math.cos(grade) * math.cos(stops.roll[i]))
                 u = v_mid + p.wind * math.cos(yaw - p.wind_direction)
                 a = GRAVITY * (
                     force + math.sin(grade) + p.viscous * v_mid + p.turning * abs(bend) * v_mid

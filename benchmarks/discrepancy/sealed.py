@@ -96,6 +96,10 @@ class Inquiry:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process."""
         self._pool.shutdown()
         self._folder.cleanup()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -88,20 +89,41 @@ def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
         console.print(f"wrote {json_file}")
 
 
-def discrepancy(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
+def discrepancy(
+    *,
+    quick: bool,
+    json_file: Path | None,
+    plot: Path | None,
+    out: Path | None,
+    sets: int | None = None,
+    minutes: float | None = None,
+) -> None:
     """Hide effects, have them looked for, show, and write what was asked for.
 
+    Args:
+        quick: a few sets. json_file: for all figures. plot: page for them.
+        out: folder that keeps every outcome; what an interrupted run left in it is not made again.
+        sets: at most. minutes: after which no further set is begun.
+
     Raises:
-        InputError: plots are wanted and plotly is not installed.
+        InputError: plots are wanted and plotly is not installed, or `out` is a file.
     """
     if plot is not None and find_spec("plotly") is None:
         raise InputError("--plot", "", "needs plotly: pip install slopewise[bench]")
+    if out is not None and out.exists() and not out.is_dir():
+        raise InputError("--out", str(out), "expected a folder, got a file")
     from benchmarks.discrepancy import campaign, tables
     from services.screen import progress_bar
 
+    size = campaign.QUICK if quick else campaign.FULL
+    if sets is not None:
+        size = replace(size, most=sets)
+    if minutes is not None:
+        size = replace(size, minutes=minutes)
     console = Console()
-    with progress_bar("discrepancy", campaign.total(quick)) as advance:
-        result = campaign.run(quick, advance)
+    with progress_bar("discrepancy", len(campaign.planned(size))) as advance:
+        result = campaign.run(size, advance, out)
+    console.print(f"{result['sets']} of {result['planned']} sets")
     for table in tables.tables(result):
         console.print(table)
     for missing in campaign.missing():

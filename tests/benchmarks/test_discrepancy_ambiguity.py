@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -60,8 +58,9 @@ def test_the_other_way_tells_a_wind_sooner(windy: catalogue.HiddenSet) -> None:
 
 @pytest.mark.nightly
 def test_cases_show_and_cannot_be_named() -> None:
-    for hidden in ambiguity.cases(1):
-        assert hidden.worth.seen
-        assert hidden.worth.apart < TOLD_APART
-        assert len(hidden.columns["t"]) > 0
-        assert replace(hidden, columns={}).order.kind == "single"
+    hidden = ambiguity.case(1)
+    assert hidden is not None
+    assert hidden.worth.seen
+    assert hidden.worth.apart < TOLD_APART
+    assert len(hidden.columns["t"]) > 0
+    assert hidden.order.kind == "single"

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
-from benchmarks.discrepancy import engine, engine_sets, sealed
+from benchmarks.discrepancy import engine, engine_outcomes, engine_sets, sealed
 from benchmarks.discrepancy.physics import Floats, Stops
 
 G = 9.80665
@@ -89,8 +89,8 @@ def test_the_body_dives_and_rocks_back() -> None:
 
 
 def test_sets_of_every_effect_and_their_judgement() -> None:
-    orders = engine_sets.engine_orders(0.01)
-    assert {o.what for o in orders} == {"", *engine_sets.NAMES}
+    orders = engine_outcomes.engine_orders(0.01)
+    assert {o.what for o in orders} == {"", *engine_outcomes.NAMES}
     configured = {"m_m": 0.0, "b_m": -0.06, "m_b": 0.001, "b_b": 0.417, "dead_time": 0.221}
     order = next(o for o in orders if o.what == "weaker brakes")
     found = engine_sets.make(order, configured, 24)

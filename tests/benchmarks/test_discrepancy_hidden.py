@@ -8,11 +8,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from benchmarks.discrepancy import campaign, catalogue, charts, tables
+from benchmarks.discrepancy import campaign, catalogue, charts, tables, tasks
 from benchmarks.discrepancy.catalogue import Order
+from benchmarks.discrepancy.kept import Kept
 from benchmarks.discrepancy.score import Outcome, score
 from benchmarks.discrepancy.sealed import Inquiry, Job, tables_of
 
@@ -90,17 +92,32 @@ def test_the_process_holds_no_memory_and_no_folder_of_the_truth(inquiry: Inquiry
     assert pool.submit(os.listdir).result() == []
     # Neither what knows of effects to hide, nor any set that was made.
     modules = pool.submit(eval, "sorted(__import__('sys').modules)").result()
-    for name in ("catalogue", "hidden", "campaign", "score"):
+    for name in ("catalogue", "hidden", "campaign", "tasks", "score"):
         assert f"benchmarks.discrepancy.{name}" not in modules
 
 
-def test_a_campaign_adds_up() -> None:
+def test_a_campaign_goes_on_where_it_was_and_adds_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     chosen = [Order("clean", (), "", 61), Order("single", ("brake_lag",), "large", 62)]
-    sets = [catalogue.make(order, EASY) for order in chosen]
+    todo = [tasks.Task(plant=order) for order in chosen]
+    promised: list[str] = []
+    kept = Kept(tmp_path, EASY)
+    for task in todo:
+        kept.put(tasks.do(task, EASY, promised.append))
+    # A line that an interruption cut off is no outcome.
+    with kept.file.open("ab") as file:
+        file.write(kept.file.read_bytes()[:200])
+    monkeypatch.setattr(campaign, "planned", lambda size: [*todo, tasks.Task(rivals=1)])
     steps: list[int] = []
-    result = campaign.judged(sets, steps.append)
-    assert sum(steps) == len(sets)
-    assert len(result["outcomes"]) == 2
+    size = campaign.Size(share=0.0, most=3, conditions=EASY, engine=0.0, cases=0, minutes=0.0)
+    result = campaign.run(size, steps.append, tmp_path)
+    assert sum(steps) == result["sets"] == len(todo)
+    assert result["planned"] == 3
+    assert [o["kind"] for o in result["outcomes"]] == ["clean", "single"]
+    assert [s["digest"] for s in result["sealed"]] == promised
+    assert json.loads(result["sealed"][1]["truths"])[0]["names"] == ["brake_lag"]
+    assert Kept(tmp_path, catalogue.ALL).find() == {}
     assert json.loads(json.dumps(result, allow_nan=False))["by_effect"] == result["by_effect"]
     assert len(list(tables.tables(result))) >= 2
     assert len(charts.charts(result)) == 3

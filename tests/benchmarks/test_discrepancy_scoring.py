@@ -96,6 +96,14 @@ def test_sets_come_again_from_their_seed_and_in_every_kind() -> None:
     assert len({o.names for o in whole if o.kind == "off"}) >= 4
 
 
+def test_every_first_part_of_the_order_is_a_fair_share() -> None:
+    whole = catalogue.orders(1.0)
+    for end in (100, 250, 500):
+        for kind in ("clean", "drift", "single"):
+            expected = end / len(whole) * sum(o.kind == kind for o in whole)
+            assert sum(o.kind == kind for o in whole[:end]) == pytest.approx(expected, abs=9.0)
+
+
 def truth_told(hidden: catalogue.HiddenSet) -> sealed.Finding:
     """A finding that says what is so."""
     late = hidden.truth.dead_time - 0.01

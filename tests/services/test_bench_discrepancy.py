@@ -16,11 +16,15 @@ from services.commands import bench
 def test_both_worlds_are_asked_and_written_down(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(campaign, "QUICK", replace(campaign.QUICK, most=2, cases=1))
+    monkeypatch.setattr(campaign, "QUICK", replace(campaign.QUICK, share=0.0, engine=0.0, cases=1))
     figures, page = tmp_path / "figures.json", tmp_path / "page.html"
-    bench.discrepancy(quick=True, json_file=figures, plot=page)
+    out = tmp_path / "kept"
+    bench.discrepancy(quick=True, json_file=figures, plot=page, out=out, sets=3)
     result = json.loads(figures.read_text())
-    assert len(result["outcomes"]) == 2
-    assert json.loads(result["sealed"]["truths"])[0]["kind"] == result["outcomes"][0]["kind"]
+    assert result["sets"] == result["planned"] == 3
+    assert len(next(iter(out.glob("sets-*.jsonl"))).read_text().split()) == 3
     assert "right name first" in capsys.readouterr().out
+    again = tmp_path / "again.json"
+    bench.discrepancy(quick=True, json_file=again, plot=None, out=out, sets=3, minutes=0.0)
+    assert json.loads(again.read_text()) == result
     assert page.stat().st_size > 10_000
