@@ -2,9 +2,8 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,8 @@ from services.config import ZenohSettings, zenoh_config
 from services.files.map_file import write_map_npz
 from services.files.path_file import write_paths_csv
 from tests.planner import scenes
-from tests.services.service_process import fan, flat, free_port, running
+from tests.services.command_line import here, one_line_of, slopewise
+from tests.services.service_process import Running, fan, flat, free_port, running
 
 
 def is_safe(outcome: Outcome, speed: float) -> None:
@@ -53,28 +53,32 @@ def test_kill_minus_nine_and_the_client_stops_by_itself(tmp_path: Path) -> None:
         is_safe(outcome, 2.0)
 
 
-def test_a_hung_service_is_one_that_does_not_answer(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with running(tmp_path_factory.mktemp("client")) as started:
+        yield started
+
+
+def test_a_hung_service_is_one_that_does_not_answer(service: Running) -> None:
     with (
-        running(tmp_path) as started,
-        started.session() as opened,
-        PlanClient(opened, namespace=started.namespace, timeout=0.3) as client,
+        service.session() as opened,
+        PlanClient(opened, namespace=service.namespace, timeout=0.3) as client,
     ):
-        started.process.send_signal(signal.SIGSTOP)
+        service.process.send_signal(signal.SIGSTOP)
         begun = time.monotonic()
         outcome = client.plan(1.5, fan())
         took = time.monotonic() - begun
-        started.process.send_signal(signal.SIGCONT)
+        service.process.send_signal(signal.SIGCONT)
     is_safe(outcome, 1.5)
     assert 0.25 < took < 0.8
     assert outcome.stop is not None
     assert outcome.stop.reason == "no service answers"
 
 
-def test_what_is_no_plan_is_no_answer(tmp_path: Path) -> None:
+def test_what_is_no_plan_is_no_answer(service: Running) -> None:
     with (
-        running(tmp_path) as started,
-        started.session() as opened,
-        PlanClient(opened, namespace=started.namespace, timeout=2.0, name="a") as client,
+        service.session() as opened,
+        PlanClient(opened, namespace=service.namespace, timeout=2.0, name="a") as client,
     ):
         outcome = client.plan(1.0, fan())
     is_safe(outcome, 1.0)
@@ -97,19 +101,15 @@ def test_nobody_there() -> None:
             PlanClient(opened, timeout=0.0)
 
 
-def test_the_command_asks_a_running_service(tmp_path: Path) -> None:
+def test_the_command_asks_a_running_service(service: Running, tmp_path: Path) -> None:
     write_map_npz(scenes.plane(), tmp_path / "map.npz")
     write_paths_csv([scenes.straight(20.0)], tmp_path / "paths.csv")
-    words = ["query", str(tmp_path / "paths.csv"), "--speed", "1", "--json"]
-    with running(tmp_path) as started:
-        where = ["--connect", started.endpoint, "--namespace", started.namespace]
-        more = ["--map", str(tmp_path / "map.npz")]
-        command = [sys.executable, "-m", "services.cli", *words, *where]
-        got = subprocess.run([*command, *more], capture_output=True, text=True, check=False)
-        assert got.returncode == 0, got.stderr
-        reply = json.loads(got.stdout)
-        assert reply["status"] == "ok"
-        assert reply["plans"][0]["progress"] == pytest.approx(20.0, abs=1.0)
-    got = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert got.returncode == 2
-    assert "--connect: expected a service at" in got.stderr
+    words = ["query", tmp_path / "paths.csv", "--speed", "1", "--json"]
+    where = ["--connect", service.endpoint, "--namespace", service.namespace]
+    got = slopewise(*words, *where, "--map", tmp_path / "map.npz")
+    assert got.returncode == 0, got.stderr
+    reply = json.loads(got.stdout)
+    assert reply["status"] == "ok"
+    assert reply["plans"][0]["progress"] == pytest.approx(20.0, abs=1.0)
+    nobody = f"tcp/127.0.0.1:{free_port()}"
+    one_line_of(here(*words, "--connect", nobody), "--connect: expected a service at")

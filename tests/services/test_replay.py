@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.service_process import Running, running
 
 G = 9.81
@@ -41,12 +40,9 @@ def service(tmp_path_factory: pytest.TempPathFactory):
         yield started
 
 
-def replay(service: Running, log: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [
-        sys.executable, "-m", "services.cli", "replay", str(log), "--connect", service.endpoint,
-        "--namespace", service.namespace, *options,
-    ]  # fmt: skip
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+def words(service: Running, log: Path, *options: object) -> tuple[object, ...]:
+    where = ("--connect", service.endpoint, "--namespace", service.namespace)
+    return "replay", log, *where, *options
 
 
 def stopping_distance(speed: float, values: dict[str, float], dead_time: float) -> float:
@@ -60,7 +56,7 @@ def test_what_was_driven_is_learned_much_faster_than_it_was_driven(
 ) -> None:
     log = tmp_path / "drive.csv"
     log.write_text(drive(24))
-    done = replay(service, log, "--speed-up", "inf", "--json")
+    done = slopewise(*words(service, log, "--speed-up", "inf", "--json"))
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["took"] < 0.2 * told["driven"]
@@ -79,7 +75,7 @@ def test_logs_whose_clocks_begin_anew_are_all_taken(service: Running, tmp_path: 
     logs = [tmp_path / name for name in ("one.csv", "two.csv")]
     for log in logs:
         log.write_text(drive(3))
-    done = replay(service, logs[0], str(logs[1]), "--speed-up", "inf", "--json")
+    done = here(*words(service, logs[0], logs[1], "--speed-up", "inf", "--json"))
     told = json.loads(done.stdout)
     assert {entry["status"] for entry in told["receipts"]} == {"taken"}
     batches = sum(entry["batches"] for entry in told["receipts"])
@@ -91,7 +87,7 @@ def test_a_pace_is_kept(service: Running, tmp_path: Path) -> None:
     log = tmp_path / "drive.csv"
     log.write_text(drive(2))
     begun = time.monotonic()
-    done = replay(service, log, "--speed-up", "2")
+    done = here(*words(service, log, "--speed-up", "2"))
     took = time.monotonic() - begun
     assert done.returncode == 0, done.stderr
     driven = 2 * (1.3 + DEAD_TIME) + (1.5 + 2.0) / (G * FORCE)
@@ -101,7 +97,7 @@ def test_a_pace_is_kept(service: Running, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "said"),
     [
         (("--speed-up", "0"), "--speed-up: expected a factor > 0"),
         (("--speed-up", "nan"), "--speed-up: expected a factor > 0"),
@@ -109,11 +105,8 @@ def test_a_pace_is_kept(service: Running, tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_are_named(
-    service: Running, tmp_path: Path, options: tuple[str, ...], words: str
+    service: Running, tmp_path: Path, options: tuple[str, ...], said: str
 ) -> None:
     log = tmp_path / "drive.csv"
     log.write_text(drive(1))
-    done = replay(service, log, *options)
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    one_line_of(here(*words(service, log, *options)), said)
