@@ -71,11 +71,18 @@ def robot(endpoint: str, *options: str) -> dict[str, Any]:
     return found
 
 
-def test_paths_and_map_in_limits_out(tmp_path: Path) -> None:
-    with edge(tmp_path, "[timing]\npath_age = 0.5\n") as (endpoint, process):
-        found = robot(endpoint, "--seconds", "5")
+@pytest.fixture(scope="module")
+def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The router of an edge that does not wait long for paths; it leaves when it is told to."""
+    folder = tmp_path_factory.mktemp("edge")
+    with edge(folder, "[timing]\npath_age = 0.5\n") as (where, process):
+        yield where
         process.send_signal(signal.SIGTERM)
         assert process.wait(10.0) == 0
+
+
+def test_paths_and_map_in_limits_out(endpoint: str) -> None:
+    found = robot(endpoint, "--seconds", "3")
     shown = [TOKEN.fullmatch(token) for token in found["tokens"]]
     assert all(shown), found["tokens"]
     seen = {(one["kind"], one["topic"], one["type"]) for one in shown if one}
@@ -113,14 +120,13 @@ def test_paths_and_map_in_limits_out(tmp_path: Path) -> None:
     assert found["diagnosis"]["level"] == 2
     assert "no path" in found["diagnosis"]["message"] or "odometry" in found["diagnosis"]["message"]
     took = np.array(found["took"][20:])
-    ms = 1e3 * np.percentile(took, [50, 99])
+    ms = 1e3 * np.percentile(took, [50, 99], method="higher")  # a limit that never came: inf
     print(f"path to limit at 20 Hz: median {ms[0]:.1f} ms, p99 {ms[1]:.1f} ms, {len(took)} paths")
     assert np.median(took) < 0.05  # a machine that others use; the 20 ms are measured alone
 
 
-def test_what_is_no_path_is_refused(tmp_path: Path) -> None:
-    with edge(tmp_path, "[timing]\npath_age = 0.4\n") as (endpoint, _):
-        found = robot(endpoint, "--seconds", "2", "--bad")
+def test_what_is_no_path_is_refused(endpoint: str) -> None:
+    found = robot(endpoint, "--seconds", "2", "--bad")
     assert max(found["limits"]) > 0.1
     assert found["stop_after"]
     assert found["after"][-1] == 0.01
