@@ -90,16 +90,27 @@ def _spread(
     out: dict[str, T] = {}
 
     def handed_out(some: int) -> list[Any]:
-        futures = []
-        for name, task in islice(tasks, some):
-            key = f"{function.__name__}-{name}"
-            futures.append(client.submit(function, task, key=key, pure=False))
-            out[key] = task
-        return futures
+        fresh = {f"{function.__name__}-{name}": task for name, task in islice(tasks, some)}
+        out.update(fresh)
+        return [client.submit(function, task, key=k, pure=False) for k, task in fresh.items()]
 
+    suspects: dict[str, T] = {}
     running = as_completed(handed_out((1 + _AHEAD) * threads))
     for future in running:
         task = out.pop(future.key)
+        done = []
+        try:
+            done.append(future.result())
+        except KilledWorker:
+            suspects[future.key] = task
+        future.release()
+        for fresh in handed_out(1):
+            running.add(fresh)
+        yield from done
+    # Tasks that waited on a worker are held for guilty with the one that it died of. Alone, each
+    # answers for itself.
+    for key, task in suspects.items():
+        future = client.submit(function, task, key=f"{key}-alone", pure=False)
         try:
             result = future.result()
         except KilledWorker:
@@ -107,8 +118,6 @@ def _spread(
                 raise
             result = given_up(task)
         future.release()
-        for fresh in handed_out(1):
-            running.add(fresh)
         yield result
 
 
@@ -135,7 +144,7 @@ def _client(workers: Workers) -> Iterator[Any]:
     with (
         LocalCluster(
             n_workers=count, threads_per_worker=1, processes=True, memory_limit=MEMORY,
-            dashboard_address=None, silence_logs=logging.CRITICAL,
+            dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,
     ):  # fmt: skip
