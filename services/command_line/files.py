@@ -68,6 +68,7 @@ def plan(
 
     from planner.settings import PlannerSettings
     from services.commands import plan as command
+    from services.commands import plan_view as view
 
     settings = PlannerSettings(smooth=smooth)
     job = command.PlanJob(
@@ -85,8 +86,8 @@ def plan(
     if out is not None:
         command.write(result, out)
     if report is not None:
-        command.write_page(result, job, report)
-    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+        view.write_page(result, job, report)
+    say(as_json, lambda: view.as_json(result), lambda screen: view.show(result, screen))
     say_written(as_json, out, report)
     if not result.admissible:
         raise typer.Exit(NO_ADMISSIBLE)

@@ -12,6 +12,7 @@ from planner.elevation_map import ElevationMap
 from planner.path import CandidatePath
 from planner.settings import PlannerSettings
 from services.commands import plan as planning
+from services.commands import plan_view
 from services.files.map_file import write_map_npz
 from services.files.path_file import write_paths_csv
 
@@ -31,10 +32,10 @@ def run(folder: Path) -> Path:
     write_paths_csv(fan(), path_file)
     job = planning.PlanJob(map_file, path_file, _MODEL, 1.5, np.inf, PlannerSettings())
     result = planning.run(job)
-    planning.show(result, Console())
+    plan_view.show(result, Console())
     planning.write_csv(result, folder / "plan.csv")
     page = folder / "report.html"
-    planning.write_page(result, job, page)
+    plan_view.write_page(result, job, page)
     return page
 
 

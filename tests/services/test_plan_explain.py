@@ -14,7 +14,7 @@ from rich.console import Console
 from models.errors import InputError
 from planner.limiting import Limiting
 from planner.uncertainty import Uncertainty
-from services.commands import demo, explain_view
+from services.commands import demo, explain_view, plan_view
 from services.commands import plan as command
 from services.files.map_file import write_map_npz
 from services.files.model_file import find_model, read_model
@@ -40,7 +40,7 @@ def test_the_best_candidate_is_explained(result: command.PlanResult) -> None:
     best = result.plans[0]
     assert found.plan.candidate == best.candidate
     np.testing.assert_allclose(found.plan.speed, best.speed, atol=1e-9)
-    data = json.loads(json.dumps(command.as_json(result)["explain"], allow_nan=False))
+    data = json.loads(json.dumps(plan_view.as_json(result)["explain"], allow_nan=False))
     assert data["candidate"] == best.candidate
     assert {c["limiting"] for c in data["costs"]} == {bound.label for bound in Limiting}
     spent = sum(s["seconds"] for s in data["stretches"])
@@ -65,11 +65,11 @@ def test_the_screen_shows_bounds_that_bite_and_what_to_measure(
 def test_the_page_holds_both_tables_and_none_without_an_explanation(
     job: command.PlanJob, result: command.PlanResult, tmp_path: Path
 ) -> None:
-    command.write_page(result, job, tmp_path / "with.html")
+    plan_view.write_page(result, job, tmp_path / "with.html")
     page = (tmp_path / "with.html").read_text()
     assert "gained without it" in page
     assert "a way known to be free" in page
-    command.write_page(replace(result, explanation=None), job, tmp_path / "without.html")
+    plan_view.write_page(replace(result, explanation=None), job, tmp_path / "without.html")
     assert "gained without it" not in (tmp_path / "without.html").read_text()
 
 
@@ -93,7 +93,7 @@ def test_a_model_that_states_no_scatter_says_so(job: command.PlanJob) -> None:
     silent = replace(job, model_file="husky", uncertainty=quantile, explain=False)
     result = command.run(silent, quiet=True)
     text = StringIO()
-    command.show(result, Console(file=text, width=100))
+    plan_view.show(result, Console(file=text, width=100))
     assert "states no covariance or scatter" in text.getvalue()
 
 
