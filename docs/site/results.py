@@ -8,7 +8,8 @@ only as long as there is no file:
     measured so far: …
     <!-- end of results -->
 
-`python docs/site/results.py NAME FILE` puts a result into docs/results, with date and machine.
+`python docs/site/results.py NAME FILE [NOTE]` puts a result into docs/results, with date, machine
+and what a reader has to know about the run.
 """
 
 from __future__ import annotations
@@ -132,7 +133,8 @@ def _when(result: dict[str, Any], file: Path) -> str:
         parts.append(f"on {told['date']} with slopewise {told['version']} on {told['cores']} cores")
         parts.append(f"({told['processor']}, {told['memory'] / 1e9:.0f} GB),")
         parts.append(f"Python {told['python']}")
-    return f"{' '.join(parts)}: [all figures](results/{file.name})."
+    note = f" {told['note']}" if told.get("note") else ""
+    return f"{' '.join(parts)}: [all figures](results/{file.name}).{note}"
 
 
 def _table(table: Table) -> str:
@@ -158,11 +160,11 @@ def _cell(value: object) -> str:
     return f"**{plain}**" if red and plain else plain
 
 
-def _keep(name: str, file: Path, folder: Path) -> Path:
+def _keep(name: str, file: Path, folder: Path, note: str = "") -> Path:
     """Put a result where the page finds it."""
     result = json.loads(file.read_text())
     kept = folder / f"{name}.json"
-    result[_FACTS] = facts()
+    result[_FACTS] = facts() | ({"note": note} if note else {})
     folder.mkdir(exist_ok=True)
     kept.write_text(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
     shown(name, kept)
@@ -170,4 +172,6 @@ def _keep(name: str, file: Path, folder: Path) -> Path:
 
 
 if __name__ == "__main__":
-    print(_keep(sys.argv[1], Path(sys.argv[2]), Path(__file__).parents[1] / "results"))
+    print(
+        _keep(sys.argv[1], Path(sys.argv[2]), Path(__file__).parents[1] / "results", *sys.argv[3:])
+    )

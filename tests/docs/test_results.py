@@ -55,11 +55,12 @@ def test_what_was_written_by_hand_stays_until_there_is_a_result(tmp_path: Path) 
 
 def test_date_and_machine_are_kept_with_a_result(tmp_path: Path) -> None:
     file = put(tmp_path, "o.json", OPTIMALITY | {"quick": True})
-    kept = results._keep("optimality", file, tmp_path / "results")
+    kept = results._keep("optimality", file, tmp_path / "results", "Beside other work.")
     told = json.loads(kept.read_text())["measured"]
     text = results.shown("optimality", kept)
     assert text.startswith(f"Small run (`--quick`) on {told['date']} with slopewise")
     assert f"on {told['cores']} cores" in text
+    assert "(results/optimality.json). Beside other work.\n" in text
 
 
 @pytest.mark.parametrize(
