@@ -18,6 +18,7 @@ import zenoh
 from services.config import ZenohSettings, zenoh_config
 from services.messages import MapUpdate
 from services.messages import Path as Candidate
+from tests.services.warm_process import WarmProcess
 
 
 def free_port() -> int:
@@ -28,7 +29,7 @@ def free_port() -> int:
 
 @dataclass
 class Running:
-    process: subprocess.Popen[str]
+    process: subprocess.Popen[str] | WarmProcess
     endpoint: str
     namespace: str
 
@@ -49,7 +50,14 @@ def running(
     folder: Path, settings: str = "", planning: str = "", *, scheme: str = "tcp",
     namespace: str = "", zenoh_lines: str = "", page: str = "",
     model: str = "atv", environment: dict[str, str] | None = None, port: int = 0,
+    fresh: bool = False,
 ) -> Iterator[Running]:  # fmt: skip
+    """A service until the block ends.
+
+    Args:
+        folder: for its settings. settings, planning, zenoh_lines, page: lines of tables in them.
+        environment: more of it. fresh: started as from a shell, with everything still to import.
+    """
     port = port or free_port()
     endpoint, namespace = f"{scheme}/127.0.0.1:{port}", namespace or f"test/{port}"
     file = folder / f"service-{port}.toml"
@@ -58,11 +66,15 @@ def running(
         f'[zenoh]\nlisten = ["{endpoint}"]\n{zenoh_lines}\n[planning]\ndeadline = 5.0\n{planning}\n'
         f"[status]\nperiod = 0.1\n[page]\n{page}\n"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-m", "services.cli", "serve", "--config", str(file)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env=os.environ | (environment or {}),
-    )  # fmt: skip
+    words, started = ["serve", "--config", str(file)], os.environ | (environment or {})
+    process: subprocess.Popen[str] | WarmProcess
+    if fresh or environment:
+        command = [sys.executable, "-m", "services.cli", *words]
+        process = subprocess.Popen(
+            command, env=started, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+    else:
+        process = WarmProcess(words, started)
     try:
         assert process.stdout is not None
         line = process.stdout.readline()

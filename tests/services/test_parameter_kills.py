@@ -52,7 +52,10 @@ def killed_and_killed_again(folder: Path, times: int, seed: int) -> tuple[Sender
     chance, sender, starts, port = random.Random(seed), Sender(), [], free_port()
     for _ in range(times):
         begun = time.monotonic()
-        with running(folder, planning=STORE, port=port) as service, service.peer() as session:
+        with (
+            running(folder, planning=STORE, port=port, fresh=True) as service,
+            service.peer() as session,
+        ):
             robot = Robot(service, session)
             reply = robot.plan()
             took = time.monotonic() - begun

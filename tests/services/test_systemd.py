@@ -44,7 +44,7 @@ def test_a_service_tells_that_it_is_ready_and_lives(
     address = str(tmp_path / "notify")
     with listening(address) as heard:
         monkeypatch.setenv("NOTIFY_SOCKET", address)
-        with running(tmp_path):
+        with running(tmp_path, fresh=True):
             assert heard.recv(100) in (b"READY=1", b"WATCHDOG=1")
             told = {heard.recv(100) for _ in range(3)}
         assert b"WATCHDOG=1" in told
