@@ -47,7 +47,7 @@ def check(request: PlanRequest, sizes: Sizes, source: str) -> None:
     if not abs(request.speed) <= _FASTEST:
         found = f"got {request.speed:g} m/s"
         raise InputError(source, "speed", f"expected at most {_FASTEST:g} m/s, {found}")
-    if request.pose is not None and not max(map(abs, request.pose)) <= _FARTHEST:
+    if request.pose is not None and not all(abs(value) <= _FARTHEST for value in request.pose):
         raise InputError(source, "pose", f"expected coordinates of at most {_FARTHEST:g} m")
     if not request.client and request.speed < 0.0:
         found = f"got {request.speed:g} m/s"
