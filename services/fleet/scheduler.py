@@ -47,7 +47,7 @@ class Workers:
 
 def check_installed() -> None:
     """Raise InputError unless the extra is installed."""
-    for module in ("distributed", "pyarrow"):
+    for module in ("distributed", "pyarrow", "threadpoolctl"):
         if find_spec(module) is None:
             raise InputError("fleet", "", f"needs {module}: pip install slopewise[fleet]")
 
@@ -72,10 +72,21 @@ def each_done(
     """
     if workers.count == 0 and not workers.scheduler:
         for _, task in tasks:
-            yield function(task)
+            yield on_one_thread(function, task)
         return
     with _client(workers) as client:
         yield from _spread(client, function, iter(tasks), given_up)
+
+
+def on_one_thread(function: Callable[[T], R], task: T) -> R:
+    """The same sums in the same order, whoever does them.
+
+    Linear algebra that several threads share adds up in another order, and its last digits differ.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return function(task)
 
 
 def _spread(
@@ -92,7 +103,10 @@ def _spread(
     def handed_out(some: int) -> list[Any]:
         fresh = {f"{function.__name__}-{name}": task for name, task in islice(tasks, some)}
         out.update(fresh)
-        return [client.submit(function, task, key=k, pure=False) for k, task in fresh.items()]
+        return [
+            client.submit(on_one_thread, function, task, key=k, pure=False)
+            for k, task in fresh.items()
+        ]
 
     suspects: dict[str, T] = {}
     running = as_completed(handed_out((1 + _AHEAD) * threads))
@@ -110,7 +124,7 @@ def _spread(
     # Tasks that waited on a worker are held for guilty with the one that it died of. Alone, each
     # answers for itself.
     for key, task in suspects.items():
-        future = client.submit(function, task, key=f"{key}-alone", pure=False)
+        future = client.submit(on_one_thread, function, task, key=f"{key}-alone", pure=False)
         try:
             result = future.result()
         except KilledWorker:

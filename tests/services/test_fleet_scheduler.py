@@ -4,6 +4,7 @@ import os
 
 import dask
 import pytest
+import threadpoolctl
 from distributed import KilledWorker
 
 from services.fleet.scheduler import Workers, each_done
@@ -14,6 +15,23 @@ def doubled(number: int) -> int:
     if number == 3:
         os._exit(1)
     return 2 * number
+
+
+def threads(_: int) -> int:
+    """That linear algebra shares its work among."""
+    import scipy.linalg  # has a library of its own
+
+    del scipy
+    pools = threadpoolctl.threadpool_info()
+    return max(pool["num_threads"] for pool in pools if pool["user_api"] == "blas")
+
+
+def test_linear_algebra_has_one_thread_here_and_there() -> None:
+    with threadpoolctl.threadpool_limits(limits=2):
+        assert threads(0) == 2
+        assert list(each_done(threads, [("a", 0)], Workers(0))) == [1]
+        assert list(each_done(threads, [("a", 0)], Workers(1))) == [1]
+        assert threads(0) == 2
 
 
 def test_a_task_that_workers_die_of_is_given_up_and_the_others_are_done() -> None:
