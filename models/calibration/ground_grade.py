@@ -1,8 +1,10 @@
 """The grade of the ground out of the pitch of a body that dives and a sensor that is mounted askew.
 
-pitch = −θ + mount + dive · a(t), with the deceleration a(t) felt through the suspension. On a soft
-one the dive is about 1° at 3.5 m/s²; taken for ground, it makes every downhill look steeper just
-while it is measured, and predictions downhill too short.
+pitch = −θ + mount + dive · (a(t) − g sin θ): a body leans with the specific force that it feels
+through its suspension, the deceleration a(t) less gravity along the slope. On a soft one the dive
+is about 1° at 3.5 m/s²; taken for ground, it makes every downhill look steeper just while it is
+measured, and predictions downhill too short. Gravity's part is there all the time: a body leans
+towards the foot of a slope, and its pitch is steeper than the ground by a share of g · dive.
 
 The dive shows in each stop by itself: the body pitches when the brakes take hold and comes back
 when the vehicle stands, while the ground goes on smoothly with the way. The mount does not: a
@@ -22,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.calibration import random_effects
+from models.quantity import GRAVITY
 
 Floats = NDArray[np.float64]
 
@@ -63,10 +66,15 @@ class Dive:
     std: float = _DIVE_PRIOR
     settling: float = 0.0
 
+    @property
+    def steeper(self) -> float:
+        """Pitch of a body at rest or at even speed over the grade that it is on [1]."""
+        return 1.0 + GRAVITY * self.per_deceleration
+
     def pitch(
         self, time: Floats, onset_time: float, rest_time: float, deceleration: float
     ) -> Floats:
-        """(n,) pitch of the dive at times since the stop command [rad]."""
+        """(n,) pitch by the deceleration at times since the stop command [rad]."""
         return self.per_deceleration * felt_deceleration(
             time, onset_time, rest_time, deceleration, self.settling
         )

@@ -146,7 +146,7 @@ def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> F
     """Grade of the ground at the samples: the map's where there is one, else out of the pitch."""
     grade = mount.offset - stop.pitch
     if knee is not None:
-        grade = grade + dive_pitch(stop, knee, dive)
+        grade = (grade + dive_pitch(stop, knee, dive)) / dive.steeper
     if stop.grade is not None:
         grade = np.where(np.isfinite(stop.grade), stop.grade, grade)
     return grade

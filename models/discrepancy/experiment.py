@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.discrepancy.findings import Experiment, PlannedStop
+from models.discrepancy.hypothesis import BASE
 from models.discrepancy.noise import Whitener, whitener
 from models.discrepancy.prediction import predict
 from models.discrepancy.refine import Fit, jacobian
@@ -68,7 +69,7 @@ def sharpening(table: StopTable, best: Fit) -> Experiment:
     plans, sheet, white = _possible(table, best)
     slopes = _whitened(white, jacobian(sheet, best.hypothesis))
     information = np.linalg.pinv(best.covariance, hermitian=True)
-    own = np.arange(5, len(best.hypothesis.free))
+    own = np.arange(BASE, len(best.hypothesis.free))
     chosen: list[int] = []
     while len(chosen) < _STOPS:
         more = information + np.einsum("skp,skq->spq", slopes, slopes)

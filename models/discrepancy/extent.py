@@ -57,9 +57,35 @@ def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[
     # The best one itself stands first: it is no worse than the best of its neighbours.
     best = float(z_square.max(initial=0.0))
     kept = [tried[0]] + [t for t, z in zip(tried[1:], z_square, strict=True) if z > best - _INSIDE]
+    edges = _edges(table, inner)
     return {
-        name: float(0.5 * (max(t[name] for t in kept) - min(t[name] for t in kept)) / _USUAL)
+        name: max(
+            0.5 * (max(t[name] for t in kept) - min(t[name] for t in kept)) / _USUAL, edges[name]
+        )
         for name in names
+    }
+
+
+def _edges(table: StopTable, inner: dict[str, float]) -> dict[str, float]:
+    """Standard deviations by how far apart stops inside and outside are on each side of a patch.
+
+    An edge lies anywhere between the last place inside and the first one outside; centre and
+    radius follow from the edges on four sides.
+    """
+    braking = table.time > table.onset
+    x, y = table.x[braking] - inner["x"], table.y[braking] - inner["y"]
+    away = np.hypot(x, y) - inner["radius"]
+    gaps = []
+    for along, aside in ((x, y), (-x, y), (y, x), (-y, x)):
+        here = away[along > np.abs(aside)]
+        outside = float(np.min(here[here > 0.0], initial=inner["radius"]))
+        inside = float(np.min(-here[here <= 0.0], initial=inner["radius"]))
+        gaps.append(outside + inside)
+    each = np.square(gaps) / 12.0
+    return {
+        "x": 0.5 * float(np.sqrt(each[0] + each[1])),
+        "y": 0.5 * float(np.sqrt(each[2] + each[3])),
+        "radius": 0.25 * float(np.sqrt(each.sum())),
     }
 
 

@@ -7,18 +7,22 @@ while the others are fitted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.discrepancy.swing import SWING
 from models.effects import LAWS
 from models.parameters import Effect, Model
 
 Floats = NDArray[np.float64]
 
-BASE = 5
-"""Numbers of the base: four shifts and the dead time."""
+LAWFUL = 5
+"""Numbers of the model's own law: four shifts and the dead time."""
+
+BASE = LAWFUL + SWING
+"""Numbers before those of the effects: the law's, then the swing of the body."""
 
 USUAL = {
     ("headwind", "wind"): (0.0, 20.0),
@@ -51,12 +55,16 @@ class Hypothesis:
         model: as configured, with the effects that it has already.
         shift: (4,) added to m_m, b_m, m_b, b_b on every surface. dead_time: [s].
         added: effects beyond those of the model. A `step_change` holds from its run on.
+        swing: (SWING,) of the body at the onset, see :mod:`models.discrepancy.swing` [m/s].
+        swings: whether it may be anything but zero.
     """
 
     model: Model
     shift: Floats
     dead_time: float
     added: tuple[Effect, ...] = ()
+    swing: Floats = field(default_factory=lambda: np.zeros(SWING))
+    swings: bool = False
 
     @classmethod
     def configured(cls, model: Model) -> Hypothesis:
@@ -76,12 +84,13 @@ class Hypothesis:
     def free(self) -> Floats:
         """(P,) the free numbers."""
         own = [e.parameters[n] for e in self.added for n in free_parameters(e)]
-        return np.array([*self.shift, self.dead_time, *own])
+        return np.array([*self.shift, self.dead_time, *self.swing, *own])
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
         """(P,), (P,) lowest and highest of each free number, physical signs and sizes."""
         low, high = [-np.inf] * 4 + [0.0], [np.inf] * 4 + [10.0]
+        low, high = low + [-np.inf] * SWING, high + [np.inf] * SWING
         for effect in self.added:
             law = LAWS[effect.name].parameters
             for name in free_parameters(effect):
@@ -94,7 +103,7 @@ class Hypothesis:
     def scales(self) -> Floats:
         """(P,) of each free number, for steps and damping."""
         own = [_scale(e, n) for e in self.added for n in free_parameters(e)]
-        return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *own])
+        return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *[0.01] * SWING, *own])
 
     def moved(self, free: Floats) -> Hypothesis:
         """The same with other numbers."""
@@ -105,7 +114,10 @@ class Hypothesis:
             for name in free_parameters(effect):
                 values[name] = float(rest.pop(0))
             added.append(replace(effect, parameters=values, covariance=None))
-        return replace(self, shift=np.array(free[:4]), dead_time=float(free[4]), added=tuple(added))
+        return replace(
+            self, shift=np.array(free[:4]), dead_time=float(free[4]), added=tuple(added),
+            swing=np.array(free[LAWFUL:BASE]),
+        )  # fmt: skip
 
 
 def _scale(effect: Effect, name: str) -> float:

@@ -17,6 +17,7 @@ from scipy.optimize import minimize
 from models.discrepancy.hypothesis import Hypothesis
 from models.discrepancy.prediction import predict
 from models.discrepancy.stop_table import StopTable
+from models.discrepancy.swing import SWING
 
 Floats = NDArray[np.float64]
 
@@ -156,7 +157,7 @@ def estimate(
         capped: see :class:`Noise`.
     """
     z = shapes(table, hypothesis, capped)
-    fitted = len(hypothesis.free)
+    fitted = len(hypothesis.free) - SWING
     correlation = _correlation(table, residual, z)
     own, used = _own(table, correlation)
     z, r = own @ z, np.einsum("skj,sj->sk", own, residual)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,9 @@ def prepare(
     )
     askew = mount.known and sure and abs(mount.offset) > _PLAIN * mount.std
     if askew:
+        # Believed as far as it is known: an offset of a few deviations is likely a smaller one.
+        known = mount.offset**2 / (mount.offset**2 + mount.std**2)
+        mount = replace(mount, offset=known * mount.offset)
         measured = measure(stops, mount, slope, measured.dive)
     if len(measured.records) < FEWEST_STOPS:
         raise ParameterError("stops", _too_few(len(measured.records), len(windows)))

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from models.calibration.force_fit import WEAK_PRIOR
-from models.discrepancy.hypothesis import Hypothesis
+from models.discrepancy.hypothesis import BASE, LAWFUL, Hypothesis
 from models.discrepancy.noise import Noise, Whitener, estimate, whitener
 from models.discrepancy.prediction import ground_of, predict, wanted_force
 from models.discrepancy.stop_table import StopTable
+from models.discrepancy.swing import NO_SWING, SWING, USUAL_SWING, swing_columns, swing_of
 from models.parameters import Model
 
 Floats = NDArray[np.float64]
@@ -27,6 +28,7 @@ _DONE = 0.01  # of chi square
 _BENT = 2.0  # of chi square
 _TRIES = 8
 _NOISE_PASSES = 2
+_SWINGS = 40.0  # chi square
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class Fit:
 
 def residual(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S, K) measured less predicted speed, up to the level of each stop [m/s]."""
-    fall = predict(table, hypothesis)
+    fall = _observed(table, hypothesis)
     used = table.spread > 0.0
     left = table.binned - np.einsum("skm,sm->sk", table.average, table.held[:, None] - fall)
     result: Floats = np.where(used, left, 0.0)
@@ -69,14 +71,23 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S, M, P) change of the fall of speed with each free number."""
     free, scales = hypothesis.free, hypothesis.scales
     _, high = hypothesis.bounds
-    base = predict(table, hypothesis)
+    base = _observed(table, hypothesis)
+    swing = swing_columns(table, hypothesis.dead_time)
     columns = []
     for i, scale in enumerate(scales):
+        if LAWFUL <= i < BASE:
+            columns.append(swing[:, :, i - LAWFUL])
+            continue
         step = _STEP * scale if free[i] + _STEP * scale <= high[i] else -_STEP * scale
         moved = free.copy()
         moved[i] += step
-        columns.append((predict(table, hypothesis.moved(moved)) - base) / step)
+        columns.append((_observed(table, hypothesis.moved(moved)) - base) / step)
     return np.stack(columns, axis=2)
+
+
+def _observed(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, M) fall of the speed that is read, with the swing of the body it is read on."""
+    return predict(table, hypothesis) + swing_of(table, hypothesis.dead_time, hypothesis.swing)
 
 
 def prior_precision(hypothesis: Hypothesis) -> Floats:
@@ -84,6 +95,7 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
     own = np.zeros(len(hypothesis.free))
     own[:4] = 1.0 / np.square(WEAK_PRIOR)
     own[4] = 1.0
+    own[LAWFUL:BASE] = 1.0 / (USUAL_SWING if hypothesis.swings else NO_SWING) ** 2
     return own
 
 
@@ -134,7 +146,7 @@ def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int =
     covariance = np.linalg.pinv(x.T @ x + np.diag(precision), hermitian=True)
     between = white.split(white.bins @ residual(table, here)[:, :, None])[0][:, 0]
     # Few stops tell less of their scatter than its likelihood pretends.
-    covariance *= len(table) / max(len(table) - len(here.free), 1)
+    covariance *= len(table) / max(len(table) - (len(here.free) - SWING), 1)
     count = len(table)
     each = r[:count] ** 2 + np.sum(r[count:].reshape(count, -1) ** 2, axis=1)
     each = each - 2.0 * np.log(weight) + white.log_volume
@@ -147,6 +159,7 @@ def _centre(hypothesis: Hypothesis) -> Floats:
     centre = hypothesis.free
     centre[:4] = 0.0
     centre[4] = hypothesis.model.braking.dead_time
+    centre[LAWFUL:BASE] = 0.0
     return centre
 
 
@@ -221,6 +234,17 @@ def fit_with_noise(table: StopTable, hypothesis: Hypothesis, noise: Noise | None
         now = noise_of(table, found)
         found = fit(table, found.hypothesis, whitener(table, now, found.hypothesis), passes=4)
     return fit_with_scatter(table, found.hypothesis, now)
+
+
+def fit_base(table: StopTable, start: Hypothesis) -> Fit:
+    """The model's own numbers and the noise that belongs to them.
+
+    The body's swing is fitted along only where the log shows it plainly: in short stops it looks
+    like a weak effect of speed.
+    """
+    plain = fit_with_noise(table, start)
+    swinging = fit_with_noise(table, replace(plain.hypothesis, swings=True), plain.noise)
+    return swinging if swinging.deviance < plain.deviance - _SWINGS else plain
 
 
 def noise_of(table: StopTable, found: Fit) -> Noise:

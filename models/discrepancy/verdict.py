@@ -30,13 +30,27 @@ _TRACE = 0.01  # of the way of a stop, below which a pattern is told and no more
 _BELIEVED = 0.5  # share of what is left for which likelihoods are not believed
 _STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
 _DRIFT = 0.003  # p-value of the same coefficients
-_PART = 3.0  # chi square by which a pair has to beat one of its effects alone
-_HARDLY, _PLAIN, _SEEN = 8.0, 40.0, 0.01  # chi squares, p-value
+_PART = 3.0  # chi square by which several effects have to beat fewer of them
+_HARDLY, _PLAIN = 8.0, 40.0  # chi squares
+_SEEN, _TOLD = 0.01, 0.05  # p-values
 _SHOWS_ALONG = {
     "surface_patch": ("place", "x", "y"),
     "grade_asymmetry": ("grade", "abs_grade"),
     "grade_nonlinearity": ("grade", "abs_grade"),
 }
+_SHOWS_PLAINLY_ALONG = {
+    "step_change": ("run", "time"),
+    "session_drift": ("run", "time"),
+    "cross_slope": ("roll",),
+    "turning_resistance": ("yaw_rate",),
+    "directional_surface": ("heading",),
+}
+_ONE_AXIS = (
+    frozenset(("aerodynamic_drag", "viscous_resistance", "brake_lag")),
+    frozenset(("grade_asymmetry", "grade_nonlinearity", "wheel_lockup")),
+    frozenset(("step_change", "session_drift")),
+)
+"""Two of these together imitate any shape along their axis."""
 _AT_BOUND = 1e-3
 
 
@@ -85,7 +99,7 @@ def decide(
     parts = [e for e in others if e.names and set(e.names) < set(best.names)]
     if parts:
         plainer = min(parts, key=lambda e: e.score)
-        doubted = sure and plainer.score < best.score + doubt
+        doubted = plainer.score < best.score + (doubt if sure else _PART)
         if doubted or _way_between(table, best, plainer) < _TRACE:
             others = (best, *(e for e in others if e.names != plainer.names))
             best = plainer
@@ -105,11 +119,16 @@ def decide(
         words = f"{' and '.join(best.names)} came nearest, but left a pattern along "
         words += large[0].axis.name
         return Decision(Verdict.UNKNOWN, refitted, axis=large[0], notes=(words,))
+    together = [group for group in _ONE_AXIS if len(group & set(best.names)) > 1]
+    if together:
+        words = f"{' and '.join(sorted(together[0] & set(best.names)))} together imitate it; "
+        words += "two effects along one axis can be any shape"
+        along = next((f for f in located if f.p_value < settings.structure), None)
+        return Decision(Verdict.UNKNOWN, refitted, axis=along, notes=(words,))
     rivals = tuple(
         e for e in others
         if e.names and (e.score < best.score + doubt or not _leads(best, e, settings))
-        and not set(e.names) > set(best.names)
-        and not (set(e.names) < set(best.names) and e.score > best.score + _PART)
+        and not set(e.names) > set(best.names) and not set(e.names) < set(best.names)
     )  # fmt: skip
     confidence = tuple(_confidence(name, best, found) for name in best.fit.hypothesis.names)
     verdict = Verdict.AMBIGUOUS if rivals else Verdict.MISSING_EFFECT
@@ -134,8 +153,10 @@ def _weak(best: Explanation, refitted: Explanation, located: list[Followed]) -> 
     margin = refitted.score - best.score
     if refitted.names or margin > _PLAIN:
         return False
-    seen = {f.axis.name for f in located if f.p_value < _SEEN}
-    unseen = [n for n in best.names if n in _SHOWS_ALONG and not seen & set(_SHOWS_ALONG[n])]
+    unseen = []
+    for p_value, along in ((_SEEN, _SHOWS_ALONG), (_TOLD, _SHOWS_PLAINLY_ALONG)):
+        seen = {f.axis.name for f in located if f.p_value < p_value}
+        unseen += [n for n in best.names if n in along and not seen & set(along[n])]
     return margin < _HARDLY or (len(best.names) == 1 and bool(unseen))
 
 
@@ -170,7 +191,8 @@ def _without_names(
 def drifted(table: StopTable, base: Fit) -> bool:
     """The configured coefficients do not fit the log, the refitted ones do better than chance."""
     h = base.hypothesis
-    configured = fit(table, type(h).configured(h.model), base.white, passes=0)
+    as_it_is = replace(type(h).configured(h.model), swing=h.swing)
+    configured = fit(table, as_it_is, base.white, passes=0)
     few = len(table) / max(len(table) - 5, 1)
     return configured.deviance - base.deviance > few * float(chi2.isf(_DRIFT, 5))
 

@@ -22,7 +22,7 @@ from models.discrepancy.identify import Explanation, Identified, identify, rescu
 from models.discrepancy.locate import WITHIN, Followed, follow
 from models.discrepancy.prediction import as_output
 from models.discrepancy.prepare import prepare
-from models.discrepancy.refine import Fit, fit_with_noise, start_of
+from models.discrepancy.refine import Fit, fit_base, start_of
 from models.discrepancy.revised import revised
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
@@ -82,7 +82,7 @@ def investigate_with_evidence(
     wanted = settings or DiscrepancySettings()
     table, notes = prepare(columns, runs, model, ground, wanted)
     advance(1)
-    base = fit_with_noise(table, start_of(table, model))
+    base = fit_base(table, start_of(table, model))
     advance(1)
     found = identify(table, base, wanted)
     advance(1)

@@ -122,7 +122,7 @@ def drive(
         done = np.where(arrived, t + last, done)
         way = np.where(arrived, s, way)
         v = np.where(arrived, 0.0, np.where(np.isnan(done), v - STEP * a_mid, v))
-        dive = dive + STEP / plant.settling * (plant.dive * a - dive)
+        dive = dive + STEP / plant.settling * (plant.dive * (a - G * np.sin(theta)) - dive)
         k, t = k + 1, t + STEP
 
     times, speeds_, thetas, dives, ways = (np.array(c).T for c in zip(*kept, strict=True))

@@ -132,6 +132,18 @@ def test_diving_and_askew_no_downhill_stop_is_predicted_short(source: str) -> No
         assert learned.dive.per_deceleration == pytest.approx(DIVING["dive"], rel=0.1)
 
 
+def test_a_body_that_leans_downhill_does_not_shift_the_slope_coefficients() -> None:
+    """Its pitch is g · dive steeper than the ground; taken for it, b_m is off by nearly that."""
+    off = []
+    for seed in range(3):
+        plant = replace(plant_of(seed, dive=2.0 * DIVING["dive"]), pitch_noise=0.0)
+        log, runs, _ = drive(plant, 100, seed)
+        learned = learn(log, runs, KNOWN).braking
+        off.append(2.5 * (learned.m_m - plant.m_m) + learned.b_m - plant.b_m)
+    share = 9.80665 * 2.0 * DIVING["dive"]
+    assert abs(np.mean(off)) < 0.25 * share, (off, share)
+
+
 def within_uncertainty(learned: Calibration, truth: Truth, width: float) -> np.ndarray:
     """(stops,) excess if the force is planned with ``width`` standard deviations lower."""
     b = learned.braking

@@ -9,6 +9,7 @@ import numpy as np
 from models.discrepancy.extent import extents
 from models.discrepancy.findings import Verdict
 from models.discrepancy.gap import distances
+from models.discrepancy.hypothesis import BASE as BASE_NUMBERS
 from models.discrepancy.hypothesis import Hypothesis
 from models.discrepancy.identify import Explanation
 from models.discrepancy.refine import fit_with_noise
@@ -59,7 +60,7 @@ def test_the_longest_rival_is_in_the_offset() -> None:
     stops = table("step")
     made = decision(Verdict.AMBIGUOUS, STEP)
     fit = made.explanation.fit
-    weaker = fit.hypothesis.moved(fit.hypothesis.free - np.array([0, 0, 0, 0.1, 0, 0]))
+    weaker = fit.hypothesis.moved(fit.hypothesis.free - 0.1 * np.eye(BASE_NUMBERS + 1)[3])
     rival = Explanation(replace(fit, hypothesis=weaker), 1.0)
     alone = revised(stops, made, stops.distance, {}, "")[0].braking.distance_offset
     both = revised(stops, replace(made, rivals=(rival,)), stops.distance, {}, "")[0]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from models.discrepancy import screening
+from models.discrepancy.hypothesis import BASE as BASE_NUMBERS
 from models.discrepancy.hypothesis import Hypothesis
 from models.discrepancy.locate import follow, part_of_axis
 from models.discrepancy.noise import Noise, shapes, whitener
@@ -69,8 +70,8 @@ def test_intervals_of_a_lag_cover() -> None:
     inside = 0
     for seed in range(40):
         found = fit_with_noise(drawn(truth, NOISE, 100 + seed), truth)
-        off = found.hypothesis.free[5] - 0.15
-        inside += bool(abs(off) < 1.96 * np.sqrt(found.covariance[5, 5]))
+        off = found.hypothesis.free[BASE_NUMBERS] - 0.15
+        inside += bool(abs(off) < 1.96 * np.sqrt(found.covariance[BASE_NUMBERS, BASE_NUMBERS]))
     assert inside >= 34  # 95 % of 40 is 38; fewer than 34 has a chance of 1 in 50
 
 
