@@ -133,6 +133,8 @@ def _when(result: dict[str, Any], file: Path) -> str:
         parts.append(f"on {told['date']} with slopewise {told['version']} on {told['cores']} cores")
         parts.append(f"({told['processor']}, {told['memory'] / 1e9:.0f} GB),")
         parts.append(f"Python {told['python']}")
+    if {"sets", "planned"} <= result.keys():
+        parts.append(f"({result['sets']} of {result['planned']} sets)")
     note = f" {told['note']}" if told.get("note") else ""
     return f"{' '.join(parts)}: [all figures](results/{file.name}).{note}"
 

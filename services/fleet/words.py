@@ -30,9 +30,14 @@ def counted(one: Lacked, looked_at: int) -> tuple[str, str, str, str]:
     perhaps = str(len(one.perhaps)) if one.perhaps else ""
     if one.confidence is None:
         return "", "", "", perhaps
-    low, _, high = (f"{value:.0%}" for value in one.confidence)
+    low, _, high = map(_sure, one.confidence)
     sure = low if low == high else f"{low} … {high}"
     return f"{len(one.vehicles)} of {looked_at}", sure, f"{one.right:.1f}", perhaps
+
+
+def _sure(confidence: float) -> str:
+    """Nothing is quite certain."""
+    return "> 99%" if confidence > 0.99 else f"{confidence:.0%}"
 
 
 def numbers(one: Lacked) -> str:
@@ -55,5 +60,5 @@ def effect_words(row: Row) -> str:
     parts = []
     for effect in row["effects"]:
         others = "".join(f" or {name}" for name in effect["alternatives"])
-        parts.append(f"{effect['name']} {effect['confidence']:.0%}{others}")
+        parts.append(f"{effect['name']} {_sure(effect['confidence'])}{others}")
     return ", ".join(parts)
