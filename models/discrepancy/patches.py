@@ -72,7 +72,7 @@ def moved_patch(table: StopTable, found: Fit) -> Fit:
     )
     inner = {name: float(patch.parameters[name]) for name in ("x", "y", "radius")}
     here = Candidate("surface_patch", "delta", False, inner)
-    for seed, skipped in enumerate((0, 1, 2, 2)):
+    for seed, skipped in enumerate((0, 2)):
         nearest, strength = placed_patch(table, without, here, skipped, 20 * seed)
         if strength == 0.0:
             continue

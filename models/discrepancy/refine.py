@@ -17,7 +17,7 @@ from models.discrepancy.hypothesis import BASE, LAWFUL, Hypothesis
 from models.discrepancy.noise import Noise, Whitener, estimate, whitener
 from models.discrepancy.prediction import ground_of, predict, wanted_force
 from models.discrepancy.stop_table import StopTable
-from models.discrepancy.swing import NO_SWING, SWING, USUAL_SWING, swing_columns, swing_of
+from models.discrepancy.swing import SWING, USUAL_SWING, swing_columns
 from models.parameters import Model
 
 Floats = NDArray[np.float64]
@@ -72,7 +72,9 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     free, scales = hypothesis.free, hypothesis.scales
     _, high = hypothesis.bounds
     base = _observed(table, hypothesis)
-    swing = swing_columns(table, hypothesis.dead_time)
+    swing = np.zeros((*table.time.shape, SWING))
+    if hypothesis.swings:
+        swing = swing_columns(table, hypothesis.dead_time)
     columns = []
     for i, scale in enumerate(scales):
         if LAWFUL <= i < BASE:
@@ -87,7 +89,11 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
 
 def _observed(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S, M) fall of the speed that is read, with the swing of the body it is read on."""
-    return predict(table, hypothesis) + swing_of(table, hypothesis.dead_time, hypothesis.swing)
+    fall = predict(table, hypothesis)
+    if not hypothesis.swings:
+        return fall
+    result: Floats = fall + swing_columns(table, hypothesis.dead_time) @ hypothesis.swing
+    return result
 
 
 def prior_precision(hypothesis: Hypothesis) -> Floats:
@@ -95,7 +101,7 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
     own = np.zeros(len(hypothesis.free))
     own[:4] = 1.0 / np.square(WEAK_PRIOR)
     own[4] = 1.0
-    own[LAWFUL:BASE] = 1.0 / (USUAL_SWING if hypothesis.swings else NO_SWING) ** 2
+    own[LAWFUL:BASE] = 1.0 / USUAL_SWING**2
     return own
 
 

@@ -24,9 +24,6 @@ SWING = len(KNOTS) - 2
 USUAL_SWING = 0.006
 """Standard deviation of each that is expected beforehand, in a usual stop [m/s]."""
 
-NO_SWING = 1e-4
-"""Where it is not believed in [m/s]."""
-
 _USUAL_PULL = 0.45  # of the weight
 _LEAST_PULL = 0.05
 
@@ -39,12 +36,4 @@ def swing_columns(table: StopTable, dead_time: float) -> Floats:
     # As the deceleration itself, so that a wrong model of it changes nothing here.
     pull = np.maximum(table.force + np.sin(table.grade[:, -1]), _LEAST_PULL) / _USUAL_PULL
     result: Floats = hats * np.minimum(pull, 2.0)[:, None, None]
-    return result
-
-
-def swing_of(table: StopTable, dead_time: float, numbers: Floats) -> Floats:
-    """(S, M) fall of speed by the curve [m/s]."""
-    if not numbers.any():
-        return np.zeros_like(table.time)
-    result: Floats = swing_columns(table, dead_time) @ numbers
     return result
