@@ -163,6 +163,27 @@ def test_a_second_run_looks_at_what_is_new_and_at_nothing_else(
     assert looked_at[3:] == ["lag", "clean"]
 
 
+def test_a_vehicle_that_ends_its_workers_is_told_and_tried_again(
+    local: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(local, out)
+    row = next(r for r in pq.read_table(out / "findings").to_pylist() if r["vehicle"] == "lag")
+    task = investigating.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], str(out))
+    assert investigating.finished(task) == row
+    investigating.given_up(task)
+    told = finding.read(out, "lag", row["key"])
+    assert told is not None
+    assert told["status"] == "failed"
+    assert "more memory" in told["reason"]
+    assert investigating.finished(task) is None
+    assert not any(file.exists() for file in task.files)
+    # Half a file is as good as none.
+    torn = out / "findings" / "clean.parquet"
+    torn.write_bytes(torn.read_bytes()[:100])
+    assert finding.read(out, "clean", "any") is None
+
+
 def test_each_vehicle_may_have_a_model_of_its_own(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
