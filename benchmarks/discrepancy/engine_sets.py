@@ -141,7 +141,7 @@ def _fresh(engine_set: EngineSet, finding: Finding) -> tuple[float, float, float
     floor = np.sqrt(0.5 * np.mean((real[0] - real[1])[rolling] ** 2) + noise)
     base = Physics(**engine_set.configured)
     found = physics_of(finding, base)
-    found = found._replace(step_run=found.step_run * share_of_runs)
+    found = found._replace(step_run=float(round(found.step_run * share_of_runs)))
     sizes = []
     for physics in (base, found):
         here = speeds(physics, even, time)
