@@ -32,7 +32,7 @@ def growth_with_stations(quick: bool) -> list[Result]:
         [task] = tasks_of(scene, [CANDIDATES // 2])
         row["judge"] = emitted(scene, [CANDIDATES // 2], 1)[0]
         if stations <= _SMOOTHED:
-            row["smoothing, cold"] = _twice(smoother_of(smoothing_problem(scene, task)))
+            row["smoothing"] = _twice(smoother_of(smoothing_problem(scene, task)))
         for name in ("toppra", "CasADi + IPOPT"):
             try:
                 row[name] = _twice(PEERS[name](task))

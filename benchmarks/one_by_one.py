@@ -20,7 +20,7 @@ from planner.compiled import Floats
 from planner.profile import time_optimal_profile
 from planner.reference import JerkLimitedReference, time_optimal_problem
 from planner.scalars import numbers
-from planner.smoothing import Smoother, SmoothingProblem
+from planner.smoothing import SmoothingProblem, smooth
 from planner.track import track_of
 
 Result = dict[str, Any]
@@ -83,7 +83,7 @@ def planner_alone(scene: Scene, task: Task) -> Callable[[], Floats]:
 
 
 def jerk_limited(scene: Scene, tasks: Sequence[Task], rounds: int) -> list[Result]:
-    """The jerk-limited problem: the planner's program cold and warm, and other solvers."""
+    """The jerk-limited problem by the planner, and the same program by other solvers."""
     problems = [smoothing_problem(scene, task) for task in tasks]
 
     def reference(problem: SmoothingProblem) -> Callable[[], Floats | None]:
@@ -91,13 +91,13 @@ def jerk_limited(scene: Scene, tasks: Sequence[Task], rounds: int) -> list[Resul
         return lambda: program.solve(problem).speed_sq
 
     peers = {
-        "planner, first answer": smoother_of,
+        "planner": smoother_of,
+        "OSQP": quadratic.osqp,
         "PIQP": quadratic.piqp,
         "Clarabel": quadratic.clarabel,
         "CasADi + IPOPT": reference,
     }
-    rows = [_row(name, problems, peer, smooth_answer, rounds) for name, peer in peers.items()]
-    return [rows[0], _driven_on(problems, rounds), *rows[1:]]
+    return [_row(name, problems, peer, smooth_answer, rounds) for name, peer in peers.items()]
 
 
 def smoothing_problem(scene: Scene, task: Task) -> SmoothingProblem:
@@ -117,48 +117,14 @@ def smoothing_problem(scene: Scene, task: Task) -> SmoothingProblem:
 
 
 def smoother_of(problem: SmoothingProblem) -> Callable[[], Floats | None]:
-    """The planner's smoothing from nothing, set up once for the number of stations."""
-    smoother = Smoother(len(problem.speed_sq_max))
-    return lambda: smoother.smooth(problem).speed_sq
+    """The planner's smoothing."""
+    return lambda: smooth(problem).speed_sq
 
 
 def smooth_answer(problem: SmoothingProblem, speed_sq: Floats) -> Answer:
     """Travel time and excess of a smoothed profile."""
     station = np.concatenate(([0.0], np.cumsum(problem.ds)))
     return travel_time(station, speed_sq), smooth_excess(problem, speed_sq)
-
-
-def _driven_on(problems: Sequence[SmoothingProblem], cycles: int) -> Result:
-    """The planner's smoothing, station by station along each candidate, warm from the last one."""
-    seconds: list[float] = []
-    worst: list[float] = []
-    for first in problems:
-        problem, smoother = first, Smoother(len(first.speed_sq_max))
-        result = smoother.smooth(problem)
-        for _ in range(cycles):
-            if result.speed_sq is None:
-                break
-            problem = one_station_on(problem, result.speed_sq)
-            taken, result = timed(partial(smoother.smooth, problem, 1))
-            seconds.append(taken)
-        if result.speed_sq is not None:
-            worst.append(smooth_excess(problem, result.speed_sq))
-    row: Result = {"name": "planner (OSQP), one station on", **summary(seconds)}
-    row |= {"solved": len(worst), "of": len(problems)}
-    return row | {"excess": max(worst)} if worst else row
-
-
-def one_station_on(problem: SmoothingProblem, speed_sq: Floats) -> SmoothingProblem:
-    """The same path after a station has been driven at the speeds of a solution."""
-
-    def moved(values: Floats) -> Floats:
-        return np.append(values[1:], values[-1])
-
-    top = moved(problem.speed_sq_max)
-    top[0] = speed_sq[1]
-    return SmoothingProblem(
-        moved(problem.ds), top, moved(problem.accel_max), moved(problem.decel_max), problem.jerk
-    )
 
 
 def emitted(scene: Scene, chosen: Sequence[int], rounds: int) -> list[Result]:

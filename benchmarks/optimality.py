@@ -1,8 +1,8 @@
 """How much time smoothed plans lose against the optimum, over many generated problems.
 
 Each problem is drawn anew: ground, path, limits, speed and acceleration at the start, and the clear
-distance. The planner smooths it as it does for any plan, first from nothing, then from cycle to
-cycle while the path is driven; IPOPT solves the same problem with the exact constraints.
+distance. The planner smooths it as it does for any plan; IPOPT solves the same problem with the
+exact constraints.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from rich.table import Table
 
 from benchmarks.judge import smooth_excess, travel_time
 from benchmarks.measure import machine, summary, timed
-from benchmarks.one_by_one import one_station_on
 from benchmarks.scene import SPACING, atv, hills
 from benchmarks.tables import duration
 from models.parameters import Model
@@ -28,14 +27,11 @@ from planner.compiled import Floats
 from planner.elevation_map import ElevationMap
 from planner.emission import Emission
 from planner.reference import JerkLimitedReference
-from planner.smoothing import Smoother, SmoothingProblem
+from planner.smoothing import SmoothingProblem, smooth
 
 INSTANCES, QUICK_INSTANCES = 500, 40
 WANTED_EXCESS, WANTED_RATIO = 0.01, 10.0
 _STATIONS = (60, 80, 100, 150)
-_CYCLES = 3
-"""Stations driven on before the warm answer counts."""
-
 _SEED = 11
 
 Result = dict[str, Any]
@@ -75,8 +71,7 @@ def run(quick: bool = False, progress: Callable[[int], None] | None = None) -> R
             progress(1)
     both = [row for row in rows if row["excess"] is not None]
     excess = np.array([row["excess"] for row in both])
-    cold, warm, ipopt = ([row[name] for row in rows] for name in ("cold", "warm", "ipopt"))
-    driven_on = [row["warm_excess"] for row in rows if row["warm_excess"] is not None]
+    own, ipopt = ([row[name] for row in rows] for name in ("planner", "ipopt"))
     return {
         "quick": quick,
         "machine": machine(),
@@ -84,19 +79,10 @@ def run(quick: bool = False, progress: Callable[[int], None] | None = None) -> R
         "solved_by_both": len(both),
         "unsolved": [row for row in rows if row["excess"] is None],
         "excess": _distribution(excess),
-        "warm_excess": _distribution(np.array(driven_on)),
-        "warm_of": len(driven_on),
         "above": [row for row in both if row["excess"] > WANTED_EXCESS],
         "breach": max(row["breach"] for row in both),
-        "seconds": {
-            "from nothing": summary(cold),
-            "from the last cycle": summary([s for s in warm if s is not None]),
-            "IPOPT": summary(ipopt),
-        },
-        "ratio": _ratios(ipopt, cold),
-        "warm_ratio": _ratios(
-            *zip(*((i, w) for i, w in zip(ipopt, warm, strict=True) if w is not None), strict=True)
-        ),
+        "seconds": {"planner": summary(own), "IPOPT": summary(ipopt)},
+        "ratio": _ratios(ipopt, own),
         "wanted": {"excess": WANTED_EXCESS, "ratio": WANTED_RATIO},
     }  # fmt: skip
 
@@ -109,30 +95,18 @@ def total(quick: bool) -> int:
 def compared(instance: Instance) -> Result:
     """One problem both ways: excess of travel time, and seconds."""
     problem = instance.problem
-    n = len(problem.speed_sq_max)
-    smoother, reference = Smoother(n), _reference(n)
-    cold, answer = _second(partial(smoother.smooth, problem))
+    reference = _reference(len(problem.speed_sq_max))
+    own, answer = _second(partial(smooth, problem))
     ipopt, optimum = _second(partial(reference.solve, problem))
     row: Result = {
-        "name": instance.name, "cold": cold, "ipopt": ipopt, "warm": None, "excess": None,
-        "warm_excess": None, "breach": None, "reason": answer.reason or optimum.reason,
+        "name": instance.name, "planner": own, "ipopt": ipopt, "excess": None, "breach": None,
+        "reason": answer.reason or optimum.reason,
     }  # fmt: skip
     if answer.speed_sq is None or optimum.speed_sq is None:
         return row
     row["excess"] = _time(problem, answer.speed_sq) / optimum.travel_time - 1.0
     row["travel_time"] = optimum.travel_time
     row["breach"] = smooth_excess(problem, answer.speed_sq)
-    seconds = []
-    for _ in range(_CYCLES):
-        problem = one_station_on(problem, answer.speed_sq)
-        taken, answer = timed(partial(smoother.smooth, problem, 1))
-        seconds.append(taken)
-        if answer.speed_sq is None or problem.speed_sq_max[0] <= 0.0:
-            return row
-    optimum = reference.solve(problem)
-    if optimum.speed_sq is not None and optimum.travel_time > 0.0:
-        row["warm"] = float(np.median(seconds))
-        row["warm_excess"] = _time(problem, answer.speed_sq) / optimum.travel_time - 1.0
     return row
 
 
@@ -219,24 +193,19 @@ def _path(rng: np.random.Generator, stations: int) -> tuple[Floats, Floats]:
 
 
 def show(result: Result, console: Console | None = None) -> None:
-    """Print tables, and every problem that misses what is wanted."""
+    """Print a table, and every problem that misses what is wanted."""
     screen = console or Console()
     table = Table(title="Smoothed plans against the optimum by IPOPT", title_justify="left")
     table.add_column()
-    columns = ("from nothing", "from the last cycle")
-    for title in columns:
-        table.add_column(title, justify="right")
-    table.add_row("problems solved by both", f"{result['solved_by_both']}", f"{result['warm_of']}")
-    for name in ("least", "median", "p90", "p99", "most"):
-        cells = (f"{result[key][name]:.3%}" for key in ("excess", "warm_excess"))
-        table.add_row(f"travel time above it, {name}", *cells)
-    seconds = result["seconds"]
-    table.add_row("time, median", *(duration(seconds[name]["median"]) for name in columns))
-    table.add_row("time of IPOPT, median", *[duration(seconds["IPOPT"]["median"])] * 2)
+    table.add_column(justify="right")
+    table.add_row("problems solved by both", f"{result['solved_by_both']}")
+    for name, value in result["excess"].items():
+        table.add_row(f"travel time above it, {name}", f"{value:.3%}")
+    for name, seconds in result["seconds"].items():
+        table.add_row(f"time of {name}, median", duration(seconds["median"]))
     for name, text in (("median", "{:.1f}×"), ("least", "{:.1f}×"), ("share", "{:.0%}")):
         label = "10 times as fast, share" if name == "share" else f"times as fast, {name}"
-        cells = (text.format(result[key][name]) for key in ("ratio", "warm_ratio"))
-        table.add_row(label, *cells)
+        table.add_row(label, text.format(result["ratio"][name]))
     screen.print(table)
     for row in result["above"]:
         screen.print(f"{row['excess']:.2%} above the optimum: {row['name']}")

@@ -1,7 +1,7 @@
-"""The quadratic program of :mod:`planner.smoothing` for other solvers than OSQP.
+"""The quadratic program of :mod:`planner.smoothing` for other solvers.
 
-min ½ xᵀx − topᵀx over lower <= A x <= upper, with x the v² at the stations and the time between
-segments as its tangent; one program, without the warm start and the margins of the planner.
+min ½ xᵀx − topᵀx over A x <= upper, with x the v² at the stations and the time between segments as
+its tangent at the time-optimal profile: the planner's own first program, row by row.
 """
 
 from __future__ import annotations
@@ -15,66 +15,76 @@ from scipy import sparse
 
 from planner.compiled import Bools, Floats
 from planner.smoothing import SmoothingProblem
-from planner.symbolic import time_model
-
-_REST = 1e-9
-_FREE = 1e6
+from planner.smoothing_program import MOST_ROWS, program
 
 
 @dataclass(frozen=True, slots=True)
 class QuadraticProgram:
-    """min ½ xᵀx − topᵀx over lower <= A x <= upper."""
+    """min ½ xᵀx − topᵀx over A x <= upper, where ``fixed`` stations are as in top."""
 
     top: Floats
+    fixed: Bools
     constraints: sparse.csc_matrix
-    lower: Floats
     upper: Floats
 
     @property
-    def fixed(self) -> Bools:
-        """Rows that leave no freedom: interior-point methods want them as equations."""
-        fixed: Bools = self.lower == self.upper
-        return fixed
+    def quadratic(self) -> sparse.csc_matrix:
+        """The quadratic term."""
+        return sparse.eye(len(self.top), format="csc")
+
+    @property
+    def equations(self) -> sparse.csc_matrix:
+        """Rows that pick the fixed stations."""
+        return self.quadratic[self.fixed].tocsc()
 
 
 def program_of(problem: SmoothingProblem) -> QuadraticProgram:
     """The program around the time-optimal profile."""
-    n, ds, top = len(problem.speed_sq_max), problem.ds, problem.speed_sq_max
-    times = time_model(top, ds)
-    rest = top <= _REST
-    idle = rest[:-1] & rest[1:]
-    touched = idle[:-1] | idle[1:]
-    half = 0.5 / ds
-    gain = sparse.diags([-half, half], [0, 1], shape=(n - 1, n))
-    change = sparse.diags([-1.0, 1.0], [0, 1], shape=(n - 2, n - 1)) @ gain
-    tangent = problem.jerk * times.between_gradient
-    allowed = problem.jerk * times.between
-    for i in range(3):
-        allowed = allowed - tangent[i] * top[i : n - 2 + i]
-    slack = sparse.diags(list(tangent), [0, 1, 2], shape=(n - 2, n))
-    constraints = sparse.vstack(
-        (sparse.eye(n), gain, change - slack, -change - slack), format="csc"
-    )
-    accel = np.where(idle, _FREE, problem.accel_max)
-    decel = np.where(idle, _FREE, problem.decel_max)
-    limit = np.where(touched, _FREE, allowed)
-    none = np.full(n - 2, -_FREE)
-    lower = np.concatenate((np.zeros(n), -decel, none, none))
-    upper = np.concatenate((np.maximum(top, 0.0), accel, limit, limit))
-    lower[0] = upper[0]
-    return QuadraticProgram(top, constraints, lower, upper)
+    top = problem.speed_sq_max
+    n = len(top)
+    most = MOST_ROWS * n
+    fixed, start = np.empty(n, np.bool_), np.empty(n - 1, np.int64)
+    rows, limit = np.empty((most, 3)), np.empty(most)
+    accel = np.nan if problem.start_accel is None else problem.start_accel
+    r = program(
+        problem.ds, top, problem.accel_max, problem.decel_max, problem.jerk, accel, top,
+        fixed, start, rows, limit,
+    )  # fmt: skip
+    columns = (np.repeat(np.arange(n - 2), np.diff(start))[:, None] + np.arange(3)).ravel()
+    a = sparse.csr_matrix((rows[:r].ravel(), columns, 3 * np.arange(r + 1)), shape=(r, n))
+    return QuadraticProgram(top, fixed, a.tocsc(), limit[:r])
+
+
+def osqp(problem: SmoothingProblem) -> Callable[[], Floats | None]:
+    """Operator splitting, a first-order method; set up and solved from ready matrices."""
+    module = importlib.import_module("osqp")
+    program = program_of(problem)
+    rows = sparse.vstack((program.equations, program.constraints), format="csc")
+    held = program.top[program.fixed]
+    lower = np.concatenate((held, np.full(len(program.upper), -np.inf)))
+    upper = np.concatenate((held, program.upper))
+
+    def solve() -> Floats | None:
+        solver = module.OSQP()
+        solver.setup(
+            program.quadratic, -program.top, rows, lower, upper,
+            verbose=False, eps_abs=1e-4, eps_rel=0.0, max_iter=4000,
+        )  # fmt: skip
+        result = solver.solve(raise_error=False)
+        solved = result.info.status_val == module.SolverStatus.OSQP_SOLVED
+        return np.array(result.x) if solved else None
+
+    return solve
 
 
 def piqp(problem: SmoothingProblem) -> Callable[[], Floats | None]:
     """Proximal interior-point method, sparse; set up and solved from ready matrices."""
     module = importlib.import_module("piqp")
     program = program_of(problem)
-    fixed = program.fixed
     matrices = {
-        "P": sparse.eye(len(program.top), format="csc"), "c": -program.top,
-        "A": program.constraints[fixed], "b": program.upper[fixed],
-        "G": program.constraints[~fixed],
-        "h_l": program.lower[~fixed], "h_u": program.upper[~fixed],
+        "P": program.quadratic, "c": -program.top,
+        "A": program.equations, "b": program.top[program.fixed],
+        "G": program.constraints, "h_u": program.upper,
     }  # fmt: skip
 
     def solve() -> Floats | None:
@@ -91,21 +101,19 @@ def clarabel(problem: SmoothingProblem) -> Callable[[], Floats | None]:
     """Interior-point method for conic programs; set up and solved from ready matrices."""
     module = importlib.import_module("clarabel")
     program = program_of(problem)
-    a, fixed = program.constraints, program.fixed
-    above = ~fixed & (program.upper < _FREE)
-    below = ~fixed & (program.lower > -_FREE)
-    rows = sparse.vstack((a[fixed], a[above], -a[below]), format="csc")
-    limits = np.concatenate((program.upper[fixed], program.upper[above], -program.lower[below]))
+    rows = sparse.vstack((program.equations, program.constraints), format="csc")
+    limits = np.concatenate((program.top[program.fixed], program.upper))
     cones = [
-        module.ZeroConeT(int(fixed.sum())),
-        module.NonnegativeConeT(int(above.sum() + below.sum())),
+        module.ZeroConeT(int(program.fixed.sum())),
+        module.NonnegativeConeT(len(program.upper)),
     ]
-    quadratic = sparse.eye(len(program.top), format="csc")
     settings = module.DefaultSettings()
     settings.verbose = False
 
     def solve() -> Floats | None:
-        solver = module.DefaultSolver(quadratic, -program.top, rows, limits, cones, settings)
+        solver = module.DefaultSolver(
+            program.quadratic, -program.top, rows, limits, cones, settings
+        )
         solution = solver.solve()
         return np.array(solution.x) if str(solution.status) == "Solved" else None
 

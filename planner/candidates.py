@@ -16,13 +16,12 @@ from models.parameters import Model
 from planner.bounds import Numbers, SpeedBounds, numbers, speed_bounds
 from planner.compiled import Floats, Ints, kernel
 from planner.elevation_map import ElevationMap
-from planner.emission import Emission, smoother_size
+from planner.emission import Emission
 from planner.ground import Conditions, Ground, ground_along
 from planner.path import CandidatePath, PathBatch, batch
 from planner.plan import SpeedPlan, Status
 from planner.profile import time_optimal_profile
 from planner.settings import PlannerSettings
-from planner.smoothing import Smoother
 from planner.terrain_profile import TerrainProfile, terrain_profile
 from planner.uncertainty import Uncertainty
 
@@ -121,7 +120,7 @@ def rank(plans: Sequence[SpeedPlan], settings: PlannerSettings) -> list[SpeedPla
 
 
 class CandidatePlanner:
-    """Plans candidates with one model; keeps its solvers from call to call."""
+    """Plans candidates with one model."""
 
     def __init__(
         self,
@@ -134,7 +133,6 @@ class CandidatePlanner:
         self.uncertainty = uncertainty
         self.settings = settings or PlannerSettings()
         self.scalars: Numbers = numbers(self.model)
-        self._smoothers: dict[int, Smoother] = {}
 
     def plan(
         self,
@@ -204,13 +202,6 @@ class CandidatePlanner:
         return emission.emit(
             name,
             np.ascontiguousarray(solved.speed_sq[:n, j]),
-            self.smoother(n) if self.settings.smooth else None,
+            smoothed=self.settings.smooth,
             reachable=bool(solved.reachable_start_sq[j] >= start_sq - 1e-9),
         )
-
-    def smoother(self, stations: int) -> Smoother:
-        """The smoother for candidates of about so many stations."""
-        size = smoother_size(stations)
-        if size not in self._smoothers:
-            self._smoothers[size] = Smoother(size)
-        return self._smoothers[size]

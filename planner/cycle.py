@@ -244,7 +244,6 @@ class Cycle:
         lead = np.array([start**2])
         plan = self._planner.emit(
             paths.names[j], lambda: self._planner.emission(solved, j, lead, limit),
-            paths.x[:n, j], paths.y[:n, j],
             Work(speed_sq, not too_fast, innocent, accel),
         )  # fmt: skip
         return Driven(plan, None if limit is None else limit[:n, j], Points(*np.empty((2, 0))))

@@ -19,7 +19,6 @@ from planner.path import PathBatch
 from planner.plan import SpeedPlan
 from planner.scalars import Numbers
 from planner.settings import PlannerSettings
-from planner.smoothers import Smoothers
 from planner.terrain_profile import stations_along
 from planner.uncertainty import Uncertainty
 
@@ -33,7 +32,6 @@ class Equipment:
     uncertainty: Uncertainty
     settings: HorizonSettings
     planner: PlannerSettings
-    smoothers: Smoothers
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,15 +80,12 @@ class CyclePlanner:
             speed_limit=limit, first=first,
         )  # fmt: skip
 
-    def emit(
-        self, name: str, emission: Callable[[], Emission], x: Floats, y: Floats, work: Work
-    ) -> SpeedPlan:
+    def emit(self, name: str, emission: Callable[[], Emission], work: Work) -> SpeedPlan:
         """The plan of a candidate: smoothed, if there is time, and if the solver does not fail.
 
         Args:
             name: of the candidate.
             emission: makes it; twice, if smoothing has to be given up.
-            x, y: stations that are smoothed [m].
             work: see there.
         """
         own, why = self.equipment, ""
@@ -98,16 +93,17 @@ class CyclePlanner:
             why = f"not smoothed within {1e3 * own.settings.budget:g} ms"
         elif own.planner.smooth:
             try:
-                warm = own.smoothers.of(name, len(x))
                 return emission().emit(
-                    name, work.speed_sq, warm.smoother, reachable=work.reachable,
-                    innocent=work.innocent, start_accel=work.start_accel, shift=warm.shift(x, y),
-                )  # fmt: skip
+                    name,
+                    work.speed_sq,
+                    reachable=work.reachable,
+                    innocent=work.innocent,
+                    start_accel=work.start_accel,
+                )
             except Exception as error:  # noqa: BLE001
                 # Whatever a solver raises: the plan does not need it, and is labelled.
-                own.smoothers.drop(name)
                 why = f"not smoothed: {type(error).__name__}: {error}"
         return emission().emit(
-            name, work.speed_sq, None, reachable=work.reachable, innocent=work.innocent,
+            name, work.speed_sq, smoothed=False, reachable=work.reachable, innocent=work.innocent,
             unsmoothed=why,
         )  # fmt: skip

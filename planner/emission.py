@@ -15,23 +15,16 @@ from planner.bounds import SpeedBounds
 from planner.check import Verdict, check
 from planner.compiled import Floats, Ints
 from planner.ground import Ground
-from planner.labels import padded
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan, Status, motion_of
 from planner.profile import time_optimal_profile
 from planner.scalars import Numbers
-from planner.smoothing import Smoother, SmoothingProblem
+from planner.smoothing import SmoothingProblem, smooth
 from planner.terrain_profile import TerrainProfile
 from planner.track import track_of
 
 _REPAIRS = 12
 _REPAIR_SHARE = 0.96
-_STATION_STEP = 50
-
-
-def smoother_size(stations: int) -> int:
-    """Stations of the smoother that serves a candidate: one serves all of about the same length."""
-    return -(-max(stations, _STATION_STEP) // _STATION_STEP) * _STATION_STEP
 
 
 class Emission:
@@ -87,12 +80,11 @@ class Emission:
         self,
         name: str,
         speed_sq: Floats,
-        smoother: Smoother | None,
         *,
+        smoothed: bool = True,
         reachable: bool = True,
         innocent: bool = False,
         start_accel: float | None = None,
-        shift: int | None = None,
         unsmoothed: str = "",
     ) -> SpeedPlan:
         """The plan of this candidate.
@@ -100,22 +92,21 @@ class Emission:
         Args:
             name: of the candidate.
             speed_sq: (N,) its time-optimal profile, beginning with the lead [m²/s²].
-            smoother: of :func:`smoother_size`, None to leave the profile as it is.
+            smoothed: False leaves the profile as it is.
             reachable: service braking can bring down the speed at the start.
             innocent: the judge had no objection to the profile already.
             start_accel: acceleration before the lead's last station [m/s²], None if any will do.
-            shift: stations moved on since the smoother's last answer, None if that was no relative.
             unsmoothed: why it is not smoothed, if that is less than what was wanted.
         """
         status, reason = self.standing()
-        wanted = smoother if speed_sq.any() else None
-        if wanted is not None and innocent and reachable:
-            answer, _ = self._smooth(wanted, speed_sq, start_accel, shift)
+        wanted = smoothed and bool(speed_sq.any())
+        if wanted and innocent and reachable:
+            answer, _ = self._smooth(speed_sq, start_accel)
             verdict = None if answer is None else self.judge(answer)
             if answer is not None and verdict is not None and verdict.valid:
                 status, reason = self.stands_early(answer, status, reason)
                 return self._plan(name, status, reason, answer, verdict, True)
-        smoothed = False
+        is_smooth = False
         if not reachable:
             speed_sq, verdict, status, reason = self.brake_hard(status, reason)
         else:
@@ -125,19 +116,19 @@ class Emission:
             if speed_sq[0] < self._lead[0]:
                 # Not even slower plans pass, and a vehicle that moves cannot just stand.
                 speed_sq, verdict, status, reason = self._emergency(float(self._lead[0]))
-                wanted = None
+                wanted = False
             if unsmoothed and speed_sq.any():
                 status, reason = Status.DEGRADED, unsmoothed
-            if wanted is not None and verdict.valid:
-                answer, why = self._smooth(wanted, speed_sq, start_accel, None)
+            if wanted and verdict.valid:
+                answer, why = self._smooth(speed_sq, start_accel)
                 judged = self.judge(answer) if answer is not None else verdict
                 if answer is not None and judged.valid:
-                    speed_sq, verdict, smoothed = answer, judged, True
+                    speed_sq, verdict, is_smooth = answer, judged, True
                 else:
                     status = Status.DEGRADED
                     reason = f"not smoothed, so faster changes of acceleration than wanted: {why}"
         status, reason = self.stands_early(speed_sq, status, reason)
-        return self._plan(name, status, reason, speed_sq, verdict, smoothed)
+        return self._plan(name, status, reason, speed_sq, verdict, is_smooth)
 
     def keep(self, name: str, speed_sq: Floats) -> SpeedPlan | None:
         """The plan that drives a given profile, None if the judge objects to it."""
@@ -164,27 +155,21 @@ class Emission:
             rear_load=verdict.rear_load, side_load=verdict.side_load,
         )  # fmt: skip
 
-    def _smooth(
-        self, smoother: Smoother, speed_sq: Floats, start_accel: float | None, shift: int | None
-    ) -> tuple[Floats | None, str]:
-        begin, n = len(self._lead) - 1, len(speed_sq)
-        accel_max, decel_max = self.segment_limits(speed_sq)
-        size = smoother.stations
-        problem = SmoothingProblem(
-            padded(np.diff(self.track.station[begin:]), size - 1, 1.0),
-            padded(speed_sq[begin:], size),
-            padded(accel_max[begin:], size - 1),
-            padded(decel_max[begin:], size - 1),
-            self._model.limits.jerk,
-            start_accel,
-        )
-        if size > n - begin and speed_sq[-1] > 0.0:
+    def _smooth(self, speed_sq: Floats, start_accel: float | None) -> tuple[Floats | None, str]:
+        if speed_sq[-1] > 0.0:
             raise AssertionError("a plan must rest at the end of its path")
-        result = smoother.smooth(problem, shift)
+        begin = len(self._lead) - 1
+        accel_max, decel_max = self.segment_limits(speed_sq)
+        result = smooth(
+            SmoothingProblem(
+                np.diff(self.track.station[begin:]), speed_sq[begin:], accel_max[begin:],
+                decel_max[begin:], self._model.limits.jerk, start_accel,
+            )
+        )  # fmt: skip
         if result.speed_sq is None:
             return None, result.reason
-        answer = result.speed_sq[: n - begin]
-        return np.concatenate((self._lead[:-1], answer)), "the judge found a breach"
+        answer = np.concatenate((self._lead[:-1], result.speed_sq))
+        return answer, "the judge found a breach"
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Verdict:
         """Exact constraints of the plan."""

@@ -25,7 +25,6 @@ from planner.ground import Conditions
 from planner.path import CandidatePath, PathBatch, batch
 from planner.scalars import numbers
 from planner.settings import PlannerSettings
-from planner.smoothers import Smoothers
 from planner.uncertainty import Uncertainty
 
 
@@ -50,7 +49,6 @@ class Horizon:
         self.planner = planner or PlannerSettings()
         self.uncertainty = uncertainty or Uncertainty()
         self._driven: Driven | None = None
-        self._smoothers = Smoothers(2 * self.settings.smoothed)
         self.learn(model)
 
     @property
@@ -63,9 +61,8 @@ class Horizon:
         self.uncertainty = uncertainty or self.uncertainty
         cautious = self.uncertainty.cautious(model)
         self._equipment = Equipment(
-            cautious, numbers(cautious), self.uncertainty, self.settings, self.planner,
-            self._smoothers,
-        )  # fmt: skip
+            cautious, numbers(cautious), self.uncertainty, self.settings, self.planner
+        )
 
     def forget(self) -> None:
         """Go on without the plan driven so far."""

@@ -76,10 +76,3 @@ def labels(
             label = _TRACTION if accel_max[segment] < 0.99 * most_accel else _ACCEL
             full = highest >= accel_max[segment] * 0.99 - _HARDLY
         result[k] = label if full or not smoothed else _JERK
-
-
-def padded(values: Floats, size: int, fill: float = 0.0) -> Floats:
-    """Values, and behind them as many of another as it takes."""
-    out = np.full(size, fill)
-    out[: len(values)] = values
-    return out

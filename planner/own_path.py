@@ -97,9 +97,8 @@ class OwnPath:
         work = Work(speed_sq, innocent=True, start_accel=float(plan.accel[i]))
         again = [emission]
         answer = self.planner.emit(
-            plan.candidate, lambda: again.pop() if again else self._emission(extended=True)[2],
-            path.x[first + 1 :, 0], path.y[first + 1 :, 0], work,
-        )  # fmt: skip
+            plan.candidate, lambda: again.pop() if again else self._emission(extended=True)[2], work
+        )
         # A plan that cannot be repaired stands still: that is none for a vehicle that moves.
         return _driven(answer, path, first) if answer.speed[0] == plan.speed[i] else None
 

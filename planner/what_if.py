@@ -16,14 +16,13 @@ from models.parameters import Model
 from planner.bounds import speed_bounds
 from planner.compiled import Floats
 from planner.elevation_map import ElevationMap
-from planner.emission import Emission, smoother_size
+from planner.emission import Emission
 from planner.ground import Conditions, Ground, ground_along
 from planner.path import CandidatePath, batch
 from planner.plan import SpeedPlan
 from planner.profile import time_optimal_profile
 from planner.scalars import numbers
 from planner.settings import PlannerSettings
-from planner.smoothing import Smoother
 from planner.surface_table import resolve_surface
 from planner.terrain_profile import terrain_profile
 from planner.uncertainty import Uncertainty
@@ -95,7 +94,7 @@ class WhatIf:
         self._classes = elevation_map.class_names
         self._start_sq = np.array([start_speed**2])
         self._conditions = conditions
-        self._smoother = Smoother(smoother_size(int(part.count[0]))) if settings.smooth else None
+        self._smooth = settings.smooth
 
     def plan(self, question: Question) -> SpeedPlan:
         """The plan under the question's conditions."""
@@ -127,7 +126,7 @@ class WhatIf:
         return emission.emit(
             self._name,
             np.ascontiguousarray(speed_sq[:, 0]),
-            self._smoother if question.smooth else None,
+            smoothed=self._smooth and question.smooth,
             reachable=bool(reachable[0] >= self._start_sq[0] - 1e-9),
         )
 

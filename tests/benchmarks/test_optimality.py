@@ -24,19 +24,17 @@ def test_smoothed_plans_are_within_a_percent_of_the_optimum(result: dict[str, An
     assert not result["unsolved"]
     assert not result["above"]
     assert result["excess"]["most"] < 0.01
-    assert result["warm_of"] > 0.8 * result["instances"]
-    assert result["warm_excess"]["most"] < 0.01
 
 
 def test_smoothed_plans_keep_their_limits(result: dict[str, Any]) -> None:
     """Faster than the optimum is then possible only within the tolerance of IPOPT."""
     assert result["breach"] < 1e-3
-    assert min(result["excess"]["least"], result["warm_excess"]["least"]) > -1e-4
+    assert result["excess"]["least"] > -1e-4
 
 
-def test_from_cycle_to_cycle_it_is_many_times_as_fast(result: dict[str, Any]) -> None:
+def test_it_is_many_times_as_fast(result: dict[str, Any]) -> None:
     """A bound for any machine; the benchmark gives the real figure."""
-    assert result["warm_ratio"]["median"] > 5.0
+    assert result["ratio"]["median"] > 10.0
 
 
 def test_problems_are_the_same_for_a_seed_and_of_many_kinds() -> None:

@@ -71,7 +71,10 @@ class Drive:
         return answer
 
     def move(self, answer: Answer) -> None:
-        """One period on along the chosen plan; noise makes the way a little shorter or longer."""
+        """One period on along the chosen plan; noise makes the way a little shorter or longer.
+
+        Speed is that of the plan where the vehicle gets to: near rest a few millimetres matter.
+        """
         plan = answer.chosen
         if plan is None or answer.command.stop:
             self.brake(plan)
@@ -80,6 +83,7 @@ class Drive:
         later, self.speed = after(plan, station, PERIOD)
         if self.speed > 0.0:
             later += self.rng.uniform(-0.5, 0.5) * self.noise * PERIOD
+            self.speed = speed_at(plan, min(max(later, station), float(plan.station[-1])))
         self.put(plan, max(later, station))
 
     def brake(self, plan: SpeedPlan | None, deceleration: float = 3.0) -> None:

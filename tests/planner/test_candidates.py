@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from models.errors import ParameterError
-from planner import candidates as module
+from planner import emission
 from planner.candidates import CandidatePlanner, ranking_cost, time_optimal_batch
 from planner.elevation_map import ElevationMap
 from planner.ground import Conditions
@@ -19,7 +19,7 @@ from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
 from planner.plan import SpeedPlan, Status, motion_of
 from planner.settings import PlannerSettings
-from planner.smoothing import Smoother
+from planner.smoothing import Smoothed, SmoothingProblem, smooth
 from tests.planner.scenes import (
     ATV,
     G,
@@ -242,28 +242,22 @@ def test_an_undrivable_candidate_does_not_spoil_its_neighbours() -> None:
 # -------------------------------------------------------------------------------- fallbacks
 
 
-class Lazy(Smoother):
+def lazy(problem: SmoothingProblem) -> Smoothed:
     """Never gets there."""
-
-    def smooth(self, problem: Any, shift: int | None = None) -> Any:
-        result = super().smooth(problem, shift)
-        return dataclasses.replace(result, speed_sq=None, reason="too late")
+    return dataclasses.replace(smooth(problem), speed_sq=None, reason="too late")
 
 
-class Reckless(Smoother):
+def reckless(problem: SmoothingProblem) -> Smoothed:
     """Returns something faster than anything allowed."""
-
-    def smooth(self, problem: Any, shift: int | None = None) -> Any:
-        result = super().smooth(problem, shift)
-        return dataclasses.replace(result, speed_sq=4.0 * problem.speed_sq_max)
+    return dataclasses.replace(smooth(problem), speed_sq=4.0 * problem.speed_sq_max)
 
 
-@pytest.mark.parametrize("broken", [Lazy, Reckless])
+@pytest.mark.parametrize("broken", [lazy, reckless])
 @pytest.mark.parametrize("ends", [15.0, 99.0])
 def test_a_failed_smoother_degrades_the_plan_but_not_its_safety(
-    monkeypatch: pytest.MonkeyPatch, broken: type, ends: float
+    monkeypatch: pytest.MonkeyPatch, broken: Any, ends: float
 ) -> None:
-    monkeypatch.setattr(module, "Smoother", broken)
+    monkeypatch.setattr(emission, "smooth", broken)
     ground = ground_map(hills, unknown=lambda x, y: x > ends)
     plan = plan_one(ATV, ground, straight(25.0))
     assert plan.status is Status.DEGRADED

@@ -11,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.errors import ParameterError
+from planner import emission
 from planner.answer import FULL_STOP, Answer
 from planner.elevation_map import ElevationMap
 from planner.horizon import HorizonSettings
 from planner.path import PathBatch, batch
 from planner.plan import SpeedPlan, Status
-from planner.smoothing import Smoother
+from planner.smoothing import Smoothed
 from tests import oracle
 from tests.planner.driving import (
     SAFE,
@@ -461,13 +462,11 @@ def test_of_two_candidates_with_one_name_the_second_is_refused() -> None:
     assert [r.reason for r in answer.ranking] == ["", "another candidate has this name"]
 
 
-def fails(self: Smoother, *_: Any) -> Any:
+def fails(*_: Any) -> Any:
     raise RuntimeError("out of luck")
 
 
-def gives_up(self: Smoother, *_: Any) -> Any:
-    from planner.smoothing import Smoothed
-
+def gives_up(*_: Any) -> Any:
     return Smoothed(None, 0, "no profile")
 
 
@@ -475,14 +474,14 @@ def gives_up(self: Smoother, *_: Any) -> Any:
 def test_a_solver_that_fails_costs_smoothness_only(
     fault: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Smoother, "smooth", fault)
+    monkeypatch.setattr(emission, "smooth", fault)
     answer = Drive(tables_with(), plane(y=WIDE), fan_of(3)).cycle()
     assert answer.status is Status.DEGRADED
     assert "not smoothed" in answer.reason
     assert not answer.command.stop
     monkeypatch.undo()
     drive = moving()
-    monkeypatch.setattr(Smoother, "smooth", fault)
+    monkeypatch.setattr(emission, "smooth", fault)
     for _ in range(10):
         answer = drive.cycle()
         assert (answer.status, answer.kept) == (Status.OK, True)
@@ -492,14 +491,14 @@ def test_a_solver_that_fails_costs_smoothness_only(
 def test_a_solver_that_answers_nonsense_is_overruled_by_the_judge(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    real = Smoother.smooth
+    real = emission.smooth
 
-    def wild(self: Smoother, problem: Any, shift: int | None = None) -> Any:
-        found = real(self, problem, shift)
+    def wild(problem: Any) -> Any:
+        found = real(problem)
         return replace(found, speed_sq=None if found.speed_sq is None else 1.5 * found.speed_sq)
 
     drive = moving()
-    monkeypatch.setattr(Smoother, "smooth", wild)
+    monkeypatch.setattr(emission, "smooth", wild)
     for _ in range(10):
         answer = drive.cycle()
         assert answer.status is Status.OK

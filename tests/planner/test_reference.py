@@ -16,7 +16,7 @@ from planner.reference import (
     time_optimal_problem,
 )
 from planner.scalars import numbers
-from planner.smoothing import Smoother, SmoothingProblem
+from planner.smoothing import SmoothingProblem, smooth
 from tests.planner.scenes import arc, ground_map, model_of, straight, tables_with
 from tests.planner.test_profile import Road, road
 from tests.planner.test_smoothing import assert_exact, problem_of, travel_time, wavy
@@ -87,10 +87,10 @@ def test_jerk_limited_problems_agree_with_another_formulation(seed: int) -> None
     found = JerkLimitedReference(101).solve(p)
     assert found.speed_sq is not None, found.reason
     assert found.travel_time == pytest.approx(jerk_optimum(p), rel=2e-3)
-    smooth = Smoother(101).smooth(p)
-    assert smooth.speed_sq is not None
-    assert_exact(p, smooth.speed_sq)
-    assert travel_time(smooth.speed_sq, p.ds) == pytest.approx(found.travel_time, rel=0.01)
+    mine = smooth(p)
+    assert mine.speed_sq is not None
+    assert_exact(p, mine.speed_sq)
+    assert travel_time(mine.speed_sq, p.ds) == pytest.approx(found.travel_time, rel=0.01)
 
 
 def test_plans_of_the_planner_are_within_a_percent_of_the_optimum() -> None:
