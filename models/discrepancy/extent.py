@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 _INSIDE = 3.84  # chi square of one number at 95 %
 _USUAL = 1.96
 _REACH = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5)  # radii
+_DRAWS = 3
 
 
 def extents(table: StopTable, found: Fit) -> dict[str, dict[str, float]]:
@@ -49,8 +50,8 @@ def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[
     without = _without(found, index)
     tried = [inner]
     shares = []
-    for reach in _REACH:
-        more, columns = finer_patches(table, without.hypothesis, here, reach)
+    for draw, reach in enumerate(_REACH * _DRAWS):
+        more, columns = finer_patches(table, without.hypothesis, here, reach, draw)
         tried += [c.inner for c in more]
         shares.append(columns)
     z_square = _chi_squares(table, without, np.concatenate(shares, axis=2))
@@ -59,9 +60,7 @@ def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[
     kept = [tried[0]] + [t for t, z in zip(tried[1:], z_square, strict=True) if z > best - _INSIDE]
     edges = _edges(table, inner)
     return {
-        name: max(
-            0.5 * (max(t[name] for t in kept) - min(t[name] for t in kept)) / _USUAL, edges[name]
-        )
+        name: max(float(0.5 * np.ptp([t[name] for t in kept])) / _USUAL, edges[name])
         for name in names
     }
 

@@ -20,6 +20,7 @@ from models.discrepancy.hypothesis import USUAL
 from models.discrepancy.identify import Explanation, Identified
 from models.discrepancy.locate import WITHIN, Followed
 from models.discrepancy.refine import Fit, fit, residual
+from models.discrepancy.restraint import along_one_axis, weak
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
 
@@ -31,26 +32,6 @@ _BELIEVED = 0.5  # share of what is left for which likelihoods are not believed
 _STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
 _DRIFT = 0.003  # p-value of the same coefficients
 _PART = 3.0  # chi square by which several effects have to beat fewer of them
-_HARDLY, _PLAIN = 8.0, 40.0  # chi squares
-_SEEN, _TOLD = 0.01, 0.05  # p-values
-_SHOWS_ALONG = {
-    "surface_patch": ("place", "x", "y"),
-    "grade_asymmetry": ("grade", "abs_grade"),
-    "grade_nonlinearity": ("grade", "abs_grade"),
-}
-_SHOWS_PLAINLY_ALONG = {
-    "step_change": ("run", "time"),
-    "session_drift": ("run", "time"),
-    "cross_slope": ("roll",),
-    "turning_resistance": ("yaw_rate",),
-    "directional_surface": ("heading",),
-}
-_ONE_AXIS = (
-    frozenset(("aerodynamic_drag", "viscous_resistance", "brake_lag")),
-    frozenset(("grade_asymmetry", "grade_nonlinearity", "wheel_lockup")),
-    frozenset(("step_change", "session_drift")),
-)
-"""Two of these together imitate any shape along their axis."""
 _AT_BOUND = 1e-3
 
 
@@ -104,7 +85,7 @@ def decide(
             others = (best, *(e for e in others if e.names != plainer.names))
             best = plainer
     refitted = next((e for e in others if not e.names), _far(base))
-    if _weak(best, refitted, located):
+    if weak(table, best, refitted, located):
         plain = [f for f in located if f.p_value < settings.structure]
         nothing = replace(found, best=Explanation(base, refitted.score))
         return _without_names(table, base, nothing, _large(table, plain), ())
@@ -119,9 +100,9 @@ def decide(
         words = f"{' and '.join(best.names)} came nearest, but left a pattern along "
         words += large[0].axis.name
         return Decision(Verdict.UNKNOWN, refitted, axis=large[0], notes=(words,))
-    together = [group for group in _ONE_AXIS if len(group & set(best.names)) > 1]
+    together = along_one_axis(table, best)
     if together:
-        words = f"{' and '.join(sorted(together[0] & set(best.names)))} together imitate it; "
+        words = f"{' and '.join(together)} together imitate it; "
         words += "two effects along one axis can be any shape"
         along = next((f for f in located if f.p_value < settings.structure), None)
         return Decision(Verdict.UNKNOWN, refitted, axis=along, notes=(words,))
@@ -146,18 +127,6 @@ def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
     apart = within[:1] + [f for f in sure if f.axis.name not in WITHIN]
     least = _TRACE * float(np.mean(table.distance))
     return sorted((f for f in apart if f.way > least), key=lambda f: -f.strength)
-
-
-def _weak(best: Explanation, refitted: Explanation, located: list[Followed]) -> bool:
-    """Too little evidence for a name: hardly better than none, or along an axis that shows none."""
-    margin = refitted.score - best.score
-    if refitted.names or margin > _PLAIN:
-        return False
-    unseen = []
-    for p_value, along in ((_SEEN, _SHOWS_ALONG), (_TOLD, _SHOWS_PLAINLY_ALONG)):
-        seen = {f.axis.name for f in located if f.p_value < p_value}
-        unseen += [n for n in best.names if n in along and not seen & set(along[n])]
-    return margin < _HARDLY or (len(best.names) == 1 and bool(unseen))
 
 
 def _way_between(table: StopTable, one: Explanation, other: Explanation) -> float:

@@ -1,0 +1,79 @@
+"""Reasons not to give a name although it fits best: too little evidence, or too free a shape."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.identify import Explanation
+from models.discrepancy.locate import Followed
+from models.discrepancy.prediction import ground_of, inside_patch
+from models.discrepancy.stop_table import StopTable
+from models.parameters import Effect
+
+Floats = NDArray[np.float64]
+
+_HARDLY, _PLAIN = 8.0, 40.0  # chi squares
+_PLACED, _SEEN, _TOLD = 0.003, 0.01, 0.05  # p-values
+_INSIDE = 5  # stops in a patch
+_SHOWS_AT = {"surface_patch": ("place", "x", "y")}
+_SHOWS_ALONG = {
+    "grade_asymmetry": ("grade", "abs_grade"),
+    "grade_nonlinearity": ("grade", "abs_grade"),
+}
+_SHOWS_PLAINLY_ALONG = {
+    "step_change": ("run", "time"),
+    "session_drift": ("run", "time"),
+    "cross_slope": ("roll",),
+    "turning_resistance": ("yaw_rate",),
+    "directional_surface": ("heading",),
+}
+_ONE_AXIS = (
+    frozenset(("aerodynamic_drag", "viscous_resistance", "brake_lag")),
+    frozenset(("grade_asymmetry", "grade_nonlinearity", "wheel_lockup")),
+    frozenset(("step_change", "session_drift")),
+)
+"""Two of these together imitate any shape along their axis."""
+_ONE_WAY = 0.9  # length of the mean heading
+
+
+def weak(
+    table: StopTable, best: Explanation, refitted: Explanation, located: list[Followed]
+) -> bool:
+    """Too little evidence for a name: hardly better than none, or along an axis that shows none.
+
+    Args:
+        table: stops. best: explanation with names. refitted: that without any.
+        located: axes that the refitted model disagrees along.
+    """
+    margin = refitted.score - best.score
+    if refitted.names or margin > _PLAIN:
+        return False
+    unseen = []
+    shows = ((_PLACED, _SHOWS_AT), (_SEEN, _SHOWS_ALONG), (_TOLD, _SHOWS_PLAINLY_ALONG))
+    for p_value, along in shows:
+        seen = {f.axis.name for f in located if f.p_value < p_value}
+        unseen += [n for n in best.names if n in along and not seen & set(along[n])]
+    few = any(
+        int(((table.time > table.onset) & (_inside(table, e) > 0.5)).any(axis=1).sum()) < _INSIDE
+        for e in best.fit.hypothesis.added
+        if e.name == "surface_patch"
+    )
+    return margin < _HARDLY or few or (len(best.names) == 1 and bool(unseen))
+
+
+def _inside(table: StopTable, patch: Effect) -> Floats:
+    p = patch.parameters
+    return inside_patch(ground_of(table), p["x"], p["y"], p["radius"])
+
+
+def along_one_axis(table: StopTable, best: Explanation) -> list[str]:
+    """Two or more names that act along the same axis, [] if there are none."""
+    one_way = abs(np.mean(np.exp(1j * table.yaw))) > _ONE_WAY
+    for i, group in enumerate(_ONE_AXIS):
+        # Met from one side, a wind is a curve over speed and nothing else.
+        whole = group | {"headwind"} if i == 0 and one_way else group
+        found = sorted(whole & set(best.names))
+        if len(found) > 1:
+            return found
+    return []
