@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.compiled import Floats, Ints, kernel
 from planner.path import PathBatch
-from planner.place import Place, locate
+from planner.place import Place, locate, project
 from planner.plan import SpeedPlan
 
 BEHIND = 2
@@ -70,11 +70,7 @@ def _foot(
     for j in range(x.shape[0]):
         segment[j], share[j], least = low, 0.0, np.inf
         for i in range(low, high):
-            dx, dy = own_x[i + 1] - own_x[i], own_y[i + 1] - own_y[i]
-            to_x, to_y = x[j] - own_x[i], y[j] - own_y[i]
-            u = (to_x * dx + to_y * dy) / max(dx * dx + dy * dy, 1e-18)
-            inside = min(max(u, 0.0), 1.0)
-            away = (inside * dx - to_x) ** 2 + (inside * dy - to_y) ** 2
+            u, away = project(own_x[i], own_y[i], own_x[i + 1], own_y[i + 1], x[j], y[j])
             if away < least:
                 segment[j], share[j], least = i, u, away
         off[j] = np.sqrt(least)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.compiled import Floats, Ints, kernel
+from planner.compiled import Floats, Ints, inlined, kernel
 from planner.elevation_map import ElevationMap
 from planner.path import PathBatch
 from planner.terrain_profile import stations_along
@@ -64,6 +64,18 @@ def locate(x: Floats, y: Floats, count: Ints, at: tuple[float, float], heading: 
     return Place(segment, *place)
 
 
+@inlined
+def project(
+    x: float, y: float, x_2: float, y_2: float, at_x: float, at_y: float
+) -> tuple[float, float]:
+    """Where a point lies along a segment, < 0 before and > 1 behind it; squared distance to it."""
+    dx, dy = x_2 - x, y_2 - y
+    to_x, to_y = at_x - x, at_y - y
+    share = (to_x * dx + to_y * dy) / max(dx * dx + dy * dy, 1e-18)
+    inside = min(max(share, 0.0), 1.0)
+    return share, (inside * dx - to_x) ** 2 + (inside * dy - to_y) ** 2
+
+
 @kernel
 def _locate(
     x: Floats, y: Floats, count: Ints, at_x: float, at_y: float, heading: float,
@@ -72,30 +84,26 @@ def _locate(
     cosine, sine = np.cos(heading), np.sin(heading)
     for j in range(x.shape[1]):
         begin = 0.0
-        nearest, least, nearest_begin = 0, np.inf, 0.0
-        early, least_early, early_begin, early_share = 0, np.inf, 0.0, 0.0
+        nearest, least, share, along = 0, np.inf, 0.0, 0.0
+        early, least_early, early_share, early_along = 0, np.inf, 0.0, 0.0
         for i in range(count[j] - 1):
+            u, off = project(x[i, j], y[i, j], x[i + 1, j], y[i + 1, j], at_x, at_y)
+            off = np.sqrt(off)
             dx, dy = x[i + 1, j] - x[i, j], y[i + 1, j] - y[i, j]
-            to_x, to_y = at_x - x[i, j], at_y - y[i, j]
-            squared = max(dx * dx + dy * dy, 1e-18)
-            share = (to_x * dx + to_y * dy) / squared
-            inside = min(max(share, 0.0), 1.0)
-            off = np.sqrt((inside * dx - to_x) ** 2 + (inside * dy - to_y) ** 2)
-            length = np.sqrt(squared)
+            length = np.sqrt(dx * dx + dy * dy)
             if dx * cosine + dy * sine < _ITS_WAY * length:
                 off += _ASIDE
             if off < least:
-                nearest, least, nearest_begin = i, off, begin
+                nearest, least, share, along = i, off, u, begin
             if begin <= _SEARCH and off < least_early:
-                early, least_early, early_begin, early_share = i, off, begin, share
+                early, least_early, early_share, early_along = i, off, u, begin
             begin += length
-        found = least_early <= _FOUND and early_share <= 1.0
-        i, along = (early, early_begin) if found else (nearest, nearest_begin)
+        i = nearest
+        if least_early <= _FOUND and early_share <= 1.0:
+            i, share, along = early, early_share, early_along
         dx, dy = x[i + 1, j] - x[i, j], y[i + 1, j] - y[i, j]
         to_x, to_y = at_x - x[i, j], at_y - y[i, j]
-        step = max(np.sqrt(dx * dx + dy * dy), 1e-9)
-        share = (to_x * dx + to_y * dy) / (step * step)
-        inside = min(max(share, 0.0), 1.0)
+        step, inside = max(np.sqrt(dx * dx + dy * dy), 1e-9), min(max(share, 0.0), 1.0)
         along += (share if i == 0 and share < 0.0 else inside) * step
         beside = np.hypot((to_x * dy - to_y * dx) / step, max(share - 1.0, 0.0) * step)
         turned = abs(np.arctan2(dy, dx) - heading) % (2.0 * np.pi)

@@ -17,7 +17,7 @@ from planner.compiled import Floats, Ints, kernel
 from planner.ground import Ground
 from planner.scalars import Numbers, numbers
 from planner.terrain_profile import TerrainProfile
-from planner.track import Body, Track, body_of, survey_of
+from planner.track import Body, Track, body_of, copy_columns, survey_of
 
 
 def screen(
@@ -63,23 +63,12 @@ def _screen(
     bad = np.zeros(stations, np.bool_)
     for j in range(candidates):
         m = count[j]
+        copy_columns(
+            0, j, m, station, grade, sin_roll, curvature, heading_x, heading_y, weak_speed,
+            weak_rest, strong_speed, strong_rest, dead_time, slowest, speed_limit,
+            motion.wind_drag > 0.0, column,
+        )  # fmt: skip
         for k in range(m):
-            column[0, k] = station[k, j]
-            column[1, k] = grade[k, j]
-            column[2, k] = np.arcsin(sin_roll[k, j])
-            column[3, k] = curvature[k, j]
-            column[4, k] = 0.0
-            if motion.wind_drag > 0.0:
-                yaw = np.arctan2(heading_y[k, j], heading_x[k, j])
-                turned = yaw - column[4, max(k - 1, 0)]
-                column[4, k] = yaw - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
-            column[5, k] = weak_speed[k, j]
-            column[6, k] = weak_rest[k, j]
-            column[7, k] = strong_speed[k, j]
-            column[8, k] = strong_rest[k, j]
-            column[9, k] = dead_time[k, j]
-            column[10, k] = slowest[k, j]
-            column[11, k] = speed_limit[k, j]
             column[12, k] = speed_sq[k, j]
         track = Track(
             column[0, :m], column[1, :m], column[2, :m], column[3, :m], column[4, :m],

@@ -91,11 +91,11 @@ def track_of(
     """One candidate out of a batch, contiguous, without padding and without its first stations."""
     n = int(profile.count[candidate])
     columns = np.empty((len(Track._fields), n - first))
-    _columns(
-        first, candidate, profile.station, profile.grade, profile.sin_roll, profile.curvature,
+    copy_columns(
+        first, candidate, n, profile.station, profile.grade, profile.sin_roll, profile.curvature,
         profile.heading_x, profile.heading_y, ground.weak_speed, ground.weak_rest,
         ground.strong_speed, ground.strong_rest, ground.dead_time, ground.slowest, ground.fastest,
-        columns,
+        True, columns,
     )  # fmt: skip
     track = Track(*columns)
     if speed_limit is not None:
@@ -104,15 +104,21 @@ def track_of(
 
 
 @kernel
-def _columns(
-    first: int, j: int, station: Floats, grade: Floats, sin_roll: Floats, curvature: Floats,
-    heading_x: Floats, heading_y: Floats, weak_speed: Floats, weak_rest: Floats,
-    strong_speed: Floats, strong_rest: Floats, dead_time: Floats, slowest: Floats,
-    fastest: Floats, out: Floats,
+def copy_columns(
+    first: int, j: int, count: int, station: Floats, grade: Floats, sin_roll: Floats,
+    curvature: Floats, heading_x: Floats, heading_y: Floats, weak_speed: Floats,
+    weak_rest: Floats, strong_speed: Floats, strong_rest: Floats, dead_time: Floats,
+    slowest: Floats, fastest: Floats, turns: bool, out: Floats,
 ) -> None:  # fmt: skip
-    for i in range(out.shape[1]):
-        k = first + i
-        yaw = np.arctan2(heading_y[k, j], heading_x[k, j])
+    """Stations ``first`` to ``count`` of candidate j, in the order of :class:`Track`.
+
+    Args:
+        turns: False leaves the yaw at 0, where nothing asks for it.
+        out: (≥ 12, ≥ count − first).
+    """
+    for k in range(first, count):
+        i = k - first
+        yaw = np.arctan2(heading_y[k, j], heading_x[k, j]) if turns else 0.0
         before = out[4, i - 1] if i > 0 else yaw
         out[0, i] = station[k, j] - station[first, j]
         out[1, i] = grade[k, j]
