@@ -5,6 +5,7 @@ It keeps its stations, so that the plan of the last cycle is one of this cycle's
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -98,15 +99,15 @@ class Driven:
     def _share(self, place: Place) -> float:
         """How much of its segment the vehicle has driven."""
         x, y, i = self.plan.x, self.plan.y, int(place.segment[0])
-        step = np.hypot(x[i + 1] - x[i], y[i + 1] - y[i])
-        gone = np.hypot(place.x[0] - x[i], place.y[0] - y[i])
-        return min(float(gone / max(step, 1e-9)), 1.0)
+        step = math.hypot(x[i + 1] - x[i], y[i + 1] - y[i])
+        gone = math.hypot(place.x[0] - x[i], place.y[0] - y[i])
+        return min(gone / max(step, 1e-9), 1.0)
 
     def speed_at(self, place: Place) -> tuple[float, float]:
         """Speed [m/s] and acceleration [m/s²] of the plan where the vehicle is."""
         plan, i, u = self.plan, int(place.segment[0]), self._share(place)
         speed_sq = (1.0 - u) * plan.speed[i] ** 2 + u * plan.speed[i + 1] ** 2
-        return float(np.sqrt(speed_sq)), float(plan.accel[i])
+        return math.sqrt(speed_sq), float(plan.accel[i])
 
     def station_at(self, place: Place) -> float:
         """Station of the vehicle on the plan [m]."""
