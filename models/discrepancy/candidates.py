@@ -31,7 +31,7 @@ from models.quantity import GRAVITY
 Floats = NDArray[np.float64]
 
 _LAGS = (0.02, 0.04, 0.07, 0.11, 0.17, 0.26, 0.4)  # [s]
-_COOLING = (10.0, 30.0, 100.0, 300.0, 1000.0)  # [s]
+_COOLING = (20.0, 40.0, 100.0, 300.0, 1000.0)  # [s]
 _WINDS = (2.0, 5.0, 10.0)  # [m/s]
 _HEADINGS = 12
 _CAPS = (0.4, 0.6, 0.75, 0.87, 0.95)  # quantiles of the force

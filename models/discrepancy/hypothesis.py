@@ -26,10 +26,11 @@ BASE = LAWFUL + SWING
 
 USUAL = {
     ("headwind", "wind"): (0.0, 20.0),
-    ("brake_fade", "tau"): (2.0, 3600.0),
+    ("brake_fade", "tau"): (20.0, 3600.0),
     ("brake_lag", "tau"): (0.0, 1.0),
 }
-"""Sizes beyond which an effect is hardly what its name says: wind above a gale."""
+"""Sizes beyond which an effect is hardly what its name says: wind above a gale, brakes that are
+cold again within seconds, which would be a curve over speed within each stop."""
 
 _FIXED = {"step_change": ("run",)}
 _SCALES = {

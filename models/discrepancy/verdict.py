@@ -89,6 +89,14 @@ def decide(
         plain = [f for f in located if f.p_value < settings.structure]
         nothing = replace(found, best=Explanation(base, refitted.score))
         return _without_names(table, base, nothing, _large(table, plain), ())
+    others = tuple(e for e in others if not _cools_at_once(e))
+    near = [
+        e for e in others
+        if e.names and e.score < best.score + doubt and not set(e.names) > set(best.names)
+    ]  # fmt: skip
+    if _cools_at_once(best) and near:
+        best = min(near, key=lambda e: e.score)
+        others = tuple(e for e in others if e.names != best.names)
     ends = _numbers_at_their_end(best)
     if ends:
         words = (
@@ -183,6 +191,13 @@ def _numbers_at_their_end(best: Explanation) -> str:
             if value >= high * (1.0 - _AT_BOUND) or (low > 0.0 and value <= low * 1.001):
                 said.append(f"{name} of {effect.name}")
     return ", ".join(said)
+
+
+def _cools_at_once(found: Explanation) -> bool:
+    """Brakes that fade and recover within each stop: a curve over speed by another name."""
+    low, _ = USUAL["brake_fade", "tau"]
+    added = found.fit.hypothesis.added
+    return any(e.name == "brake_fade" and e.parameters["tau"] <= low * 1.001 for e in added)
 
 
 def _leads(best: Explanation, rival: Explanation, settings: DiscrepancySettings) -> bool:
