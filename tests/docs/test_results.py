@@ -17,17 +17,10 @@ import results  # noqa: E402
 
 STORED = sorted((DOCS / "results").glob("*.json"))
 OPTIMALITY = {
-    "solved_by_both": 7, "warm_of": 6,
-    **{
-        key: {"least": 0.0, "median": 0.001, "p90": 0.002, "p99": 0.003, "most": 0.00412}
-        for key in ("excess", "warm_excess")
-    },
-    "seconds": {
-        name: {"median": 0.002} for name in ("from nothing", "from the last cycle", "IPOPT")
-    },
-    **{
-        key: {"median": 12.3, "least": 4.0, "share": 0.5} for key in ("ratio", "warm_ratio")
-    },
+    "solved_by_both": 7,
+    "excess": {"least": 0.0, "median": 0.001, "p90": 0.002, "p99": 0.003, "most": 0.00412},
+    "seconds": {"IPOPT": {"median": 0.002}},
+    "ratio": {"median": 12.3, "least": 4.0, "share": 0.5},
     "above": [{"excess": 0.02, "name": "steep | icy"}], "unsolved": [],
 }  # fmt: skip
 PAGE = "before\n<!-- results: optimality -->\nby hand\n<!-- end of results -->\nafter\n"
@@ -47,8 +40,8 @@ def test_what_was_written_by_hand_stays_until_there_is_a_result(tmp_path: Path) 
     assert "by hand" not in page
     assert page.startswith("before\n")
     assert page.endswith("\nafter\n")
-    assert "| problems solved by both | 7 | 6 |" in page
-    assert "| travel time above it, most | 0.412% | 0.412% |" in page
+    assert "\n| problems solved by both | 7 |" in page
+    assert "\n| travel time above it, most | 0.412% |" in page
     assert "2.00% above the optimum: steep &#124; icy" in page
     assert "(results/optimality.json)" in page
 
