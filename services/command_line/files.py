@@ -220,7 +220,7 @@ def discrepancy(
     ],
     map_file: GroundMap = None,
     topics: Topics = None,
-    false_alarm: FalseAlarm = 0.01,
+    false_alarm: FalseAlarm = 0.005,
     seed: Seed = 20,
     as_json: AsJson = False,
 ) -> None:

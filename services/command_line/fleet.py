@@ -136,7 +136,7 @@ def fleet_discrepancy(
     by_folder: ByFolder = False,
     map_file: GroundMap = None,
     topics: Topics = None,
-    false_alarm: FalseAlarm = 0.01,
+    false_alarm: FalseAlarm = 0.005,
     seed: Seed = 20,
     pages: Annotated[
         bool,
