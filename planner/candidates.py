@@ -54,7 +54,7 @@ def time_optimal_batch(
     count: Ints,
     model: Model,
     *,
-    start_speed: float = 0.0,
+    start_speed: float | Floats = 0.0,
     clear: float | Floats = np.inf,
     speed_limit: Floats | None = None,
     settings: PlannerSettings | None = None,
@@ -67,7 +67,7 @@ def time_optimal_batch(
         elevation_map: ground.
         x, y: (N, M) positions [m], C-contiguous; count: (M,) stations of each candidate.
         model: vehicle, braking, limits.
-        start_speed: speed at the first station [m/s].
+        start_speed: speed at the first station, one for all or (M,) [m/s].
         clear: station up to which the way is known free, one for all or (M,) [m].
         speed_limit: (N, M) limits of the path itself [m/s].
         settings: weights of the ranking.
@@ -84,7 +84,7 @@ def time_optimal_batch(
     speed_sq, reachable = time_optimal_profile(
         profile.station, bounds.speed_sq_max, profile.sin_grade, ground.weak_speed,
         ground.braking_rest, ground.slowest, bounds.accel_max, bounds.demand,
-        np.full(candidates, start_speed**2), numbers(model),
+        np.full(candidates, np.square(start_speed)), numbers(model),
     )  # fmt: skip
     cost = ranking_cost(profile.station, speed_sq, settings or PlannerSettings())
     return TimeOptimalBatch(profile, ground, bounds, speed_sq, reachable, cost)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
@@ -13,22 +12,17 @@ from models.errors import ParameterError
 from planner.answer import FULL_STOP, Answer, Deficit, Ranked, State, command_of
 from planner.candidates import TimeOptimalBatch
 from planner.check import Offence
-from planner.compiled import Bools, Floats, Ints, kernel
+from planner.compiled import Bools, Floats
 from planner.continuation import Driven, Points
 from planner.cycle_planner import CyclePlanner, Work
 from planner.own_path import OwnPath, offered_path
-from planner.path import PathBatch
-from planner.place import FEWEST, Place, cut, left_behind, locate, only, only_places
+from planner.path import PathBatch, joined
+from planner.place import Place, cut, left_behind, locate, only, only_places
 from planner.plan import SpeedPlan, Status
+from planner.refusals import malformed, out_of_reach
 from planner.screening import screen
 
 _SAFE = (Status.OK, Status.BLOCKED)
-
-_ENDS = 0.01
-"""A path that ends this close to the vehicle is driven [m]."""
-
-_STEP = 1e-4
-"""Stations closer than that are one place [m]."""
 
 _STARTS = 0.05
 """A plan that begins so much slower than the vehicle does not begin at the vehicle [m/s]."""
@@ -66,13 +60,13 @@ class Cycle:
             return Answer(Status.DEGRADED, f"{flaw}: full braking", None, FULL_STOP), None
         if paths is None:
             return self._stop("no candidate is offered", ())
-        reasons = _malformed(paths, clear)
+        reasons = malformed(paths, clear)
         sound = np.flatnonzero([not why for why in reasons])
         place = None
         if len(sound) > 0:
             part = only(paths, sound) if len(sound) < len(reasons) else paths
             place = locate(part.x, part.y, part.count, self._at, self._state.heading)
-            for j, why in zip(sound, self._out_of_reach(place), strict=True):
+            for j, why in zip(sound, out_of_reach(place, self._settings), strict=True):
                 reasons[j] = why
         refused = tuple(
             Ranked(name, np.inf, False, why)
@@ -101,21 +95,32 @@ class Cycle:
         start = max(self._state.speed, 0.0)
         if self._own is not None:
             start, _ = self._own.driven.speed_at(self._own.place)
-        solved = planner.solve(begun, clear - left, start)
+        way = None if self._own is None or ours is None else self._own.way_on()
+        together, free, starts = begun, clear - left, np.full(len(clear), start)
+        if way is not None:
+            # One more candidate costs next to nothing, solved alone as much as twenty.
+            together = joined(begun, way.path)
+            free, starts = np.append(free, way.clear), np.append(starts, way.start)
+        solved = planner.solve(together, free, starts)
         self._time("plan")
         worst = screen(
             solved.profile, solved.ground, solved.bounds, solved.speed_sq,
-            planner.equipment.model, begun.speed_limit,
-        )  # fmt: skip
+            planner.equipment.model, together.speed_limit,
+        )[: len(clear)]  # fmt: skip
         self._time("judge")
-        too_fast = solved.reachable_start_sq < start**2 - 1e-9
-        ranking, order = self._rank(begun.names, solved.cost, worst, too_fast, ours)
+        too_fast = (solved.reachable_start_sq < starts**2 - 1e-9)[: len(clear)]
+        ranking, order = self._rank(begun.names, solved.cost[: len(clear)], worst, too_fast, ours)
 
         def begin(j: int) -> Driven:
             innocent = not worst[j].max() > 0.0
-            return self._begin(solved, begun, j, start, bool(too_fast[j]), innocent)
+            return self._begin(solved, together, j, start, bool(too_fast[j]), innocent)
 
-        own, deficit, kept = self._continue(None if ours is None else lambda: begin(ours))
+        def go_on() -> Driven | None:
+            if self._own is None or way is None:
+                return None
+            return self._own.go_on(way, solved, together.speed_limit)
+
+        own, deficit, kept = self._continue(None if ours is None else lambda: begin(ours), go_on)
         plans = [] if own is None else [own]
         # The plan driven so far and its best rival are finished whatever the time.
         rest = [j for j in order if j != ours]
@@ -137,28 +142,6 @@ class Cycle:
         return answer
 
     # ------------------------------------------------------------------ candidates
-
-    def _out_of_reach(self, place: Place) -> list[str]:
-        """Why candidates cannot be driven from here, empty for those that can."""
-        most = self._settings
-        near = (place.beside <= most.beside) & (-place.along <= most.ahead)
-        drivable = near & (place.turned <= most.turned) & (place.left > _ENDS)
-        reasons = [""] * len(drivable)
-        beside, along, turned = (a.tolist() for a in (place.beside, place.along, place.turned))
-        for j in np.flatnonzero(~drivable).tolist():
-            reasons[j] = self._refusal(beside[j], -along[j], turned[j])
-        return reasons
-
-    def _refusal(self, beside: float, gap: float, turned: float) -> str:
-        settings = self._settings
-        if beside > settings.beside:
-            return f"the path lies {beside:.2f} m beside the vehicle, {settings.beside:g} m at most"
-        if gap > settings.ahead:
-            return f"the path begins {gap:.2f} m ahead of the vehicle, {settings.ahead:g} m at most"
-        if turned > settings.turned:
-            off, most = math.degrees(turned), math.degrees(settings.turned)
-            return f"the path points {off:.0f}° off the heading, {most:.0f}° at most"
-        return "the path ends here"
 
     def _is_on(self, place: Place) -> bool:
         """Is the vehicle on the plan driven so far?"""
@@ -211,17 +194,17 @@ class Cycle:
     # ------------------------------------------------------------------ plans
 
     def _continue(
-        self, begin: Callable[[], Driven] | None
+        self, begin: Callable[[], Driven] | None, go_on: Callable[[], Driven | None]
     ) -> tuple[Driven | None, Deficit | None, bool]:
         """The plan driven so far in this cycle; what it lacks; is it kept as it was?
 
         Args:
             begin: makes the plan of the same path that begins anew at the vehicle, None if the path
-                is not offered.
+                is not offered. go_on: makes the one that goes on from it, None if none does.
         """
         if self._own is None or begin is None:
             return None, None, False
-        new = self._own.go_on()
+        new = go_on()
         if new is None and self._own.rests:
             new = begin()
         if new is not None and new.plan.status in _SAFE:
@@ -256,8 +239,10 @@ class Cycle:
         if plan.status is Status.INFEASIBLE:
             return True, not is_own, 0.0
         missed = float(plan.station[-1]) - plan.progress
-        # The driven plan begins behind the vehicle.
-        gone = driven.time_at(driven.locate(self._at, self._state.heading))
+        gone = 0.0
+        if is_own:
+            # It begins behind the vehicle.
+            gone = driven.time_at(driven.locate(self._at, self._state.heading))
         cost = plan.travel_time - gone + planner.horizon_penalty * missed
         margin = min(plan.least_margin, planner.margin_enough)
         cost -= planner.margin_weight * max(margin, 0.0)
@@ -296,41 +281,6 @@ class Cycle:
         now = perf_counter()
         self.seconds[stage] = now - self._lap
         self._lap = now
-
-
-def _malformed(paths: PathBatch, clear: Floats) -> list[str]:
-    """Why candidates cannot be planned at all, empty for those that can."""
-    finite, moving = np.empty((2, len(clear)), np.bool_)
-    _soundness(paths.x, paths.y, paths.count, finite, moving)
-    long, known = paths.count >= FEWEST, ~np.isnan(clear)
-    reasons = [""] * len(clear)
-    for j in np.flatnonzero(~(finite & moving & long & known)):
-        if not long[j]:
-            reasons[j] = f"the path has {paths.count[j]} stations, {FEWEST} at least"
-        elif not finite[j]:
-            reasons[j] = "the path has stations that are no numbers"
-        elif not moving[j]:
-            reasons[j] = "the path has two stations in one place"
-        else:
-            reasons[j] = "its clear distance is not a number"
-    if len(set(paths.names)) < len(paths.names):
-        names: set[str] = set()
-        for i, name in enumerate(paths.names):
-            if name in names:
-                reasons[i] = "another candidate has this name"
-            names.add(name)
-    return reasons
-
-
-@kernel
-def _soundness(x: Floats, y: Floats, count: Ints, finite: Bools, moving: Bools) -> None:
-    for j in range(x.shape[1]):
-        finite[j] = moving[j] = True
-        for i in range(count[j]):
-            finite[j] &= np.isfinite(x[i, j] + y[i, j])
-            if i > 0:
-                step_sq = (x[i, j] - x[i - 1, j]) ** 2 + (y[i, j] - y[i - 1, j]) ** 2
-                moving[j] &= not step_sq < _STEP * _STEP
 
 
 def checked_clear(clear: float | Floats, candidates: int) -> Floats:

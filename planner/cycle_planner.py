@@ -61,8 +61,8 @@ class CyclePlanner:
         """Stations of a single path along the ground, (N,) [m]."""
         return stations_along(self.elevation_map, path.x, path.y, path.count)[:, 0]
 
-    def solve(self, paths: PathBatch, clear: Floats, start: float) -> TimeOptimalBatch:
-        """Time-optimal profiles of candidates that begin at the vehicle."""
+    def solve(self, paths: PathBatch, clear: Floats, start: float | Floats) -> TimeOptimalBatch:
+        """Time-optimal profiles of candidates, from these speeds on."""
         own = self.equipment
         return time_optimal_batch(
             self.elevation_map, paths.x, paths.y, paths.count, own.model, start_speed=start,

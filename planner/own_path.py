@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.answer import Deficit
+from planner.candidates import TimeOptimalBatch
 from planner.check import Offence
 from planner.compiled import Floats
 from planner.continuation import BEHIND, Driven, Points, reached
@@ -61,6 +62,21 @@ def offered_path(
 
 
 @dataclass(frozen=True, slots=True)
+class Way:
+    """A path to go on along, with stations behind the vehicle.
+
+    Attributes:
+        path: as a batch of one. first: station of it behind which the vehicle is.
+        clear: station up to which it is free [m]; start: speed at its first station [m/s].
+    """
+
+    path: PathBatch
+    first: int
+    clear: float
+    start: float
+
+
+@dataclass(frozen=True, slots=True)
 class OwnPath:
     """The plan driven so far, where the vehicle is on it, and as what it is offered now.
 
@@ -83,14 +99,28 @@ class OwnPath:
         """The plan comes to rest before the next station."""
         return bool(self.driven.plan.speed[self._segment + 1] <= 0.0)
 
-    def go_on(self) -> Driven | None:
-        """A new plan that goes on from the end of the segment; None if it has to begin anew."""
-        i, plan = self._segment, self.driven.plan
+    def way_on(self) -> Way | None:
+        """The way of a plan that goes on from this one; None if it has to begin anew."""
         # What brakes harder than planned braking may has to be planned from where it is by now.
         service = self.planner.equipment.model.limits.decel
-        if self.rests or -plan.accel[i] > service + _EXACT:
+        if self.rests or -self.driven.plan.accel[self._segment] > service + _EXACT:
             return None
-        path, first, emission = self._emission(extended=True)
+        return self._way(BEHIND, extended=True)
+
+    def go_on(self, way: Way, solved: TimeOptimalBatch, limit: Floats | None) -> Driven | None:
+        """A new plan that goes on from the end of the segment; None if it has to begin anew.
+
+        Args:
+            way: of :meth:`way_on`. solved: a batch whose last candidate that is. limit: of all of
+                them [m/s].
+        """
+        i, plan = self._segment, self.driven.plan
+        path, first = way.path, way.first
+        if solved.bounds.barrier_station[-1] >= first:
+            j = len(solved.cost) - 1
+            emission = self.planner.emission(solved, j, self._lead, limit, first)
+        else:
+            path, first, emission = self._emission(extended=True)
         speed_sq, reachable = emission.fastest()
         if not reachable:
             return None
@@ -142,21 +172,29 @@ class OwnPath:
         Ground behind the vehicle that is not known any more, or never was, bars nothing ahead: then
         fewer stations are taken from there.
         """
-        i, plan = self._segment, self.driven.plan
         for behind in range(BEHIND, -1, -1):
-            path, first = self._path(behind, extended=extended)
-            clear = self._clear(path, first)
-            solved = self.planner.solve(path, np.array([clear]), float(plan.speed[i]))
+            way = self._way(behind, extended=extended)
+            path, first = way.path, way.first
+            solved = self.planner.solve(path, np.array([way.clear]), way.start)
             if solved.bounds.barrier_station[0] >= first:
                 break
-        lead = plan.speed[i : i + 2] ** 2
-        return path, first, self.planner.emission(solved, 0, lead, path.speed_limit, first)
+        return path, first, self.planner.emission(solved, 0, self._lead, path.speed_limit, first)
 
-    def _path(self, behind: int, *, extended: bool) -> tuple[PathBatch, int]:
+    @property
+    def _lead(self) -> Floats:
+        """v² at both ends of the vehicle's segment, (2,) [m²/s²]."""
+        i = self._segment
+        lead: Floats = self.driven.plan.speed[i : i + 2] ** 2
+        return lead
+
+    def _way(self, behind: int, *, extended: bool) -> Way:
         if self.offered is None:
-            return self.driven.rest(self.place, behind)
-        now = self.offered.x, self.offered.y, self.offered.limit
-        return self.driven.going_on(self.place, now, behind, extended=extended)
+            path, first = self.driven.rest(self.place, behind)
+        else:
+            now = self.offered.x, self.offered.y, self.offered.limit
+            path, first = self.driven.going_on(self.place, now, behind, extended=extended)
+        start = float(self.driven.plan.speed[self._segment])
+        return Way(path, first, self._clear(path, first), start)
 
     def _clear(self, path: PathBatch, first: int) -> float:
         """Station of the path up to which it is free: what is offered, else what was known [m]."""

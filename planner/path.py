@@ -87,6 +87,33 @@ class PathBatch:
     speed_limit: Floats | None
 
 
+def joined(paths: PathBatch, other: PathBatch) -> PathBatch:
+    """Two batches in one, the other's candidates last."""
+    parts = (paths, other)
+    rows = max(len(part.x) for part in parts)
+    x, y = (_side_by_side([getattr(part, name) for part in parts], rows) for name in "xy")
+    limit = None
+    if any(part.speed_limit is not None for part in parts):
+        known = [
+            np.full(part.x.shape, np.inf) if part.speed_limit is None else part.speed_limit
+            for part in parts
+        ]
+        limit = _side_by_side(known, rows)
+    count = np.concatenate([part.count for part in parts])
+    return PathBatch(paths.names + other.names, x, y, count, limit)
+
+
+def _side_by_side(arrays: list[Floats], rows: int) -> Floats:
+    """Columns of all arrays, each padded with its last row."""
+    out = np.empty((rows, sum(a.shape[1] for a in arrays)))
+    j = 0
+    for a in arrays:
+        out[: len(a), j : j + a.shape[1]] = a
+        out[len(a) :, j : j + a.shape[1]] = a[-1]
+        j += a.shape[1]
+    return out
+
+
 def clean(path: CandidatePath) -> tuple[Floats, Floats | None]:
     """Points and speed limits without duplicates.
 

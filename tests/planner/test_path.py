@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.errors import ParameterError
-from planner.path import MAX_STATIONS, CandidatePath, batch, clean, noise, resample
+from planner.path import MAX_STATIONS, CandidatePath, batch, clean, joined, noise, resample
 from tests.planner.scenes import arc, straight
 
 
@@ -303,3 +303,25 @@ def test_smooth_paths_have_no_noise_even_with_one_outlier() -> None:
     points[200] += 0.5
     assert noise(points) < 1e-5
     assert noise(points[:7]) == 0.0
+
+
+@pytest.mark.parametrize("limited", [(False, False), (True, False), (False, True), (True, True)])
+def test_two_batches_in_one_keep_their_candidates(limited: tuple[bool, bool]) -> None:
+    points = [np.array([[0.0, 0.0], [length, 1.0]]) for length in (4.0, 7.0, 12.0)]
+    paths = [
+        CandidatePath(f"{i}", p, speed_limit=np.full(2, 1.0 + i) if limited[i // 2] else None)
+        for i, p in enumerate(points)
+    ]
+    first, other = batch(paths[:2], 0.25), batch(paths[2:], 0.25)
+    both, at_once = joined(first, other), batch(paths, 0.25)
+    assert both.names == at_once.names
+    np.testing.assert_array_equal(both.count, at_once.count)
+    np.testing.assert_array_equal(both.x, at_once.x)
+    np.testing.assert_array_equal(both.y, at_once.y)
+    if not any(limited):
+        assert both.speed_limit is None
+        return
+    assert both.speed_limit is not None
+    assert at_once.speed_limit is not None
+    for j, n in enumerate(both.count):
+        np.testing.assert_array_equal(both.speed_limit[:n, j], at_once.speed_limit[:n, j])
