@@ -204,9 +204,12 @@ class Cycle:
         """
         if self._own is None or begin is None:
             return None, None, False
-        new = go_on()
-        if new is None and self._own.rests:
-            new = begin()
+        # At a crawl the next station is far away: what is free by now is not waited for.
+        lingers = self._own.lingers
+        new = begin() if lingers else go_on()
+        enough = (Status.OK,) if self._own.driven.plan.status is Status.OK else _SAFE
+        if lingers and new is not None and new.plan.status not in enough:
+            new = go_on() or new
         if new is not None and new.plan.status in _SAFE:
             return new, None, False
         old, deficit = self._own.keep()

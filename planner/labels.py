@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.quantity import GRAVITY
-from planner.compiled import Floats, Ints, kernel
+from planner.compiled import Floats, Ints, inlined, kernel
 from planner.limiting import Limiting
 from planner.scalars import Numbers
 from planner.track import Track
@@ -17,6 +17,13 @@ _TRACTION = int(Limiting.TRACTION)
 _ACCEL = int(Limiting.ACCEL)
 _DECEL = int(Limiting.DECEL)
 _JERK = int(Limiting.JERK)
+
+
+@inlined
+def _least_force(track: Track, k: int, fast: float) -> float:
+    """The part of the weaker force that depends on speed, up to this one."""
+    slow, part = track.slowest[k], track.weak_speed[k]
+    return float(min(slow * part, max(fast, slow) * part))
 
 
 @kernel
@@ -33,19 +40,19 @@ def segment_limits(
         n: the model.
         accel, decel: (N − 1,) out, both >= 0 [m/s²].
     """
-    fast_before, braking_before = 0.0, 0.0
-    for k in range(speed_sq.shape[0]):
-        fast, slow = np.sqrt(max(speed_sq[k], 1e-6)), track.slowest[k]
-        part = track.weak_speed[k]
-        braking = (
-            min(slow * part, max(fast, slow) * part) + braking_rest[k] + np.sin(track.grade[k])
+    sine_before = np.sin(track.grade[0])
+    for k in range(speed_sq.shape[0] - 1):
+        sine = np.sin(track.grade[k + 1])
+        fast = np.sqrt(max(speed_sq[k], speed_sq[k + 1], 1e-6))
+        # Brakes that grow weaker with speed do so at either end from the segment's fastest.
+        braking = min(
+            _least_force(track, k, fast) + braking_rest[k] + sine_before,
+            _least_force(track, k + 1, fast) + braking_rest[k + 1] + sine,
         )
-        if k > 0:
-            hold = GRAVITY * max(demand[k - 1], demand[k])
-            powered = GRAVITY * n.specific_power / max(fast_before, fast) - hold
-            accel[k - 1] = max(min(accel_max[k - 1], accel_max[k], powered), 0.0)
-            decel[k - 1] = max(min(GRAVITY * min(braking_before, braking), n.decel), 0.0)
-        fast_before, braking_before = fast, braking
+        powered = GRAVITY * (n.specific_power / fast - max(demand[k], demand[k + 1]))
+        accel[k] = max(min(accel_max[k], accel_max[k + 1], powered), 0.0)
+        decel[k] = max(min(GRAVITY * braking, n.decel), 0.0)
+        sine_before = sine
 
 
 @kernel

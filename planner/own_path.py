@@ -21,6 +21,9 @@ from planner.path import PathBatch
 from planner.place import Place
 from planner.plan import SpeedPlan, Status
 
+_LONG = 0.5
+"""A plan that takes longer than that to the next station crawls [s]."""
+
 _EXACT = 1e-6
 """Accelerations closer than this are the same [m/s²]."""
 
@@ -98,6 +101,14 @@ class OwnPath:
     def rests(self) -> bool:
         """The plan comes to rest before the next station."""
         return bool(self.driven.plan.speed[self._segment + 1] <= 0.0)
+
+    @property
+    def lingers(self) -> bool:
+        """The plan rests before the next station, or takes long to it."""
+        plan, i = self.driven.plan, self._segment
+        left = float(plan.station[i + 1]) - self.driven.station_at(self.place)
+        mean = 0.5 * (self.driven.speed_at(self.place)[0] + float(plan.speed[i + 1]))
+        return self.rests or left > mean * _LONG
 
     def way_on(self) -> Way | None:
         """The way of a plan that goes on from this one; None if it has to begin anew."""
