@@ -10,18 +10,17 @@ solved before.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from planner.banded_nearest import nearest, room
-from planner.compiled import Floats
+from planner.compiled import Floats, kernel
 from planner.osqp_nearest import nearest_by_osqp
-from planner.smoothing_program import FEWEST, MOST_ROWS, REST, lower_to_reach, program
+from planner.smoothing_program import FEWEST, MOST_ROWS, REST, program, reachable
 
-_NearestPoint = Callable[..., int]
-"""As :func:`planner.banded_nearest.nearest`."""
+_Numbers = tuple[Floats, Floats, Floats, Floats, float, float]
+"""Of a problem: its attributes in their order, NaN for an acceleration that does not matter."""
 
 _LINEARISATIONS = 4
 
@@ -66,26 +65,28 @@ class Smoothed:
 
 def smooth(problem: SmoothingProblem) -> Smoothed:
     """Solve one candidate."""
-    moving = problem.speed_sq_max > REST
-    answer = np.zeros(len(moving))
+    top = problem.speed_sq_max
+    moving = top > REST
+    answer = np.zeros(len(top))
     if not moving.any():
         return Smoothed(answer, 0)
     # Of the stations of rest at the end only the first takes part.
     part = _first_stations(problem, int(np.flatnonzero(moving)[-1]) + 2)
     used = 0
-    for solver in (nearest, nearest_by_osqp):
-        speed_sq, iterations = _solve(part, solver)
-        used += iterations
-        if speed_sq is not None:
-            n = min(len(speed_sq), len(moving))
-            np.clip(speed_sq[:n], 0.0, problem.speed_sq_max[:n], out=answer[:n])
-            answer[0] = problem.speed_sq_max[0]
+    for solver in (_along_stations, _by_osqp):
+        speed_sq = np.empty(len(part[1]))
+        iterations = solver(*part, speed_sq)
+        used += abs(iterations)
+        if iterations > 0:
+            n = min(len(speed_sq), len(top))
+            np.clip(speed_sq[:n], 0.0, top[:n], out=answer[:n])
+            answer[0] = top[0]
             answer[~moving] = 0.0
             return Smoothed(answer, used)
     return Smoothed(None, used, f"no profile keeps the jerk limit ({used} iterations)")
 
 
-def _first_stations(problem: SmoothingProblem, count: int) -> SmoothingProblem:
+def _first_stations(problem: SmoothingProblem, count: int) -> _Numbers:
     """The problem of so many stations; with stations of rest behind them where it has too few."""
     n = min(count, len(problem.speed_sq_max))
     more = max(FEWEST - n, 0)
@@ -93,37 +94,55 @@ def _first_stations(problem: SmoothingProblem, count: int) -> SmoothingProblem:
     ds, accel, decel = (np.pad(a, (0, more), constant_values=1.0) if more else a for a in parts)
     top = problem.speed_sq_max[:n]
     top = np.pad(top, (0, more)) if more else top
-    return SmoothingProblem(ds, top, accel, decel, problem.jerk, problem.start_accel)
+    before = np.nan if problem.start_accel is None else problem.start_accel
+    return ds, top, accel, decel, problem.jerk, before
 
 
-def _solve(problem: SmoothingProblem, solver: _NearestPoint) -> tuple[Floats | None, int]:
-    """The answer of one solver, None if the tangents leave it no way; and its iterations.
+@kernel
+def _along_stations(
+    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
+    start_accel: float, speed_sq: Floats,
+) -> int:  # fmt: skip
+    """The answer of the interior-point method; its iterations, negative if there is none.
 
     Far below the profile of the tangents these give time away. What more exact ones allow is
     weighed by the multipliers: where that is much, they are taken anew at the answer.
     """
-    top = problem.speed_sq_max
-    n = len(top)
+    n = top.shape[0]
     fixed, start = np.empty(n, np.bool_), np.empty(n - 1, np.int64)
-    rows, limit, force = np.empty((MOST_ROWS * n, 3)), *np.empty((2, MOST_ROWS * n))
-    accel = np.nan if problem.start_accel is None else problem.start_accel
-    around, x, best, used = top.copy(), np.empty(n), None, 0
-    if problem.start_accel is not None and top[0] > REST:
-        lower_to_reach(problem.ds, accel, problem.jerk, around)
-    for _ in range(_LINEARISATIONS):
+    rows, limit = np.empty((MOST_ROWS * n, 3)), np.empty(MOST_ROWS * n)
+    force, x = np.empty(MOST_ROWS * n), np.empty(n)
+    around = reachable(ds, top, jerk, start_accel)
+    used = 0
+    for turn in range(_LINEARISATIONS):
         r = program(
-            problem.ds, top, problem.accel_max, problem.decel_max, problem.jerk, accel, around,
-            fixed, start, rows, limit,
-        )  # fmt: skip
-        system = start, rows[:r], limit[:r]
-        if best is not None:
-            gain = room(*system, force[:r], best)
-            if gain <= _WORTH * 0.5 * float(np.sum((best - top) ** 2)):
+            ds, top, accel_max, decel_max, jerk, start_accel, around, fixed, start, rows, limit
+        )
+        if turn > 0:
+            missed = 0.0
+            for k in range(n):
+                missed += (speed_sq[k] - top[k]) ** 2
+            gain = room(start, rows[:r], limit[:r], force[:r], speed_sq)
+            if gain <= _WORTH * 0.5 * missed:
                 break
-        iterations = solver(top, fixed, *system, x, force[:r])
+        iterations = nearest(top, fixed, start, rows[:r], limit[:r], x, force[:r])
         used += abs(iterations)
         if iterations < 0:
-            break
-        best = x.copy()
-        around = np.clip(best, 0.0, top)
-    return best, used
+            return used if turn > 0 else -used
+        for k in range(n):
+            speed_sq[k] = x[k]
+            around[k] = min(max(x[k], 0.0), top[k])
+    return used
+
+
+def _by_osqp(
+    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
+    start_accel: float, speed_sq: Floats,
+) -> int:  # fmt: skip
+    """The same by OSQP, with the first tangents."""
+    n = len(top)
+    fixed, start = np.empty(n, np.bool_), np.empty(n - 1, np.int64)
+    rows, limit = np.empty((MOST_ROWS * n, 3)), np.empty(MOST_ROWS * n)
+    around = reachable(ds, top, jerk, start_accel)
+    r = program(ds, top, accel_max, decel_max, jerk, start_accel, around, fixed, start, rows, limit)
+    return nearest_by_osqp(top, fixed, start, rows[:r], limit[:r], speed_sq, np.empty(r))

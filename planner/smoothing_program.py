@@ -56,15 +56,17 @@ def mid_time(
 
 
 @kernel
-def lower_to_reach(ds: Floats, accel: float, jerk: float, speed_sq: Floats) -> None:
-    """Lower a profile to where the acceleration rises from its first value as fast as it may.
+def reachable(ds: Floats, top: Floats, jerk: float, start_accel: float) -> Floats:
+    """A profile, lowered to where the acceleration rises from its first value as fast as it may.
 
     Args:
-        ds: (N − 1,) segment lengths [m].
-        accel: before the first segment [m/s²]; jerk: [m/s³].
-        speed_sq: (N,) v² [m²/s²], lowered in place.
+        ds: (N − 1,) segment lengths [m]; top: (N,) the profile's v² [m²/s²].
+        jerk: [m/s³]; start_accel: before the first segment, NaN if it does not matter [m/s²].
     """
-    before, accel = speed_sq[0], accel + jerk * ds[0] / np.sqrt(speed_sq[0])
+    speed_sq = top.copy()
+    if np.isnan(start_accel) or top[0] <= REST:
+        return speed_sq
+    before, accel = top[0], start_accel + jerk * ds[0] / np.sqrt(top[0])
     taken = 0.0
     for k in range(ds.shape[0]):
         after, last_taken, last_accel = before, taken, accel
@@ -74,8 +76,9 @@ def lower_to_reach(ds: Floats, accel: float, jerk: float, speed_sq: Floats) -> N
                 accel = last_accel + 0.5 * jerk * (last_taken + taken)
             after = max(before + 2.0 * accel * ds[k], SLOWEST * SLOWEST)
         if after >= speed_sq[k + 1]:
-            return
+            break
         speed_sq[k + 1] = before = after
+    return speed_sq
 
 
 @inlined
