@@ -22,7 +22,7 @@ from models.parameters import Model
 from services.commands.calibration_rows import ROWS, surface_json
 from services.files.access import fault
 from services.files.drive_log import DriveLog
-from services.files.log_source import read_logs
+from services.files.log_source import names_of, read_logs
 from services.files.model_file import find_model, read_model, write_model
 from services.files.table import write_csv
 from services.screen import progress_bar
@@ -77,13 +77,12 @@ def run(job: CalibrateJob, *, quiet: bool = False) -> CalibrateResult:
 
             ground = ground_grade(log, job.map_file, model.vehicle)
         advance(1)
-        names = ", ".join(str(path) for path in job.logs)
         try:
             learned = learn(log.columns, log.runs, model.braking, ground=ground, settings=settings)
             advance(1)
             better = replace(model, braking=learned.braking)
         except ParameterError as error:
-            raise fault(names, error.field, f"expected {error.expected}") from None
+            raise fault(names_of(job.logs), error.field, f"expected {error.expected}") from None
         advance(1)
     return CalibrateResult(learned, better, log, time.perf_counter() - begin)
 

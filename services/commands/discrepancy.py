@@ -22,7 +22,7 @@ from models.discrepancy.workflow import STEPS, investigate_with_evidence
 from models.errors import ParameterError
 from services.files.access import fault, write_atomic
 from services.files.drive_log import DriveLog
-from services.files.log_source import read_logs
+from services.files.log_source import names_of, read_logs
 from services.files.model_file import find_model, read_model, write_model
 from services.screen import progress_bar
 
@@ -78,8 +78,7 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
                 advance=advance,
             )  # fmt: skip
         except ParameterError as error:
-            names = ", ".join(str(path) for path in job.logs)
-            raise fault(names, error.field, f"expected {error.expected}") from None
+            raise fault(names_of(job.logs), error.field, f"expected {error.expected}") from None
     return DiscrepancyResult(findings, evidence, log)
 
 

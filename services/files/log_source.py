@@ -9,6 +9,9 @@ from services.files.access import fault
 from services.files.bag import is_bag
 from services.files.drive_log import DriveLog, read_drive_log
 
+_SHOWN = 3
+"""Files that a sentence names."""
+
 
 def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
     """One log out of tables, or out of recordings.
@@ -31,3 +34,9 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
     from services.files.bag_drive_log import read_bags
 
     return read_bags(bags, topics)
+
+
+def names_of(logs: Sequence[Path]) -> str:
+    """The files in a sentence: the first few of many."""
+    shown = ", ".join(str(path) for path in logs[:_SHOWN])
+    return shown if len(logs) <= _SHOWN else f"{shown} … ({len(logs)} logs)"

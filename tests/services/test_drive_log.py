@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from models.errors import InputError
 from services.files.drive_log import read_drive_log
+from services.files.log_source import names_of
 from tests.services.faults import fault_in
 
 HEADER = "run,t,v,v_cmd,pitch"
@@ -165,3 +166,11 @@ def test_any_text_is_a_log_or_one_line(tmp_path_factory: pytest.TempPathFactory,
         assert read_drive_log([path]).runs
     except InputError as error:
         assert str(error).isprintable()  # noqa: PT017  either outcome is right
+
+
+@pytest.mark.parametrize(
+    ("count", "told"),
+    [(1, "0.csv"), (3, "0.csv, 1.csv, 2.csv"), (40, "0.csv, 1.csv, 2.csv … (40 logs)")],
+)
+def test_of_many_logs_a_sentence_names_a_few(count: int, told: str) -> None:
+    assert names_of([Path(f"{i}.csv") for i in range(count)]) == told
