@@ -25,7 +25,7 @@ from services.files.model_file import find_model, model_to_dict, read_model
 from services.fleet import finding
 from services.fleet.census import Census, Lacked, census
 from services.fleet.finding import DONE, Row
-from services.fleet.folder import open_folder
+from services.fleet.folder import open_folder, sweep
 from services.fleet.investigating import VehicleTask, finished, given_up, investigate_vehicle
 from services.fleet.parts import map_digest
 from services.fleet.scheduler import Task, Workers, check_installed, each_done
@@ -110,6 +110,7 @@ def run(job: FleetDiscrepancyJob, *, quiet: bool = False) -> FleetDiscrepancyRes
         workers = Workers(job.workers, job.scheduler)
         for _ in each_done(investigate_vehicle, left, workers, given_up):
             advance(1)
+    sweep(job.out, folders)
     rows = [_row(job.out, task) for task in tasks]
     _write_lines(job.out, rows)
     settings = job.settings or DiscrepancySettings()

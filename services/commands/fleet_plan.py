@@ -18,7 +18,7 @@ from services.files.access import fault
 from services.files.grid import MapInfo
 from services.files.model_file import find_model, model_to_dict, read_model
 from services.fleet import results
-from services.fleet.folder import open_folder
+from services.fleet.folder import open_folder, sweep
 from services.fleet.parts import PartName, Question, parts_of
 from services.fleet.planning import PlanTask, plan_part
 from services.fleet.scheduler import Task, Workers, check_installed, each_done
@@ -100,6 +100,7 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
         tasks = _tasks(job, question, digest, info, missing)
         for count in each_done(plan_part, tasks, Workers(job.workers, job.scheduler)):
             advance(count)
+    sweep(job.out, (results.PLANS, results.CANDIDATES))
     statuses, driven = results.count(job.out, [name.file for name in names])
     there = len(list((job.out / results.CANDIDATES).glob("*.parquet")))
     return FleetPlanResult(

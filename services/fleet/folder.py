@@ -44,3 +44,10 @@ def open_folder(folder: Path, parts: Sequence[str], question: str, what: str) ->
         words = f"expected an empty folder, or one begun with the same {what} and version"
         raise fault(folder, "", f"{words}; got results of others")
     return begun
+
+
+def sweep(folder: Path, parts: Sequence[str]) -> None:
+    """Remove what workers that were killed left half written: the whole files are there by now."""
+    for part in parts:
+        for stray in (folder / part).rglob(".*.tmp"):
+            stray.unlink(missing_ok=True)

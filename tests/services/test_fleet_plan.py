@@ -220,3 +220,15 @@ def test_two_workers_one_of_them_killed_give_the_same_bytes(
     assert content(tmp_path) == content(local)
     assert not list(tmp_path.glob("**/*.tmp"))
     assert json.loads((tmp_path / "fleet.json").read_text())["question"]
+
+
+def test_what_a_killed_worker_left_half_written_is_removed(
+    inputs: tuple[Path, list[Path]], tmp_path: Path
+) -> None:
+    run(inputs, tmp_path)
+    stray = tmp_path / "plans" / ".a-0000000.parquet.0651ea1329ee.tmp"
+    stray.write_bytes(b"half")
+    before = content(tmp_path)
+    assert run(inputs, tmp_path).planned == 0
+    assert not stray.exists()
+    assert content(tmp_path) == before
