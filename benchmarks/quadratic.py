@@ -14,8 +14,9 @@ import numpy as np
 from scipy import sparse
 
 from planner.compiled import Bools, Floats
+from planner.osqp_nearest import matrix_of
 from planner.smoothing import SmoothingProblem
-from planner.smoothing_program import MOST_ROWS, program
+from planner.smoothing_program import program
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,18 +42,11 @@ class QuadraticProgram:
 def program_of(problem: SmoothingProblem) -> QuadraticProgram:
     """The program around the time-optimal profile."""
     top = problem.speed_sq_max
-    n = len(top)
-    most = MOST_ROWS * n
-    fixed, start = np.empty(n, np.bool_), np.empty(n - 1, np.int64)
-    rows, limit = np.empty((most, 3)), np.empty(most)
     accel = np.nan if problem.start_accel is None else problem.start_accel
-    r = program(
-        problem.ds, top, problem.accel_max, problem.decel_max, problem.jerk, accel, top,
-        fixed, start, rows, limit,
-    )  # fmt: skip
-    columns = (np.repeat(np.arange(n - 2), np.diff(start))[:, None] + np.arange(3)).ravel()
-    a = sparse.csr_matrix((rows[:r].ravel(), columns, 3 * np.arange(r + 1)), shape=(r, n))
-    return QuadraticProgram(top, fixed, a.tocsc(), limit[:r])
+    fixed, start, rows, limit = program(
+        problem.ds, top, problem.accel_max, problem.decel_max, problem.jerk, accel, top
+    )
+    return QuadraticProgram(top, fixed, matrix_of(start, rows).tocsc(), limit)
 
 
 def osqp(problem: SmoothingProblem) -> Callable[[], Floats | None]:

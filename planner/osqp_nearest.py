@@ -23,13 +23,10 @@ def nearest_by_osqp(
 ) -> int:  # fmt: skip
     """As :func:`planner.banded_nearest.nearest`; constraints are kept within 1e-4."""
     n, r = len(wanted), len(limit)
-    columns = np.repeat(np.arange(n - 2), np.diff(start))[:, None] + np.arange(3)
+    a = matrix_of(start, rows)
     # What is fixed moves to the right.
-    held = np.where(fixed[columns], rows, 0.0)
-    right = limit - np.sum(held * wanted[columns], axis=1)
-    a = sparse.csr_matrix(
-        ((rows - held).ravel(), columns.ravel(), 3 * np.arange(r + 1)), shape=(r, n)
-    )
+    right = limit - a @ np.where(fixed, wanted, 0.0)
+    a = a @ sparse.diags(np.where(fixed, 0.0, 1.0))
     solver = osqp.OSQP()
     solver.setup(
         sparse.eye(n, format="csc"), -wanted, a.tocsc(), np.full(r, -np.inf), right, verbose=False,
@@ -42,3 +39,10 @@ def nearest_by_osqp(
         return -used
     x[:], force[:] = np.where(fixed, wanted, result.x), np.maximum(result.y, 0.0)
     return used
+
+
+def matrix_of(start: Ints, rows: Floats) -> sparse.csr_matrix:
+    """(R, N) matrix of rows over three neighbours, for solvers that know no such rows."""
+    n, r = len(start) + 1, len(rows)
+    columns = np.repeat(np.arange(n - 2), np.diff(start))[:, None] + np.arange(3)
+    return sparse.csr_matrix((rows.ravel(), columns.ravel(), 3 * np.arange(r + 1)), shape=(r, n))

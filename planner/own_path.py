@@ -131,7 +131,7 @@ class OwnPath:
             j = len(solved.cost) - 1
             emission = self.planner.emission(solved, j, self._lead, limit, first)
         else:
-            path, first, emission = self._emission(extended=True)
+            path, first, emission = self._emission(extended=True, behind=BEHIND - 1)
         speed_sq, reachable = emission.fastest()
         if not reachable:
             return None
@@ -177,14 +177,14 @@ class OwnPath:
         reason = f"{why}: stops on the path driven so far"
         return _driven(replace(stop, status=Status.DEGRADED, reason=reason), path, first)
 
-    def _emission(self, *, extended: bool) -> tuple[PathBatch, int, Emission]:
+    def _emission(self, *, extended: bool, behind: int = BEHIND) -> tuple[PathBatch, int, Emission]:
         """The path from the vehicle's segment on, judged with the stations behind it.
 
         Ground behind the vehicle that is not known any more, or never was, bars nothing ahead: then
         fewer stations are taken from there.
         """
-        for behind in range(BEHIND, -1, -1):
-            way = self._way(behind, extended=extended)
+        for some in range(behind, -1, -1):
+            way = self._way(some, extended=extended)
             path, first = way.path, way.first
             solved = self.planner.solve(path, np.array([way.clear]), way.start)
             if solved.bounds.barrier_station[0] >= first:

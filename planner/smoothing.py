@@ -17,7 +17,7 @@ import numpy as np
 from planner.banded_nearest import nearest, room
 from planner.compiled import Floats, kernel
 from planner.osqp_nearest import nearest_by_osqp
-from planner.smoothing_program import FEWEST, MOST_ROWS, REST, program, reachable
+from planner.smoothing_program import FEWEST, REST, program, reachable
 
 _Numbers = tuple[Floats, Floats, Floats, Floats, float, float]
 """Of a problem: its attributes in their order, NaN for an acceleration that does not matter."""
@@ -109,23 +109,22 @@ def _along_stations(
     weighed by the multipliers: where that is much, they are taken anew at the answer.
     """
     n = top.shape[0]
-    fixed, start = np.empty(n, np.bool_), np.empty(n - 1, np.int64)
-    rows, limit = np.empty((MOST_ROWS * n, 3)), np.empty(MOST_ROWS * n)
-    force, x = np.empty(MOST_ROWS * n), np.empty(n)
+    x, force = np.empty(n), np.empty(0)
     around = reachable(ds, top, jerk, start_accel)
     used = 0
     for turn in range(_LINEARISATIONS):
-        r = program(
-            ds, top, accel_max, decel_max, jerk, start_accel, around, fixed, start, rows, limit
+        fixed, start, rows, limit = program(
+            ds, top, accel_max, decel_max, jerk, start_accel, around
         )
-        if turn > 0:
+        if turn == 0:
+            force = np.empty(limit.shape[0])
+        else:
             missed = 0.0
             for k in range(n):
                 missed += (speed_sq[k] - top[k]) ** 2
-            gain = room(start, rows[:r], limit[:r], force[:r], speed_sq)
-            if gain <= _WORTH * 0.5 * missed:
+            if room(start, rows, limit, force, speed_sq) <= _WORTH * 0.5 * missed:
                 break
-        iterations = nearest(top, fixed, start, rows[:r], limit[:r], x, force[:r])
+        iterations = nearest(top, fixed, start, rows, limit, x, force)
         used += abs(iterations)
         if iterations < 0:
             return used if turn > 0 else -used
@@ -140,9 +139,6 @@ def _by_osqp(
     start_accel: float, speed_sq: Floats,
 ) -> int:  # fmt: skip
     """The same by OSQP, with the first tangents."""
-    n = len(top)
-    fixed, start = np.empty(n, np.bool_), np.empty(n - 1, np.int64)
-    rows, limit = np.empty((MOST_ROWS * n, 3)), np.empty(MOST_ROWS * n)
     around = reachable(ds, top, jerk, start_accel)
-    r = program(ds, top, accel_max, decel_max, jerk, start_accel, around, fixed, start, rows, limit)
-    return nearest_by_osqp(top, fixed, start, rows[:r], limit[:r], speed_sq, np.empty(r))
+    fixed, start, rows, limit = program(ds, top, accel_max, decel_max, jerk, start_accel, around)
+    return nearest_by_osqp(top, fixed, start, rows, limit, speed_sq, np.empty(len(limit)))

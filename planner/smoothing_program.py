@@ -23,7 +23,7 @@ TIGHTER = 1.5e-4
 FEWEST = 3
 """Stations that a program has at least."""
 
-MOST_ROWS = 6
+_MOST_ROWS = 6
 """Rows for each station at most."""
 
 _ROUNDS = 6
@@ -90,19 +90,21 @@ def _row(rows: Floats, limit: Floats, i: int, a: float, b: float, c: float, most
 @kernel
 def program(
     ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
-    start_accel: float, around: Floats, fixed: Bools, start: Ints, rows: Floats, limit: Floats,
-) -> int:  # fmt: skip
-    """Write the rows a · x[k] + b · x[k + 1] + c · x[k + 2] <= limit; returns how many.
+    start_accel: float, around: Floats,
+) -> tuple[Bools, Ints, Floats, Floats]:  # fmt: skip
+    """The rows a · x[k] + b · x[k + 1] + c · x[k + 2] <= limit.
 
     Args:
         ds, top, accel_max, decel_max, jerk, start_accel: of the smoothing problem, N >= FEWEST
             stations; NaN for a start acceleration that does not matter.
         around: (N,) v² at which the tangents are taken [m²/s²].
-        fixed: (N,) out, stations whose v² is given.
-        start: (N − 1,) out, first row of each k.
-        rows, limit: (R, 3), (R,) out, R >= MOST_ROWS · N.
+
+    Returns:
+        (N,) stations whose v² is given; (N − 1,) first row of each k; (R, 3) a, b, c; (R,) limits.
     """
     n, i = top.shape[0], 0
+    fixed, start = np.empty(n, np.bool_), np.empty(n - 1, np.int64)
+    rows, limit = np.empty((_MOST_ROWS * n, 3)), np.empty(_MOST_ROWS * n)
     for k in range(n):
         fixed[k] = k == 0 or top[k] <= REST
     for k in range(n - 2):
@@ -134,4 +136,4 @@ def program(
             i = _row(rows, limit, i, half - t0, -half - half_2 - t1, half_2 - t2, allowed)
             i = _row(rows, limit, i, -half - t0, half + half_2 - t1, -half_2 - t2, allowed)
     start[n - 2] = i
-    return i
+    return fixed, start, rows[:i], limit[:i]

@@ -7,7 +7,7 @@ import time
 
 from services import parameter_replies
 from services.live.board import Board, GroundSeen, GroupSeen, StopSeen
-from services.parameter_messages import ParameterGroup, ParameterQuestion
+from services.parameter_messages import HistoryEntry, ParameterGroup, ParameterQuestion
 from services.parameter_service import ParameterService
 
 _log = logging.getLogger("slopewise")
@@ -31,27 +31,13 @@ class ParameterBoard:
         try:
             known = parameter_replies.read(self._service, question, self._id)
             for entry in reversed(known.history):
-                self._board.learned(
-                    GroupSeen(
-                        group=entry.group, names=list(entry.values),
-                        value=list(entry.values.values()),
-                        std=[entry.stds.get(name) for name in entry.values], valid=entry.valid,
-                        version=entry.version, cause=entry.cause, at=entry.at,
-                    )
-                )  # fmt: skip
+                self._board.learned(_seen(entry, at=entry.at))
         except Exception:  # noqa: BLE001 - learning goes on without a picture of its past
             _log.exception("the page does not show what was learned before")
 
     def learned(self, message: ParameterGroup) -> None:
         """A group changed."""
-        self._board.learned(
-            GroupSeen(
-                group=message.group, names=list(message.values),
-                value=list(message.values.values()),
-                std=[message.stds.get(name) for name in message.values], valid=message.valid,
-                version=message.version, cause=message.cause,
-            )
-        )  # fmt: skip
+        self._board.learned(_seen(message))
 
     def show(self) -> None:
         """Stops and the ground since the last call."""
@@ -71,3 +57,11 @@ class ParameterBoard:
         if ground != self._ground:
             self._ground = ground
             self._board.classified(GroundSeen(name=ground[0], probability=ground[1]))
+
+
+def _seen(told: ParameterGroup | HistoryEntry, **at: float) -> GroupSeen:
+    return GroupSeen(
+        group=told.group, names=list(told.values), value=list(told.values.values()),
+        std=[told.stds.get(name) for name in told.values], valid=told.valid, version=told.version,
+        cause=told.cause, **at,
+    )  # fmt: skip

@@ -49,7 +49,7 @@ class PlanService:
         self._uncertainty = config.planning.uncertainty()
         self._clients: OrderedDict[str, _Client] = OrderedDict()
         self._lock = threading.Lock()
-        self._local = threading.local()
+        self._newest: tuple[tuple[int, int], CandidatePlanner] | None = None
 
     def learn(self, parameters: ParametersInUse) -> None:
         """Plan with other parameters from the next question on."""
@@ -175,14 +175,13 @@ class PlanService:
         return _with(reply, ranking=ranking)
 
     def _planner(self, parameters: ParametersInUse) -> CandidatePlanner:
-        """The planner of this thread: solvers are nobody else's meanwhile."""
-        if getattr(self._local, "identity", None) != parameters.identity:
-            settings = self.config.planning.planner()
-            survives = self._survives(parameters)
-            self._local.planner = CandidatePlanner(parameters.model, settings, survives)
-            self._local.identity = parameters.identity
-        planner: CandidatePlanner = self._local.planner
-        return planner
+        """The planner with these parameters; replaced as a whole, so that threads need no lock."""
+        newest = self._newest
+        if newest is None or newest[0] != parameters.identity:
+            settings, survives = self.config.planning.planner(), self._survives(parameters)
+            planner = CandidatePlanner(parameters.model, settings, survives)
+            newest = self._newest = (parameters.identity, planner)
+        return newest[1]
 
     def _survives(self, parameters: ParametersInUse) -> Uncertainty:
         return parameters.uncertainty or self._uncertainty

@@ -32,16 +32,11 @@ class CutStop:
     columns: dict[str, Floats]
 
 
-@dataclass(slots=True)
-class _Stream:
-    columns: dict[str, Floats]
-
-
 class StopCutter:
     """Feed messages in, get stops out; one thread."""
 
     def __init__(self) -> None:
-        self._streams: OrderedDict[str, _Stream] = OrderedDict()
+        self._streams: OrderedDict[str, dict[str, Floats]] = OrderedDict()
 
     def take(self, source: str, columns: Mapping[str, Floats], surface: str) -> list[CutStop]:
         """The stops that are complete with these samples.
@@ -50,21 +45,15 @@ class StopCutter:
             source: of the samples. columns: (n,) by name, ``t`` increasing; ``v``, ``v_cmd``.
             surface: that they were driven on, empty where nobody knows.
         """
-        stream = self._streams.pop(source, None)
-        if stream is not None and (
-            stream.columns.keys() != columns.keys() or columns["t"][0] <= stream.columns["t"][-1]
-        ):
-            stream = None
-        if stream is None:
-            stream = _Stream({name: np.array(values) for name, values in columns.items()})
+        held = self._streams.pop(source, None)
+        if held is None or held.keys() != columns.keys() or columns["t"][0] <= held["t"][-1]:
+            stream = {name: np.array(values) for name, values in columns.items()}
         else:
-            held = stream.columns
-            stream.columns = {name: np.concatenate((held[name], columns[name])) for name in held}
-        self._streams[source] = stream
+            stream = {name: np.concatenate((held[name], columns[name])) for name in held}
+        cuts, keep = _complete(stream)
+        self._streams[source] = {name: values[keep:] for name, values in stream.items()}
         while len(self._streams) > _MOST_SOURCES:
             self._streams.popitem(last=False)
-        cuts, keep = _complete(stream.columns)
-        stream.columns = {name: values[keep:] for name, values in stream.columns.items()}
         return [CutStop(source, surface, cut) for cut in cuts if len(cut["t"]) <= _MOST_SAMPLES]
 
 

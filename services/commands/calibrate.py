@@ -22,7 +22,7 @@ from models.parameters import Model
 from services.commands.calibration_rows import ROWS, surface_json
 from services.files.access import fault
 from services.files.drive_log import DriveLog
-from services.files.log_source import names_of, read_logs
+from services.files.log_source import grade_by_map, names_of, read_logs
 from services.files.model_file import find_model, read_model, write_model
 from services.files.table import write_csv
 from services.screen import progress_bar
@@ -71,11 +71,7 @@ def run(job: CalibrateJob, *, quiet: bool = False) -> CalibrateResult:
         log = read_logs(job.logs, job.topics)
         advance(1)
         refuse_wrong_units(log)
-        ground = None
-        if job.map_file is not None:
-            from services.files.track_grade import ground_grade
-
-            ground = ground_grade(log, job.map_file, model.vehicle)
+        ground = grade_by_map(log, job.map_file, model.vehicle)
         advance(1)
         try:
             learned = learn(log.columns, log.runs, model.braking, ground=ground, settings=settings)

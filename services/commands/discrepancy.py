@@ -22,7 +22,7 @@ from models.discrepancy.workflow import STEPS, investigate_with_evidence
 from models.errors import ParameterError
 from services.files.access import fault, write_atomic
 from services.files.drive_log import DriveLog
-from services.files.log_source import names_of, read_logs
+from services.files.log_source import grade_by_map, names_of, read_logs
 from services.files.model_file import find_model, read_model, write_model
 from services.screen import progress_bar
 
@@ -65,11 +65,7 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
     model = read_model(find_model(job.model_file))
     with progress_bar("comparing", STEPS + 1, quiet=quiet) as advance:
         log = read_logs(job.logs, job.topics)
-        ground = None
-        if job.map_file is not None:
-            from services.files.track_grade import ground_grade
-
-            ground = ground_grade(log, job.map_file, model.vehicle)
+        ground = grade_by_map(log, job.map_file, model.vehicle)
         advance(1)
         try:
             findings, evidence = investigate_with_evidence(

@@ -21,6 +21,7 @@ from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 from planner.uncertainty import Uncertainty
 from services.files.bag import is_bag
+from services.files.grid import footprint_margin
 from services.files.map_file import frame_of, map_info, read_map
 from services.files.model_file import find_model, read_model
 from services.files.path_file import check_paths_on_map, read_paths
@@ -71,7 +72,7 @@ def run(job: PlanJob, *, quiet: bool = False) -> PlanResult:
     paths = read_paths(job.path_file, topics, frame_of(job.map_file, topics))
     info = map_info(job.map_file, topics)
     check_paths_on_map(paths, info.extent, str(job.path_file), str(job.map_file))
-    margin = model.vehicle.wheelbase + model.vehicle.track_width + 2.0 * info.resolution
+    margin = footprint_margin(model.vehicle, info)
     elevation_map = read_map(job.map_file, around=_around(paths, margin), topics=topics)
     return plan_on(elevation_map, paths, model, job, source=str(job.path_file), quiet=quiet)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from models.vehicle import Vehicle
+
 Around = tuple[float, float, float, float]
 """(x_min, x_max, y_min, y_max) [m] in map coordinates."""
 
@@ -64,3 +66,8 @@ def in_words(extent: Around) -> str:
     """An extent as an error shows it."""
     x_min, x_max, y_min, y_max = extent
     return f"x {x_min:.10g} … {x_max:.10g}, y {y_min:.10g} … {y_max:.10g} m"
+
+
+def footprint_margin(vehicle: Vehicle, info: MapInfo) -> float:
+    """Ground that has to be known around a path [m]."""
+    return vehicle.wheelbase + vehicle.track_width + 2.0 * info.resolution

@@ -5,9 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from models.vehicle import Vehicle
 from services.files.access import fault
 from services.files.bag import is_bag
 from services.files.drive_log import DriveLog, read_drive_log
+
+Floats = NDArray[np.float64]
 
 _SHOWN = 3
 """Files that a sentence names."""
@@ -34,6 +40,15 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
     from services.files.bag_drive_log import read_bags
 
     return read_bags(bags, topics)
+
+
+def grade_by_map(log: DriveLog, map_file: Path | None, vehicle: Vehicle) -> Floats | None:
+    """As :func:`services.files.track_grade.ground_grade`; None where there is no map."""
+    if map_file is None:
+        return None
+    from services.files.track_grade import ground_grade
+
+    return ground_grade(log, map_file, vehicle)
 
 
 def names_of(logs: Sequence[Path]) -> str:

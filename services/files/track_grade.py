@@ -12,6 +12,7 @@ from planner.elevation_map import ElevationMap
 from planner.terrain_profile import terrain_profile
 from services.files.access import fault
 from services.files.drive_log import DriveLog
+from services.files.grid import footprint_margin
 from services.files.map_file import map_info, read_map
 
 Floats = NDArray[np.float64]
@@ -37,7 +38,7 @@ def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle) -> Floats:
     if not placed.any():
         raise fault(log.sources[0], "column x", "expected positions, got none")
     info = map_info(map_file)
-    margin = vehicle.wheelbase + vehicle.track_width + 2.0 * info.resolution
+    margin = footprint_margin(vehicle, info)
     around = (
         float(x[placed].min()) - margin, float(x[placed].max()) + margin,
         float(y[placed].min()) - margin, float(y[placed].max()) + margin,

@@ -15,7 +15,7 @@ from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.workflow import investigate_with_evidence
 from models.errors import SlopewiseError
 from services.commands import discrepancy
-from services.files.log_source import read_logs
+from services.files.log_source import grade_by_map, read_logs
 from services.files.model_file import model_from_dict
 from services.fleet import finding
 from services.fleet.finding import FAILED, REFUSED, Row
@@ -107,11 +107,7 @@ def _without(task: VehicleTask, status: str, reason: str) -> Row:
 def _looked_at(task: VehicleTask) -> Row:
     model = model_from_dict(task.model, "model")
     log = read_logs(task.logs, task.topics)
-    ground = None
-    if task.map_file is not None:
-        from services.files.track_grade import ground_grade
-
-        ground = ground_grade(log, task.map_file, model.vehicle)
+    ground = grade_by_map(log, task.map_file, model.vehicle)
     findings, evidence = investigate_with_evidence(
         log.columns, log.runs, model, ground=ground, settings=task.settings, source=task.source
     )

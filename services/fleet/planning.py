@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from models.errors import ParameterError
-from models.parameters import Model
 from planner.candidates import CandidatePlanner
 from planner.elevation_map import ElevationMap
 from planner.path import CandidatePath, batch
 from planner.plan import SpeedPlan
-from services.files.grid import MapInfo
+from services.files.grid import footprint_margin
 from services.files.model_file import model_from_dict
 from services.fleet import results
 from services.fleet.parts import Part, Question
@@ -35,9 +34,6 @@ class PlanTask:
 def plan_part(task: PlanTask) -> int:
     """Plan and write one part; gives the number of its candidates.
 
-    The planner is made anew for every part: solvers that start from the answer before would let a
-    plan depend, in its last digits, on which parts the same worker had planned.
-
     Raises:
         InputError: the map cannot be read, or the folder not be written to.
     """
@@ -46,7 +42,7 @@ def plan_part(task: PlanTask) -> int:
     planner = CandidatePlanner(model, question.settings, question.uncertainty)
     answers: dict[int, SpeedPlan | Refused] = {}
     with opened(Path(question.map_file)) as ground:
-        margin = footprint_margin(model, ground.info)
+        margin = footprint_margin(model.vehicle, ground.info)
         for window in windows(part.paths, ground.info, margin):
             members = [part.paths[i] for i in window.members]
             if window.cells is None:
@@ -58,11 +54,6 @@ def plan_part(task: PlanTask) -> int:
     ordered = [answers[i] for i in range(len(part.paths))]
     results.write(Path(task.folder), part.name.file, part.name.source.name, ordered)
     return len(ordered)
-
-
-def footprint_margin(model: Model, info: MapInfo) -> float:
-    """Ground that has to be known around a path [m]."""
-    return model.vehicle.wheelbase + model.vehicle.track_width + 2.0 * info.resolution
 
 
 def _planned(

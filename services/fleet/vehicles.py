@@ -17,7 +17,7 @@ from models.calibration.learn import measure_log
 from models.errors import ParameterError
 from services.commands.calibrate import refuse_wrong_units
 from services.files.access import fault
-from services.files.log_source import read_logs
+from services.files.log_source import grade_by_map, read_logs
 from services.files.model_file import model_from_dict
 
 
@@ -61,11 +61,7 @@ def measure_vehicle(task: LogTask) -> VehicleStops:
     model = model_from_dict(task.model, "model")
     log = read_logs(task.logs)
     refuse_wrong_units(log)
-    ground = None
-    if task.map_file is not None:
-        from services.files.track_grade import ground_grade
-
-        ground = ground_grade(log, task.map_file, model.vehicle)
+    ground = grade_by_map(log, task.map_file, model.vehicle)
     try:
         measured = measure_log(log.columns, log.runs, model.braking, ground=ground, fewest=FEWEST)
     except ParameterError as error:
