@@ -7,14 +7,33 @@ import re
 import zenoh
 
 from models.errors import InputError
-from services.config import ZenohSettings, zenoh_config
+from services.config import ServiceConfig, ZenohSettings, zenoh_config
 
+_ENCRYPTED = ("tls/", "quic/", "wss/")
 _PLACE = re.compile(r"\s+at \S+\.rs:\d+\.?")
 
 
 def words_of(error: zenoh.ZError) -> str:
     """What zenoh says, without the places in its own source."""
     return _PLACE.sub("", str(error))
+
+
+def options(config: ServiceConfig) -> list[str]:
+    """Options with which a command on the same machine reaches a service; none by the defaults.
+
+    Where endpoints are encrypted, FILE stands for the operator's own settings with certificates.
+    """
+    settings = config.zenoh
+    ends = settings.connect if settings.mode == "client" else settings.listen
+    words: list[str] = []
+    if ends:
+        # An operator asks on the loopback what listens everywhere.
+        end = ends[0].replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+        words += ["--connect", end] if end not in ZenohSettings().listen else []
+        words += ["--zenoh", "FILE"] if end.startswith(_ENCRYPTED) else []
+    if config.namespace != ServiceConfig(model=config.model).namespace:
+        words += ["--namespace", config.namespace]
+    return words
 
 
 def client_session(connect: str, config: str = "") -> zenoh.Session:

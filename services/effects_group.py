@@ -149,21 +149,27 @@ class EffectsGroup:
             "offer": None if self.offer is None else msgspec.to_builtins(self.offer),
         }  # fmt: skip
 
+    def read(self, state: dict | None) -> tuple[Offer | None, str]:
+        """The offer of a kept state, and the id of the finding in use; as :meth:`restore` fails."""
+        if state is None:
+            return None, ""
+        if state["file"] != self._digest:
+            raise ParameterError(EFFECTS, "a finding beside this model file, got another's")
+        offer, in_use = state["offer"], state["model"] is not None
+        known = None if offer is None else msgspec.convert(offer, Offer)
+        return known, str(state["adopted"]) if in_use else ""
+
     def restore(self, group: str, state: dict | None, age: float) -> None:
         """As it was ``age`` seconds ago; ValueError or KeyError if it cannot be."""
+        known, adopted = self.read(state)
         if state is None:
             self.offer = None
             if self._tables is not None:
                 self._use(None, faster=False, before=None)
             return
-        if state["file"] != self._digest:
-            raise ParameterError(EFFECTS, "a finding beside this model file, got another's")
-        offer = state["offer"]
-        known = None if offer is None else msgspec.convert(offer, Offer)
         if state["model"] != self._tables or bool(state["faster"]) != self._faster:
             self._use(state["model"], faster=bool(state["faster"]), before=state["before"])
-        self.offer = known
-        self.adopted = str(state["adopted"]) if self._tables is not None else ""
+        self.offer, self.adopted = known, adopted
         self._since = time.monotonic() - age
 
     def set(self, group: str, values: Mapping[str, float]) -> None:

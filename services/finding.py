@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 from typing import Any
 
 import msgspec
@@ -24,6 +25,36 @@ class Shift(Message):
     least: float
     most: float
     where: str
+
+
+class Estimated(msgspec.Struct, frozen=True):
+    """A number of a finding, its standard deviation and unit; None where it is not known."""
+
+    value: float | None
+    std: float | None
+    unit: str
+
+
+class Effect(msgspec.Struct, frozen=True):
+    """A named effect with its parameters by name."""
+
+    name: str
+    parameters: dict[str, Estimated]
+
+
+class Distance(msgspec.Struct, frozen=True):
+    """How far stopping distances are off on stops held out, root mean square [m]."""
+
+    before: float | None = None
+    after: float | None = None
+    noise_floor: float | None = None
+
+
+class Told(msgspec.Struct, frozen=True):
+    """What people look at first in discrepancy.json."""
+
+    effects: list[Effect] = []
+    stop_distance: Distance = Distance()
 
 
 class Offer(Message):
@@ -65,6 +96,26 @@ class Offer(Message):
     def slower_than_now(self) -> bool:
         """Nor than by what was in use."""
         return self.slower and self.beside_use.least >= 0.0
+
+    @property
+    def obstacle(self) -> str:
+        """Why it would be refused whatever an operator says; "" where it would not."""
+        if not self.changes:
+            return "nothing to adopt"
+        able = self.slower or self.valid
+        return "" if able else "neither sure enough to make plans faster, nor slower everywhere"
+
+    def command(self) -> str:
+        """What an operator types to adopt it, without where the service is; "" with an obstacle."""
+        faster = "" if self.slower else " --faster"
+        return "" if self.obstacle else f"slopewise params --adopt {shlex.quote(self.id)}{faster}"
+
+    def told(self) -> Told:
+        """Its numbers; none where an older release wrote them in another way."""
+        try:
+            return msgspec.convert(self.findings, Told)
+        except ValueError:
+            return Told()
 
     def words(self) -> str:
         """One line for people."""

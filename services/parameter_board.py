@@ -1,11 +1,14 @@
-"""What was learned, as the live page shows it: parameters with their past, stops, the ground."""
+"""What was learned and found, as the live page shows it: parameters, stops, ground, findings."""
 
 from __future__ import annotations
 
 import logging
 import time
 
-from services import parameter_replies
+from services import finding_board, parameter_replies
+from services.config import ServiceConfig
+from services.connect import options
+from services.effects_group import EFFECTS
 from services.live.board import Board, GroundSeen, GroupSeen, StopSeen
 from services.parameter_messages import HistoryEntry, ParameterGroup, ParameterQuestion
 from services.parameter_service import ParameterService
@@ -19,11 +22,13 @@ _RECALLED = 400
 class ParameterBoard:
     """Hands what is new to the page; called by the thread that learns."""
 
-    def __init__(self, service: ParameterService, board: Board, service_id: str) -> None:
+    def __init__(self, service: ParameterService, board: Board, config: ServiceConfig) -> None:
         """Show what ``service`` learns on ``board``."""
-        self._service, self._board, self._id = service, board, service_id
+        self._service, self._board, self._id = service, board, config.id
+        self._address = options(config)
         self._shown = 0
         self._ground = ("", 0.0)
+        self._finding: object = None
 
     def recall(self) -> None:
         """What was learned before the last start."""
@@ -40,7 +45,7 @@ class ParameterBoard:
         self._board.learned(_seen(message))
 
     def show(self) -> None:
-        """Stops and the ground since the last call."""
+        """Stops, the ground and what became of findings since the last call."""
         service = self._service
         count = service.learner.stop_count
         new = min(count - self._shown, len(service.learner.stops))
@@ -57,6 +62,16 @@ class ParameterBoard:
         if ground != self._ground:
             self._ground = ground
             self._board.classified(GroundSeen(name=ground[0], probability=ground[1]))
+        finding = service.log.last.get(EFFECTS), service.refused
+        if finding != self._finding:
+            self._finding = finding
+            self._found()
+
+    def _found(self) -> None:
+        try:
+            self._board.found(finding_board.newest(self._service, self._address))
+        except Exception:  # noqa: BLE001 - learning goes on without a picture of its findings
+            _log.exception("the page does not show what was found")
 
 
 def _seen(told: ParameterGroup | HistoryEntry, **at: float) -> GroupSeen:

@@ -63,7 +63,7 @@ class ParameterDesk:
         """Declare keys and begin to work."""
         self._session, self._config, self._service = session, config, service
         self._counters = counters
-        self._board = ParameterBoard(service, board, config.id)
+        self._board = ParameterBoard(service, board, config)
         self._waiting: deque[tuple[str, float, Any]] = deque()
         self._alive: dict[str, bool] = {}
         self._news = threading.Condition()

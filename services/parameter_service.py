@@ -41,6 +41,7 @@ class ParameterService:
         in_use: parameters to plan with. changed: groups that nobody was told of yet.
         learner: groups and what they learn. counters: of observations.
         investigator: stops that are kept, and looks for what the model leaves out of them.
+        refused: id of the offer that was last refused to be adopted, and why.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class ParameterService:
         self._looked = -math.inf
         self.counters: Counter[str] = Counter()
         self.changed: set[str] = set()
+        self.refused = ("", "")
         self._intake = Intake(settings.early, self._log.seen())
         self.in_use = ParametersInUse(prior)
         self._restore(set())
@@ -134,6 +136,7 @@ class ParameterService:
             StoreError: the history cannot be read.
         """
         groups, moments = self._past.go_back(version, group)
+        self.refused = ("", "")
         cause = f"rolled back to version {version}"
         self._commit(groups, cause, who, learned=False, moments=moments)
         self.changed |= set(self.learner.names())
@@ -147,7 +150,12 @@ class ParameterService:
         Raises:
             ParameterError: says what was expected.
         """
-        words = self.learner.effects.adopt(offer, faster=faster)
+        try:
+            words = self.learner.effects.adopt(offer, faster=faster)
+        except ParameterError as error:
+            self.refused = (offer, str(error))
+            raise
+        self.refused = ("", "")
         self._commit({EFFECTS}, f"adopted {offer}, {words}", who, learned=False)
         # What is learned of braking counts on top of another model from now on.
         self.changed |= set(self.learner.names())
@@ -175,6 +183,7 @@ class ParameterService:
             return
         offer = outcome.offer
         self.learner.effects.offered(offer)
+        self.refused = ("", "")
         self._commit({EFFECTS}, f"offered {offer.id}, {offer.words()}", offer.cause)
         allowed = self._config.discrepancy.adopt_slower
         if allowed and offer.changes and offer.valid and offer.slower_than_now:

@@ -201,13 +201,7 @@ def _show_offer(offer: Offer, console: Console) -> None:
         console.print(f"  plans stop {by} beside the {beside}")
     for note in offer.notes:
         console.print(f"  note: {note}", style="yellow")
-    if not offer.changes:
-        console.print("  nothing to adopt")
-    elif offer.slower or offer.valid:
-        more = "" if offer.slower else " --faster"
-        console.print(f"  slopewise params --adopt {offer.id}{more}")
-    else:
-        console.print("  neither sure enough to make plans faster, nor slower everywhere")
+    console.print(f"  {offer.command() or offer.obstacle}")
 
 
 def _show_history(history: list[HistoryEntry], title: str, console: Console) -> None:

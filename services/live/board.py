@@ -1,4 +1,4 @@
-"""What the live page shows: the last plan, what was learned, and stops as they come.
+"""What the live page shows: the last plan, what was learned and found, and stops as they come.
 
 Whoever plans or learns hands things in and goes on; nothing here waits, computes or grows without
 end.
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 
+from services.finding import Offer
 from services.messages import PlanReply, PlanRequest
 
 _REMEMBERED = 400
@@ -78,6 +79,23 @@ class GroundSeen:
     at: float = field(default_factory=time.time)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FindingSeen:
+    """The newest finding on stored stops, and what became of it.
+
+    Attributes:
+        offer: as it was found. state: `offered`, `adopted`, `reverted`, `refused`, or `nothing` to
+            adopt. words: by whom, or why. purpose, command: what an operator types next, and what
+            for; "" where nothing can be done.
+    """
+
+    offer: Offer
+    state: str
+    words: str
+    purpose: str = ""
+    command: str = ""
+
+
 class Board:
     """Handed to from any thread, read from any other.
 
@@ -91,6 +109,7 @@ class Board:
         self._lock = Lock()
         self._plan: PlanSeen | None = None
         self._ground: GroundSeen | None = None
+        self._finding: FindingSeen | None = None
         self._stops: deque[StopSeen] = deque(maxlen=_REMEMBERED)
         self._groups: dict[str, deque[GroupSeen]] = {}
 
@@ -119,6 +138,12 @@ class Board:
             self._ground = ground
             self.changes += 1
 
+    def found(self, finding: FindingSeen | None) -> None:
+        """There is a finding, or something became of it."""
+        with self._lock:
+            self._finding = finding
+            self.changes += 1
+
     @property
     def plan(self) -> PlanSeen | None:
         """The last one."""
@@ -128,6 +153,11 @@ class Board:
     def ground(self) -> GroundSeen | None:
         """The last class of the ground."""
         return self._ground
+
+    @property
+    def finding(self) -> FindingSeen | None:
+        """The newest one."""
+        return self._finding
 
     def stops(self) -> list[StopSeen]:
         """Oldest first."""

@@ -23,7 +23,8 @@ from services.report.page import asset, page
 from services.report.plan_data import relief
 from services.report.png import data_uri
 
-_SCRIPTS = ("helpers.js", "axes.js", "live_map.js", "live_plan.js", "live_learned.js", "live.js")
+_SCRIPTS = ("helpers.js", "axes.js", "live_map.js", "live_plan.js", "live_learned.js",
+            "live_finding.js", "live.js")  # fmt: skip
 _HEADERS = [
     ("Cache-Control", "no-store"),
     ("X-Content-Type-Options", "nosniff"),
@@ -94,7 +95,7 @@ class Site:
             "live.html",
             {"icons": asset("icons.svg")},
             title="slopewise live",
-            styles=("page.css", "colours.css", "live.css"),
+            styles=("page.css", "colours.css", "live.css", "live_finding.css"),
             scripts=_SCRIPTS,
             data={},
             own_server=True,

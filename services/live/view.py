@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from services.live.board import Board, GroupSeen, PlanSeen
+from services.live.board import Board, FindingSeen, GroupSeen, PlanSeen
 from services.messages import Plan, Status
 
 _MOST_STATIONS = 240
@@ -82,7 +82,7 @@ def _other(plan: Plan) -> dict[str, Any]:
 
 
 def learned(board: Board) -> dict[str, Any]:
-    """What changes now and then: parameters with their history, class of the ground, stops."""
+    """What changes now and then: parameters with their history, ground, stops, the finding."""
     ground = board.ground
     return {
         "changes": board.changes,
@@ -103,6 +103,33 @@ def learned(board: Board) -> dict[str, Any]:
             }
             for stop in board.stops()
         ],
+        "finding": None if board.finding is None else _found(board.finding),
+    }
+
+
+def _found(seen: FindingSeen) -> dict[str, Any]:
+    offer, told = seen.offer, seen.offer.told()
+    gap = told.stop_distance
+    return {
+        "state": seen.state,
+        "words": seen.words,
+        "purpose": seen.purpose,
+        "command": seen.command,
+        "id": offer.id,
+        "verdict": offer.verdict,
+        "summary": offer.summary,
+        "effects": [
+            {"name": effect.name, "parameters": msgspec.to_builtins(effect.parameters)}
+            for effect in told.effects
+        ],
+        "before": gap.before,
+        "after": gap.after,
+        "floor": gap.noise_floor,
+        "longer": [_number(offer.beside_file.least), _number(offer.beside_file.most)],
+        "at": offer.at,
+        "stops": offer.stops,
+        "cause": offer.cause,
+        "notes": offer.notes,
     }
 
 

@@ -3,12 +3,14 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
 
 from models.errors import InputError
-from services.connect import client_session, words_of
+from services.config import ServiceConfig, ZenohSettings
+from services.connect import client_session, options, words_of
 from tests.services.service_process import free_port, running
 
 
@@ -34,3 +36,23 @@ def test_an_address_in_use_is_one_line(tmp_path: Path) -> None:
     assert "in use" in done.stderr
     assert ".rs" not in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("namespace", "settings", "words"),
+    [
+        ("slopewise/robot", {}, ""),
+        ("slopewise/robot", {"listen": ("tcp/0.0.0.0:7447",)}, ""),
+        ("farm/atv-3", {"listen": ("tcp/10.0.0.7:7447",)},
+         "--connect tcp/10.0.0.7:7447 --namespace farm/atv-3"),
+        ("slopewise/robot", {"listen": ("tls/[::]:7443",)},
+         "--connect tls/[::1]:7443 --zenoh FILE"),
+        ("slopewise/robot", {"mode": "client", "connect": ("tcp/router:7447",)},
+         "--connect tcp/router:7447"),
+    ],
+)  # fmt: skip
+def test_options_say_where_the_service_is(
+    namespace: str, settings: dict[str, Any], words: str
+) -> None:
+    config = ServiceConfig(model="atv", namespace=namespace, zenoh=ZenohSettings(**settings))
+    assert " ".join(options(config)) == words

@@ -31,9 +31,9 @@ function draw(tag, attributes = {}, ...children) {
   return made;
 }
 
-function badge(status) {
+function badge(status, label = status) {
   const icon = draw("svg", { "aria-hidden": "true" }, draw("use", { href: `#icon-${status}` }));
-  return make("span", { class: `badge ${status}` }, icon, status);
+  return make("span", { class: `badge ${status}` }, icon, label);
 }
 
 function swatch(limiting) {

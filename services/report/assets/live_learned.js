@@ -3,11 +3,13 @@
 const when = (seconds) => new Date(1000 * seconds).toLocaleTimeString();
 
 function showLearned(learned) {
-  const groups = learned.groups.map(groupOf);
+  // A finding that is only offered is no parameter yet.
+  const groups = learned.groups.filter((group) => group.names.length || group.valid).map(groupOf);
   element("groups").replaceChildren(...(groups.length ? groups : [make("p", { class: "none" }, "Nothing has been learned yet.")]));
   const ground = learned.ground;
   element("ground").replaceChildren(...(ground ? ["Ground: ", make("b", {}, ground.name || "none that is known"), ` ${number(percent(ground.probability), 0, "%")}, since ${when(ground.at)}`] : []));
   showStops(learned.stops);
+  showFinding(learned.finding);
 }
 
 function groupOf(group) {
