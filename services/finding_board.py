@@ -1,6 +1,6 @@
 """The newest finding as the live page shows it: what became of it, what an operator types next.
 
-The history tells it all, so that a restart changes nothing of what is shown.
+The history tells it, so that a restart changes nothing of what is shown but a refusal.
 """
 
 from __future__ import annotations
