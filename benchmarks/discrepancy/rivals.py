@@ -60,7 +60,10 @@ def small_doses(p: Physics, stops: Stops) -> Doses:
     force = (p.m_m * stops.speed + p.b_m) * stops.grade + p.m_b * stops.speed + p.b_b
     count = len(stops.speed)
     angles = np.arange(8) * np.pi / 4.0
-    wind = [[{"wind_drag": 1e-3, "wind": 5.0, "wind_direction": a}] for a in angles]
+    # A breath of wind with much drag is, along one way, a loss that grows with the speed itself.
+    winds = [
+        [{"wind_drag": 1e-3, "wind": w, "wind_direction": a}] for w in (0.3, 5.0) for a in angles
+    ]
     patches = [
         [{"patch": 0.005, "patch_x": x, "patch_y": y, "patch_radius": 185.0}]
         for x in np.linspace(170.0, FIELD[0] - 170.0, 5)
@@ -75,7 +78,7 @@ def small_doses(p: Physics, stops: Stops) -> Doses:
         "grade_nonlinearity": [[{"nonlinearity": 0.05}]],
         "cross_slope": [[{"cross_slope": 0.02}]],
         "turning_resistance": [[{"turning": 0.01}]],
-        "headwind": wind,
+        "headwind": winds,
         "brake_fade": [[{"fade": 0.02 / 50.0, "fade_tau": t}] for t in (60.0, 120.0, 300.0)],
         "wheel_lockup": [[{"friction": q}] for q in np.quantile(force, (0.35, 0.55, 0.75, 0.9))],
         "surface_patch": patches,

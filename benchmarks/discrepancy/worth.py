@@ -217,7 +217,7 @@ def _fit(
     steps = _BASE | dict(free or {})
     physics = start
     best = scene.whiten(-scene.speed(physics))[0]
-    for _ in range(4):
+    for _ in range(8):
         step, *_ = np.linalg.lstsq(scene.tangents(physics, steps).T, best, rcond=None)
         for share in (1.0, 0.3):
             changed = {k: getattr(physics, k) + share * d for k, d in zip(steps, step, strict=True)}

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.discrepancy.brakes import heat
 from models.discrepancy.hypothesis import Hypothesis
-from models.discrepancy.prediction import heat, session_time
+from models.discrepancy.prediction import session_time
 from models.discrepancy.stop_table import StopTable
 
 Floats = NDArray[np.float64]

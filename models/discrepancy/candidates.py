@@ -13,14 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from models.discrepancy.brakes import brought_force, heat
 from models.discrepancy.hypothesis import Hypothesis
 from models.discrepancy.prediction import (
     ground_of,
-    heat,
     inside_patch,
     integral,
-    lag_of,
-    lagged,
     session_time,
     wanted_force,
 )  # fmt: skip
@@ -45,6 +43,7 @@ _BUILT_UP = frozenset(
     ("grade_asymmetry", "grade_nonlinearity", "cross_slope", "surface_patch",
      "directional_surface", "step_change", "session_drift")
 )  # fmt: skip
+_OF_BUILT_FORCE = frozenset(("brake_lag", "brake_fade"))
 _ONCE = frozenset(("headwind", "brake_lag", "brake_fade", "wheel_lockup"))
 
 
@@ -83,11 +82,12 @@ def candidates(table: StopTable, hypothesis: Hypothesis) -> tuple[list[Candidate
     found: list[Candidate] = []
     columns: list[Floats] = []
     taken = {e.name for e in (*hypothesis.model.effect, *hypothesis.added)} & _ONCE
-    passing = _Library(table, hypothesis)
-    for candidate, share in passing.all():
+    library = _Library(table, hypothesis)
+    for candidate, share in library.all():
         if candidate.name not in taken:
             found.append(candidate)
-            columns.append(share)
+            built = candidate.name in _OF_BUILT_FORCE
+            columns.append(share * library.brought.passes if built else share)
     forces = np.array([c.name in _BUILT_UP for c in found])
     return found, integral(table, hypothesis, np.stack(columns, axis=2), forces)
 
@@ -124,8 +124,9 @@ class _Library:
         self.hypothesis = hypothesis
         self.wanted = wanted_force(table, hypothesis, self.place)
         self.since = np.maximum(table.time - hypothesis.dead_time, 0.0)
-        lag = lag_of(hypothesis)
-        self.force = lagged(self.wanted, self.since, lag) if lag > 0.0 else self.wanted
+        self.brought = brought_force(
+            table, hypothesis, self.wanted, table.speed, table.grade, table.roll, table.time
+        )
         self.speed = table.speed
 
     def all(self) -> Iterator[tuple[Candidate, Floats]]:
@@ -149,14 +150,14 @@ class _Library:
 
     def _states(self) -> Iterator[tuple[Candidate, Floats]]:
         for tau in _LAGS:
-            missing = -self.force * np.exp(-self.since / tau)
+            missing = -self.brought.force * np.exp(-self.since / tau)
             yield Candidate("brake_lag", "tau", True, {"tau": tau}), missing
         for tau in _COOLING:
             q = heat(self.table, tau, self.speed, self.table.time, self.hypothesis.dead_time)
-            yield Candidate("brake_fade", "k", True, {"tau": tau}), -self.force * q
+            yield Candidate("brake_fade", "k", True, {"tau": tau}), -self.brought.force * q
         upright = np.cos(self.place.grade) * np.cos(self.place.roll)
-        for mu in np.maximum(np.quantile(self.force / upright, _CAPS), _LEAST_FRICTION):
-            over = np.maximum(self.force - mu * upright, 0.0)
+        for mu in np.maximum(np.quantile(self.brought.given / upright, _CAPS), _LEAST_FRICTION):
+            over = np.maximum(self.brought.given - mu * upright, 0.0)
             yield Candidate("wheel_lockup", "mu", True, {"mu": float(mu)}), -over
 
     def _slopes(self) -> Iterator[tuple[Candidate, Floats]]:
@@ -194,7 +195,7 @@ class _Library:
                         yield Candidate("surface_patch", "delta", False, inner), inside
 
     def _session(self) -> Iterator[tuple[Candidate, Floats]]:
-        clock = session_time(self.table)[:, None] * np.ones_like(self.force)
+        clock = session_time(self.table)[:, None] * np.ones_like(self.wanted)
         yield Candidate("session_drift", "k", False), clock
         runs = self.table.run
         for first in np.unique(runs)[1:]:
@@ -204,10 +205,11 @@ class _Library:
                 yield Candidate("step_change", "scale", False, {"run": float(first)}, 1.0), share
 
 
-def patch_share(table: StopTable, patch: Candidate) -> Floats:
-    """(S, M, 1) share of the way inside a patch."""
+def patch_column(table: StopTable, hypothesis: Hypothesis, patch: Candidate) -> Floats:
+    """(S, M, 1) column of a patch."""
     p = patch.inner
-    return inside_patch(ground_of(table), p["x"], p["y"], p["radius"])[:, :, None]
+    inside = inside_patch(ground_of(table), p["x"], p["y"], p["radius"])[:, :, None]
+    return integral(table, hypothesis, inside, np.ones(1, np.bool_))
 
 
 def _some(inside: Floats) -> bool:

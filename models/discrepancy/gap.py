@@ -64,6 +64,8 @@ class Gaps:
         refit_squares: (S,) mean squared speed error of the refitted base, held out [m²/s²].
         longer: by how much stops are longer than configured, the nineteenth of twenty [m];
             negative where all are shorter.
+        likelier: by how much −2 log likelihood of stops held out falls by what was found, beyond
+            the refitted base.
     """
 
     speed: Gap
@@ -71,6 +73,7 @@ class Gaps:
     held_out: Floats
     refit_squares: Floats
     longer: float
+    likelier: float
 
 
 def compared(table: StopTable, base: Fit, best: Fit, settings: DiscrepancySettings) -> Gaps:
@@ -99,20 +102,29 @@ def compared(table: StopTable, base: Fit, best: Fit, settings: DiscrepancySettin
     )
     longer = table.distance - before[1]
     end = 0.95 if float(np.mean(longer)) > 0.0 else 0.05
-    return Gaps(speed, distance, after[1], squares[1], float(np.quantile(longer, end)))
+    likelier = refit[2] - after[2]
+    return Gaps(speed, distance, after[1], squares[1], float(np.quantile(longer, end)), likelier)
 
 
-def held_out(table: StopTable, parts: list[NDArray[np.bool_]], start: Fit) -> tuple[Floats, Floats]:
-    """(S, K) speed errors and (S,) distances, each by a fit that has not seen the stop."""
+def held_out(
+    table: StopTable, parts: list[NDArray[np.bool_]], start: Fit
+) -> tuple[Floats, Floats, float]:
+    """By fits that have not seen the stop: (S, K) speed errors, (S,) distances, −2 log likelihood.
+
+    The likelihood knows what the errors do not: which of them a stop's own friction explains.
+    """
     errors = np.full(table.binned.shape, np.nan)
     ways = np.empty(len(table))
+    deviance = 0.0
     for part in parts:
         seen, unseen = table.take(~part), table.take(part)
         white = whitener(seen, start.noise, start.hypothesis)
         learned = fit(seen, start.hypothesis, white).hypothesis
         errors[part] = speed_errors(unseen, learned)
         ways[part] = distances(unseen, learned)
-    return errors, ways
+        own = whitener(unseen, start.noise, learned)
+        deviance += float(np.sum(fit(unseen, learned, own, passes=0).each))
+    return errors, ways, deviance
 
 
 def speed_floor(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Floats:

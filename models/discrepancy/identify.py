@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.discrepancy import screening
-from models.discrepancy.candidates import Candidate, candidates, patch_share
+from models.discrepancy.brakes import lag_of
+from models.discrepancy.candidates import Candidate, candidates, patch_column
 from models.discrepancy.hypothesis import Hypothesis
 from models.discrepancy.noise import Noise
 from models.discrepancy.patches import left_of, moved_patch, placed_patch
-from models.discrepancy.prediction import as_output, integral, lag_of
 from models.discrepancy.refine import (
     Fit,
+    as_output,
     fit_either_way,
     fit_with_scatter,
     noise_of,
@@ -39,10 +40,10 @@ _NAMES = 6  # of the library that are refitted exactly at each step
 _BEAM = 3
 _NEAR = 30.0  # chi square from the best within which an explanation goes on
 _SLIDING = 0.6  # quantile of the force that a cap may be
-_BLUR = 30.0  # of what happens within stops, where the grid of patches is too coarse for it
 _LENIENT = 0.2
 _LEAST_LAG, _BLURS = 0.02, 2.5  # [s], standard deviations of the onset
 _MORE = 6.0  # chi square that every further effect has to bring beyond its numbers
+_WORTH_MOVING = 30.0  # chi square of a patch whose place is searched once more
 _WORTH = 0.4  # of the strongest candidate's chi square, below which another one is left alone
 _STARTS = {"wheel_lockup": 1, "headwind": 2, "brake_fade": 2, "surface_patch": 2}
 _EVENS_OUT = ("wheel_lockup",)
@@ -127,6 +128,7 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
         noise = noise_of(table, children[0].fit)
         known |= {c.names: c for c in reversed(children)}
         known = _again(table, known, noise, children[0].score)
+        known |= _with_one_less(table, min(known.values(), key=lambda e: e.score), known)
         ordered = sorted(known.values(), key=lambda e: e.score)
         best = ordered[0]
         deep = [e for e in ordered if len(e.names) == level + 1]
@@ -144,10 +146,26 @@ def _again(
         if names and e.score > near + 3.0 * _NEAR:
             continue
         # Speeds are the explanation's own now: noise of the measured ones no longer matters.
-        output = as_output(table, e.fit.hypothesis)
+        output = as_output(table, e.fit)
         found = fit_either_way(output, e.fit.hypothesis, noise, rounds=1)
         result[names] = replace(e, fit=found, score=score(found, len(table)))
     return result
+
+
+def _with_one_less(
+    table: StopTable, best: Explanation, known: dict[tuple[str, ...], Explanation]
+) -> dict[tuple[str, ...], Explanation]:
+    """Explanations without one of the effects of the best: a first step may have been wrong."""
+    output = as_output(table, best.fit)
+    added = best.fit.hypothesis.added
+    found = {}
+    for i in range(len(added)):
+        rest = replace(best.fit.hypothesis, added=(*added[:i], *added[i + 1 :]))
+        names = tuple(sorted(rest.names))
+        if names not in known:
+            refit = fit_either_way(output, rest, best.fit.noise, rounds=1)
+            found[names] = Explanation(refit, score(refit, len(table)), best.gained, best.needed)
+    return found
 
 
 def _extended(
@@ -186,10 +204,16 @@ def _extended(
 
 
 def _too_quick(table: StopTable, found: Fit) -> bool:
-    """A lag that is no longer than the onset is uncertain: the jitter alone rounds the knee."""
+    """A lag that is no longer than the onset is uncertain: the jitter alone rounds the knee.
+
+    Without the lag the jitter seems larger than it is, because a knee that is rounded off is seen
+    the later the harder a stop brakes.
+    """
     lag = lag_of(found.hypothesis)
-    blur = np.hypot(found.noise.jitter, table.sample / np.sqrt(12.0))
-    return 0.0 < lag < max(_LEAST_LAG, _BLURS * float(blur))
+    if lag <= 0.0:
+        return False
+    blur = np.hypot(noise_of(table, found).jitter, table.sample / np.sqrt(12.0))
+    return lag < max(_LEAST_LAG, _BLURS * float(blur))
 
 
 def rescued(
@@ -215,15 +239,10 @@ def screen(
     left = left_of(table, fit)
     scored = screening.scores(sums, left, fit.noise.scatter, one_sided)
     patches = [i for i, c in enumerate(found) if c.name == "surface_patch"]
-    if patches:
-        blurred = screening.scores(
-            sums.blurred(_BLUR), (left[0], left[1] / _BLUR), fit.noise.scatter, one_sided
-        )
-        start = found[max(patches, key=lambda i: blurred.gain[i])]
-        found[patches[0]] = placed_patch(table, fit, start)[0]
-        forces = np.ones(1, np.bool_)
-        inside = patch_share(table, found[patches[0]])
-        columns[:, :, patches[:1]] = integral(table, fit.hypothesis, inside, forces)
+    placed = placed_patch(table, fit) if patches else None
+    if placed is not None:
+        found[patches[0]] = placed[0]
+        columns[:, :, patches[:1]] = patch_column(table, fit.hypothesis, placed[0])
         sums = screening.reduced(fit.white, fit.jacobian, columns, precision)
         scored = screening.scores(sums, left, fit.noise.scatter, one_sided)
     return found, sums, scored
@@ -262,7 +281,7 @@ def _refined(table: StopTable, fit: Fit, candidate: Candidate, strength: float) 
     refit = fit_either_way if candidate.name in _EVENS_OUT else fit_with_scatter
     fits = [refit(table, t, noise, rounds=1) for t in trials]
     best = min(fits, key=lambda f: f.deviance)
-    if candidate.name == "surface_patch":
+    if candidate.name == "surface_patch" and fit.deviance - best.deviance > _WORTH_MOVING:
         best = moved_patch(table, best)
     return best
 

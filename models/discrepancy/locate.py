@@ -147,7 +147,7 @@ class _Space:
         from stop to stop.
         """
         columns = self.table.average @ integral(
-            self.table, self.fit.hypothesis, shapes, np.ones(shapes.shape[2], np.bool_)
+            self.table, self.fit.hypothesis, shapes, np.zeros(shapes.shape[2], np.bool_)
         )
         flat = self.rows(columns).reshape(self.count, -1)
         found = []

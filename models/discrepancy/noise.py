@@ -36,7 +36,7 @@ class Noise:
     Attributes:
         speed: of single samples [m/s]. correlation: of a bin with the one before it.
         creep: of the held speed's change [m/s²]. jitter: of the onset [s].
-        scatter: of F_b/W from stop to stop [1].
+        scatter: of F_b/W from stop to stop, in the median stop [1]; others in proportion.
         capped: a friction cap hides the scatter of what it cuts off.
     """
 
@@ -97,8 +97,9 @@ def shapes(table: StopTable, hypothesis: Hypothesis, capped: bool = True) -> Flo
     if not capped:
         kept = tuple(e for e in hypothesis.added if e.name != "wheel_lockup")
         open_end = replace(hypothesis, added=kept)
-    stronger = replace(open_end, shift=open_end.shift + np.array([0.0, 0.0, 0.0, _STRONGER]))
-    friction = predict(table, stronger) - (here if capped else predict(table, open_end))
+    share = _STRONGER / max(float(np.median(table.force)), _STRONGER)
+    friction = predict(table, open_end, stronger=share)
+    friction = friction - (here if capped else predict(table, open_end))
     on_grid = np.stack(
         (
             np.ones_like(since), np.minimum(since, 0.0),

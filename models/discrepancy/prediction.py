@@ -10,13 +10,13 @@ Source: Braking (2), (7), (8) with the effects of :mod:`models.effects`.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models import braking, effects, wheel_lockup
+from models import braking, effects
+from models.discrepancy.brakes import brought_force, lagged, motion_of
 from models.discrepancy.hypothesis import Hypothesis
 from models.discrepancy.stop_table import StopTable
 from models.quantity import GRAVITY
@@ -26,7 +26,6 @@ Floats = NDArray[np.float64]
 _SWEEPS = 12
 _SAME = 1e-5  # [m/s]
 _LEAST_SPEED = 0.3  # [m/s] slower than that a curvature means nothing
-_LEAST_COOLING = 0.5  # [s]
 _LATEST_CLOCK = 1e6  # [s] clocks beyond count from some epoch, not from the session's beginning
 
 
@@ -54,39 +53,40 @@ def session_time(table: StopTable) -> Floats:
 
 def predict(
     table: StopTable, hypothesis: Hypothesis, speed: Floats | None = None,
-    ground: Ground | None = None, time: Floats | None = None,
+    ground: Ground | None = None, time: Floats | None = None, stronger: Floats | float = 0.0,
 ) -> Floats:  # fmt: skip
     """(S, M) fall of the speed since the command [m/s], 0 before the onset.
 
     Args:
         table: stops. hypothesis: what to believe.
         speed, ground, time: (S, M) in place of those measured.
+        stronger: share by which brakes pull more than believed, (S, 1) or of all stops.
     """
     v = table.speed if speed is None else np.maximum(speed, 0.0)
     t = table.time if time is None else time
     place = ground_of(table) if ground is None else ground
-    terms = effects.motion(
-        (*hypothesis.model.effect, *hypothesis.added), hypothesis.model.braking.sliding_friction
-    )
-    wanted = wanted_force(table, hypothesis, place)
+    terms = motion_of(hypothesis)
+    wanted = (1.0 + stronger) * wanted_force(table, hypothesis, place)
     step = t[:, 1:2] - t[:, :1]
-    since = np.maximum(t - hypothesis.dead_time, 0.0)
-    force = lagged(wanted, since, terms.lag) if terms.lag > 0.0 else wanted
-    given = force
-    if terms.fade > 0.0:
-        given = given / (1.0 + terms.fade * heat(table, terms.fade_tau, v, t, hypothesis.dead_time))
-    if math.isfinite(terms.friction):
-        given = np.minimum(
-            given, wheel_lockup.friction_cap(place.grade, place.roll, terms.friction)
-        )
-    rest = np.sin(place.grade) + given - force
+    brought = brought_force(table, hypothesis, wanted, v, place.grade, place.roll, t)
+    rest = np.sin(place.grade) + brought.given - brought.force
     if terms.drag or terms.viscous or terms.turning or terms.wind_drag:
         curvature = np.abs(place.turning) / np.maximum(v, _LEAST_SPEED)
         rest = rest + effects.motion_deceleration(v, curvature, place.yaw, terms) / GRAVITY
     fall = _since_onset(wanted + rest, step, t, hypothesis.dead_time)
     if terms.lag > 0.0:  # ∫f = ∫F − τ f, from τ df/dt = F − f
-        fall = fall - terms.lag * force
+        fall = fall - terms.lag * brought.force
     return GRAVITY * fall
+
+
+def passed(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, M) share of a small change of the wanted force that reaches the measured ground."""
+    place = ground_of(table)
+    wanted = wanted_force(table, hypothesis, place)
+    found = brought_force(
+        table, hypothesis, wanted, table.speed, place.grade, place.roll, table.time
+    )
+    return found.passes
 
 
 def wanted_force(table: StopTable, hypothesis: Hypothesis, place: Ground) -> Floats:
@@ -143,16 +143,6 @@ def _lines(c: Floats, speed: Floats) -> tuple[Floats, Floats]:
     return c[0] * speed + c[1], c[2] * speed + c[3]
 
 
-def lagged(wanted: Floats, since: Floats, lag: float) -> Floats:
-    """First-order build-up from 0 at the onset along axis 1, exact for an even force in a step."""
-    force = np.zeros_like(wanted)
-    keep = np.exp(-np.diff(since, axis=1) / lag)
-    middle = 0.5 * (wanted[:, 1:] + wanted[:, :-1]) * (1.0 - keep)
-    for k in range(keep.shape[1]):
-        force[:, k + 1] = force[:, k] * keep[:, k] + middle[:, k]
-    return force
-
-
 def _since_onset(values: Floats, step: Floats, t: Floats, onset: float) -> Floats:
     """(S, M) integral over time from the onset on, smooth in the onset."""
     total = np.zeros_like(values)
@@ -168,8 +158,17 @@ def integral(
     """(S, M, Q) fall of speed by shares of the weight that act from the onset on.
 
     Args:
-        shares: (S, M, Q). forces: (Q,) those that the brakes bring, which build up with the lag.
+        shares: (S, M, Q). forces: (Q,) those that the brakes bring, which build up with the lag and
+            of which fade and friction let a part through.
     """
+    terms = motion_of(hypothesis)
+    alike = terms.lag == 0.0 and terms.fade == 0.0 and math.isinf(terms.friction)
+    built = shares[:, :, forces]
+    if forces.any() and not alike:
+        since = np.maximum(table.time - hypothesis.dead_time, 0.0)[:, :, None]
+        built = lagged(built, since, terms.lag) if terms.lag > 0.0 else built
+        shares = shares.copy()
+        shares[:, :, forces] += (passed(table, hypothesis)[:, :, None] - 1.0) * built
     step = (table.time[:, 1:2] - table.time[:, :1])[:, :, None]
     total = np.zeros_like(shares)
     np.cumsum(0.5 * (shares[:, 1:] + shares[:, :-1]) * step, axis=1, out=total[:, 1:])
@@ -180,16 +179,8 @@ def integral(
     at_onset = (1.0 - share) * total[rows, left] + share * total[rows, left + 1]
     after = (table.time > hypothesis.dead_time)[:, :, None]
     result: Floats = np.where(after, total - at_onset[:, None, :], 0.0)
-    lag = lag_of(hypothesis)
-    if lag > 0.0 and forces.any():
-        since = np.maximum(table.time - hypothesis.dead_time, 0.0)[:, :, None]
-        result[:, :, forces] -= lag * lagged(shares[:, :, forces], since, lag)
+    result[:, :, forces] -= terms.lag * built
     return GRAVITY * result
-
-
-def lag_of(hypothesis: Hypothesis) -> float:
-    """Time constant with which the force builds up [s], 0 without."""
-    return effects.motion((*hypothesis.model.effect, *hypothesis.added)).lag
 
 
 def at_time(values: Floats, t: Floats, when: float) -> Floats:
@@ -203,56 +194,16 @@ def at_time(values: Floats, t: Floats, when: float) -> Floats:
     return result
 
 
-def heat(table: StopTable, tau: float, speed: Floats, time: Floats, onset: float) -> Floats:
-    """(S, M) brake heat per mass q [J/kg]: power of the braking force less cooling.
-
-    The power is that which each stop shows by itself, so that q does not depend on what it does.
-    """
-    tau = max(tau, _LEAST_COOLING)
-    step = time[:, 1:2] - time[:, :1]
-    power = GRAVITY * np.maximum(table.force, 0.0)[:, None] * speed * (time > onset)
-    # q' = power − q/τ solved with its factor e^(t/τ); stops are short beside τ.
-    factor = np.exp((time - time[:, :1]) / tau)
-    driven = power * factor
-    within = np.zeros_like(power)
-    np.cumsum(0.5 * (driven[:, 1:] + driven[:, :-1]) * step, axis=1, out=within[:, 1:])
-    within /= factor
-    before = _heat_before(table, tau, time[:, -1], within[:, -1])
-    return before[:, None] * np.exp(-np.maximum(time, 0.0) / tau) + within
-
-
-def _heat_before(table: StopTable, tau: float, end: Floats, within: Floats) -> Floats:
-    """(S,) heat at each stop command by the stops before it [J/kg].
-
-    Args:
-        end: (S,) of each stop since its command [s]. within: (S,) heat that it brings itself.
-    """
-    if table.warmed is not None:
-        return np.array([sum(e * math.exp(-ago / tau) for ago, e in w) for w in table.warmed])
-    events = [(float(c), i) for i, c in enumerate(table.clock)]
-    events += [(clock, -1 - j) for j, (clock, _) in enumerate(table.cooled)]
-    before = np.zeros(len(table))
-    q, since = 0.0, -math.inf
-    for clock, i in sorted(events):
-        q *= math.exp(-min(max(clock - since, 0.0) / tau, 700.0))
-        since = clock
-        if i < 0:
-            q += table.cooled[-1 - i][1]
-            continue
-        before[i] = q
-        rest = max(float(end[i]), 0.0)
-        q, since = q * math.exp(-rest / tau) + float(within[i]), clock + rest
-    return before
-
-
 def simulate(
-    table: StopTable, hypothesis: Hypothesis, speed: Floats, time: Floats
-) -> tuple[Floats, Floats]:
+    table: StopTable, hypothesis: Hypothesis, speed: Floats, time: Floats,
+    stronger: Floats | float = 0.0,
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Speed and way by the hypothesis alone, on the ground that lies along the measured way.
 
     Args:
         table: stops. hypothesis: what to believe.
         speed: (S,) at the command [m/s], held before it. time: (S, M) even steps since it [s].
+        stronger: as for :func:`predict`.
 
     Returns:
         (S, M) speed, not below 0 [m/s]; (S, M) station since the command [m].
@@ -267,7 +218,7 @@ def simulate(
 
     for _ in range(_SWEEPS):
         way = way_of(v)
-        fall = predict(table, hypothesis, v, _along(table, way), time)
+        fall = predict(table, hypothesis, v, _along(table, way), time, stronger)
         again = np.maximum(speed[:, None] - fall, 0.0)
         same = float(np.max(np.abs(again - v))) < _SAME
         v = again
@@ -275,12 +226,6 @@ def simulate(
             break
     v = np.where(np.minimum.accumulate(v, axis=1) > 0.0, v, 0.0)
     return v, way_of(v)
-
-
-def as_output(table: StopTable, hypothesis: Hypothesis) -> StopTable:
-    """The table with the speeds that the hypothesis gives, for a fit to its output."""
-    speed, _ = simulate(table, hypothesis, table.held, table.time)
-    return replace(table, speed=speed)
 
 
 def _along(table: StopTable, way: Floats) -> Ground:

@@ -15,7 +15,13 @@ from scipy.optimize import minimize_scalar
 from models.calibration.force_fit import WEAK_PRIOR
 from models.discrepancy.hypothesis import BASE, LAWFUL, Hypothesis
 from models.discrepancy.noise import Noise, Whitener, estimate, whitener
-from models.discrepancy.prediction import ground_of, predict, wanted_force
+from models.discrepancy.prediction import (
+    ground_of,
+    integral,
+    predict,
+    simulate,
+    wanted_force,
+)
 from models.discrepancy.stop_table import StopTable
 from models.discrepancy.swing import SWING, USUAL_SWING, swing_columns
 from models.parameters import Model
@@ -30,6 +36,7 @@ _TRIES = 8
 _NOISE_PASSES = 2
 _SWINGS = 40.0  # chi square
 _MOST_WIDER = 2.0
+_LEAST_FORCE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,20 +79,29 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S, M, P) change of the fall of speed with each free number."""
     free, scales = hypothesis.free, hypothesis.scales
     _, high = hypothesis.bounds
-    base = _observed(table, hypothesis)
+    base = predict(table, hypothesis)
     swing = np.zeros((*table.time.shape, SWING))
     if hypothesis.swings:
         swing = swing_columns(table, hypothesis.dead_time)
-    columns = []
-    for i, scale in enumerate(scales):
-        if LAWFUL <= i < BASE:
-            columns.append(swing[:, :, i - LAWFUL])
-            continue
-        step = _STEP * scale if free[i] + _STEP * scale <= high[i] else -_STEP * scale
+        base = base + swing @ hypothesis.swing
+    columns = [_by_shifts(table, hypothesis)]
+    for i in (LAWFUL - 1, *range(BASE, len(free))):
+        step = _STEP * scales[i] if free[i] + _STEP * scales[i] <= high[i] else -_STEP * scales[i]
         moved = free.copy()
         moved[i] += step
-        columns.append((_observed(table, hypothesis.moved(moved)) - base) / step)
-    return np.stack(columns, axis=2)
+        columns.append(((_observed(table, hypothesis.moved(moved)) - base) / step)[:, :, None])
+    columns.insert(2, swing)
+    return np.concatenate(columns, axis=2)
+
+
+def _by_shifts(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, M, 4) by the coefficients, in which the wanted force is linear."""
+    place = ground_of(table)
+    wanted = wanted_force(table, hypothesis, place)
+    moved = [replace(hypothesis, shift=hypothesis.shift + one) for one in np.eye(LAWFUL - 1)]
+    shares = [wanted_force(table, h, place) - wanted for h in moved]
+    forces = np.ones(LAWFUL - 1, np.bool_)
+    return integral(table, hypothesis, np.stack(shares, axis=2), forces)
 
 
 def _observed(table: StopTable, hypothesis: Hypothesis) -> Floats:
@@ -200,6 +216,24 @@ def _bounded_step(
             return step
         free &= ~stuck
     return np.zeros(len(at))
+
+
+def as_output(table: StopTable, found: Fit) -> StopTable:
+    """The table with the speeds that a fit gives, each stop with its own friction.
+
+    A fit to these speeds sees no noise in the terms of motion. Without its friction a stop would
+    come to rest elsewhere, and terms that grow towards the rest would be far off.
+    """
+    stronger = own_friction(found) / max(float(np.median(table.force)), _LEAST_FORCE)
+    speed, _ = simulate(table, found.hypothesis, table.held, table.time, stronger[:, None])
+    return replace(table, speed=speed)
+
+
+def own_friction(found: Fit) -> Floats:
+    """(S,) most likely F_b/W of each stop beyond what all have in common, as `Noise.scatter`."""
+    variance, power = found.noise.scatter**2, found.white.power
+    result: Floats = variance * np.sqrt(power) * found.between / (1.0 + variance * power)
+    return result
 
 
 def fit_with_scatter(

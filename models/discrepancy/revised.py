@@ -19,7 +19,7 @@ from models.discrepancy.refine import Fit
 from models.discrepancy.stop_table import StopTable
 from models.discrepancy.verdict import Decision
 from models.effects import LAWS
-from models.parameters import Effect, Model
+from models.parameters import Braking, Effect, Model
 
 Floats = NDArray[np.float64]
 
@@ -46,12 +46,16 @@ def revised(
     fit = decision.explanation.fit
     model = fit.hypothesis.model
     unclear = decision.verdict is Verdict.UNIDENTIFIABLE
-    if decision.verdict is Verdict.NONE or (unclear and not _refit_is_longer(table, fit)):
-        return _wider(model, table, decision, held_out), ()
+    kept = decision.kept or decision.verdict is Verdict.NONE
+    if kept or (unclear and not _refit_is_longer(table, fit)):
+        as_it_is = distances(table, Hypothesis.configured(model))
+        if decision.kept and decision.verdict is Verdict.UNKNOWN:
+            model = replace(model, braking=_scattered(model.braking, fit))
+        return _wider(model, table, decision, as_it_is), ()
     shift = fit.hypothesis.shift
     on = model.braking
     braking = replace(
-        on,
+        _scattered(on, fit),
         m_m=on.m_m + float(shift[0]),
         b_m=on.b_m + float(shift[1]),
         m_b=on.m_b + float(shift[2]),
@@ -60,8 +64,6 @@ def revised(
         covariance=_matrix(fit.covariance[:4, :4]),
         speed_range=_within(on.speed_range, table.held),
         grade_range=_within(on.grade_range, table.grade),
-        force_std=max(on.force_std, fit.noise.scatter),
-        dead_time_std=max(on.dead_time_std, fit.noise.jitter),
     )
     added = effects_of(fit, widths, source)
     better = replace(model, braking=braking, effect=(*model.effect, *added))
@@ -89,6 +91,15 @@ def effects_of(fit: Fit, widths: dict[str, dict[str, float]], source: str) -> tu
     return tuple(found)
 
 
+def _scattered(braking: Braking, fit: Fit) -> Braking:
+    """With at least the scatter from stop to stop that the log showed."""
+    return replace(
+        braking,
+        force_std=max(braking.force_std, fit.noise.scatter),
+        dead_time_std=max(braking.dead_time_std, fit.noise.jitter),
+    )
+
+
 def _inside(effect: str, name: str, value: float) -> float:
     _, low, high = LAWS[effect].parameters[name]
     return min(max(value, low), high)
@@ -109,9 +120,9 @@ def _within(known: tuple[float, float], seen: Floats) -> tuple[float, float]:
     return (low, high) if high > low else known
 
 
-def _wider(model: Model, table: StopTable, decision: Decision, held_out: Floats) -> Model:
+def _wider(model: Model, table: StopTable, decision: Decision, predicted: Floats) -> Model:
     """With a safety offset that covers stops held out, and the longest of all rivals."""
-    needed = offset_for(_COVERAGE, table.distance - held_out)
+    needed = offset_for(_COVERAGE, table.distance - predicted)
     if decision.rivals:
         here = distances(table, decision.explanation.fit.hypothesis)
         longer = [distances(table, r.fit.hypothesis) - here for r in decision.rivals]

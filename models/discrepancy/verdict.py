@@ -15,23 +15,21 @@ from scipy.stats import chi2
 
 from models.discrepancy.absorbed import Absorbed, absorbed_explanations
 from models.discrepancy.findings import Verdict
-from models.discrepancy.gap import distances
 from models.discrepancy.hypothesis import USUAL
 from models.discrepancy.identify import Explanation, Identified
 from models.discrepancy.locate import WITHIN, Followed
 from models.discrepancy.refine import Fit, fit, residual
-from models.discrepancy.restraint import along_one_axis, weak
+from models.discrepancy.restraint import TRACE, along_one_axis, plainer_one, weak
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
 
 Floats = NDArray[np.float64]
 
 _LEFT = 0.1  # share of what the names explain that may be left along an axis
-_TRACE = 0.01  # of the way of a stop, below which a pattern is told and no more
 _BELIEVED = 0.5  # share of what is left for which likelihoods are not believed
 _STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
 _DRIFT = 0.003  # p-value of the same coefficients
-_PART = 3.0  # chi square by which several effects have to beat fewer of them
+_BELIEVED_NAMES = 2  # where a pattern is left beside them
 _AT_BOUND = 1e-3
 
 
@@ -46,6 +44,7 @@ class Decision:
         axis: that an unknown follows, or what is left beside the names.
         absorbed: for `unidentifiable`.
         notes: doubts, in sentences.
+        kept: the model stays as configured.
     """
 
     verdict: Verdict
@@ -55,6 +54,7 @@ class Decision:
     axis: Followed | None = None
     absorbed: tuple[Absorbed, ...] = ()
     notes: tuple[str, ...] = ()
+    kept: bool = False
 
 
 def decide(
@@ -77,13 +77,10 @@ def decide(
     best, others = found.best, found.others
     # Where the model's own shape is a little wrong, likelihoods differ by that for no reason.
     doubt = max(settings.rival, _BELIEVED * sure[0].chi_square) if sure else settings.rival
-    parts = [e for e in others if e.names and set(e.names) < set(best.names)]
-    if parts:
-        plainer = min(parts, key=lambda e: e.score)
-        doubted = plainer.score < best.score + (doubt if sure else _PART)
-        if doubted or _way_between(table, best, plainer) < _TRACE:
-            others = (best, *(e for e in others if e.names != plainer.names))
-            best = plainer
+    plainer = plainer_one(table, best, others, doubt if sure else 0.0, settings.seed)
+    if plainer is not None:
+        others = (best, *(e for e in others if e.names != plainer.names))
+        best = plainer
     refitted = next((e for e in others if not e.names), _far(base))
     if weak(table, best, refitted, located):
         plain = [f for f in located if f.p_value < settings.structure]
@@ -108,6 +105,10 @@ def decide(
         words = f"{' and '.join(best.names)} came nearest, but left a pattern along "
         words += large[0].axis.name
         return Decision(Verdict.UNKNOWN, refitted, axis=large[0], notes=(words,))
+    if sure and len(best.names) > _BELIEVED_NAMES:
+        words = f"{', '.join(best.names)} together came nearest, and left a pattern along "
+        words += f"{sure[0].axis.name}: the cause is likely another one"
+        return Decision(Verdict.UNKNOWN, refitted, axis=sure[0], notes=(words,))
     together = along_one_axis(table, best)
     if together:
         words = f"{' and '.join(together)} together imitate it; "
@@ -133,14 +134,8 @@ def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
     """
     within = [f for f in sure if f.axis.name in WITHIN]
     apart = within[:1] + [f for f in sure if f.axis.name not in WITHIN]
-    least = _TRACE * float(np.mean(table.distance))
+    least = TRACE * float(np.mean(table.distance))
     return sorted((f for f in apart if f.way > least), key=lambda f: -f.strength)
-
-
-def _way_between(table: StopTable, one: Explanation, other: Explanation) -> float:
-    """Root mean square difference of stopping distances, as a share of their mean."""
-    off = distances(table, one.fit.hypothesis) - distances(table, other.fit.hypothesis)
-    return float(np.sqrt(np.mean(off**2)) / np.mean(table.distance))
 
 
 def _said_of(left: Followed) -> tuple[str, ...]:

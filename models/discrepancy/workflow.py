@@ -20,9 +20,9 @@ from models.discrepancy.findings import Experiment, Findings, Verdict
 from models.discrepancy.gap import Gaps, compared
 from models.discrepancy.identify import Explanation, Identified, identify, rescued
 from models.discrepancy.locate import WITHIN, Followed, follow
-from models.discrepancy.prediction import as_output
 from models.discrepancy.prepare import prepare
-from models.discrepancy.refine import Fit, fit_base, start_of
+from models.discrepancy.refine import Fit, as_output, fit_base, start_of
+from models.discrepancy.restraint import PLAIN
 from models.discrepancy.revised import revised
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.stop_table import StopTable
@@ -93,6 +93,7 @@ def investigate_with_evidence(
     widths = extents(output, decision.explanation.fit)
     gaps = compared(table, base, decision.explanation.fit, wanted)
     decision, gaps = _that_predicts(table, base, decision, gaps, wanted)
+    decision, gaps = _worth_refitting(decision, gaps)
     if decision.verdict is Verdict.UNKNOWN and decision.axis is None and located:
         decision = replace(decision, axis=located[0])
     better, added = revised(table, decision, gaps.held_out, widths, source)
@@ -122,7 +123,9 @@ def _that_predicts(
 ) -> tuple[Decision, Gaps]:
     """The decision, or `unknown` where its names do not help with stops held out."""
     named = decision.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
-    if not named or gaps.speed.after <= _NO_HELP * gaps.speed.refit:
+    # Errors say little where stops differ by frictions of their own, which likelihoods take out.
+    nearer = gaps.speed.after <= _NO_HELP * gaps.speed.refit or gaps.likelier > PLAIN
+    if not named or (gaps.likelier > 0.0 and nearer):
         return decision, gaps
     names = " and ".join(decision.explanation.names)
     words = f"{names} fits the log, but predicts stops held out no better than new coefficients"
@@ -133,6 +136,20 @@ def _that_predicts(
         notes=(*decision.notes, words),
     )
     return plain, compared(table, base, base, settings)
+
+
+def _worth_refitting(decision: Decision, gaps: Gaps) -> tuple[Decision, Gaps]:
+    """The decision, with the model as configured where new coefficients predict no better."""
+    refitted = decision.verdict in (Verdict.PARAMETER_DRIFT, Verdict.UNKNOWN)
+    both = (gaps.speed, gaps.distance)
+    if not refitted or any(gap.refit < gap.before for gap in both):
+        return decision, gaps
+    words = "new coefficients predict stops held out no better than those configured, which stay"
+    drift = decision.verdict is Verdict.PARAMETER_DRIFT
+    verdict = Verdict.NONE if drift else Verdict.UNKNOWN
+    speed, distance = (replace(g, after=g.before, closed=None, ci95=None) for g in both)
+    kept = replace(decision, verdict=verdict, notes=(*decision.notes, words), kept=True)
+    return kept, replace(gaps, speed=speed, distance=distance)
 
 
 def _with_what_is_left(
@@ -160,7 +177,7 @@ def _with_what_is_left(
 
 
 def _output(table: StopTable, best: Explanation) -> StopTable:
-    return as_output(table, best.fit.hypothesis) if best.names else table
+    return as_output(table, best.fit) if best.names else table
 
 
 def _doubts(table: StopTable, decision: Decision) -> tuple[str, ...]:
