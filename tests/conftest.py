@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture.providers import Constants, HypothesisProvider
 
 from models.parameters import Model
 from planner.elevation_map import ElevationMap
@@ -19,7 +20,13 @@ from tests.planner import scenes
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("default", derandomize=True, database=None, **_CALM)
 settings.register_profile("nightly", max_examples=2000, print_blob=True, **_CALM)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "default")
+settings.load_profile(PROFILE)
+if PROFILE == "default":
+    # Otherwise draws depend on the constants of all modules that a process has imported so far, and
+    # with them on the tests that it happened to run before.
+    assert "_local_constants" in vars(HypothesisProvider)
+    HypothesisProvider._local_constants = Constants()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -63,16 +63,23 @@ def brought_force(
     if terms.fade > 0.0:
         onset = hypothesis.dead_time
         for _ in range(_HEATINGS):  # brakes that fade heat less from then on
-            even = _even(np.minimum(force * passes, cap), time > onset)
+            even = _even(np.minimum(force * passes, cap), _braking(time, onset))
             q = heat(table, terms.fade_tau, speed, time, onset, even)
             passes = 1.0 / (1.0 + terms.fade * q)
     given = force * passes
     return Brought(force, np.minimum(given, cap), np.where(given > cap, 0.0, passes))
 
 
-def _even(force: Floats, braking: NDArray[np.bool_]) -> Floats:
-    """(S, M) forces as multiples of their mean over each stop."""
-    mean = np.sum(force * braking, axis=1) / np.maximum(np.sum(braking, axis=1), 1)
+def _braking(time: Floats, onset: float) -> Floats:
+    """(S, M) share of the step around each time that lies after the onset, smooth in the onset."""
+    step = time[:, 1:2] - time[:, :1]
+    result: Floats = np.clip((time - onset) / step + 0.5, 0.0, 1.0)
+    return result
+
+
+def _even(force: Floats, braking: Floats) -> Floats:
+    """(S, M) forces as multiples of their mean while braking."""
+    mean = np.sum(force * braking, axis=1) / np.maximum(np.sum(braking, axis=1), 1.0)
     result: Floats = force / np.maximum(mean, _LEAST_FORCE)[:, None]
     return result
 
@@ -105,7 +112,7 @@ def heat(
     """
     tau = max(tau, _LEAST_COOLING)
     step = time[:, 1:2] - time[:, :1]
-    power = GRAVITY * np.maximum(table.force, 0.0)[:, None] * speed * (time > onset)
+    power = GRAVITY * np.maximum(table.force, 0.0)[:, None] * speed * _braking(time, onset)
     if even is not None:
         power = power * even
     # q' = power − q/τ solved with its factor e^(t/τ); stops are short beside τ.
