@@ -18,8 +18,9 @@ from tests.planner.scenes import SMALL, Tables, columns_of, ground_map, plan_one
 SAFETY = {"overrun", "rear_load", "side_load", "front_load", "grade_range", "accel", "drive"}
 """Kinds of violations that no fallback excuses."""
 
-LOAD_IN_DOUBT = 0.02
-"""Share of its load by which a reported rear load may be off where force kinks or jumps."""
+LOAD_IN_DOUBT, ON_ICE = 0.02, 0.06
+"""Share of its load by which a reported rear load may be off where force kinks or jumps, and where
+two surfaces' brakes take hold a tenth of a second apart, on another grade."""
 
 EFFECT_RANGES: dict[str, dict[str, tuple[float, float]]] = {
     "aerodynamic_drag": {"c": (0.0, 0.05)},
@@ -246,7 +247,8 @@ def complaints(scene: Scene, plan: SpeedPlan, **options: Any) -> list[oracle.Vio
         found = [v for v in found if v.kind in SAFETY]
     if not exact or scene.icy:
         # Where one of two answers holds, the reported load is that of the likelier place of onset.
-        found = [v for v in found if "rear_load is" not in v.text or v.amount > LOAD_IN_DOUBT]
+        doubt = ON_ICE if scene.icy else LOAD_IN_DOUBT
+        found = [v for v in found if "rear_load is" not in v.text or v.amount > doubt]
     return found + _given_up(scene, plan)
 
 
