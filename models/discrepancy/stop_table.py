@@ -27,6 +27,7 @@ _LAST = 0.95  # share of the way to standstill; then sensors and suspension do o
 _MOST_BLUR, _BLURS, _NO_WEIGHT = 0.03, 2.5, 1e4  # [s], standard deviations, of a variance
 _ABOVE_NOISE = 2.5  # standard deviations
 _SMOOTH = 0.08  # [s] standard deviation of the kernel for channels in products
+_LEAST_PULL = 0.05  # of the weight
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y")
 
 
@@ -101,7 +102,10 @@ class StopTable:
             )
         }  # fmt: skip
         left = np.setdiff1d(np.arange(len(self)), index)
-        heat = [(float(self.clock[i]), 0.5 * float(self.held[i]) ** 2) for i in left]
+        # On a slope the ground brakes, too, or pushes.
+        by_brakes = self.force / np.maximum(self.force + np.sin(self.grade[:, -1]), _LEAST_PULL)
+        energy = 0.5 * self.held**2 * np.maximum(by_brakes, 0.0)
+        heat = [(float(self.clock[i]), float(energy[i])) for i in left]
         return replace(
             self,
             **arrays,

@@ -123,9 +123,9 @@ def _that_predicts(
 ) -> tuple[Decision, Gaps]:
     """The decision, or `unknown` where its names do not help with stops held out."""
     named = decision.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
-    # Errors say little where stops differ by frictions of their own, which likelihoods take out.
-    nearer = gaps.speed.after <= _NO_HELP * gaps.speed.refit or gaps.likelier > PLAIN
-    if not named or (gaps.likelier > 0.0 and nearer):
+    # Errors say little where stops differ by frictions of their own, which likelihoods take out;
+    # likelihoods say little of stops near a friction cap, which cuts their scatter off.
+    if not named or gaps.speed.after <= _NO_HELP * gaps.speed.refit or gaps.likelier > PLAIN:
         return decision, gaps
     names = " and ".join(decision.explanation.names)
     words = f"{names} fits the log, but predicts stops held out no better than new coefficients"
