@@ -41,6 +41,11 @@ def get(url: str, **headers: str) -> tuple[int, str]:
         return error.code, error.read().decode()
 
 
+def shows_a_plan(url: str) -> bool:
+    plan = json.loads(get(f"{url}/state")[1])["plan"]
+    return plan is not None and plan["chosen"] is not None
+
+
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Running, str]]:
     port = free_port()
@@ -65,7 +70,7 @@ def asked(pages: tuple[Running, str]) -> str:
             reply = client.plan(1.0, [odd, *fan(4)], pose=(0.0, 0.0, 0.0), clear=20.0).reply
             assert reply is not None
             # The page learns of an answer after it was given.
-            if reply.plans and json.loads(get(f"{url}/state")[1])["plan"]["chosen"] is not None:
+            if reply.plans and shows_a_plan(url):
                 return url
             time.sleep(0.02)
     raise AssertionError("no plan in time")
