@@ -139,8 +139,7 @@ def speed_floor(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Float
 
 def distance_floor(table: StopTable, noise: Noise) -> Floats:
     """(S,) variance of the distance errors of a perfect model [m²]."""
-    pull = np.maximum(table.force + np.sin(table.grade[:, -1]), 0.05)
-    by_force = table.held**2 / (2.0 * GRAVITY * pull**2)
+    by_force = table.held**2 / (2.0 * GRAVITY * table.pull**2)
     by_rest = noise.speed * np.sqrt(np.median(table.spread[table.spread > 0.0])) * table.rest_time
     own: Floats = (noise.scatter * by_force) ** 2 + (noise.jitter * table.held) ** 2 + by_rest**2
     return own

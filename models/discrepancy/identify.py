@@ -156,15 +156,19 @@ def _with_one_less(
     table: StopTable, best: Explanation, known: dict[tuple[str, ...], Explanation]
 ) -> dict[tuple[str, ...], Explanation]:
     """Explanations without one of the effects of the best: a first step may have been wrong."""
-    output = as_output(table, best.fit)
     added = best.fit.hypothesis.added
+    rests = [
+        replace(best.fit.hypothesis, added=(*added[:i], *added[i + 1 :])) for i in range(len(added))
+    ]
+    missing = {tuple(sorted(rest.names)): rest for rest in rests}
+    missing = {names: rest for names, rest in missing.items() if names not in known}
+    if not missing:
+        return {}
+    output = as_output(table, best.fit)
     found = {}
-    for i in range(len(added)):
-        rest = replace(best.fit.hypothesis, added=(*added[:i], *added[i + 1 :]))
-        names = tuple(sorted(rest.names))
-        if names not in known:
-            refit = fit_either_way(output, rest, best.fit.noise, rounds=1)
-            found[names] = Explanation(refit, score(refit, len(table)), best.gained, best.needed)
+    for names, rest in missing.items():
+        refit = fit_either_way(output, rest, best.fit.noise, rounds=1)
+        found[names] = Explanation(refit, score(refit, len(table)), best.gained, best.needed)
     return found
 
 
@@ -233,18 +237,15 @@ def screen(
 ) -> tuple[list[Candidate], screening.Reduced, screening.Scores]:
     """Scores of all candidates beyond a fit."""
     found, columns = candidates(table, fit.hypothesis)
-    precision = prior_precision(fit.hypothesis)
-    sums = screening.reduced(fit.white, fit.jacobian, columns, precision)
-    one_sided = np.array([c.one_sided for c in found])
-    left = left_of(table, fit)
-    scored = screening.scores(sums, left, fit.noise.scatter, one_sided)
     patches = [i for i, c in enumerate(found) if c.name == "surface_patch"]
     placed = placed_patch(table, fit) if patches else None
     if placed is not None:
         found[patches[0]] = placed[0]
         columns[:, :, patches[:1]] = patch_column(table, fit.hypothesis, placed[0])
-        sums = screening.reduced(fit.white, fit.jacobian, columns, precision)
-        scored = screening.scores(sums, left, fit.noise.scatter, one_sided)
+    precision = prior_precision(fit.hypothesis)
+    sums = screening.reduced(fit.white, fit.jacobian, columns, precision)
+    one_sided = np.array([c.one_sided for c in found])
+    scored = screening.scores(sums, left_of(table, fit), fit.noise.scatter, one_sided)
     return found, sums, scored
 
 

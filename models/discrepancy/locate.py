@@ -27,7 +27,6 @@ WITHIN = ("speed", "time_since_onset", "brake_heat")
 
 _NOT_BY_FRICTION = (*WITHIN, "onset_speed", "grade", "abs_grade")
 # What the coefficients themselves act along is told by whole stops only.
-_LEAST_PULL = 0.05  # [1] of the weight, net of gravity
 _RANK = 1e-4  # of a group's largest direction, below which a direction is none
 
 
@@ -185,9 +184,8 @@ class _Space:
             total = float(np.sum(rows[:, 0] ** 2))
             own = max(chi_square - len(along), 0.0) / total * self._mean_square(left)
             table = self.table
-            force = np.maximum(table.force + np.sin(table.grade[:, -1]), _LEAST_PULL)
             off = np.mean(share - np.mean(share), axis=1) * table.held**2
-            way = float(np.sqrt(np.mean((off / (2.0 * GRAVITY * force**2)) ** 2)))
+            way = float(np.sqrt(np.mean((off / (2.0 * GRAVITY * table.pull**2)) ** 2)))
         return Followed(axis, chi_square, len(along), strength, p_value, share, own, way)
 
     def _way(self, speed: Floats) -> Floats:

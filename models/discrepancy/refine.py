@@ -79,11 +79,10 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S, M, P) change of the fall of speed with each free number."""
     free, scales = hypothesis.free, hypothesis.scales
     _, high = hypothesis.bounds
-    base = predict(table, hypothesis)
+    base = _observed(table, hypothesis)
     swing = np.zeros((*table.time.shape, SWING))
     if hypothesis.swings:
         swing = swing_columns(table, hypothesis.dead_time)
-        base = base + swing @ hypothesis.swing
     columns = [_by_shifts(table, hypothesis)]
     for i in (LAWFUL - 1, *range(BASE, len(free))):
         step = _STEP * scales[i] if free[i] + _STEP * scales[i] <= high[i] else -_STEP * scales[i]

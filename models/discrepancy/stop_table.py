@@ -87,6 +87,11 @@ class StopTable:
         """(S, K) as `spread`, with bins around the onset like all others."""
         return np.where(self.spread > 1.0, self.spread / _NO_WEIGHT, self.spread)
 
+    @property
+    def pull(self) -> Floats:
+        """(S,) of brakes and ground together, as a share of the weight; not below a little."""
+        return np.maximum(self.force + np.sin(self.grade[:, -1]), _LEAST_PULL)
+
     def __len__(self) -> int:
         return len(self.held)
 
@@ -103,8 +108,7 @@ class StopTable:
         }  # fmt: skip
         left = np.setdiff1d(np.arange(len(self)), index)
         # On a slope the ground brakes, too, or pushes.
-        by_brakes = self.force / np.maximum(self.force + np.sin(self.grade[:, -1]), _LEAST_PULL)
-        energy = 0.5 * self.held**2 * np.maximum(by_brakes, 0.0)
+        energy = 0.5 * self.held**2 * np.maximum(self.force / self.pull, 0.0)
         heat = [(float(self.clock[i]), float(energy[i])) for i in left]
         return replace(
             self,

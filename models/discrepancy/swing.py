@@ -25,7 +25,6 @@ USUAL_SWING = 0.006
 """Standard deviation of each that is expected beforehand, in a usual stop [m/s]."""
 
 _USUAL_PULL = 0.45  # of the weight
-_LEAST_PULL = 0.05
 
 
 def swing_columns(table: StopTable, dead_time: float) -> Floats:
@@ -34,6 +33,5 @@ def swing_columns(table: StopTable, dead_time: float) -> Floats:
     rows = np.eye(len(KNOTS))[1:-1]
     hats = np.stack([np.interp(since, KNOTS, row, left=0.0, right=0.0) for row in rows], axis=2)
     # As the deceleration itself, so that a wrong model of it changes nothing here.
-    pull = np.maximum(table.force + np.sin(table.grade[:, -1]), _LEAST_PULL) / _USUAL_PULL
-    result: Floats = hats * np.minimum(pull, 2.0)[:, None, None]
+    result: Floats = hats * np.minimum(table.pull / _USUAL_PULL, 2.0)[:, None, None]
     return result
