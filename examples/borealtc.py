@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from services.files.table import read_csv, write_csv
+from services.io.table import read_csv, write_csv
 
 TERRAINS = {"ASPHALT": "asphalt", "ICE": "ice", "SANDY_LOAM": "sandy_loam", "SNOW": "snow"}
 

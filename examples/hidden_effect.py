@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.parameters import Effect, Model
-from models.simulation import Track, simulate_stop
-from services.files.model_file import find_model, read_model
-from services.files.table import write_csv
+from models.stops.simulation import Track, simulate_stop
+from services.io.model_file import find_model, read_model
+from services.io.table import write_csv
 
 Floats = NDArray[np.float64]
 

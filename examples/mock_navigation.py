@@ -20,7 +20,7 @@ import zenoh
 
 from services.client import Outcome, PlanClient
 from services.config import ZenohSettings, zenoh_config
-from services.messages import MapUpdate, Path
+from services.wire.messages import MapUpdate, Path
 
 CELL, ROWS, COLUMNS = 0.25, 240, 480
 SIGHT = 18.0  # [m] how far the robot sees

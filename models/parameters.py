@@ -181,7 +181,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """One named effect with its parameters; :mod:`models.effects` knows what they mean."""
+    """One named effect with its parameters; :mod:`models.effects.registry` knows what they mean."""
 
     name: str
     parameters: dict[str, float]

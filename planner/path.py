@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import splev, splprep
 
 from models.errors import ParameterError
-from planner.compiled import Floats, Ints, read_only
+from planner.kernels.compiled import Floats, Ints, read_only
 
 MAX_STATIONS = 200_000
 """Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""

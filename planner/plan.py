@@ -7,7 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from planner.compiled import Floats, Ints, kernel
+from planner.kernels.compiled import Floats, Ints, kernel
 from planner.limiting import Limiting
 
 

@@ -1,4 +1,4 @@
-"""What a robot's stack needs to ask for plans: this file, `messages.py`, `wire.py`, `errors.py`.
+"""What a robot's stack needs to ask for plans: this file, `messages.py`, `codec.py`, `errors.py`.
 
 There is always an answer in time. Where none comes from the service, or none that is a plan, it is
 the client's own: brake, as hard as the brakes can, and how the speed will go down meanwhile.
@@ -15,9 +15,9 @@ import numpy as np
 import zenoh
 
 from models.errors import InputError, ParameterError
-from services import messages, wire
-from services.messages import MapUpdate, Path, PlanReply, PlanRequest
-from services.wire import Format
+from services.wire import codec, messages
+from services.wire.codec import Format
+from services.wire.messages import MapUpdate, Path, PlanReply, PlanRequest
 
 _LARGEST_REPLY = 256_000_000
 _SAMPLES = 50
@@ -85,7 +85,7 @@ class PlanClient:
         self._timeout, self._deceleration, self._dead_time = timeout, deceleration, dead_time
         self._plan_key, self._map_key = f"{namespace}/v1/plan", f"{namespace}/v1/map"
         self._sequence = 0
-        self._encoding = wire.encoding_of(PlanRequest, written)
+        self._encoding = codec.encoding_of(PlanRequest, written)
         self._querier = session.declare_querier(self._plan_key, timeout=timeout, express=True)
 
     def __enter__(self) -> PlanClient:
@@ -145,21 +145,21 @@ class PlanClient:
     def put_map(self, update: MapUpdate) -> None:
         """Send ground; that it arrived shows in the map version of the next reply."""
         self._session.put(
-            self._map_key, wire.encode(update, self._written),
-            encoding=wire.encoding_of(MapUpdate, self._written),
+            self._map_key, codec.encode(update, self._written),
+            encoding=codec.encoding_of(MapUpdate, self._written),
             congestion_control=zenoh.CongestionControl.BLOCK,
         )  # fmt: skip
 
     def _ask(self, request: PlanRequest) -> PlanReply | None:
         deadline = f"deadline={_FOR_THE_WAY * self._timeout:.6f}"
         replies = self._querier.get(
-            parameters=deadline, payload=wire.encode(request, self._written),
+            parameters=deadline, payload=codec.encode(request, self._written),
             encoding=self._encoding,
         )  # fmt: skip
         for reply in replies:
             if reply.ok is not None:
                 sample = reply.ok
-                return wire.decode(
+                return codec.decode(
                     PlanReply, sample.payload, str(sample.encoding), self._plan_key, _LARGEST_REPLY
                 )
         return None

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Literal
 
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
-from planner.answer import HorizonSettings
+from planner.ground.uncertainty import Uncertainty
+from planner.horizon.answer import HorizonSettings
 from planner.settings import PlannerSettings
-from planner.uncertainty import Uncertainty
-from services.files.access import fault
-from services.files.decode import decode_table
-from services.files.toml_file import beside, read_toml
-from services.investigation_settings import Investigation
-from services.learning_settings import Learning, StoreSettings
-from services.tls_files import settle
+from services.discovery.investigation_settings import Investigation
+from services.io.access import fault
+from services.io.decode import decode_table
+from services.io.toml_file import beside, read_toml
+from services.parameters.learning_settings import Learning, StoreSettings
+from services.wire.tls_files import settle
 
 if TYPE_CHECKING:
     import zenoh

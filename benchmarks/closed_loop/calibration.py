@@ -14,7 +14,7 @@ from benchmarks.closed_loop.route import draw_route
 from benchmarks.closed_loop.scenes import LEARNED, dem_folder
 from benchmarks.closed_loop.stop_sample import MappedGround, StopSample, samples_of
 from benchmarks.closed_loop.terrain import SURFACES, Terrain, crop, hills, slope
-from planner.terrain_profile import terrain_profile
+from planner.ground.terrain_profile import terrain_profile
 
 _SLOPES = 0.5  # share of drives on even slopes
 _REAL = 0.7  # share of the others on public elevation models, where there are any

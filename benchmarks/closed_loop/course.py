@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.closed_loop.quad import QUAD
 from benchmarks.closed_loop.route import Route
 from benchmarks.closed_loop.terrain import RESOLUTION, Terrain
-from planner.compiled import Floats
+from planner.kernels.compiled import Floats
 
 Kind = Literal["forced", "obstacle", "unknown"]
 

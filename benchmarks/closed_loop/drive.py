@@ -16,7 +16,7 @@ from benchmarks.closed_loop.terrain import SURFACES, Terrain
 from benchmarks.closed_loop.tracking import Command, Tracker
 from benchmarks.closed_loop.world import TICK, World
 from models.quantity import GRAVITY
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 
 ROLLING = 0.5
 """A stop from below this speed is none [m/s]."""

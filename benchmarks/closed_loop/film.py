@@ -17,7 +17,7 @@ from benchmarks.closed_loop.policies import Policy
 from benchmarks.closed_loop.scenes import scene
 from benchmarks.closed_loop.terrain import Terrain
 from benchmarks.closed_loop.world import World
-from planner.compiled import Floats
+from planner.kernels.compiled import Floats
 
 Frame = tuple[float, Any]
 

@@ -17,9 +17,9 @@ from benchmarks.closed_loop.sensors import State
 from benchmarks.closed_loop.tracking import Command
 from models.parameters import Model
 from models.quantity import GRAVITY
-from planner.candidates import CandidatePlanner
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath
+from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planner.compiled import Floats
+from planner.kernels.compiled import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from scipy.ndimage import map_coordinates
 
 from benchmarks.closed_loop.terrain import RESOLUTION, Terrain
 from models.vehicle import Vehicle
-from planner.compiled import Floats
+from planner.kernels.compiled import Floats
 
 LENGTH = 50.0
 """Of a route in the plan view [m]."""

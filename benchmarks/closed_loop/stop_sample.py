@@ -8,9 +8,9 @@ import numpy as np
 
 from benchmarks.closed_loop.drive import Drive, Trace
 from benchmarks.closed_loop.terrain import SURFACES
-from models.crest import load_loss
-from models.simulation import Track
-from planner.compiled import Floats, Ints
+from models.laws.crest import load_loss
+from models.stops.simulation import Track
+from planner.kernels.compiled import Floats, Ints
 
 _STANDS = 0.06  # [m/s] odometry below that is standstill
 _AROUND = 0.3  # [m] before and after a stop that must be of the same surface

@@ -17,7 +17,7 @@ from benchmarks.closed_loop.scene_xml import TIME_STEP, WHEELS, scene_xml
 from benchmarks.closed_loop.terrain import Terrain
 from models.quantity import GRAVITY
 from models.vehicle import Vehicle
-from planner.compiled import Floats, Ints
+from planner.kernels.compiled import Floats, Ints
 
 TICK = 0.01
 """Between two looks at drive, brakes and tyres [s]."""

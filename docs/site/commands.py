@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from services.cli import app
+from services.cli.app import app
 
 _MARKUP = re.compile(r"\[/?[a-z]*\]")
 _STATUS = """

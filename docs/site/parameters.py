@@ -10,15 +10,16 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 
-from models.effects import LAWS
+from models.effects.registry import LAWS
 from models.parameters import Braking, Effect, Limits, SurfaceBraking, Terrain, UphillBraking
 from models.quantity import describe_range
 from models.vehicle import Vehicle
-from services import finding, messages, observations, parameter_messages
 from services.config import ServiceConfig
-from services.files.bag_topics import Channel, MapSource, PathSource
+from services.discovery import finding
+from services.io.bags.bag_topics import Channel, MapSource, PathSource
 from services.ros.settings import EdgeSettings
-from services.wire import schema_of
+from services.wire import messages, observations, parameter_messages
+from services.wire.codec import schema_of
 
 _HEAD = "| key | unit and range | default | what |\n|---|---|---|---|\n"
 

@@ -34,12 +34,12 @@ _PLACE = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 _SHOWN = {
-    "planner": "benchmarks.planner_speed:show",
-    "cycle": "benchmarks.cycle:show",
-    "optimality": "benchmarks.optimality:show",
+    "planner": "benchmarks.planner.planner_speed:show",
+    "cycle": "benchmarks.planner.cycle:show",
+    "optimality": "benchmarks.planner.optimality:show",
     "closed-loop": "benchmarks.closed_loop.tables:tables",
-    "discrepancy": "benchmarks.discrepancy.tables:tables",
-    "fleet": "benchmarks.fleet:show",
+    "discrepancy": "benchmarks.discovery.tables:tables",
+    "fleet": "benchmarks.fleet.fleet:show",
 }
 """What makes tables of a result: a function that prints to a screen, or gives them."""
 _FACTS = "measured"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.files.table import write_csv
+from services.io.table import write_csv
 
 Columns = dict[str, NDArray[Any]]
 

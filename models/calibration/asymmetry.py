@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.calibration import random_effects
 from models.calibration.force_fit import design
+from models.stop_logs import random_effects
 
 Floats = NDArray[np.float64]
 

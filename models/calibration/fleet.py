@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.calibration import hierarchy, random_effects
-from models.calibration.dead_time import DeadTime
+from models.calibration import hierarchy
 from models.calibration.force_fit import design
 from models.calibration.hierarchy import Hierarchy
 from models.calibration.learn import MeasuredLog
@@ -28,6 +27,8 @@ from models.calibration.stopping import stopping_distance, stopping_time
 from models.calibration.surface_fit import CalibrationSettings, offset_of
 from models.errors import ParameterError
 from models.parameters import Braking, SurfaceBraking
+from models.stop_logs import random_effects
+from models.stop_logs.dead_time import DeadTime
 
 Floats = NDArray[np.float64]
 

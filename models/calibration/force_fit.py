@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.calibration import random_effects
-from models.calibration.random_effects import LinearFit
+from models.stop_logs import random_effects
+from models.stop_logs.random_effects import LinearFit
 
 Floats = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.calibration.learn import learn
-from models.calibration.stop_record import StopRecord
 from models.calibration.stopping import stopping_distance
 from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Braking
+from models.stop_logs.stop_record import StopRecord
 
 Floats = NDArray[np.float64]
 

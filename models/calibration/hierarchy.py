@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from models.calibration import random_effects
 from models.errors import ParameterError
+from models.stop_logs import random_effects
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

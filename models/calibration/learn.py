@@ -18,14 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.calibration.asymmetry import Asymmetry, asymmetry
-from models.calibration.dead_time import DeadTime
-from models.calibration.find_stops import StopWindow, Verdict, find_stops
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
-from models.calibration.ground_grade import Dive
-from models.calibration.measure import Measured, measure
-from models.calibration.mount_of_log import mount_of_log
-from models.calibration.mount_offset import Mount
-from models.calibration.stop_record import cut
 from models.calibration.surface_fit import (
     FEWEST_STOPS,
     CalibrationSettings,
@@ -33,9 +26,16 @@ from models.calibration.surface_fit import (
     fit_records,
     fit_surfaces,
 )
-from models.drive_quality import Stretch, find_suspects, usable
 from models.errors import ParameterError
 from models.parameters import Braking, SurfaceBraking
+from models.stop_logs.dead_time import DeadTime
+from models.stop_logs.drive_quality import Stretch, find_suspects, usable
+from models.stop_logs.find_stops import StopWindow, Verdict, find_stops
+from models.stop_logs.ground_grade import Dive
+from models.stop_logs.measure import Measured, measure
+from models.stop_logs.mount_of_log import mount_of_log
+from models.stop_logs.mount_offset import Mount
+from models.stop_logs.stop_record import cut
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from models import braking
+from models.laws import braking
 from models.quantity import GRAVITY
 
 Floats = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """Stops out of a stream of samples: constant time and memory a sample, nothing kept.
 
-The measurement of :mod:`models.calibration.onset` by running sums: v + g ∫ sin θ dt falls along
+The measurement of :mod:`models.stop_logs.onset` by running sums: v + g ∫ sin θ dt falls along
 a straight line whose slope is −g F_b/W, whatever the slope of the ground does meanwhile. The line
 is taken from the dead time on until little speed is left.
 

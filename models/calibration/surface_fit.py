@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from models.calibration.find_stops import StopSettings
 from models.calibration.force_fit import (
     ForceFit,
     design,
@@ -25,13 +24,14 @@ from models.calibration.force_fit import (
 )
 from models.calibration.margins import FEWEST_STOPS as FEWEST_MEASURED
 from models.calibration.margins import offset_for
-from models.calibration.measure import Measured
-from models.calibration.mount_offset import Mount
-from models.calibration.stop_record import StopRecord
 from models.calibration.stopping import stopping_distance, stopping_time
 from models.errors import ParameterError
 from models.parameters import Braking
 from models.quantity import GRAVITY
+from models.stop_logs.find_stops import StopSettings
+from models.stop_logs.measure import Measured
+from models.stop_logs.mount_offset import Mount
+from models.stop_logs.stop_record import StopRecord
 
 Floats = NDArray[np.float64]
 

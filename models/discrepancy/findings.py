@@ -33,7 +33,7 @@ class NamedEffect:
     """One effect that is named.
 
     Attributes:
-        name: of :data:`models.effects.LAWS`. parameters: by name.
+        name: of :data:`models.effects.registry.LAWS`. parameters: by name.
         confidence: 0 … 1, that this name and not another one of the library is right.
         alternatives: names that explain the log nearly as well.
         where: axis and part of it, in words.

@@ -13,21 +13,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.discrepancy import experiment
-from models.discrepancy.evidence import Evidence, evidence_of
-from models.discrepancy.extent import extents
+from models.discrepancy.data.prepare import prepare
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.decide.gap import Gaps, compared
+from models.discrepancy.decide.restraint import PLAIN
+from models.discrepancy.decide.revised import revised
+from models.discrepancy.decide.verdict import Decision, decide
 from models.discrepancy.findings import Experiment, Findings, Verdict
-from models.discrepancy.gap import Gaps, compared
-from models.discrepancy.identify import Explanation, Identified, identify, rescued
-from models.discrepancy.locate import WITHIN, Followed, follow
-from models.discrepancy.prepare import prepare
-from models.discrepancy.refine import Fit, as_output, fit_base, start_of
-from models.discrepancy.restraint import PLAIN
-from models.discrepancy.revised import revised
+from models.discrepancy.report import experiment
+from models.discrepancy.report.evidence import Evidence, evidence_of
+from models.discrepancy.report.summary import located_axes, named_effects, summary
+from models.discrepancy.search.extent import extents
+from models.discrepancy.search.identify import Explanation, Identified, identify, rescued
+from models.discrepancy.search.locate import WITHIN, Followed, follow
+from models.discrepancy.search.refine import Fit, as_output, fit_base, start_of
 from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.stop_table import StopTable
-from models.discrepancy.summary import located_axes, named_effects, summary
-from models.discrepancy.verdict import Decision, decide
 from models.parameters import Model
 
 Floats = NDArray[np.float64]

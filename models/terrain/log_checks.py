@@ -1,6 +1,7 @@
 """What a vehicle's own sizes say of a log: channels that cannot have the unit or sign they should.
 
-Beside :mod:`models.drive_quality`, which knows no vehicle. Thresholds are far from anything that
+Beside :mod:`models.stop_logs.drive_quality`, which knows no vehicle. Thresholds are far from
+anything that
 driving does: they mark wrong units and sentinels, not bad driving. Source: Slip (3) with B_s ≥ B;
 Slip (13) for thrusts.
 """
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.drive_quality import Kind, Stretch, stretches_of
+from models.stop_logs.drive_quality import Kind, Stretch, stretches_of
 from models.terrain.resistances import Drive
 from models.vehicle import Vehicle
 

@@ -10,14 +10,14 @@ from pathlib import Path
 from urllib.parse import quote
 
 from models.discrepancy.findings import Verdict
-from models.effects import LAWS
-from services.commands import discrepancy
-from services.files.access import write_atomic
+from models.effects.registry import LAWS
+from services.cli.commands import discrepancy
 from services.fleet import finding
 from services.fleet.census import Census, Lacked
 from services.fleet.finding import Row
 from services.fleet.fleet_picture import picture
 from services.fleet.words import by_surprise, chance_words, counted, effect_words, left_out, numbers
+from services.io.access import write_atomic
 from services.report.discrepancy_page import WORDS
 from services.report.page import escaped, fact_list, notices, page
 

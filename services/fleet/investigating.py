@@ -14,11 +14,11 @@ from typing import Any
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.workflow import investigate_with_evidence
 from models.errors import SlopewiseError
-from services.commands import discrepancy
-from services.files.log_source import grade_by_map, read_logs
-from services.files.model_file import model_from_dict
+from services.cli.commands import discrepancy
 from services.fleet import finding
 from services.fleet.finding import FAILED, REFUSED, Row
+from services.io.logs.log_source import grade_by_map, read_logs
+from services.io.model_file import model_from_dict
 
 _BROKEN = (ArithmeticError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
 """A fault of the program in one vehicle's numbers must not end the work on all others."""

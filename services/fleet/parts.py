@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from planner.ground.uncertainty import Uncertainty
 from planner.path import CandidatePath
 from planner.settings import PlannerSettings
-from planner.uncertainty import Uncertainty
-from services.files.access import check_file
-from services.files.grid import Around
-from services.files.path_file import check_paths_on_map, read_paths
+from services.io.access import check_file
+from services.io.maps.grid import Around
+from services.io.path_file import check_paths_on_map, read_paths
 
 PART = 500
 """Candidates of a part: a few seconds of work, some megabytes of results."""

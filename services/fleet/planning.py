@@ -10,16 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from models.errors import ParameterError
-from planner.candidates import CandidatePlanner
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath, batch
+from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan
-from services.files.grid import footprint_margin
-from services.files.model_file import model_from_dict
 from services.fleet import results
 from services.fleet.parts import Part, Question
 from services.fleet.results import Refused
 from services.fleet.windows import MOST_CELLS, ground_in, opened, windows
+from services.io.maps.grid import footprint_margin
+from services.io.model_file import model_from_dict
 
 
 @dataclass(frozen=True, slots=True)

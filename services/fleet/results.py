@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from planner.plan import SpeedPlan
-from services.commands.plan import driven, summary
-from services.files.access import fault, write_atomic
+from services.cli.commands.plan import driven, summary
+from services.io.access import fault, write_atomic
 
 REFUSED = "refused"
 """Status of a candidate that is no path to drive forward; its reason says why."""

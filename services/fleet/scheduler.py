@@ -17,7 +17,7 @@ from itertools import islice
 from typing import Any, TypeVar
 
 from models.errors import InputError
-from services.files.access import reason
+from services.io.access import reason
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -15,10 +15,10 @@ import numpy as np
 from models.calibration.fleet import FEWEST, VehicleStops, vehicle_stops
 from models.calibration.learn import measure_log
 from models.errors import ParameterError
-from services.commands.calibrate import refuse_wrong_units
-from services.files.access import fault
-from services.files.log_source import grade_by_map, read_logs
-from services.files.model_file import model_from_dict
+from services.cli.commands.calibrate import refuse_wrong_units
+from services.io.access import fault
+from services.io.logs.log_source import grade_by_map, read_logs
+from services.io.model_file import model_from_dict
 
 
 def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:

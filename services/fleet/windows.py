@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.compiled import Floats
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
+from planner.kernels.compiled import Floats
 from planner.path import CandidatePath
-from services.files import geotiff_file
-from services.files.geotiff_file import GeotiffWindows
-from services.files.grid import Around, MapInfo
-from services.files.map_file import known_heights
+from services.io.maps import geotiff_file
+from services.io.maps.geotiff_file import GeotiffWindows
+from services.io.maps.grid import Around, MapInfo
+from services.io.maps.map_file import known_heights
 
 SHARED_CELLS = 1_000_000
 """Cells up to which paths share a window: 8 MB of heights."""

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from models.calibration.find_stops import Verdict
 from models.calibration.learn import Calibration
-from models.drive_quality import Stretch
-from services.files.access import write_atomic
+from models.stop_logs.drive_quality import Stretch
+from models.stop_logs.find_stops import Verdict
+from services.io.access import write_atomic
 from services.report.calibration_pictures import pictures
 from services.report.page import escaped, fact_list, notices, number_row, page
 

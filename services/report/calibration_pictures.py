@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from models.calibration.learn import Calibration
-from models.calibration.stop_record import StopRecord
 from models.calibration.surface_fit import SurfaceFit
 from models.quantity import GRAVITY
+from models.stop_logs.stop_record import StopRecord
 from services.report.figures import FAINT, FIRST, INK, SECOND, house_style, svg_uri
 
 _WIDE = (7.4, 4.2)

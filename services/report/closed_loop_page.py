@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from services.files.access import write_atomic
+from services.io.access import write_atomic
 from services.report.page import escaped, fact_list, number_row, page
 from services.report.png import data_uri
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from models.discrepancy.evidence import Evidence
 from models.discrepancy.findings import Findings, Gap, LocatedAxis, NamedEffect, Verdict
-from models.effects import LAWS
-from services.files.access import write_atomic
+from models.discrepancy.report.evidence import Evidence
+from models.effects.registry import LAWS
+from services.io.access import write_atomic
 from services.report.discrepancy_pictures import pictures
 from services.report.page import escaped, fact_list, notices, number_row, page
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from models.discrepancy.evidence import AxisResidual, Evidence
 from models.discrepancy.findings import Findings, Gap
+from models.discrepancy.report.evidence import AxisResidual, Evidence
 from services.report.figures import FAINT, FIRST, INK, SECOND, house_style, svg_uri
 
 _WIDE = (7.4, 4.0)

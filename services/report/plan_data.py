@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.parameters import Model
-from planner.bound_curves import bound_curves
-from planner.elevation_map import ElevationMap
+from planner.explain.bound_curves import bound_curves
+from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan
 from services.report.contours import contour_path, interval, levels, outline_path, smoothed

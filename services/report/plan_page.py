@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from models.parameters import Model
-from planner.elevation_map import ElevationMap
-from planner.explain import Explanation
+from planner.explain.explain import Explanation
+from planner.ground.elevation_map import ElevationMap
 from planner.plan import SpeedPlan, Status
-from services.files.access import write_atomic
+from services.io.access import write_atomic
 from services.report.page import asset, escaped, fact_list, page
 from services.report.plan_data import page_data
 from services.report.plan_reasons import reasons

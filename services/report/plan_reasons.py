@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from planner.explain import Explanation
+from planner.explain.explain import Explanation
 from services.report.page import escaped
 from services.report.words import LIMITING_MEANING, word
 

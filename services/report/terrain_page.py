@@ -11,7 +11,7 @@ from pathlib import Path
 
 from models.terrain.classes import TerrainClasses
 from models.terrain.trace import Trace
-from services.files.access import write_atomic
+from services.io.access import write_atomic
 from services.report.page import escaped, fact_list, notices, page
 from services.report.terrain_pictures import Point, pictures
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from models.errors import ParameterError
-from services.files.bag_map import points_of
-from services.files.ros_types import PATH, SPEED_LIMIT, typestore
-from services.messages import Path, Plan
+from services.io.bags.ros_types import PATH, SPEED_LIMIT, typestore
+from services.io.maps.bag_map import points_of
 from services.ros.speed_limit import Place, Told
+from services.wire.messages import Path, Plan
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 IMU = "sensor_msgs/msg/Imu"

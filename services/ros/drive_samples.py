@@ -9,9 +9,9 @@ from uuid import uuid4
 import numpy as np
 import zenoh
 
-from services import wire
-from services.observations import DriveSamples
-from services.wire import Format
+from services.wire import codec
+from services.wire.codec import Format
+from services.wire.observations import DriveSamples
 
 _FEWEST, _MOST = 10, 200
 _STALE = 0.5
@@ -72,7 +72,7 @@ class SampleTeller:
             columns=["t", *self._columns], values=np.array(self._rows).T,
         )  # fmt: skip
         self._publisher.put(
-            wire.encode(message, Format.MESSAGEPACK),
-            encoding=wire.encoding_of(DriveSamples, Format.MESSAGEPACK),
+            codec.encode(message, Format.MESSAGEPACK),
+            encoding=codec.encoding_of(DriveSamples, Format.MESSAGEPACK),
         )
         self._rows.clear()

@@ -19,10 +19,9 @@ import zenoh
 
 from models.errors import ParameterError
 from services.client import Outcome, PlanClient
-from services.files.bag_map import other_frame
-from services.files.grid_map_message import elevation_map_of
-from services.files.ros_types import GRID_MAP, PATH, SPEED_LIMIT
-from services.messages import MapUpdate, Path, Plan
+from services.io.bags.ros_types import GRID_MAP, PATH, SPEED_LIMIT
+from services.io.maps.bag_map import other_frame
+from services.io.maps.grid_map_message import elevation_map_of
 from services.ros import conversions as ros
 from services.ros import speed_limit
 from services.ros.conversions import Motion
@@ -30,6 +29,7 @@ from services.ros.node import Node, Received, decoded
 from services.ros.settings import EdgeSettings
 from services.ros.speed_limit import Told
 from services.ros.vehicle_state import VehicleState
+from services.wire.messages import MapUpdate, Path, Plan
 
 _log = logging.getLogger("slopewise")
 _DIAGNOSE = 0.5

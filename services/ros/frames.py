@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from models.errors import ParameterError
-from planner.compiled import Floats
+from planner.kernels.compiled import Floats
 from services.ros.conversions import Motion
 
 _DEEPEST = 64

@@ -14,7 +14,7 @@ import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from models.errors import InputError, ParameterError
-from services.files.ros_types import read_cdr, type_hashes, typestore
+from services.io.bags.ros_types import read_cdr, type_hashes, typestore
 from services.ros import naming
 
 _MOST_BYTES = 64_000_000

@@ -8,9 +8,9 @@ from typing import Literal
 
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
-from services.files.access import fault
-from services.files.decode import decode_table
-from services.files.toml_file import beside, read_toml
+from services.io.access import fault
+from services.io.decode import decode_table
+from services.io.toml_file import beside, read_toml
 from services.ros.naming import full_name
 
 _MOST_PATHS = 100

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.messages import Plan, PlanReply
 from services.ros.settings import Timing
+from services.wire.messages import Plan, PlanReply
 
 _DRIVABLE = ("ok", "blocked", "degraded")
 

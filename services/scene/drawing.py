@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.vehicle import Vehicle
-from planner.compiled import Floats
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
+from planner.kernels.compiled import Floats
 from planner.plan import SpeedPlan
 from services.report.hillshade import shade
 

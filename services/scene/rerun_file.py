@@ -10,9 +10,9 @@ import numpy as np
 
 from models.errors import InputError
 from models.vehicle import Vehicle
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 from planner.plan import SpeedPlan
-from services.files.access import write_atomic
+from services.io.access import write_atomic
 from services.scene import drawing
 
 _TIMELINE = "plan"

@@ -11,7 +11,7 @@ from benchmarks.closed_loop.calibration import stops_of_drive
 from benchmarks.closed_loop.learning import dead_time_of, fit, residuals
 from benchmarks.closed_loop.stop_sample import StopSample
 from models.errors import ParameterError
-from models.simulation import Track, simulate_stop
+from models.stops.simulation import Track, simulate_stop
 
 G = 9.80665
 DEAD_TIME = 0.2

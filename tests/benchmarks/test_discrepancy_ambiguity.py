@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.discrepancy import ambiguity, catalogue, designs, physics
-from benchmarks.discrepancy.hidden import Hidden
-from benchmarks.discrepancy.worth import TOLD_APART, Worth, worth
+from benchmarks.discovery import ambiguity, catalogue, designs, physics
+from benchmarks.discovery.hidden import Hidden
+from benchmarks.discovery.worth import TOLD_APART, Worth, worth
 
 BASE = physics.Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
 WIND = {"wind_drag": 0.012, "wind": 6.0, "wind_direction": 0.4}

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
-from benchmarks.discrepancy import engine, engine_outcomes, engine_sets, sealed
-from benchmarks.discrepancy.physics import Floats, Stops
+from benchmarks.discovery import engine, engine_outcomes, engine_sets, sealed
+from benchmarks.discovery.physics import Floats, Stops
 
 G = 9.80665
 SPIN = 4.0 * 0.6 * 12.0 / engine.MASS

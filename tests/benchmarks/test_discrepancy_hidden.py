@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.discrepancy import campaign, catalogue, charts, tables, tasks
-from benchmarks.discrepancy.catalogue import Order
-from benchmarks.discrepancy.kept import Kept
-from benchmarks.discrepancy.score import Outcome, score
-from benchmarks.discrepancy.sealed import Inquiry, Job, tables_of
+from benchmarks.discovery import campaign, catalogue, charts, tables, tasks
+from benchmarks.discovery.catalogue import Order
+from benchmarks.discovery.kept import Kept
+from benchmarks.discovery.score import Outcome, score
+from benchmarks.discovery.sealed import Inquiry, Job, tables_of
 
 EASY = catalogue.Conditions(
     designs=("mixed",), counts=(40,), noises=(0.01, 0.03), scatters=(0.005, 0.02)
@@ -93,7 +93,7 @@ def test_the_process_holds_no_memory_and_no_folder_of_the_truth(inquiry: Inquiry
     # Neither what knows of effects to hide, nor any set that was made.
     modules = pool.submit(eval, "sorted(__import__('sys').modules)").result()
     for name in ("catalogue", "hidden", "campaign", "tasks", "score"):
-        assert f"benchmarks.discrepancy.{name}" not in modules
+        assert f"benchmarks.discovery.{name}" not in modules
 
 
 def test_a_campaign_goes_on_where_it_was_and_adds_up(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks.discrepancy import designs, hidden, physics, plant, sensing
+from benchmarks.discovery import designs, hidden, physics, plant, sensing
 
 G = 9.80665
 BASE = physics.Physics(m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.4, dead_time=0.3)

@@ -9,9 +9,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from benchmarks.discrepancy import catalogue, designs, metrics, peer, physics, sealed, worth
-from benchmarks.discrepancy.hidden import FIELDS
-from benchmarks.discrepancy.score import score
+from benchmarks.discovery import catalogue, designs, metrics, peer, physics, sealed, worth
+from benchmarks.discovery.hidden import FIELDS
+from benchmarks.discovery.score import score
 
 BASE = physics.Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
 

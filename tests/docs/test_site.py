@@ -12,12 +12,12 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from models.effects import LAWS
+from models.effects.registry import LAWS
 from models.parameters import Braking, Limits
 from models.vehicle import Vehicle
 from services.config import Planning
-from services.messages import PlanRequest
 from services.ros.settings import Timing
+from services.wire.messages import PlanRequest
 
 pytest.importorskip("material", reason="the docs extra is not installed")
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from models.effects import LAWS, motion, validate
+from models.effects.registry import LAWS, motion, validate
 from models.errors import ParameterError
 from models.parameters import Effect, SurfaceBraking
 from tests.models.models_for_tests import BASE

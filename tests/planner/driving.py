@@ -12,13 +12,13 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
-from planner.answer import Answer, State
-from planner.elevation_map import ElevationMap
-from planner.horizon import Horizon, HorizonSettings
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.uncertainty import Uncertainty
+from planner.horizon.answer import Answer, State
+from planner.horizon.horizon import Horizon, HorizonSettings
 from planner.path import CandidatePath, PathBatch, batch
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
-from planner.uncertainty import Uncertainty
 from tests.planner import generated
 from tests.planner.scenes import Tables, arc, ground_map, model_of, straight
 

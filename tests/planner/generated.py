@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings

@@ -24,10 +24,10 @@ from models.parameters import (
     UphillBraking,
 )
 from models.vehicle import Vehicle
-from planner.candidates import CandidatePlanner
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath
+from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 from tests import oracle

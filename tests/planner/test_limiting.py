@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath
 from planner.plan import SpeedPlan, Status

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
-from planner.candidates import CandidatePlanner, TimeOptimalBatch, time_optimal_batch
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath, batch
+from planner.pipeline.candidates import CandidatePlanner, TimeOptimalBatch, time_optimal_batch
 from planner.plan import SpeedPlan, Status
 from tests.oracle import describe
 from tests.planner import generated

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from services import cli
+from services.cli import app
 
 Done = subprocess.CompletedProcess[str]
 
@@ -28,7 +28,7 @@ def here(*words: object) -> Done:
         contextlib.redirect_stderr(err),
         pytest.raises(SystemExit) as left,
     ):
-        cli.main([str(word) for word in words])
+        app.main([str(word) for word in words])
     status = left.value.code or 0
     assert isinstance(status, int), status
     return subprocess.CompletedProcess(words, status, out.getvalue(), err.getvalue())

@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from services import wire
-from services.wire import Format
+from services.wire import codec
+from services.wire.codec import Format
 
 _ODD_NUMBERS = (
     0, -1, 1, 2**31, 2**53, 2**63 - 1, 2**64 - 1, -(2**63), 0.0, -0.0, 1e-300, 1e300, -1e300,
@@ -37,9 +37,9 @@ class Malformed:
         """Begin with messages that are right."""
         self._random = Random(seed)
         self._kinds = [type(message) for message in valid]
-        packed = [wire.encode(message, Format.MESSAGEPACK) for message in valid]
+        packed = [codec.encode(message, Format.MESSAGEPACK) for message in valid]
         self._packed = packed
-        self._written = [wire.encode(message, Format.JSON) for message in valid]
+        self._written = [codec.encode(message, Format.JSON) for message in valid]
         self._raw = [msgspec.msgpack.decode(payload) for payload in packed]
 
     def one(self) -> tuple[bytes, str]:
@@ -47,7 +47,7 @@ class Malformed:
         random = self._random
         i = random.randrange(len(self._raw))
         written = random.choice(list(Format))
-        encoding = wire.encoding_of(self._kinds[i], written)
+        encoding = codec.encoding_of(self._kinds[i], written)
         if random.random() < 0.08:
             encoding = random.choice(_ODD_ENCODINGS)
         make = random.choice((self._noise, self._flipped, self._cut, *[self._changed] * 5))

@@ -16,8 +16,8 @@ import numpy as np
 import zenoh
 
 from services.config import ZenohSettings, zenoh_config
-from services.messages import MapUpdate
-from services.messages import Path as Candidate
+from services.wire.messages import MapUpdate
+from services.wire.messages import Path as Candidate
 from tests.services.warm_process import WarmProcess
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.discrepancy import campaign
-from services.commands import bench
+from benchmarks.discovery import campaign
+from services.cli.commands import bench
 
 
 @pytest.mark.nightly

@@ -15,7 +15,7 @@ import zenoh
 from rich.console import Console
 
 from models.errors import InputError
-from services.commands.params import ParamsJob, run, show
+from services.cli.commands.params import ParamsJob, run, show
 from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import Running, running

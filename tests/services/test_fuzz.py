@@ -15,20 +15,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.errors import InputError
-from planner.elevation_map import ElevationMap
-from services import parameter_replies, wire
+from planner.ground.elevation_map import ElevationMap
 from services.client import PlanClient
 from services.config import Planning, ServiceConfig, Sizes
-from services.files.model_file import find_model, read_model
-from services.learning_settings import StoreSettings
-from services.map_store import KnownGround, MapStore
-from services.messages import Path as Candidate
-from services.messages import PlanRequest, Status
-from services.observations import DriveSamples, StopObservation, TerrainLabel
-from services.parameter_messages import ParameterQuestion, RollBack, SetParameters
-from services.parameter_service import ParameterService
-from services.parameters_in_use import ParametersInUse
-from services.plan_service import PlanService
+from services.io.model_file import find_model, read_model
+from services.parameters import parameter_replies
+from services.parameters.learning_settings import StoreSettings
+from services.parameters.parameter_service import ParameterService
+from services.parameters.parameters_in_use import ParametersInUse
+from services.planning.map_store import KnownGround, MapStore
+from services.planning.plan_service import PlanService
+from services.wire import codec
+from services.wire.messages import Path as Candidate
+from services.wire.messages import PlanRequest, Status
+from services.wire.observations import DriveSamples, StopObservation, TerrainLabel
+from services.wire.parameter_messages import ParameterQuestion, RollBack, SetParameters
 from tests.services.malformed import Malformed
 from tests.services.service_process import fan, flat, running
 
@@ -109,7 +110,7 @@ class Desk:
     def handle(self, key: str, payload: bytes, encoding: str) -> str:
         kind = type(messages_of[key][0])
         try:
-            message = wire.decode(kind, payload, encoding, key, _MOST)
+            message = codec.decode(kind, payload, encoding, key, _MOST)
             return str(self._do(key, message))
         except InputError as error:
             told = str(error)
@@ -120,7 +121,7 @@ class Desk:
     def _do(self, key: str, message: Any) -> str:
         if key == "plan":
             reply = self.plans.answer(message, self.ground, key)
-            assert wire.encode(reply, wire.Format.JSON)
+            assert codec.encode(reply, codec.Format.JSON)
             assert all(np.isfinite(plan.column("speed")).all() for plan in reply.plans)
             return reply.status
         if key == "map":
@@ -184,8 +185,8 @@ def test_right_messages_are_taken(key: str, tmp_path: Path) -> None:
     """Or else the mutants would be of nothing."""
     own = Desk(tmp_path)
     for message in messages_of[key][:1]:
-        encoding = wire.encoding_of(type(message), wire.Format.MESSAGEPACK)
-        payload = wire.encode(message, wire.Format.MESSAGEPACK)
+        encoding = codec.encoding_of(type(message), codec.Format.MESSAGEPACK)
+        payload = codec.encode(message, codec.Format.MESSAGEPACK)
         assert own.handle(key, payload, encoding) in _ACCEPTED
 
 
@@ -235,7 +236,7 @@ def test_a_real_service_answers_or_counts_all_of_it(tmp_path: Path) -> None:
 
         def hear(sample: Any) -> None:
             told = str(sample.encoding)
-            heard.append(wire.decode(Status, sample.payload, told, "status", _MOST))
+            heard.append(codec.decode(Status, sample.payload, told, "status", _MOST))
 
         for key in KEYS:
             supply = Malformed(messages_of[key], 7)

@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from planner.elevation_map import ElevationMap
-from services import wire
+from planner.ground.elevation_map import ElevationMap
 from services.client import PlanClient
 from services.config import PageSettings
-from services.live.board import Board, GroundSeen, GroupSeen, StopSeen
-from services.live.server import PageServer, own_names
-from services.live.site import Site, Source
-from services.map_store import KnownGround
-from services.messages import Parameters, Status
-from services.messages import Path as Candidate
-from services.observations import Receipt, StopObservation
-from services.wire import Format
+from services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
+from services.dashboard.server import PageServer, own_names
+from services.dashboard.site import Site, Source
+from services.planning.map_store import KnownGround
+from services.wire import codec
+from services.wire.codec import Format
+from services.wire.messages import Parameters, Status
+from services.wire.messages import Path as Candidate
+from services.wire.observations import Receipt, StopObservation
 from tests.services import browser
 from tests.services.service_process import Running, fan, flat, free_port, running
 
@@ -179,12 +179,12 @@ def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> N
                 deceleration=2.5, deceleration_std=0.05, distance=1.4,
             )  # fmt: skip
             (reply,) = session.get(
-                started.key("obs/stop"), payload=wire.encode(stop, Format.MESSAGEPACK),
-                encoding=wire.encoding_of(StopObservation, Format.MESSAGEPACK), timeout=5.0,
+                started.key("obs/stop"), payload=codec.encode(stop, Format.MESSAGEPACK),
+                encoding=codec.encoding_of(StopObservation, Format.MESSAGEPACK), timeout=5.0,
             )  # fmt: skip
         assert reply.ok is not None
         told = str(reply.ok.encoding)
-        version = wire.decode(Receipt, reply.ok.payload, told, "receipt", 10**6).version
+        version = codec.decode(Receipt, reply.ok.payload, told, "receipt", 10**6).version
         before = braking(url, version)
         stops = learned(url)["stops"]
         shown = browser.text_of(url)

@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 
 from models.errors import InputError
-from services.commands.params import ParamsJob, as_json, run, show
+from services.cli.commands.params import ParamsJob, as_json, run, show
 from tests.services.parameter_client import Robot
 from tests.services.service_process import Running, running
 

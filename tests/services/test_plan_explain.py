@@ -12,13 +12,13 @@ import pytest
 from rich.console import Console
 
 from models.errors import InputError
+from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
-from planner.uncertainty import Uncertainty
-from services.commands import demo, explain_view, plan_view
-from services.commands import plan as command
-from services.files.map_file import write_map_npz
-from services.files.model_file import find_model, read_model
-from services.files.path_file import write_paths_csv
+from services.cli.commands import demo, explain_view, plan_view
+from services.cli.commands import plan as command
+from services.io.maps.map_file import write_map_npz
+from services.io.model_file import find_model, read_model
+from services.io.path_file import write_paths_csv
 
 
 @pytest.fixture(scope="module")

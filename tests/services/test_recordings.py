@@ -10,9 +10,9 @@ import pytest
 from examples.recordings import cuadriga, f1tenth, husky_drive
 from models.calibration.held_out import leave_sessions_out
 from models.calibration.learn import learn
-from services.files.drive_log import DriveLog, read_drive_log
-from services.files.model_file import find_model, read_model
-from services.files.table import write_csv
+from services.io.logs.drive_log import DriveLog, read_drive_log
+from services.io.model_file import find_model, read_model
+from services.io.table import write_csv
 from tests.services.faults import real_data
 
 KNOWN = read_model(find_model("ugv")).braking

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from models.errors import InputError
-from planner.candidates import CandidatePlanner, rank
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath
+from planner.pipeline.candidates import CandidatePlanner, rank
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
-from services.files.model_file import find_model, read_model
+from services.io.model_file import find_model, read_model
 from services.report import contours, hillshade, plan_data, render_report, write_report
 from services.report.page import asset, script_json
 from services.report.plan_summary import chosen, summarise, verdict

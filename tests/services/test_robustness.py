@@ -10,11 +10,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from services import wire
 from services.client import PlanClient
-from services.connect import client_session
-from services.messages import PlanReply, PlanRequest
-from services.wire import Format
+from services.wire import codec
+from services.wire.codec import Format
+from services.wire.connect import client_session
+from services.wire.messages import PlanReply, PlanRequest
 from tests.services.service_process import fan, flat, free_port, running
 
 _ROUTER = """
@@ -77,8 +77,8 @@ def answered(client: PlanClient, seconds: float) -> PlanReply | None:
 
 def test_a_receiver_that_stands_still_holds_up_nobody(tmp_path: Path) -> None:
     question = tmp_path / "question"
-    question.write_bytes(wire.encode(PlanRequest(speed=1.0, paths=fan(10)), Format.MESSAGEPACK))
-    encoding = wire.encoding_of(PlanRequest, Format.MESSAGEPACK)
+    question.write_bytes(codec.encode(PlanRequest(speed=1.0, paths=fan(10)), Format.MESSAGEPACK))
+    encoding = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
     with (
         running(tmp_path) as started,
         started.session() as session,

@@ -9,13 +9,13 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from services import wire
-from services.files.ros_types import typestore
-from services.observations import DriveSamples
+from services.io.bags.ros_types import typestore
 from services.ros import conversions as ros
 from services.ros.node import Inbox, Received
 from services.ros.settings import EdgeSettings, Topics, Wheels
 from services.ros.vehicle_state import VehicleState
+from services.wire import codec
+from services.wire.observations import DriveSamples
 from tests.services import grid_maps
 
 TYPES = typestore().types
@@ -33,7 +33,7 @@ class Wire:
         return self
 
     def put(self, payload: bytes, encoding: Any) -> None:
-        self.sent.append(wire.decode(DriveSamples, payload, str(encoding), "obs", 10**6))
+        self.sent.append(codec.decode(DriveSamples, payload, str(encoding), "obs", 10**6))
 
     def subscribe(self, topic: str, kind: str, latched: bool = False) -> str:
         return f"/{topic.strip('/')}"

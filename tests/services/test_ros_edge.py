@@ -176,7 +176,7 @@ def test_limits_go_on_when_the_router_comes_back(tmp_path: Path) -> None:
 def test_a_map_that_was_published_once_before_we_came() -> None:
     from zenoh.ext import CacheConfig, declare_advanced_publisher
 
-    from services.files.ros_types import GRID_MAP
+    from services.io.bags.ros_types import GRID_MAP
     from services.ros.node import Node, decoded
     from tests.services import ros_peer
 

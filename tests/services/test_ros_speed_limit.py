@@ -11,17 +11,17 @@ import pytest
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from models.errors import ParameterError
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
 from services.config import ServiceConfig
-from services.files.model_file import find_model, read_model
-from services.files.ros_types import SPEED_LIMIT, typestore
-from services.map_store import KnownGround
-from services.messages import Path, PlanReply, PlanRequest
-from services.parameters_in_use import ParametersInUse
-from services.plan_service import PlanService
+from services.io.bags.ros_types import SPEED_LIMIT, typestore
+from services.io.model_file import find_model, read_model
+from services.parameters.parameters_in_use import ParametersInUse
+from services.planning.map_store import KnownGround
+from services.planning.plan_service import PlanService
 from services.ros import conversions as ros
 from services.ros.settings import Timing
 from services.ros.speed_limit import Told, place_on, stop, told_by
+from services.wire.messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 
 TIMING = Timing()

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from models.parameters import Model
-from planner.candidates import CandidatePlanner
-from planner.elevation_map import ElevationMap
+from planner.ground.elevation_map import ElevationMap
+from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan
 from services.scene import drawing
 from tests.planner import scenes

@@ -12,19 +12,19 @@ import pytest
 import zenoh
 
 from models.errors import InputError
-from services import wire
 from services.client import PlanClient
-from services.connect import client_session
-from services.messages import PlanReply, Status
-from services.observations import Receipt, StopObservation, TerrainLabel
-from services.parameter_messages import (
+from services.wire import codec
+from services.wire.codec import Format
+from services.wire.connect import client_session
+from services.wire.messages import PlanReply, Status
+from services.wire.observations import Receipt, StopObservation, TerrainLabel
+from services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
     ParameterReply,
     RollBack,
     SetParameters,
 )
-from services.wire import Format
 from tests.services import certificates
 from tests.services.service_process import Running, fan, flat, running
 
@@ -53,8 +53,8 @@ def as_(folder: Path, service: Running, name: str) -> zenoh.Session:
 
 def send_map(session: zenoh.Session, service: Running, **changes: object) -> None:
     update = flat(**{"source": f"s{time.monotonic_ns()}", **changes})
-    payload = wire.encode(update, Format.MESSAGEPACK)
-    encoding = wire.encoding_of(type(update), Format.MESSAGEPACK)
+    payload = codec.encode(update, Format.MESSAGEPACK)
+    encoding = codec.encoding_of(type(update), Format.MESSAGEPACK)
     session.put(service.key("map"), payload, encoding=encoding)
 
 
@@ -158,15 +158,15 @@ def ask(session: zenoh.Session, key: str, message: object = None) -> list[object
     """OK replies to a query, decoded; none where nobody may answer."""
     written: dict[str, object] = {}
     if message is not None:
-        written["payload"] = wire.encode(message, Format.MESSAGEPACK)
-        written["encoding"] = wire.encoding_of(type(message), Format.MESSAGEPACK)
-    kinds = {wire.schema_of(kind): kind for kind in (ParameterReply, Receipt)}
+        written["payload"] = codec.encode(message, Format.MESSAGEPACK)
+        written["encoding"] = codec.encoding_of(type(message), Format.MESSAGEPACK)
+    kinds = {codec.schema_of(kind): kind for kind in (ParameterReply, Receipt)}
     found = []
     for reply in session.get(key, timeout=1.0, **written):
         if reply.ok is not None:
             told = str(reply.ok.encoding)
             kind = kinds[told.partition(";")[2]]
-            found.append(wire.decode(kind, reply.ok.payload, told, key, 10**8))
+            found.append(codec.decode(kind, reply.ok.payload, told, key, 10**8))
     return found
 
 
@@ -207,8 +207,8 @@ def test_only_who_may_changes_parameters(folder: Path, service: Running, name: s
         for key, message in CHANGES.items():
             if key.startswith(allowed or "\0"):
                 continue
-            payload = wire.encode(message, Format.MESSAGEPACK)
-            encoding = wire.encoding_of(type(message), Format.MESSAGEPACK)
+            payload = codec.encode(message, Format.MESSAGEPACK)
+            encoding = codec.encoding_of(type(message), Format.MESSAGEPACK)
             intruder.put(service.key(key), payload, encoding=encoding)
             assert ask(intruder, service.key(key), message) == []
         time.sleep(_SETTLED)
@@ -261,7 +261,7 @@ def degraded(session: zenoh.Session, service: Running, wanted: bool) -> bool:
 
     def hear(sample: zenoh.Sample) -> None:
         told = str(sample.encoding)
-        heard.append(wire.decode(Status, sample.payload, told, "status", 10**6))
+        heard.append(codec.decode(Status, sample.payload, told, "status", 10**6))
 
     with session.declare_subscriber(service.key("status"), hear):
         until = time.monotonic() + 5.0

@@ -17,13 +17,15 @@ from collections.abc import Mapping
 from multiprocessing.connection import Connection
 
 _FORKS = multiprocessing.get_context("forkserver")
-_FORKS.set_forkserver_preload(["services.daemon", "services.commands.serve", "services.cli"])
+_FORKS.set_forkserver_preload(
+    ["services.daemon.daemon", "services.cli.commands.serve", "services.cli.app"]
+)
 
 
 def _run(
     words: list[str], environment: Mapping[str, str], out: Connection, err: Connection
 ) -> None:
-    from services import cli
+    from services.cli import app
 
     os.environ.clear()
     os.environ.update(environment)
@@ -32,7 +34,7 @@ def _run(
         connection.close()
     sys.stdout = io.TextIOWrapper(os.fdopen(1, "wb", closefd=False), write_through=True)
     sys.stderr = io.TextIOWrapper(os.fdopen(2, "wb", closefd=False), write_through=True)
-    cli.main(words)
+    app.main(words)
 
 
 class WarmProcess:

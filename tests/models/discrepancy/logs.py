@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from models.discrepancy.prepare import prepare
+from models.discrepancy.data.prepare import prepare
+from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.stop_table import StopTable
 from tests.models.discrepancy.plant import World, drive
 from tests.models.models_for_tests import BASE
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.discrepancy import screening
-from models.discrepancy.hypothesis import BASE as BASE_NUMBERS
-from models.discrepancy.hypothesis import Hypothesis
-from models.discrepancy.locate import follow, part_of_axis
-from models.discrepancy.noise import Noise, shapes, whitener
-from models.discrepancy.prediction import predict
-from models.discrepancy.refine import fit_with_noise, likely_scatter
-from models.discrepancy.stop_table import StopTable
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.noise import Noise, shapes, whitener
+from models.discrepancy.model.prediction import predict
+from models.discrepancy.search import screening
+from models.discrepancy.search.locate import follow, part_of_axis
+from models.discrepancy.search.refine import fit_with_noise, likely_scatter
 from models.parameters import Effect
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE

@@ -10,7 +10,7 @@ import pytest
 from models.discrepancy.findings import Findings, Verdict
 from models.discrepancy.workflow import investigate
 from models.errors import ParameterError
-from models.simulation import Track, simulate_stop
+from models.stops.simulation import Track, simulate_stop
 from tests.models.discrepancy.logs import WORLDS, log
 from tests.models.models_for_tests import BASE
 

@@ -9,7 +9,7 @@ from models.errors import ParameterError
 from models.terrain.adaptation import AdaptationSettings, AdaptiveClassifier, class_of, classes_of
 from models.terrain.classes import TerrainClasses
 from models.terrain.classifier import NONE, TerrainClassifier
-from services.files.terrain_file import find_terrains, read_terrains
+from services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain.paper import MEANS, STDS
 
 HUSKY = read_terrains(find_terrains("husky")).classes

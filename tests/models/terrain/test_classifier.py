@@ -9,7 +9,7 @@ from scipy import integrate
 from models.errors import ParameterError
 from models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses, by_rules
 from models.terrain.classifier import NONE, ClassifierSettings, TerrainClassifier
-from services.files.terrain_file import find_terrains, read_terrains
+from services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain.paper import MEANS, OBSERVATIONS, STDS
 
 NAN = math.nan

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.drive_quality import Kind
 from models.errors import ParameterError
 from models.parameters import Braking, Limits, Model, Terrain
+from models.stop_logs.drive_quality import Kind
 from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.log_checks import implausible
 from models.terrain.monitor import Change, Classified, TerrainMonitor
@@ -14,7 +14,7 @@ from models.terrain.phases import Phase
 from models.terrain.resistances import Estimate
 from models.terrain.surfaces import model_on, with_surface
 from models.terrain.trace import trace
-from services.files.terrain_file import find_terrains, read_terrains
+from services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain import plant
 from tests.models.terrain.vehicles import QUIET, SAMPLE, estimator_of, vehicle_of
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from models.motion_resistance import current_of_motion_resistance
+from models.laws.motion_resistance import current_of_motion_resistance
 from models.terrain.resistances import (
     Drive,
     Estimate,

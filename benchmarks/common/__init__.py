@@ -1,0 +1,1 @@
+"""What all benchmarks share: scene, times, judge, tables."""

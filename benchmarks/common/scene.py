@@ -1,0 +1,101 @@
+"""Ground, vehicle and candidates of the benchmark, drawn from a seed: the same on every machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.parameters import Braking, Limits, Model, Terrain
+from models.vehicle import Vehicle
+from planner.ground.elevation_map import ElevationMap
+from planner.kernels.compiled import Floats, Ints
+from planner.pipeline.candidates import TimeOptimalBatch, time_optimal_batch
+
+SPACING = 0.25
+"""Between stations in the plan view [m]."""
+
+_SEED = 7
+_SIZE = 80.0  # [m] edge of the map
+_RESOLUTION = 0.2  # [m]
+_STEEPEST = np.deg2rad(13.0)
+_ROUGHNESS = 0.01  # [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """M candidates of N stations on one map.
+
+    Attributes:
+        elevation_map: ground.
+        model: vehicle, braking, limits.
+        x, y: (N, M) positions [m]; count: (M,) stations.
+    """
+
+    elevation_map: ElevationMap
+    model: Model
+    x: Floats
+    y: Floats
+    count: Ints
+
+    def plan(self) -> TimeOptimalBatch:
+        """From poses to time-optimal plans with their cost."""
+        return time_optimal_batch(self.elevation_map, self.x, self.y, self.count, self.model)
+
+
+def fan(stations: int, candidates: int) -> Scene:
+    """Arcs from one pose, as a local planner draws them; patches of unknown ground bar some."""
+    rng = np.random.default_rng(_SEED)
+    travelled = SPACING * np.arange(stations)[:, None]
+    heading = rng.uniform(-0.6, 0.6, candidates) + rng.uniform(-0.05, 0.05, candidates) * travelled
+    x = 10.0 + SPACING * np.cumsum(np.cos(heading), axis=0)
+    y = 0.5 * _SIZE + SPACING * np.cumsum(np.sin(heading), axis=0)
+    return Scene(hills(patches=12), atv(), x, y, np.full(candidates, stations))
+
+
+def laps(stations: int, candidates: int) -> Scene:
+    """Rounds on known ground: paths as long as one likes."""
+    radius = np.linspace(15.0, 35.0, candidates)
+    angle = SPACING * np.arange(stations)[:, None] / radius
+    x, y = 0.5 * _SIZE + radius * np.cos(angle), 0.5 * _SIZE + radius * np.sin(angle)
+    return Scene(hills(patches=0), atv(), x, y, np.full(candidates, stations))
+
+
+def hills(patches: int) -> ElevationMap:
+    """Waves of many lengths, none steeper than the vehicle was trained for, and a little noise."""
+    rng = np.random.default_rng(_SEED)
+    along = np.arange(0.0, _SIZE, _RESOLUTION)
+    x, y = np.meshgrid(along, along)
+    height = np.zeros_like(x)
+    for length in np.geomspace(5.0, 40.0, 24):
+        turn, phase = rng.uniform(0.0, 2.0 * np.pi, 2)
+        wave = 2.0 * np.pi / length * (np.cos(turn) * x + np.sin(turn) * y) + phase
+        height += length * np.sin(wave)
+    slope = np.hypot(*np.gradient(height, _RESOLUTION))
+    height *= np.tan(_STEEPEST) / slope.max()
+    height += rng.normal(0.0, _ROUGHNESS, height.shape)
+    for _ in range(patches):
+        row, column = rng.integers(0, len(along), 2)
+        size = int(rng.integers(3, 12))
+        height[row : row + size, column : column + size] = np.nan
+    return ElevationMap(elevation=height, resolution=_RESOLUTION, origin=(0.0, 0.0))
+
+
+def atv() -> Model:
+    """A 500 kg skid-steered all-terrain vehicle."""
+    return Model(
+        name="atv",
+        vehicle=Vehicle(
+            mass=500.0, wheelbase=1.2, track_width=1.0, cg_x=0.6, cg_z=0.55, wheel_radius=0.28,
+            drive="skid_steer", max_wheel_speed=6.0, max_drive_force=2500.0,
+            max_drive_power=6000.0,
+        ),
+        braking=Braking(
+            m_m=-0.03, b_m=-0.35, m_b=0.015, b_b=0.40, dead_time=0.3, distance_offset=0.2,
+            speed_range=(1.0, 4.0), grade_range=(-0.26, 0.26),
+        ),
+        terrain=Terrain(motion_resistance=0.13, lateral_resistance=0.2, slip_track=1.15),
+        limits=Limits(
+            speed=4.0, accel=1.0, decel=1.5, jerk=2.0, lateral_accel=2.0, min_load=0.1
+        ),
+    )  # fmt: skip

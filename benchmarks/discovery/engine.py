@@ -1,0 +1,244 @@
+"""A sprung four-wheeler in a physics engine (MuJoCo), in which effects come about by physics.
+
+Heavier bodies, wind on the body, brakes that fade with the heat they took up, slippery ground,
+viscous bearings, slow hydraulics: none is a term of the braking model. The ground is a plane and
+gravity leans instead, along the way as the grade does. The body dives, rocks and slips as it must,
+and its pitch is what an attitude sensor would see.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from benchmarks.discovery.physics import Floats, Stops
+from benchmarks.discovery.plant import GRAVITY, Motion
+
+TICK = 0.01
+"""Between two looks at brakes, drive and gravity [s]."""
+
+BEFORE = 1.2
+"""Of each stop that is logged before its command [s]."""
+
+MASS, RADIUS, LENGTH, TRACK = 500.0, 0.28, 1.2, 1.0
+
+_STEP = 0.0025  # [s]
+_SETTLE = 0.5  # [s] at speed before anything is logged
+_LONGEST = 8.0  # [s]
+_STANDS = 1.2  # [s] after standstill that is still simulated
+_WHEELS = (("fl", 0.6, 0.5), ("fr", 0.6, -0.5), ("rl", -0.6, 0.5), ("rr", -0.6, -0.5))
+_WHEEL_MASS = 12.0
+_SPRING, _DAMPER = 45000.0, 2200.0
+_FRONT_SHARE = 0.6
+_GAIN = 8.0  # [1/s] of the speed controller
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nature:
+    """What is so in the engine; the defaults are a vehicle without any effect.
+
+    Attributes:
+        brake: torque of all wheels at the rims as a share of the dry weight.
+        resistance: of rolling, share of the load. friction: of the tyres.
+        delay: until the brakes are told [s]. build_up: of their hydraulics [s].
+        payload: [kg] from run ``payload_run`` on. repair: factor on the brakes from that run on.
+        air: force on the body per relative air speed squared [N s²/m²]; wind [m/s] blows against
+            whoever heads towards ``wind_from`` [rad].
+        bearing: viscous torque of each axle [N m s].
+        fading: share of the brakes lost per heat [kg/J], linear as pads do, not below a quarter.
+        cooling: [s]. glazing: share of the brakes lost per second of the session.
+        slippery: x, y, radius [m] and friction of an area.
+    """
+
+    brake: float = 0.42
+    resistance: float = 0.03
+    friction: float = 0.9
+    delay: float = 0.22
+    build_up: float = 0.012
+    payload: float = 0.0
+    repair: float = 1.0
+    payload_run: int = 10**9
+    air: float = 0.0
+    wind: float = 0.0
+    wind_from: float = 0.0
+    bearing: float = 0.0
+    fading: float = 0.0
+    cooling: float = 150.0
+    glazing: float = 0.0
+    slippery: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.9)
+
+
+def drive(nature: Nature, stops: Stops) -> Motion:
+    """All stops in their order, sampled each two ticks from :data:`BEFORE` the command on."""
+    vehicle = _Vehicle(nature)
+    traces = [vehicle.stop(stops, i) for i in range(len(stops.speed))]
+    time = np.arange(-round(BEFORE / TICK), round(_LONGEST / TICK)) * TICK
+    table = np.stack([trace[::2] for trace in traces])
+    speed, station, x, y, yaw, rate, grade, roll = np.moveaxis(table, 2, 0)
+    rest, distance = np.full(len(traces), np.inf), np.full(len(traces), np.inf)
+    for i, trace in enumerate(traces):
+        crossed = np.flatnonzero((trace[:, 0] <= 0.0) & (time > 0.0))
+        if len(crossed):
+            rest[i], distance[i] = time[crossed[0]], trace[crossed[0], 1]
+    none = np.zeros(len(traces))
+    return Motion(time[::2], speed, station, x, y, yaw, rate, grade, roll, rest, distance, none)
+
+
+class _Vehicle:
+    """One vehicle through a session; its brakes stay warm from stop to stop."""
+
+    def __init__(self, nature: Nature) -> None:
+        self.nature = nature
+        self.model = mujoco.MjModel.from_xml_string(_scene(nature))
+        self.data = mujoco.MjData(self.model)
+        self.body = self.model.body("chassis").id
+        self.axles = np.array([self.model.joint(f"axle_{w}").dofadr[0] for w, _, _ in _WHEELS])
+        self.tyres = np.array([self.model.geom(w).id for w, _, _ in _WHEELS])
+        share = np.array([_FRONT_SHARE] * 2 + [1.0 - _FRONT_SHARE] * 2) / 2.0
+        self.full = share * nature.brake * MASS * GRAVITY * RADIUS
+        self.dry = (self.model.body_mass.copy(), self.model.body_inertia.copy())
+        self.heat, self.since = 0.0, 0.0
+
+    def stop(self, stops: Stops, i: int) -> Floats:
+        """Hold, brake, stand; (ticks, 8): speed, station, x, y, yaw, yaw rate, −pitch, roll."""
+        nature, data = self.nature, self.data
+        self._load(i)
+        v, heading = float(stops.speed[i]), float(stops.heading[i])
+        lead = v * (BEFORE + _SETTLE)
+        mujoco.mj_resetData(self.model, data)
+        data.qpos[:3] = (
+            stops.x[i] - lead * math.cos(heading), stops.y[i] - lead * math.sin(heading), RADIUS,
+        )  # fmt: skip
+        data.qpos[3:7] = (math.cos(0.5 * heading), 0.0, 0.0, math.sin(0.5 * heading))
+        data.qvel[:2] = (v * math.cos(heading), v * math.sin(heading))
+        data.qvel[self.axles] = v / RADIUS
+        strength = float(stops.friction[i])
+        strength *= 1.0 - nature.glazing * float(stops.clock[i])
+        if i >= nature.payload_run:
+            strength *= nature.repair
+        self.heat *= math.exp(-(float(stops.clock[i]) - self.since) / nature.cooling)
+        told = nature.delay + float(stops.delay[i])
+        pressure, wanted = 0.0, 0.0
+        keep = math.exp(-TICK / nature.build_up)
+        rows = np.empty((round((BEFORE + _LONGEST) / TICK), 8))
+        start = -round((BEFORE + _SETTLE) / TICK)
+        station, stood = -lead, 0
+        for tick in range(start, round(_LONGEST / TICK)):
+            grade = float(stops.grade[i] + stops.wave[i] * math.sin(
+                2.0 * math.pi * station / stops.wave_length[i] + stops.wave_phase[i]
+            ))  # fmt: skip
+            self._lean(grade, float(stops.roll[i]), heading)
+            speed, row = self._look(station, grade, float(stops.roll[i]))
+            if tick - start >= round(_SETTLE / TICK):
+                rows[tick + round(BEFORE / TICK) :] = row
+            stood += tick > 0 and (speed <= 0.0 or stood > 0)
+            if stood > _STANDS / TICK:
+                break
+            # The share of this tick in which the brakes have been told.
+            wanted = min(max((tick + 1) - told / TICK, 0.0), 1.0)
+            pressure = wanted + (pressure - wanted) * keep
+            driving = 1.0 - wanted
+            self._brake(pressure * strength)
+            force = MASS * (_GAIN * (v - speed) + GRAVITY * (math.sin(grade) + nature.resistance))
+            data.ctrl[:] = driving * force * RADIUS / 4.0
+            self._wind()
+            self._slip()
+            mujoco.mj_step(self.model, data, nstep=round(TICK / _STEP))
+            station += TICK * max(0.5 * (speed + self._speed()), 0.0)
+        self.since = float(stops.clock[i])
+        return rows
+
+    def _load(self, run: int) -> None:
+        extra = self.nature.payload if run >= self.nature.payload_run else 0.0
+        mass, inertia = self.dry
+        self.model.body_mass[:], self.model.body_inertia[:] = mass, inertia
+        self.model.body_mass[self.body] += extra
+        self.model.body_inertia[self.body] *= 1.0 + extra / mass[self.body]
+        mujoco.mj_setConst(self.model, self.data)
+
+    def _lean(self, grade: float, roll: float, heading: float) -> None:
+        ahead, left = -math.sin(grade), -math.cos(grade) * math.sin(roll)
+        c, s = math.cos(heading), math.sin(heading)
+        self.model.opt.gravity[:] = (
+            GRAVITY * (ahead * c - left * s), GRAVITY * (ahead * s + left * c),
+            -GRAVITY * math.cos(grade) * math.cos(roll),
+        )  # fmt: skip
+
+    def _frame(self) -> Floats:
+        frame: Floats = self.data.xmat[self.body].reshape(3, 3)
+        return frame
+
+    def _speed(self) -> float:
+        w, i, j, k = self.data.qpos[3:7]
+        ahead = (1.0 - 2.0 * (j * j + k * k), 2.0 * (i * j + w * k), 2.0 * (i * k - w * j))
+        return float(np.dot(ahead, self.data.qvel[:3]))
+
+    def _look(self, station: float, grade: float, roll: float) -> tuple[float, tuple[float, ...]]:
+        w, i, j, k = (float(q) for q in self.data.qpos[3:7])
+        up = 2.0 * (i * k - w * j)
+        yaw = math.atan2(2.0 * (i * j + w * k), 1.0 - 2.0 * (j * j + k * k))
+        lean = math.asin(min(max(2.0 * (j * k + w * i), -1.0), 1.0))
+        speed = self._speed()
+        x, y = (float(q) for q in self.data.qpos[:2])
+        rate = float(self.data.qvel[5])
+        return speed, (speed, station, x, y, yaw, rate, grade + math.asin(up), roll + lean)
+
+    def _brake(self, pressure: float) -> None:
+        nature, spin = self.nature, self.data.qvel[self.axles]
+        hot = max(1.0 - nature.fading * self.heat, 0.25)
+        rolling = nature.resistance * MASS * GRAVITY * RADIUS / 4.0
+        torque = self.full * pressure * hot
+        self.heat += TICK * (float(np.abs(spin) @ torque) / MASS - self.heat / nature.cooling)
+        self.model.dof_frictionloss[self.axles] = torque + rolling
+
+    def _wind(self) -> None:
+        nature = self.nature
+        if nature.air == 0.0:
+            return
+        ahead = self._frame()[:, 0]
+        yaw = math.atan2(ahead[1], ahead[0])
+        u = self._speed() + nature.wind * math.cos(yaw - nature.wind_from)
+        self.data.xfrc_applied[self.body, :3] = -nature.air * abs(u) * u * ahead
+
+    def _slip(self) -> None:
+        x, y, radius, friction = self.nature.slippery
+        where = self.data.geom_xpos[self.tyres]
+        inside = (where[:, 0] - x) ** 2 + (where[:, 1] - y) ** 2 <= radius**2
+        self.model.geom_friction[self.tyres, 0] = np.where(inside, friction, self.nature.friction)
+
+
+def _scene(nature: Nature) -> str:
+    chassis = MASS - 4.0 * _WHEEL_MASS
+    sag = chassis / 4.0 * GRAVITY / _SPRING
+    spin = 0.6 * _WHEEL_MASS * RADIUS**2
+    wheels = "".join(
+        f"""<body name="{name}" pos="{x} {y} 0">
+          <joint type="slide" axis="0 0 1" stiffness="{_SPRING}" damping="{_DAMPER}"
+                 springref="-{sag}" range="-.15 .15" limited="true"/>
+          <joint name="axle_{name}" type="hinge" axis="0 1 0" frictionloss="1"
+                 damping="{nature.bearing}" solreffriction=".005 1" solimpfriction=".98 .999 .01"/>
+          <inertial pos="0 0 0" mass="{_WHEEL_MASS}"
+                    diaginertia="{0.6 * spin} {spin} {0.6 * spin}"/>
+          <geom name="{name}" type="sphere" size="{RADIUS}" priority="1" condim="3"
+                friction="{nature.friction} 0 0" solref=".02 1" solimp=".95 .99 .002"/>
+        </body>"""
+        for name, x, y in _WHEELS
+    )
+    motors = "".join(f'<motor joint="axle_{name}"/>' for name, _, _ in _WHEELS)
+    return f"""<mujoco>
+      <compiler angle="radian"/>
+      <option timestep="{_STEP}" integrator="implicitfast" cone="elliptic" impratio="100"
+              iterations="12"/>
+      <worldbody>
+        <geom type="plane" size="1 1 1"/>
+        <body name="chassis" pos="0 0 {RADIUS}">
+          <freejoint/>
+          <inertial pos="0 0 0.3" mass="{chassis}" diaginertia="35 110 120"/>
+          {wheels}
+        </body>
+      </worldbody>
+      <actuator>{motors}</actuator>
+    </mujoco>"""

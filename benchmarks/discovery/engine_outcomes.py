@@ -1,0 +1,99 @@
+"""Which sets of the physics engine there are, and what became of them; needs no engine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.discovery.catalogue import spread
+from benchmarks.discovery.metrics import Metric, figure, share
+
+NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
+    "heavier body": (("step_change",),),
+    "weaker brakes": (("step_change",),),
+    "air": (("aerodynamic_drag",),),
+    "wind": (("headwind",), ("headwind", "aerodynamic_drag")),
+    "fading brakes": (("brake_fade",),),
+    "slippery area": (("surface_patch",),),
+    "viscous bearings": (("viscous_resistance",),),
+    "slow hydraulics": (("brake_lag",),),
+    "glazing pads": (("session_drift",),),
+}
+"""What each is called in the vocabulary; a wind on a body is also a drag on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class EngineOrder:
+    """One set that is wanted: what is hidden ("" for nothing), and the seed."""
+
+    what: str
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class EngineOutcome:
+    """What was said of one set. See :class:`benchmarks.discovery.score.Outcome`."""
+
+    what: str
+    seed: int
+    noise: float
+    scatter: float
+    verdict: str
+    named: tuple[str, ...]
+    right: bool
+    wrong: bool
+    before: float
+    after: float
+    floor: float
+    closed: float | None
+    told: float | None
+    seconds: float
+    text: str
+
+
+def engine_orders(share_of_all: float, seed: int = 1) -> list[EngineOrder]:
+    """Effects and clean sets in random order, each spread evenly over it."""
+    rng = np.random.default_rng((7, seed))
+    each, clean = max(round(4 * share_of_all), 1), max(round(12 * share_of_all), 1)
+    wanted = [name for name in NAMES for _ in range(each)] + [""] * clean
+    found = [EngineOrder(what, int(rng.integers(2**31))) for what in wanted]
+    return spread(found, lambda order: order.what, rng)
+
+
+def engine_metrics(outcomes: Sequence[EngineOutcome]) -> list[Metric]:
+    """The table of the engine's sets."""
+    clean = [o for o in outcomes if o.what == "clean"]
+    hidden = [o for o in outcomes if o.what != "clean"]
+    closed = [o.closed for o in hidden if o.closed is not None]
+    return [
+        share("right name", ">=", 0.85, [o.right for o in hidden]),
+        share("wrong name given with confidence", "<=", 0.01, [o.wrong for o in hidden]),
+        share("a name on clean sets", "<=", 0.0, [o.verdict == "missing_effect" for o in clean]),
+        share("something unknown on clean sets", "", 0.0, [o.verdict == "unknown" for o in clean]),
+        figure("closable gap closed, fresh stops, median", ">=", 0.80, closed, unit="share"),
+        figure("time per 100 stops, median", "<=", 5.0, [o.seconds for o in outcomes], unit="s"),
+        share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
+    ]
+
+
+def engine_by_effect(outcomes: Sequence[EngineOutcome]) -> list[dict[str, Any]]:
+    """Effect by effect, in the form of :func:`benchmarks.discovery.campaign.by_effect`."""
+    rows = []
+    for what in dict.fromkeys(o.what for o in sorted(outcomes, key=lambda o: o.what)):
+        group = [o for o in outcomes if o.what == what]
+        closed = sorted(o.closed for o in group if o.closed is not None)
+        verdicts: dict[str, int] = {}
+        for o in group:
+            verdicts[o.verdict] = verdicts.get(o.verdict, 0) + 1
+        rows.append(
+            {
+                "kind": "engine", "effect": what, "sets": len(group), "identifiable": len(group),
+                "right": sum(o.right for o in group), "wrong": sum(o.wrong for o in group),
+                "axis": None, "verdicts": verdicts,
+                "closed": closed[len(closed) // 2] if closed else None,
+            }
+        )  # fmt: skip
+    return rows

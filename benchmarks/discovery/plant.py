@@ -1,0 +1,186 @@
+"""A vehicle that stops, integrated at 1 kHz: the world in which effects are hidden.
+
+It shares no code with `models`. Its base is a braking force fixed by grade and by the speed at
+brake onset, after a dead time; every effect, named or not, is written here a second time from its
+formula, so that a mistake in the product's own laws shows as a disagreement.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from benchmarks.discovery.physics import Floats, Physics, Stops
+
+GRAVITY = 9.80665
+STEP = 0.001
+"""Of the integration [s]."""
+
+_LONGEST = 14.0  # [s] after the onset; what rolls longer than that does not stop
+
+
+class Motion(NamedTuple):
+    """What happened: (n, samples) at ``time`` since the command, and (n,) for rest and distance.
+
+    Attributes:
+        time: (samples,) [s].
+        speed, station, x, y, yaw, yaw_rate, grade, roll: SI, station from the command on.
+        rest: time of standstill since the command, inf if it rolls on [s].
+        distance: way from the command to rest [m].
+        deceleration: just before rest [m/s²].
+    """
+
+    time: Floats
+    speed: Floats
+    station: Floats
+    x: Floats
+    y: Floats
+    yaw: Floats
+    yaw_rate: Floats
+    grade: Floats
+    roll: Floats
+    rest: Floats
+    distance: Floats
+    deceleration: Floats
+
+
+def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> Motion:
+    """All stops in their order; brakes stay warm from one to the next.
+
+    Args:
+        physics: of this world. stops: what is driven.
+        time: (samples,) increasing, since each stop command; before it the speed is held [s].
+        step: of the integration [s].
+    """
+    speed, station, rest, distance, last = _drive(_exact(physics), stops, time, step)
+    bend = stops.curvature[:, None]
+    yaw = stops.heading[:, None] + bend * station
+    x, y = _places(stops, station)
+    wave = stops.wave[:, None] * np.sin(
+        2.0 * np.pi * station / stops.wave_length[:, None] + stops.wave_phase[:, None]
+    )
+    roll = np.broadcast_to(stops.roll[:, None], speed.shape)
+    return Motion(
+        time, speed, station, x, y, yaw, bend * speed, stops.grade[:, None] + wave, roll, rest,
+        distance, last,
+    )  # fmt: skip
+
+
+def speeds(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> Floats:
+    """Only the speed of :func:`drive`, (n, samples) [m/s]."""
+    found: Floats = _drive(_exact(physics), stops, time, step)[0]
+    return found
+
+
+def _exact(physics: Physics) -> Physics:
+    return Physics(*(float(value) for value in physics))
+
+
+def _places(stops: Stops, station: Floats) -> tuple[Floats, Floats]:
+    """Along arcs that begin at each command."""
+    bend = np.where(np.abs(stops.curvature) < 1e-6, 1e-6, stops.curvature)[:, None]
+    h = stops.heading[:, None]
+    x = stops.x[:, None] + (np.sin(h + bend * station) - np.sin(h)) / bend
+    y = stops.y[:, None] - (np.cos(h + bend * station) - np.cos(h)) / bend
+    return x, y
+
+
+@njit(cache=True)
+def _wanted(
+    p: Physics, run: int, v_i: float, v: float, grade: float, roll: float, x: float, y: float,
+    yaw: float, clock: float, since: float, ambient: float,
+) -> float:  # fmt: skip
+    """F_b/W before build-up, heat and friction."""
+    force = (p.m_m * v_i + p.b_m) * grade + p.m_b * v_i + p.b_b
+    if run >= p.step_run:
+        force = force * p.step_scale + p.step_delta
+    force += p.asymmetry * max(grade, 0.0) + p.nonlinearity * grade * abs(grade)
+    force += p.cross_slope * abs(roll) + p.drift * clock + p.ambient * ambient
+    if p.patch != 0.0 and (x - p.patch_x) ** 2 + (y - p.patch_y) ** 2 <= p.patch_radius**2:
+        force += p.patch
+    force += p.furrow * math.cos(2.0 * (yaw - p.furrow_direction))
+    if p.ripple != 0.0:
+        force += p.ripple * math.sin(2.0 * math.pi * x / p.ripple_length)
+    if p.bump != 0.0:
+        force += p.bump * math.exp(-(((grade - p.bump_grade) / p.bump_width) ** 2))
+    if p.grab != 0.0:
+        force += p.grab * math.exp(-v / p.grab_speed)
+    if p.overshoot != 0.0:
+        late = (since - p.overshoot_time) / (0.5 * p.overshoot_time)
+        force += p.overshoot * math.exp(-late * late)
+    return force
+
+
+@njit(cache=True)
+def _drive(
+    p: Physics, stops: Stops, time: Floats, step: float
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    n, m = len(stops.speed), len(time)
+    speed, station = np.zeros((n, m)), np.zeros((n, m))
+    rest, distance, last = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n)
+    heat, cooled_since = 0.0, 0.0
+    for i in range(n):
+        v_i = stops.speed[i]
+        onset = p.dead_time + stops.delay[i]
+        k = 0
+        while k < m and time[k] <= onset:
+            speed[i, k], station[i, k] = v_i, v_i * time[k]
+            k += 1
+        heat *= math.exp(-(stops.clock[i] + onset - cooled_since) / p.fade_tau)
+        bend = stops.curvature[i]
+        if abs(bend) < 1e-6:
+            bend = 1e-6
+        sin_h, cos_h = math.sin(stops.heading[i]), math.cos(stops.heading[i])
+        t, v, s, built, a = onset, v_i, v_i * onset, 0.0, 0.0
+        while v > 0.0 and t < onset + _LONGEST:
+            # Midpoint: the slopes halfway decide the step.
+            v_mid, s_mid = v, s
+            for half in range(2):
+                yaw = stops.heading[i] + bend * s_mid
+                x = stops.x[i] + (math.sin(yaw) - sin_h) / bend
+                y = stops.y[i] - (math.cos(yaw) - cos_h) / bend
+                grade = stops.grade[i] + stops.wave[i] * math.sin(
+                    2.0 * math.pi * s_mid / stops.wave_length[i] + stops.wave_phase[i]
+                )
+                since = t - onset + 0.5 * step * half
+                force = _wanted(
+                    p, i, v_i, v_mid, grade, stops.roll[i], x, y, yaw, stops.clock[i] + onset
+                    + since, since, stops.ambient[i],
+                )  # fmt: skip
+                force *= stops.friction[i]
+                if p.lag > 0.0:
+                    ahead = 0.5 * step * (half + 1)
+                    built_mid = force + (built - force) * math.exp(-ahead / p.lag)
+                    force = built_mid
+                force /= 1.0 + p.fade * heat
+                force = min(force, p.friction * math.cos(grade) * math.cos(stops.roll[i]))
+                u = v_mid + p.wind * math.cos(yaw - p.wind_direction)
+                a = GRAVITY * (
+                    force + math.sin(grade) + p.viscous * v_mid + p.turning * abs(bend) * v_mid
+                )
+                a += p.drag * v_mid * v_mid + p.wind_drag * (abs(u) * u - v_mid * v_mid)
+                if half == 0:
+                    v_mid, s_mid = v - 0.5 * step * a, s + 0.5 * step * v
+            if p.lag > 0.0:
+                built = built_mid
+            heat += step * (GRAVITY * max(force, 0.0) * v_mid - heat / p.fade_tau)
+            v_new, s_new, t_new = v - step * a, s + step * v_mid, t + step
+            if v_new <= 0.0:
+                part = v / (v - v_new)
+                rest[i], distance[i] = t + part * step, s + 0.5 * v * part * step
+                last[i] = a
+            while k < m and time[k] <= t_new:
+                share = (time[k] - t) / step
+                speed[i, k] = max(v + share * (v_new - v), 0.0)
+                station[i, k] = min(s + share * (s_new - s), distance[i])
+                k += 1
+            v, s, t = v_new, s_new, t_new
+        while k < m:
+            station[i, k] = distance[i] if rest[i] < np.inf else s
+            speed[i, k] = 0.0 if rest[i] < np.inf else v
+            k += 1
+        cooled_since = stops.clock[i] + t
+    return speed, station, rest, distance, last

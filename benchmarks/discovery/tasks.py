@@ -1,0 +1,120 @@
+"""What is done with one set: make it, seal its truth, ask, compare. Any process may do it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cache
+from multiprocessing import util
+from typing import Any
+
+import numpy as np
+
+from benchmarks.discovery import ambiguity, catalogue, peer
+from benchmarks.discovery.ambiguity import Resolved
+from benchmarks.discovery.catalogue import Conditions, HiddenSet, Order, spread
+from benchmarks.discovery.engine_outcomes import EngineOrder, EngineOutcome, engine_orders
+from benchmarks.discovery.score import Outcome, score
+from benchmarks.discovery.sealed import Inquiry, Job, Seal, seal, tables_of
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One of: a set of the plant, one of the engine, a case of two rivals by its number."""
+
+    plant: Order | None = None
+    engine: EngineOrder | None = None
+    rivals: int | None = None
+
+    @property
+    def world(self) -> str:
+        """Which of them it is."""
+        return "plant" if self.plant else "engine" if self.engine else "rivals"
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What became of a task.
+
+    Attributes:
+        task: that was done. seal: of the truth, promised before anything was asked.
+        plant, engine, rivals: outcome of a task of that kind; rivals may remain None.
+        peer: what the other method named, None where it is not installed or not asked.
+    """
+
+    task: Task
+    seal: Seal
+    plant: Outcome | None = None
+    engine: EngineOutcome | None = None
+    rivals: Resolved | None = None
+    peer: tuple[str, ...] | None = None
+
+
+def tasks(share: float, engine: float, cases: int, seed: int = 1) -> list[Task]:
+    """All of a benchmark; every first part of it holds a fair share of each family.
+
+    Args:
+        share: of the plant's catalogue. engine: of the engine's, 0 for none. cases: of rivals.
+        seed: of sets and order.
+    """
+    found = [Task(plant=order) for order in catalogue.orders(share, seed)]
+    if engine > 0.0:
+        found += [Task(engine=order) for order in engine_orders(engine, seed)]
+    found += [Task(rivals=1000 * seed + number) for number in range(cases)]
+    return spread(found, lambda task: task.world, np.random.default_rng((5, seed)))
+
+
+def do(task: Task, conditions: Conditions, promise: Callable[[str], None]) -> Done:
+    """Make a set, promise its truth, have it investigated, compare.
+
+    Args:
+        task: what. conditions: of the plant's sets.
+        promise: told of the digest of the truth before anything is asked.
+    """
+    if task.engine is not None:
+        return _in_the_engine(task, task.engine, promise)
+    if task.rivals is not None:
+        case = ambiguity.case(task.rivals)
+        sealed = _sealed([] if case is None else truth_of(case), promise)
+        resolved = None if case is None else ambiguity.resolve(case, _inquiry())
+        return Done(task, sealed, rivals=resolved)
+    assert task.plant is not None
+    hidden = catalogue.make(task.plant, conditions)
+    sealed = _sealed(truth_of(hidden), promise)
+    finding = _inquiry().ask(Job(hidden.columns, tables_of(hidden.configured)))
+    other = peer.name_effects(hidden.columns, hidden.configured)
+    return Done(task, sealed, plant=score(hidden, finding), peer=other)
+
+
+def _in_the_engine(task: Task, order: EngineOrder, promise: Callable[[str], None]) -> Done:
+    from benchmarks.discovery import engine_sets
+
+    one = engine_sets.make(order, engine_sets.calibrated())
+    sealed = _sealed(engine_sets.truth_of(one), promise)
+    finding = _inquiry().ask(Job(one.columns, tables_of(one.configured)))
+    return Done(task, sealed, engine=engine_sets.judge(one, finding))
+
+
+def _sealed(truth: Any, promise: Callable[[str], None]) -> Seal:
+    sealed = seal([truth])
+    promise(sealed.digest)
+    return sealed
+
+
+@cache
+def _inquiry() -> Inquiry:
+    """One for all tasks of this process."""
+    inquiry = Inquiry()
+    # A worker process joins its children before it runs what is registered with atexit, and
+    # before that it closes queues, at priority 10: the end has to be sent earlier.
+    util.Finalize(None, inquiry.close, exitpriority=100)
+    return inquiry
+
+
+def truth_of(hidden: HiddenSet) -> dict[str, Any]:
+    """What is true of a set, for the sealed file."""
+    return asdict(hidden.order) | {
+        "hidden": [asdict(effect) for effect in hidden.hidden],
+        "physics": hidden.truth._asdict(),
+        "worth": asdict(hidden.worth),
+    }

@@ -1,0 +1,1 @@
+"""Many paths over a large map."""

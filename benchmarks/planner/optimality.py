@@ -1,0 +1,213 @@
+"""How much time smoothed plans lose against the optimum, over many generated problems.
+
+Each problem is drawn anew: ground, path, limits, speed and acceleration at the start, and the clear
+distance. The planner smooths it as it does for any plan; IPOPT solves the same problem with the
+exact constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.common.judge import smooth_excess, travel_time
+from benchmarks.common.measure import machine, summary, timed
+from benchmarks.common.scene import SPACING, atv, hills
+from benchmarks.common.tables import duration
+from models.parameters import Model
+from planner.bounds.speed_bounds import numbers
+from planner.ground.elevation_map import ElevationMap
+from planner.kernels.compiled import Floats
+from planner.pipeline.candidates import time_optimal_batch
+from planner.pipeline.plan_finalizer import Emission
+from planner.profile.reference import JerkLimitedReference
+from planner.profile.smoothing import SmoothingProblem, smooth
+
+INSTANCES, QUICK_INSTANCES = 500, 40
+WANTED_EXCESS, WANTED_RATIO = 0.01, 10.0
+_STATIONS = (60, 80, 100, 150)
+_SEED = 11
+
+Result = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """One generated problem.
+
+    Attributes:
+        name: what was drawn, for people.
+        problem: jerk-limited, below the time-optimal profile.
+    """
+
+    name: str
+    problem: SmoothingProblem
+
+
+def instances(wanted: int, seed: int = _SEED) -> Iterator[Instance]:
+    """So many problems of vehicles that move; the same ones for the same seed."""
+    rng = np.random.default_rng(seed)
+    grounds = [hills(patches) for patches in (0, 12)]
+    found = 0
+    while found < wanted:
+        instance = _draw(rng, grounds)
+        if instance is not None:
+            found += 1
+            yield instance
+
+
+def run(quick: bool = False, progress: Callable[[int], None] | None = None) -> Result:
+    """Solve all of them both ways; the result is plain data, ready for JSON."""
+    rows = []
+    for instance in instances(total(quick)):
+        rows.append(compared(instance))
+        if progress is not None:
+            progress(1)
+    both = [row for row in rows if row["excess"] is not None]
+    excess = np.array([row["excess"] for row in both])
+    own, ipopt = ([row[name] for row in rows] for name in ("planner", "ipopt"))
+    return {
+        "quick": quick,
+        "machine": machine(),
+        "instances": len(rows),
+        "solved_by_both": len(both),
+        "unsolved": [row for row in rows if row["excess"] is None],
+        "excess": _distribution(excess),
+        "above": [row for row in both if row["excess"] > WANTED_EXCESS],
+        "breach": max(row["breach"] for row in both),
+        "seconds": {"planner": summary(own), "IPOPT": summary(ipopt)},
+        "ratio": _ratios(ipopt, own),
+        "wanted": {"excess": WANTED_EXCESS, "ratio": WANTED_RATIO},
+    }  # fmt: skip
+
+
+def total(quick: bool) -> int:
+    """Problems that :func:`run` reports to ``progress``."""
+    return QUICK_INSTANCES if quick else INSTANCES
+
+
+def compared(instance: Instance) -> Result:
+    """One problem both ways: excess of travel time, and seconds."""
+    problem = instance.problem
+    reference = _reference(len(problem.speed_sq_max))
+    own, answer = _second(partial(smooth, problem))
+    ipopt, optimum = _second(partial(reference.solve, problem))
+    row: Result = {
+        "name": instance.name, "planner": own, "ipopt": ipopt, "excess": None, "breach": None,
+        "reason": answer.reason or optimum.reason,
+    }  # fmt: skip
+    if answer.speed_sq is None or optimum.speed_sq is None:
+        return row
+    row["excess"] = _time(problem, answer.speed_sq) / optimum.travel_time - 1.0
+    row["travel_time"] = optimum.travel_time
+    row["breach"] = smooth_excess(problem, answer.speed_sq)
+    return row
+
+
+def _second(action: Callable[[], Any]) -> tuple[float, Any]:
+    """Seconds and result of an action that ran once before, uncounted."""
+    action()
+    return timed(action)
+
+
+def _time(problem: SmoothingProblem, speed_sq: Floats) -> float:
+    return travel_time(np.concatenate(([0.0], np.cumsum(problem.ds))), speed_sq)
+
+
+@cache
+def _reference(stations: int) -> JerkLimitedReference:
+    return JerkLimitedReference(stations)
+
+
+def _distribution(values: Floats) -> dict[str, float]:
+    shares = {"least": 0.0, "median": 50.0, "p90": 90.0, "p99": 99.0, "most": 100.0}
+    return {name: float(np.percentile(values, share)) for name, share in shares.items()}
+
+
+def _ratios(slow: Any, quick: Any) -> dict[str, float]:
+    """How many times quicker, problem by problem."""
+    ratio = np.asarray(slow) / np.asarray(quick)
+    wanted = float(np.mean(ratio >= WANTED_RATIO))
+    return {"median": float(np.median(ratio)), "least": float(ratio.min()), "share": wanted}
+
+
+def _draw(rng: np.random.Generator, grounds: list[ElevationMap]) -> Instance | None:
+    """One problem; None where the vehicle does not get away from its start."""
+    stations = int(rng.choice(_STATIONS))
+    model, ground = _vehicle(rng), grounds[int(rng.integers(len(grounds)))]
+    x, y = _path(rng, stations)
+    start = float(rng.choice([0.0, rng.uniform(0.0, 2.5)]))
+    clear = float(rng.choice([np.inf, rng.uniform(4.0, 20.0)]))
+    solved = time_optimal_batch(
+        ground, x, y, np.array([stations]), model, start_speed=start, clear=clear
+    )
+    # A start that is too fast for service braking is not for smoothing.
+    if solved.speed_sq[:, 0].max() < 0.25 or solved.reachable_start_sq[0] < start**2:
+        return None
+    emission = Emission(
+        model, numbers(model), solved.profile, solved.ground, solved.bounds, 0,
+        np.array([start**2]),
+    )  # fmt: skip
+    top = np.ascontiguousarray(solved.speed_sq[:, 0])
+    accel, decel = emission.segment_limits(top)
+    before = float(rng.uniform(-0.5 * decel[0], 0.5 * accel[0])) if start > 0.0 else None
+    limits = model.limits
+    name = (
+        f"{stations} stations from ({x[0, 0]:.1f}, {y[0, 0]:.1f}), start {start:.2f} m/s, "
+        f"clear {clear:.1f} m, {limits.accel:.2f}/{limits.decel:.2f} m/s², {limits.jerk:.2f} m/s³"
+    )
+    ds = np.diff(solved.profile.station[:, 0])
+    return Instance(name, SmoothingProblem(ds, top, accel, decel, limits.jerk, before))
+
+
+def _vehicle(rng: np.random.Generator) -> Model:
+    model = atv()
+    limits = replace(
+        model.limits,
+        speed=rng.uniform(1.5, 4.0), accel=rng.uniform(0.4, 2.0), decel=rng.uniform(0.6, 2.5),
+        jerk=rng.uniform(0.8, 6.0), lateral_accel=rng.uniform(0.8, 4.0),
+    )  # fmt: skip
+    braking = replace(
+        model.braking, b_b=rng.uniform(0.3, 0.6), b_m=rng.uniform(-0.5, 0.5),
+        dead_time=rng.uniform(0.1, 0.6),
+    )  # fmt: skip
+    return replace(model, limits=limits, braking=braking)
+
+
+def _path(rng: np.random.Generator, stations: int) -> tuple[Floats, Floats]:
+    """A winding path inside the map, (N, 1) each."""
+    s = SPACING * np.arange(stations)
+    bend = rng.uniform(-0.08, 0.08) + rng.uniform(0.0, 0.15) * np.sin(
+        2.0 * np.pi * s / rng.uniform(6.0, 30.0) + rng.uniform(0.0, 6.3)
+    )
+    heading = rng.uniform(-np.pi, np.pi) + SPACING * np.cumsum(bend)
+    east, north = SPACING * np.cumsum(np.cos(heading)), SPACING * np.cumsum(np.sin(heading))
+    x, y = rng.uniform(38.0, 42.0, 2)
+    return (x + east)[:, None], (y + north)[:, None]
+
+
+def show(result: Result, console: Console | None = None) -> None:
+    """Print a table, and every problem that misses what is wanted."""
+    screen = console or Console()
+    table = Table(title="Smoothed plans against the optimum by IPOPT", title_justify="left")
+    table.add_column()
+    table.add_column(justify="right")
+    table.add_row("problems solved by both", f"{result['solved_by_both']}")
+    for name, value in result["excess"].items():
+        table.add_row(f"travel time above it, {name}", f"{value:.3%}")
+    for name, seconds in result["seconds"].items():
+        table.add_row(f"time of {name}, median", duration(seconds["median"]))
+    for name, text in (("median", "{:.1f}×"), ("least", "{:.1f}×"), ("share", "{:.0%}")):
+        label = "10 times as fast, share" if name == "share" else f"times as fast, {name}"
+        table.add_row(label, text.format(result["ratio"][name]))
+    screen.print(table)
+    for row in result["above"]:
+        screen.print(f"{row['excess']:.2%} above the optimum: {row['name']}")
+    for row in result["unsolved"]:
+        screen.print(f"not solved: {row['name']}: {row['reason']}")

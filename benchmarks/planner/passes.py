@@ -1,0 +1,87 @@
+"""The least that a speed profile can cost: compiled forward–backward passes to measure against.
+
+Station-major, in tiles that stay in the cache, without branches: nothing here is slower than it
+need be. Both know speed bounds and limits of acceleration; the second one brakes by the model of
+:mod:`planner.profile.time_optimal` in its simplest form, with the force of the segment's first
+station at the speed of its end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.parameters import Braking
+from models.quantity import GRAVITY
+from planner.kernels.compiled import TILE, Floats, kernel
+
+
+@kernel
+def plain_pass(
+    speed_sq_max: Floats, ds: float, accel: float, decel: float, speed_sq: Floats
+) -> None:
+    """Speed bounds and constant limits of acceleration, from rest; (N, M) arrays.
+
+    Args:
+        speed_sq_max: [m²/s²].
+        ds: between stations [m].
+        accel, decel: [m/s²].
+        speed_sq: out [m²/s²].
+    """
+    stations, candidates = speed_sq_max.shape
+    gain, loss = 2.0 * ds * accel, 2.0 * ds * decel
+    for first in range(0, candidates, TILE):
+        end = min(first + TILE, candidates)
+        for j in range(first, end):
+            speed_sq[stations - 1, j] = speed_sq_max[stations - 1, j]
+        for k in range(stations - 2, -1, -1):
+            for j in range(first, end):
+                speed_sq[k, j] = min(speed_sq_max[k, j], speed_sq[k + 1, j] + loss)
+        for j in range(first, end):
+            speed_sq[0, j] = 0.0
+        for k in range(stations - 1):
+            for j in range(first, end):
+                speed_sq[k + 1, j] = min(speed_sq[k + 1, j], speed_sq[k, j] + gain)
+
+
+def braking_pass(
+    speed_sq_max: Floats, station: Floats, grade: Floats, sin_grade: Floats, braking: Braking,
+    accel: float, decel: float, speed_sq: Floats,
+) -> None:  # fmt: skip
+    """As :func:`plain_pass`, braking by F_b/W = (m_m v + b_m) θ + m_b v + b_b in the backward one.
+
+    Args:
+        speed_sq_max: (N, M) [m²/s²].
+        station, grade, sin_grade: (N, M) terrain.
+        braking: the model.
+        accel, decel: [m/s²].
+        speed_sq: (N, M) out [m²/s²].
+    """
+    _braking_pass(
+        speed_sq_max, station, grade, sin_grade,
+        braking.m_m, braking.b_m, braking.m_b, braking.b_b, accel, decel, speed_sq,
+    )  # fmt: skip
+
+
+@kernel
+def _braking_pass(
+    speed_sq_max: Floats, station: Floats, grade: Floats, sin_grade: Floats,
+    m_m: float, b_m: float, m_b: float, b_b: float, accel: float, decel: float, speed_sq: Floats,
+) -> None:  # fmt: skip
+    stations, candidates = speed_sq_max.shape
+    for first in range(0, candidates, TILE):
+        end = min(first + TILE, candidates)
+        for j in range(first, end):
+            speed_sq[stations - 1, j] = speed_sq_max[stations - 1, j]
+        for k in range(stations - 2, -1, -1):
+            for j in range(first, end):
+                twice = 2.0 * (station[k + 1, j] - station[k, j])
+                v = np.sqrt(speed_sq[k + 1, j])
+                force = (m_m * v + b_m) * grade[k, j] + m_b * v + b_b + sin_grade[k, j]
+                slowed = speed_sq[k + 1, j] + twice * min(decel, GRAVITY * force)
+                speed_sq[k, j] = min(speed_sq_max[k, j], slowed)
+        for j in range(first, end):
+            speed_sq[0, j] = 0.0
+        for k in range(stations - 1):
+            for j in range(first, end):
+                twice = 2.0 * (station[k + 1, j] - station[k, j])
+                speed_sq[k + 1, j] = min(speed_sq[k + 1, j], speed_sq[k, j] + twice * accel)

@@ -1,0 +1,154 @@
+"""Round trip of a question for plans over zenoh, between two processes on the loopback.
+
+``python -m benchmarks.service.round_trip [--questions 500] [--candidates 20] [--rate 50 --seconds
+60]``, each candidate of 100 points. What the wire costs is the round trip minus the planner's own
+time, which the reply tells. With a rate, memory of the service is watched, too. Nothing of the
+service is
+imported here: both sides are commands and payloads as anybody sees them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import zenoh
+
+_POINTS, _LENGTH = 100, 25.0
+_FORMAT = "application/msgpack;slopewise.{}.v1"
+_PAGE = 4096
+
+
+def measure(questions: int, candidates: int, rate: float, seconds: float) -> dict[str, Any]:
+    """Start a service, ask, stop it; times in ms."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    with tempfile.TemporaryDirectory() as folder:
+        settings = Path(folder) / "service.toml"
+        settings.write_text(
+            f'model = "atv"\nnamespace = "bench"\n[zenoh]\nlisten = ["{endpoint}"]\n'
+            "[planning]\ndeadline = 5.0\n"
+        )
+        begun = time.perf_counter()
+        command = [sys.executable, "-m", "services.cli", "serve", "--config", str(settings)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            assert process.stdout is not None
+            process.stdout.readline()
+            started = time.perf_counter() - begun
+            drawn = _fan(candidates)
+            found = _ask(endpoint, process.pid, drawn, questions, rate, seconds)
+            return {"start": started, **found}
+        finally:
+            process.terminate()
+            process.wait(10.0)
+
+
+def _fan(candidates: int) -> list[np.ndarray]:
+    along = np.linspace(0.0, _LENGTH, _POINTS)
+    bends = np.linspace(-0.004, 0.004, candidates)
+    return [np.stack([along, bend * along**2], axis=1) for bend in bends]
+
+
+def _ask(
+    endpoint: str, process: int, drawn: list[np.ndarray], questions: int, rate: float,
+    seconds: float,
+) -> dict[str, Any]:  # fmt: skip
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config) as session:
+        ground = {
+            "source": "bench", "sequence": 1, "elevation": _block(np.zeros((121, 241))),
+            "resolution": 0.25, "origin": [-5.0, -15.0],
+        }  # fmt: skip
+        payload = msgspec.msgpack.encode(ground)
+        session.put("bench/v1/map", payload, encoding=_FORMAT.format("map_update"))
+        time.sleep(0.5)
+        querier = session.declare_querier("bench/v1/plan", timeout=5.0, express=True)
+        for _ in range(20):
+            _once(querier, drawn)
+        result: dict[str, Any] = {}
+        for client in ("", "robot"):
+            times = np.array([_once(querier, drawn, client) for _ in range(questions)])
+            result["named" if client else "alone"] = _figures(times)
+        if rate > 0.0:
+            result["sustained"] = _sustained(querier, process, drawn, rate, seconds)
+        return result
+
+
+def _block(array: np.ndarray) -> dict[str, Any]:
+    return {"shape": array.shape, "data": np.ascontiguousarray(array, "<f8").tobytes()}
+
+
+def _once(querier: Any, drawn: list[np.ndarray], client: str = "") -> tuple[float, float]:
+    """Round trip, encoding and decoding included, and the planner's own time [s]."""
+    begun = time.perf_counter()
+    paths = [{"name": f"c{j}", "points": _block(points)} for j, points in enumerate(drawn)]
+    question = {"speed": 1.0, "paths": paths, "client": client, "pose": [0.0, 0.0, 0.0]}
+    payload = msgspec.msgpack.encode(question)
+    (reply,) = querier.get(payload=payload, encoding=_FORMAT.format("plan_request"))
+    answer = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
+    took = time.perf_counter() - begun
+    if answer["status"] not in ("ok", "degraded") or not answer["plans"]:
+        raise RuntimeError(f"no plan: {answer['status']}: {answer['reason']}")
+    return took, answer["seconds"]["planner"]
+
+
+def _figures(times: np.ndarray) -> dict[str, float]:
+    trip, planner = 1e3 * times.T
+    wire = trip - planner
+    return {
+        "round_trip_median": float(np.median(trip)),
+        "planner_median": float(np.median(planner)),
+        "wire_median": float(np.median(wire)),
+        "wire_p99": float(np.percentile(wire, 99)),
+        "wire_max": float(wire.max()),
+        "questions": len(wire),
+    }
+
+
+def _sustained(
+    querier: Any, process: int, drawn: list[np.ndarray], rate: float, seconds: float
+) -> dict[str, Any]:
+    """Questions at an even rate; memory of the service at the quarters of the time."""
+    times, memory = [], []
+    begun = time.perf_counter()
+    count = int(rate * seconds)
+    for n in range(count):
+        time.sleep(max(begun + n / rate - time.perf_counter(), 0.0))
+        times.append(_once(querier, drawn, "robot"))
+        if n + 1 in (count // 4, count // 2, 3 * count // 4, count):
+            pages = Path(f"/proc/{process}/statm").read_text().split()[1]
+            memory.append(int(pages) * _PAGE / 1e6)
+    took = time.perf_counter() - begun
+    figures: dict[str, Any] = _figures(np.array(times))
+    return {**figures, "rate": count / took, "memory_mb": memory}
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--questions", type=int, default=500)
+    parser.add_argument("--candidates", type=int, default=20)
+    parser.add_argument("--rate", type=float, default=0.0)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    given = parser.parse_args()
+    print(
+        json.dumps(measure(given.questions, given.candidates, given.rate, given.seconds), indent=1)
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""From a drive log to a table of stops."""

@@ -1,0 +1,281 @@
+"""All stops of a log side by side: channels on a grid of times, speeds averaged in bins.
+
+The grid serves the laws, the bins the statistics. Averaging over bins keeps what speeds tell of
+forces and makes every stop the same size, so that one array operation serves all stops at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.quantity import GRAVITY
+from models.stop_logs.find_stops import StopWindow
+from models.stop_logs.stop_record import StopRecord
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_NODES = 121
+_MOST_BINS = 40
+_BEFORE = 0.3  # [s] of held speed before the command that belong to a stop
+_LAST = 0.95  # share of the way to standstill; then sensors and suspension do other things
+_MOST_BLUR, _BLURS, _NO_WEIGHT = 0.03, 2.5, 1e4  # [s], standard deviations, of a variance
+_ABOVE_NOISE = 2.5  # standard deviations
+_SMOOTH = 0.08  # [s] standard deviation of the kernel for channels in products
+_LEAST_PULL = 0.05  # of the weight
+_CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y")
+
+
+@dataclass(frozen=True, slots=True)
+class StopTable:
+    """S stops on M times each, K bins.
+
+    Attributes:
+        time: (S, M) since the stop command [s], even steps in each stop.
+        speed: (S, M) measured, smoothed [m/s]. station: (S, M) way since the command [m].
+        grade, roll, yaw, yaw_rate: (S, M) [rad], [rad/s]. x, y: (S, M) [m]. Zero if not logged.
+        logged: channels that the log has.
+        average: (S, K, M) means of each bin over grid values. binned: (S, K) measured [m/s].
+        spread: (S, K) variance of a bin's mean for white noise of one; 0 for bins that are none.
+        held: (S,) speed before the command [m/s]. clock: (S,) of the command in the log [s].
+        run: (S,) position of the run in the log. run_names: (S,) its name.
+        terrain: (S,) named surface, "" without. distance, rest_time: (S,) measured [m], [s].
+        sample: time between samples [s]. onset: of the brakes, as calibration finds it [s].
+        force: (S,) F_b/W as each stop tells by itself. jitter: of the dead time [s].
+        further: other numeric columns, mean over each stop, (S,) by name.
+        warmed: per stop, (seconds before it, energy) of stops that warmed its brakes; in place of
+            all others, for stops that were not driven.
+        cooled: (clock, energy) of stops that are not in the table: they heat the brakes, too
+            [s], [J/kg].
+    """
+
+    time: Floats
+    speed: Floats
+    station: Floats
+    grade: Floats
+    roll: Floats
+    yaw: Floats
+    yaw_rate: Floats
+    x: Floats
+    y: Floats
+    logged: frozenset[str]
+    average: Floats
+    binned: Floats
+    spread: Floats
+    held: Floats
+    clock: Floats
+    run: Ints
+    run_names: tuple[str, ...]
+    terrain: tuple[str, ...]
+    distance: Floats
+    rest_time: Floats
+    force: Floats
+    jitter: float
+    sample: float
+    onset: float
+    further: Mapping[str, Floats]
+    cooled: tuple[tuple[float, float], ...] = ()
+    warmed: tuple[tuple[tuple[float, float], ...], ...] | None = None
+
+    @property
+    def own_spread(self) -> Floats:
+        """(S, K) as `spread`, with bins around the onset like all others."""
+        return np.where(self.spread > 1.0, self.spread / _NO_WEIGHT, self.spread)
+
+    @property
+    def pull(self) -> Floats:
+        """(S,) of brakes and ground together, as a share of the weight; not below a little."""
+        return np.maximum(self.force + np.sin(self.grade[:, -1]), _LEAST_PULL)
+
+    def __len__(self) -> int:
+        return len(self.held)
+
+    def take(self, rows: Sequence[int] | Ints | NDArray[np.bool_]) -> StopTable:
+        """Some of the stops; the others go on heating the brakes only through their clocks."""
+        index = np.arange(len(self))[np.asarray(rows)]
+        arrays = {
+            name: getattr(self, name)[index]
+            for name in (
+                "time", "speed", "station", "grade", "roll", "yaw", "yaw_rate", "x", "y",
+                "average", "binned", "spread", "held", "clock", "run", "distance", "rest_time",
+                "force",
+            )
+        }  # fmt: skip
+        left = np.setdiff1d(np.arange(len(self)), index)
+        # On a slope the ground brakes, too, or pushes.
+        energy = 0.5 * self.held**2 * np.maximum(self.force / self.pull, 0.0)
+        heat = [(float(self.clock[i]), float(energy[i])) for i in left]
+        return replace(
+            self,
+            **arrays,
+            run_names=tuple(self.run_names[i] for i in index),
+            terrain=tuple(self.terrain[i] for i in index),
+            further={name: values[index] for name, values in self.further.items()},
+            cooled=tuple(sorted((*self.cooled, *heat))),
+        )
+
+
+def tabulate(
+    columns: Mapping[str, NDArray[Any]],
+    runs: Sequence[slice],
+    records: Sequence[StopRecord],
+    others: Sequence[StopWindow],
+    further: Sequence[str],
+    jitter: float,
+    dead_time: float,
+) -> StopTable:
+    """The table of measured stops.
+
+    Args:
+        columns: channels of a drive log, (n,). runs: samples of each run.
+        records: stops as measured, with their ground. others: stops that could not be used.
+        further: numeric columns without a meaning here. jitter: of the dead time [s].
+        dead_time: [s]; what happens around it is known no better than to the jitter.
+    """
+    logged = frozenset(n for n in _CHANNELS if n in columns and _complete(columns[n], records))
+    rows = [_row(columns, record, logged) for record in records]
+    bins = max(len(row["binned"]) for row in rows)
+    starts = np.array([run.start for run in runs])
+    commands = np.array([r.samples.window.command for r in records])
+    extra = {
+        name: np.array([_mean(columns[name], r) for r in records])
+        for name in further
+    }  # fmt: skip
+    heat = [
+        (float(columns["t"][w.command]), 0.5 * w.held_speed**2)
+        for w in others
+    ]  # fmt: skip
+
+    def stack(name: str) -> Floats:
+        return np.stack([row[name] for row in rows])
+
+    sample = float(np.median([np.median(np.diff(r.samples.time)) for r in records]))
+    blur = min(float(np.hypot(jitter, sample / np.sqrt(12.0))), _MOST_BLUR)
+    for row in rows:
+        # Onsets that jitter round the mean knee off, which no linear term of the jitter does.
+        at = row["average"] @ row["time"]
+        reach = _BLURS * blur + 0.5 * float(np.median(np.diff(at)))
+        row["spread"] = np.where(np.abs(at - dead_time) < reach, _NO_WEIGHT, 1.0) * row["spread"]
+
+    def padded(name: str) -> Floats:
+        return np.stack([_pad(row[name], bins) for row in rows])
+
+    return StopTable(
+        time=stack("time"),
+        speed=stack("speed"),
+        station=stack("station"),
+        grade=stack("grade"),
+        roll=stack("roll"),
+        yaw=stack("yaw"),
+        yaw_rate=stack("yaw_rate"),
+        x=stack("x"),
+        y=stack("y"),
+        logged=logged,
+        average=padded("average"),
+        binned=padded("binned"),
+        spread=padded("spread"),
+        held=np.array([r.samples.window.held_speed for r in records]),
+        clock=np.array([r.samples.clock for r in records]),
+        run=np.searchsorted(starts, commands, side="right").astype(np.int64) - 1,
+        run_names=tuple(r.samples.run for r in records),
+        terrain=tuple(r.samples.terrain for r in records),
+        distance=np.array([r.samples.distance for r in records]),
+        rest_time=np.array([r.samples.rest_time for r in records]),
+        force=np.array([r.force_ratio for r in records]),
+        jitter=jitter,
+        sample=sample,
+        onset=dead_time,
+        further={n: v for n, v in extra.items() if np.isfinite(v).all() and np.ptp(v) > 0.0},
+        cooled=tuple(sorted(heat)),
+    )
+
+
+def _complete(values: NDArray[Any], records: Sequence[StopRecord]) -> bool:
+    return all(
+        np.isfinite(values[r.samples.window.begin : r.samples.window.end]).all() for r in records
+    )
+
+
+def _mean(values: NDArray[Any], record: StopRecord) -> float:
+    part = values[record.samples.window.command : record.samples.window.rest + 1]
+    part = part[np.isfinite(part)]
+    return float(np.mean(part)) if len(part) else float("nan")
+
+
+def _pad(values: Floats, bins: int) -> Floats:
+    missing = bins - len(values)
+    return np.pad(values, [(0, missing)] + [(0, 0)] * (values.ndim - 1))
+
+
+def _row(
+    columns: Mapping[str, NDArray[Any]], record: StopRecord, logged: frozenset[str]
+) -> dict[str, Floats]:
+    s = record.samples
+    part = slice(s.window.begin, s.window.end)
+    last = min(int(np.searchsorted(s.time, _end_of_fall(record))), s.at_rest)
+    first = int(np.searchsorted(s.time, -_BEFORE - 1e-9))
+    time = np.linspace(s.time[first], s.time[last], _NODES)
+
+    def at_grid(values: Floats) -> Floats:
+        result: Floats = np.interp(time, s.time, _smooth(s.time, values))
+        return result
+
+    row: dict[str, Floats] = {
+        "time": time,
+        "speed": np.maximum(at_grid(s.speed), 0.0),
+        "station": np.interp(time, s.time, s.station - s.station[s.at_command]),
+        "grade": at_grid(record.ground),
+    }
+    for name in _CHANNELS:
+        values = columns[name][part] if name in logged else np.zeros(len(s.time))
+        row[name] = at_grid(np.unwrap(values) if name == "yaw" else values)
+    used = slice(first, last + 1)
+    row["average"], row["binned"], row["spread"] = _bins(s.time[used], s.speed[used], time)
+    return row
+
+
+def _end_of_fall(record: StopRecord) -> float:
+    """Time until which a stop surely fell [s].
+
+    Near standstill noise decides which sample comes first to zero: the fall ends where its line
+    is still above the noise.
+    """
+    knee = record.knee
+    pull = GRAVITY * (knee.force_ratio + float(np.sin(knee.mean_grade)))
+    least = max((1.0 - _LAST) * knee.onset_speed, _ABOVE_NOISE * knee.rms)
+    fall = max(knee.onset_speed - least, 0.5 * knee.onset_speed) / pull if pull > 0.0 else np.inf
+    return min(_LAST * record.samples.rest_time, knee.onset_time + fall)
+
+
+def _bins(t: Floats, v: Floats, grid: Floats) -> tuple[Floats, Floats, Floats]:
+    """Means of equally many samples each; a sample is between two times of the grid."""
+    count = min(len(t), _MOST_BINS)
+    owner = (np.arange(len(t)) * count) // len(t)
+    sizes = np.bincount(owner, minlength=count).astype(np.float64)
+    place = np.clip((t - grid[0]) / (grid[1] - grid[0]), 0.0, len(grid) - 1.000001)
+    left = place.astype(np.int64)
+    share = place - left
+    average = np.zeros((count, len(grid)))
+    np.add.at(average, (owner, left), (1.0 - share) / sizes[owner])
+    np.add.at(average, (owner, left + 1), share / sizes[owner])
+    return average, np.bincount(owner, weights=v, minlength=count) / sizes, 1.0 / sizes
+
+
+def _smooth(t: Floats, values: Floats) -> Floats:
+    step = max(float(np.median(np.diff(t))), 1e-4)
+    half = min(int(2.5 * _SMOOTH / step), len(values) - 1)
+    if half < 1:
+        return values
+    kernel = np.exp(-0.5 * np.square(np.arange(-half, half + 1) * step / _SMOOTH))
+    # Odd extension: a straight line stays one up to its ends.
+    head = 2.0 * values[0] - values[half:0:-1]
+    tail = 2.0 * values[-1] - values[-2 : -half - 2 : -1]
+    result: Floats = np.convolve(
+        np.concatenate((head, values, tail)), kernel / kernel.sum(), mode="valid"
+    )
+    return result

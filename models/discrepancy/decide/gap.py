@@ -1,0 +1,172 @@
+"""Before, after, floor: how far simulated and measured stops are apart, on stops held out.
+
+Whole runs are held out together. The floor is what a perfect model would leave: noise of the speed,
+the friction and the onset that every stop has of its own. Where the gap is less than one and a half
+times its floor no percentage is claimed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.findings import Gap
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.noise import Noise, shapes, whitener
+from models.discrepancy.model.prediction import simulate
+from models.discrepancy.search.refine import Fit, fit
+from models.discrepancy.settings import DiscrepancySettings
+from models.quantity import GRAVITY
+
+Floats = NDArray[np.float64]
+
+CLAIM_ABOVE = 1.5
+"""Floors that a gap must have for a percentage of it to mean something."""
+
+_REACH = 2.0  # times the measured time to rest within which a simulated stop must end
+_NODES = 241
+
+
+def speed_errors(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, K) measured less simulated speed of the bins [m/s], NaN for bins that are none."""
+    speed, _ = simulate(table, hypothesis, table.held, table.time)
+    off = table.binned - np.einsum("skm,sm->sk", table.average, speed)
+    return np.where(table.spread > 0.0, off, np.nan)
+
+
+def distances(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S,) simulated way from stop command to rest [m]; the farthest looked at if it rolls on."""
+    time = np.linspace(0.0, 1.0, _NODES) * (_REACH * table.rest_time + 0.5)[:, None]
+    _, way = simulate(table, hypothesis, table.held, time)
+    return way[:, -1]
+
+
+def folds(table: StopTable, count: int, seed: int) -> list[NDArray[np.bool_]]:
+    """Stops of each part; stops of a run stay together, or where runs are few, those nearby."""
+    groups = table.run
+    if len(np.unique(groups)) < count:
+        groups = np.arange(len(table)) * 4 * count // len(table)
+    names = np.unique(groups)
+    order = np.random.default_rng(seed).permutation(names)
+    return [np.isin(groups, part) for part in np.array_split(order, count)]
+
+
+@dataclass(frozen=True, slots=True)
+class Gaps:
+    """Before and after, on stops held out.
+
+    Attributes:
+        speed, distance: as reported. held_out: (S,) distances by fits that had not seen their stop.
+        refit_squares: (S,) mean squared speed error of the refitted base, held out [m²/s²].
+        longer: by how much stops are longer than configured, the nineteenth of twenty [m];
+            negative where all are shorter.
+        likelier: by how much −2 log likelihood of stops held out falls by what was found, beyond
+            the refitted base.
+    """
+
+    speed: Gap
+    distance: Gap
+    held_out: Floats
+    refit_squares: Floats
+    longer: float
+    likelier: float
+
+
+def compared(table: StopTable, base: Fit, best: Fit, settings: DiscrepancySettings) -> Gaps:
+    """Model as configured, base refitted, and what was found.
+
+    Args:
+        table: stops. base: refitted base. best: what was found; its structure is kept, its numbers
+            are fitted anew to what each part of the log leaves.
+        settings: parts, draws and seed.
+    """
+    parts = folds(table, settings.folds, settings.seed)
+    configured = Hypothesis.configured(best.hypothesis.model)
+    before = speed_errors(table, configured), distances(table, configured)
+    refit = held_out(table, parts, base)
+    after = held_out(table, parts, best) if best.hypothesis.added else refit
+    draws = np.random.default_rng(settings.seed).integers(
+        0, len(table), (settings.resamples, len(table))
+    )
+    used = table.spread > 0.0
+    floor = np.where(used, speed_floor(table, best.noise, best.hypothesis), np.nan)
+    squares = [np.nanmean(e[0] ** 2, axis=1) for e in (before, refit, after)]
+    speed = gap_of("speed while stopping, rms", "m/s", (*squares, np.nanmean(floor, axis=1)), draws)
+    ways = [(e[1] - table.distance) ** 2 for e in (before, refit, after)]
+    distance = gap_of(
+        "stopping distance, rms", "m", (*ways, distance_floor(table, best.noise)), draws
+    )
+    longer = table.distance - before[1]
+    end = 0.95 if float(np.mean(longer)) > 0.0 else 0.05
+    likelier = refit[2] - after[2]
+    return Gaps(speed, distance, after[1], squares[1], float(np.quantile(longer, end)), likelier)
+
+
+def held_out(
+    table: StopTable, parts: list[NDArray[np.bool_]], start: Fit
+) -> tuple[Floats, Floats, float]:
+    """By fits that have not seen the stop: (S, K) speed errors, (S,) distances, −2 log likelihood.
+
+    The likelihood knows what the errors do not: which of them a stop's own friction explains.
+    """
+    errors = np.full(table.binned.shape, np.nan)
+    ways = np.empty(len(table))
+    deviance = 0.0
+    for part in parts:
+        seen, unseen = table.take(~part), table.take(part)
+        white = whitener(seen, start.noise, start.hypothesis)
+        learned = fit(seen, start.hypothesis, white).hypothesis
+        errors[part] = speed_errors(unseen, learned)
+        ways[part] = distances(unseen, learned)
+        own = whitener(unseen, start.noise, learned)
+        deviance += float(np.sum(fit(unseen, learned, own, passes=0).each))
+    return errors, ways, deviance
+
+
+def speed_floor(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Floats:
+    """(S, K) variance of the speed errors of a perfect model [m²/s²]."""
+    z = shapes(table, hypothesis, noise.capped)
+    own = noise.speed**2 * table.own_spread
+    jitter = noise.jitter * z[:, :, 2]
+    friction = noise.scatter * z[:, :, 3]
+    result: Floats = own + jitter**2 + friction**2
+    return result
+
+
+def distance_floor(table: StopTable, noise: Noise) -> Floats:
+    """(S,) variance of the distance errors of a perfect model [m²]."""
+    by_force = table.held**2 / (2.0 * GRAVITY * table.pull**2)
+    by_rest = noise.speed * np.sqrt(np.median(table.spread[table.spread > 0.0])) * table.rest_time
+    own: Floats = (noise.scatter * by_force) ** 2 + (noise.jitter * table.held) ** 2 + by_rest**2
+    return own
+
+
+def gap_of(metric: str, unit: str, errors: Sequence[Floats], draws: NDArray[np.int64]) -> Gap:
+    """Root mean squares and the share that is closed.
+
+    Args:
+        errors: mean squared error of each stop (S,) as configured, refitted, with what was found,
+            and of a perfect model. draws: (B, S) stops of each bootstrap sample.
+    """
+    squares = np.stack(errors)
+    b, r, a, f = np.sqrt(squares.mean(axis=1))
+    f = min(f, b, r, a)  # no model that is here already is better than a perfect one
+    if not b > CLAIM_ABOVE * f:
+        return Gap(metric, unit, float(b), float(r), float(a), float(f), None, None)
+    drawn = np.sqrt(squares[:, draws].mean(axis=2))
+    shares = _share(drawn[0], drawn[2], drawn[3])
+    low, high = np.quantile(shares, [0.025, 0.975])
+    return Gap(
+        metric, unit, float(b), float(r), float(a), float(f), float(_share(b, a, f)),
+        (float(low), float(high)),
+    )  # fmt: skip
+
+
+def _share(before: Floats, after: Floats, floor: Floats) -> Floats:
+    above = np.maximum(before - floor, 1e-9)
+    share: Floats = np.clip((before - np.maximum(after, floor)) / above, -1.0, 1.0)
+    return share

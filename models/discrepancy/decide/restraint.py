@@ -1,0 +1,120 @@
+"""Reasons not to give a name although it fits best: too little evidence, or too free a shape."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.decide.gap import distances
+from models.discrepancy.model.prediction import ground_of, inside_patch
+from models.discrepancy.search.identify import Explanation
+from models.discrepancy.search.locate import Followed, follow
+from models.parameters import Effect
+
+Floats = NDArray[np.float64]
+
+_HARDLY, PLAIN = 8.0, 40.0  # chi squares
+_PART = 3.0  # chi square by which several effects have to beat fewer of them
+_SEVERAL = 15.0  # the same, where they are followed by others that do it as well
+_SURE = 50.0  # chi square from which effects are named that hardly change the way of a stop
+TRACE = 0.01  # of the way of a stop, below which a pattern is told and no more
+_PLACED, _SEEN, _TOLD = 0.003, 0.01, 0.05  # p-values
+_INSIDE = 5  # stops in a patch
+_SHOWS_AT = {"surface_patch": ("place", "x", "y")}
+_SHOWS_ALONG = {
+    "grade_asymmetry": ("grade", "abs_grade"),
+    "grade_nonlinearity": ("grade", "abs_grade"),
+}
+_SHOWS_PLAINLY_ALONG = {
+    "step_change": ("run", "time"),
+    "session_drift": ("run", "time"),
+    "cross_slope": ("roll",),
+    "turning_resistance": ("yaw_rate",),
+    "directional_surface": ("heading",),
+}
+_ONE_AXIS = (
+    frozenset(("aerodynamic_drag", "viscous_resistance", "brake_lag")),
+    frozenset(("grade_asymmetry", "grade_nonlinearity", "wheel_lockup")),
+    frozenset(("step_change", "session_drift")),
+)
+"""Two of these together imitate any shape along their axis."""
+_ONE_WAY = 0.9  # length of the mean heading
+
+
+def weak(
+    table: StopTable, best: Explanation, refitted: Explanation, located: list[Followed]
+) -> bool:
+    """Too little evidence for a name: hardly better than none, or along an axis that shows none.
+
+    Args:
+        table: stops. best: explanation with names. refitted: that without any.
+        located: axes that the refitted model disagrees along.
+    """
+    margin = refitted.score - best.score
+    if refitted.names or margin > PLAIN:
+        return False
+    unseen = []
+    shows = ((_PLACED, _SHOWS_AT), (_SEEN, _SHOWS_ALONG), (_TOLD, _SHOWS_PLAINLY_ALONG))
+    for p_value, along in shows:
+        seen = {f.axis.name for f in located if f.p_value < p_value}
+        unseen += [n for n in best.names if n in along and not seen & set(along[n])]
+    few = any(
+        int(((table.time > table.onset) & (_inside(table, e) > 0.5)).any(axis=1).sum()) < _INSIDE
+        for e in best.fit.hypothesis.added
+        if e.name == "surface_patch"
+    )
+    return margin < _HARDLY or few or (len(best.names) == 1 and bool(unseen))
+
+
+def _placed(left: list[Followed]) -> bool:
+    """What is left follows a place."""
+    return any(f.axis.name in _SHOWS_AT["surface_patch"] and f.p_value < _SEEN for f in left)
+
+
+def _inside(table: StopTable, patch: Effect) -> Floats:
+    p = patch.parameters
+    return inside_patch(ground_of(table), p["x"], p["y"], p["radius"])
+
+
+def plainer_one(
+    table: StopTable, best: Explanation, others: tuple[Explanation, ...], doubt: float, seed: int
+) -> Explanation | None:
+    """The best explanation with fewer effects, where the further ones are not believed.
+
+    Args:
+        table: stops. best, others: explanations. doubt: chi square that means nothing.
+        seed: of permutations.
+    """
+    parts = [e for e in others if e.names and set(e.names) < set(best.names)]
+    if not parts:
+        return None
+    plainer = min(parts, key=lambda e: e.score)
+    further = set(best.names) - set(plainer.names)
+    doubt = max(doubt, _PART)
+    as_good = [e for e in others if e.names and e.score < best.score + doubt]
+    if any(set(e.names) > set(plainer.names) and not further <= set(e.names) for e in as_good):
+        doubt = max(doubt, _SEVERAL)  # something more, but nobody knows what
+    if "surface_patch" in further and not _placed(follow(table, plainer.fit, seed)):
+        doubt = max(doubt, PLAIN)  # a place can be found for any few stops that differ
+    margin = plainer.score - best.score
+    trace = _way_between(table, best, plainer) < TRACE and margin < _SURE
+    return plainer if margin < doubt or trace else None
+
+
+def _way_between(table: StopTable, one: Explanation, other: Explanation) -> float:
+    """Root mean square difference of stopping distances, as a share of their mean."""
+    off = distances(table, one.fit.hypothesis) - distances(table, other.fit.hypothesis)
+    return float(np.sqrt(np.mean(off**2)) / np.mean(table.distance))
+
+
+def along_one_axis(table: StopTable, best: Explanation) -> list[str]:
+    """Two or more names that act along the same axis, [] if there are none."""
+    one_way = abs(np.mean(np.exp(1j * table.yaw))) > _ONE_WAY
+    for i, group in enumerate(_ONE_AXIS):
+        # Met from one side, a wind is a curve over speed and nothing else.
+        whole = group | {"headwind"} if i == 0 and one_way else group
+        found = sorted(whole & set(best.names))
+        if len(found) > 1:
+            return found
+    return []

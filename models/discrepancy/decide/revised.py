@@ -1,0 +1,138 @@
+"""The model to plan with after a log was looked at: never faster than what is known allows.
+
+Coefficients come with their covariance, effects with theirs. What the log leaves open goes into the
+safety offset: stops held out that ended beyond their prediction, and rivals that predict more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibration.margins import offset_for
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.decide.gap import distances
+from models.discrepancy.decide.verdict import Decision
+from models.discrepancy.findings import Verdict
+from models.discrepancy.model.hypothesis import BASE, Hypothesis, free_parameters
+from models.discrepancy.search.refine import Fit
+from models.effects.registry import LAWS
+from models.parameters import Braking, Effect, Model
+
+Floats = NDArray[np.float64]
+
+_COVERAGE = 0.995
+_FEW = 0.97  # share of stops within which a rival is not longer than the offset allows
+_PAD = 0.1  # of a range, beyond which the log does not vouch for new coefficients
+
+
+def revised(
+    table: StopTable,
+    decision: Decision,
+    held_out: Floats,
+    widths: dict[str, dict[str, float]],
+    source: str,
+) -> tuple[Model, tuple[Effect, ...]]:
+    """The model, and the effects in it that were not there before.
+
+    Args:
+        table: stops. decision: what the log allows to say.
+        held_out: (S,) distances predicted by fits that had not seen their stop [m].
+        widths: standard deviations of places and times of change, by effect and name.
+        source: where the log is from, in words.
+    """
+    fit = decision.explanation.fit
+    model = fit.hypothesis.model
+    unclear = decision.verdict is Verdict.UNIDENTIFIABLE
+    kept = decision.kept or decision.verdict is Verdict.NONE
+    if kept or (unclear and not _refit_is_longer(table, fit)):
+        as_it_is = distances(table, Hypothesis.configured(model))
+        if decision.kept and decision.verdict is Verdict.UNKNOWN:
+            model = replace(model, braking=_scattered(model.braking, fit))
+        return _wider(model, table, decision, as_it_is), ()
+    shift = fit.hypothesis.shift
+    on = model.braking
+    braking = replace(
+        _scattered(on, fit),
+        m_m=on.m_m + float(shift[0]),
+        b_m=on.b_m + float(shift[1]),
+        m_b=on.m_b + float(shift[2]),
+        b_b=on.b_b + float(shift[3]),
+        dead_time=fit.hypothesis.dead_time,
+        covariance=_matrix(fit.covariance[:4, :4]),
+        speed_range=_within(on.speed_range, table.held),
+        grade_range=_within(on.grade_range, table.grade),
+    )
+    added = effects_of(fit, widths, source)
+    better = replace(model, braking=braking, effect=(*model.effect, *added))
+    return _wider(better, table, decision, held_out), added
+
+
+def effects_of(fit: Fit, widths: dict[str, dict[str, float]], source: str) -> tuple[Effect, ...]:
+    """Effects that were added, with the covariance of their parameters."""
+    found = []
+    k = BASE
+    for effect in fit.hypothesis.added:
+        free = free_parameters(effect)
+        covariance = np.zeros((len(effect.parameters),) * 2)
+        rows = [i for i, name in enumerate(effect.parameters) if name in free]
+        covariance[np.ix_(rows, rows)] = fit.covariance[k : k + len(free), k : k + len(free)]
+        k += len(free)
+        for i, name in enumerate(effect.parameters):
+            if name in widths.get(effect.name, {}):
+                covariance[i, :] = covariance[:, i] = 0.0
+                covariance[i, i] = widths[effect.name][name] ** 2
+        values = {n: _inside(effect.name, n, float(v)) for n, v in effect.parameters.items()}
+        found.append(
+            replace(effect, parameters=values, covariance=_matrix(covariance), source=source)
+        )
+    return tuple(found)
+
+
+def _scattered(braking: Braking, fit: Fit) -> Braking:
+    """With at least the scatter from stop to stop that the log showed."""
+    return replace(
+        braking,
+        force_std=max(braking.force_std, fit.noise.scatter),
+        dead_time_std=max(braking.dead_time_std, fit.noise.jitter),
+    )
+
+
+def _inside(effect: str, name: str, value: float) -> float:
+    _, low, high = LAWS[effect].parameters[name]
+    return min(max(value, low), high)
+
+
+def _matrix(values: Floats) -> tuple[tuple[float, ...], ...]:
+    even = 0.5 * (values + values.T)
+    lowest = float(np.linalg.eigvalsh(even)[0])
+    if lowest < 0.0:  # rounding
+        even = even - lowest * np.eye(len(even))
+    return tuple(tuple(float(v) for v in row) for row in even)
+
+
+def _within(known: tuple[float, float], seen: Floats) -> tuple[float, float]:
+    """Where the model so far and the log both vouch; the model's own where they do not meet."""
+    pad = _PAD * float(np.ptp(seen))
+    low, high = max(known[0], float(seen.min()) - pad), min(known[1], float(seen.max()) + pad)
+    return (low, high) if high > low else known
+
+
+def _wider(model: Model, table: StopTable, decision: Decision, predicted: Floats) -> Model:
+    """With a safety offset that covers stops held out, and the longest of all rivals."""
+    needed = offset_for(_COVERAGE, table.distance - predicted)
+    if decision.rivals:
+        here = distances(table, decision.explanation.fit.hypothesis)
+        longer = [distances(table, r.fit.hypothesis) - here for r in decision.rivals]
+        needed += max(0.0, *(float(np.quantile(more, _FEW)) for more in longer))
+    offset = max(model.braking.distance_offset, needed)
+    return replace(model, braking=replace(model.braking, distance_offset=offset))
+
+
+def _refit_is_longer(table: StopTable, fit: Fit) -> bool:
+    """Whether the new coefficients stop later than those configured."""
+    configured = Hypothesis.configured(fit.hypothesis.model)
+    refitted = replace(fit.hypothesis, added=())
+    return float(np.mean(distances(table, refitted) - distances(table, configured))) > 0.0

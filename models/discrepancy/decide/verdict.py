@@ -1,0 +1,216 @@
+"""From scores to one word, and how sure it is.
+
+The order matters: what the model's own numbers explain is no effect; a name is given only where no
+other name is near, nothing is left that follows an axis, and no number is at the end of what is
+physically usual; else the log has shown that something is there, and no more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.decide.restraint import TRACE, along_one_axis, plainer_one, weak
+from models.discrepancy.findings import Verdict
+from models.discrepancy.model.hypothesis import USUAL
+from models.discrepancy.search.absorbed import Absorbed, absorbed_explanations
+from models.discrepancy.search.identify import Explanation, Identified
+from models.discrepancy.search.locate import WITHIN, Followed
+from models.discrepancy.search.refine import Fit, fit, residual
+from models.discrepancy.settings import DiscrepancySettings
+
+Floats = NDArray[np.float64]
+
+_LEFT = 0.1  # share of what the names explain that may be left along an axis
+_BELIEVED = 0.5  # share of what is left for which likelihoods are not believed
+_STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
+_DRIFT = 0.003  # p-value of the same coefficients
+_BELIEVED_NAMES = 2  # where a pattern is left beside them
+_AT_BOUND = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What the log allows to say.
+
+    Attributes:
+        verdict: one word. explanation: effects and coefficients that go with it.
+        rivals: explanations that are nearly as good, for `ambiguous`.
+        confidence: of each of the explanation's names, in their order.
+        axis: that an unknown follows, or what is left beside the names.
+        absorbed: for `unidentifiable`.
+        notes: doubts, in sentences.
+        kept: the model stays as configured.
+    """
+
+    verdict: Verdict
+    explanation: Explanation
+    rivals: tuple[Explanation, ...] = ()
+    confidence: tuple[float, ...] = ()
+    axis: Followed | None = None
+    absorbed: tuple[Absorbed, ...] = ()
+    notes: tuple[str, ...] = ()
+    kept: bool = False
+
+
+def decide(
+    table: StopTable, base: Fit, found: Identified, left: list[Followed],
+    located: list[Followed], settings: DiscrepancySettings,
+) -> Decision:  # fmt: skip
+    """One word for the log.
+
+    Args:
+        table: stops. base: refitted model. found: outcome of the search.
+        left: axes that its best explanation still disagrees along, the most telling first.
+        located: axes that the refitted model disagrees along.
+        settings: how sure to be.
+    """
+    sure = [f for f in left if f.p_value < settings.structure]
+    large = _large(table, sure)
+    trace = _said_of(sure[0]) if sure and not large else ()
+    if not found.best.names:
+        return _without_names(table, base, found, large, trace)
+    best, others = found.best, found.others
+    # Where the model's own shape is a little wrong, likelihoods differ by that for no reason.
+    doubt = max(settings.rival, _BELIEVED * sure[0].chi_square) if sure else settings.rival
+    plainer = plainer_one(table, best, others, doubt if sure else 0.0, settings.seed)
+    if plainer is not None:
+        others = (best, *(e for e in others if e.names != plainer.names))
+        best = plainer
+    refitted = next((e for e in others if not e.names), _far(base))
+    if weak(table, best, refitted, located):
+        plain = [f for f in located if f.p_value < settings.structure]
+        nothing = replace(found, best=Explanation(base, refitted.score))
+        return _without_names(table, base, nothing, _large(table, plain), ())
+    others = tuple(e for e in others if not _cools_at_once(e))
+    near = [
+        e for e in others
+        if e.names and e.score < best.score + doubt and not set(e.names) > set(best.names)
+    ]  # fmt: skip
+    if _cools_at_once(best) and near:
+        best = min(near, key=lambda e: e.score)
+        others = tuple(e for e in others if e.names != best.names)
+    ends = _numbers_at_their_end(best)
+    if ends:
+        words = (
+            f"{' and '.join(best.names)} would explain it, with {ends} at the end of what is "
+            "usual: the cause is likely another one"
+        )
+        return Decision(Verdict.UNKNOWN, refitted, axis=sure[0] if sure else None, notes=(words,))
+    if large and _matters(table, base, best, large[0]):
+        words = f"{' and '.join(best.names)} came nearest, but left a pattern along "
+        words += large[0].axis.name
+        return Decision(Verdict.UNKNOWN, refitted, axis=large[0], notes=(words,))
+    if sure and len(best.names) > _BELIEVED_NAMES:
+        words = f"{', '.join(best.names)} together came nearest, and left a pattern along "
+        words += f"{sure[0].axis.name}: the cause is likely another one"
+        return Decision(Verdict.UNKNOWN, refitted, axis=sure[0], notes=(words,))
+    together = along_one_axis(table, best)
+    if together:
+        words = f"{' and '.join(together)} together imitate it; "
+        words += "two effects along one axis can be any shape"
+        along = next((f for f in located if f.p_value < settings.structure), None)
+        return Decision(Verdict.UNKNOWN, refitted, axis=along, notes=(words,))
+    rivals = tuple(
+        e for e in others
+        if e.names and (e.score < best.score + doubt or not _leads(best, e, settings))
+        and not set(e.names) > set(best.names) and not set(e.names) < set(best.names)
+    )  # fmt: skip
+    confidence = tuple(_confidence(name, best, found) for name in best.fit.hypothesis.names)
+    verdict = Verdict.AMBIGUOUS if rivals else Verdict.MISSING_EFFECT
+    said = _said_of(sure[0]) if sure else ()
+    return Decision(verdict, best, rivals, confidence, sure[0] if sure else None, notes=said)
+
+
+def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
+    """Patterns that matter for the way of a stop.
+
+    What follows time or speed within a stop follows all axes of that kind; the surest of them
+    decides whether it matters.
+    """
+    within = [f for f in sure if f.axis.name in WITHIN]
+    apart = within[:1] + [f for f in sure if f.axis.name not in WITHIN]
+    least = TRACE * float(np.mean(table.distance))
+    return sorted((f for f in apart if f.way > least), key=lambda f: -f.strength)
+
+
+def _said_of(left: Followed) -> tuple[str, ...]:
+    way = 1000.0 * left.way
+    return (f"a little is left that follows {left.axis.name}: {way:.0f} mm of way a stop",)
+
+
+def _far(base: Fit) -> Explanation:
+    """The base where it fell so far behind that its score is not known any more."""
+    return Explanation(base, float("inf"))
+
+
+def _without_names(
+    table: StopTable, base: Fit, found: Identified, large: list[Followed], trace: tuple[str, ...]
+) -> Decision:
+    if large:
+        return Decision(Verdict.UNKNOWN, found.best, axis=large[0])
+    if not drifted(table, base):
+        return Decision(Verdict.NONE, found.best, notes=trace)
+    absorbed = absorbed_explanations(table, base, found.absorbed)
+    verdict = Verdict.UNIDENTIFIABLE if absorbed else Verdict.PARAMETER_DRIFT
+    return Decision(verdict, found.best, absorbed=absorbed, notes=trace)
+
+
+def drifted(table: StopTable, base: Fit) -> bool:
+    """The configured coefficients do not fit the log, the refitted ones do better than chance."""
+    h = base.hypothesis
+    as_it_is = replace(type(h).configured(h.model), swing=h.swing)
+    configured = fit(table, as_it_is, base.white, passes=0)
+    few = len(table) / max(len(table) - 5, 1)
+    return configured.deviance - base.deviance > few * float(chi2.isf(_DRIFT, 5))
+
+
+def _matters(table: StopTable, base: Fit, best: Explanation, left: Followed) -> bool:
+    """What is left along an axis is more than a trace of what the names explain."""
+    used = table.spread > 0.0
+    before = float(np.mean(residual(table, base.hypothesis)[used] ** 2))
+    after = float(np.mean(residual(table, best.fit.hypothesis)[used] ** 2))
+    return left.removed > _LEFT * max(before - after, 0.0)
+
+
+def _numbers_at_their_end(best: Explanation) -> str:
+    """Numbers of the effects that the fit pushed as far as it may, in words."""
+    said = []
+    for effect in best.fit.hypothesis.added:
+        for name, value in effect.parameters.items():
+            low, high = USUAL.get((effect.name, name), (-np.inf, np.inf))
+            if value >= high * (1.0 - _AT_BOUND) or (low > 0.0 and value <= low * 1.001):
+                said.append(f"{name} of {effect.name}")
+    return ", ".join(said)
+
+
+def _cools_at_once(found: Explanation) -> bool:
+    """Brakes that fade and recover within each stop: a curve over speed by another name."""
+    low, _ = USUAL["brake_fade", "tau"]
+    added = found.fit.hypothesis.added
+    return any(e.name == "brake_fade" and e.parameters["tau"] <= low * 1.001 for e in added)
+
+
+def _leads(best: Explanation, rival: Explanation, settings: DiscrepancySettings) -> bool:
+    """In nearly all resampled logs the best explanation stays ahead of a rival."""
+    return _stability(best, rival, settings) >= _STABLE
+
+
+def _stability(best: Explanation, rival: Explanation, settings: DiscrepancySettings) -> float:
+    ahead = rival.fit.each - best.fit.each
+    prices = (rival.score - rival.fit.deviance) - (best.score - best.fit.deviance)
+    rng = np.random.default_rng(settings.seed)
+    draws = rng.integers(0, len(ahead), (settings.resamples, len(ahead)))
+    return float(np.mean(ahead[draws].sum(axis=1) + prices > 0.0))
+
+
+def _confidence(name: str, best: Explanation, found: Identified) -> float:
+    """Posterior weight of the explanations that hold a name, among all that were tried."""
+    everything = (best, *found.others)
+    weight = np.exp(-0.5 * np.clip([e.score - best.score for e in everything], 0.0, 200.0))
+    has = np.array([name in e.names for e in everything])
+    return float(np.sum(weight[has]) / np.sum(weight))

@@ -1,0 +1,1 @@
+"""What may be true, the speeds it predicts, and the noise around them."""

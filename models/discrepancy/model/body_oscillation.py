@@ -1,0 +1,37 @@
+"""What the body does when the brakes take hold, which is no effect of the brakes.
+
+A body on springs pitches at the onset and rocks until it lies still, and a speed that is read on it
+rocks along by a centimetre or two per second, in all stops alike, the more the harder they brake.
+Left to itself that would look like something missing along the time since onset. It is fitted along
+as a curve in the first tenths of a second, small by a prior, and is no part of the model.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.data.stop_table import StopTable
+
+Floats = NDArray[np.float64]
+
+KNOTS = (0.0, 0.06, 0.13, 0.21, 0.32)
+"""Times since the onset between which the curve is a line, 0 at both ends [s]."""
+
+SWING = len(KNOTS) - 2
+"""Numbers of the curve."""
+
+USUAL_SWING = 0.006
+"""Standard deviation of each that is expected beforehand, in a usual stop [m/s]."""
+
+_USUAL_PULL = 0.45  # of the weight
+
+
+def swing_columns(table: StopTable, dead_time: float) -> Floats:
+    """(S, M, SWING) change of the fall of speed with each number of the curve [1]."""
+    since = table.time - dead_time
+    rows = np.eye(len(KNOTS))[1:-1]
+    hats = np.stack([np.interp(since, KNOTS, row, left=0.0, right=0.0) for row in rows], axis=2)
+    # As the deceleration itself, so that a wrong model of it changes nothing here.
+    result: Floats = hats * np.minimum(table.pull / _USUAL_PULL, 2.0)[:, None, None]
+    return result

@@ -1,0 +1,150 @@
+"""What brakes bring of the force that is wanted: build-up, heat, friction.
+
+Source: Braking Sec. 5.2 names heat and friction; the laws are those of
+:mod:`models.effects.registry` and :mod:`models.laws.wheel_lockup`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.effects import registry
+from models.laws import wheel_lockup
+from models.quantity import GRAVITY
+
+Floats = NDArray[np.float64]
+
+_HEATINGS = 2
+_LEAST_FORCE = 1e-3
+_LEAST_COOLING = 0.5  # [s]
+
+
+def motion_of(hypothesis: Hypothesis) -> registry.Motion:
+    """Terms of motion of the model's effects and of those that were added."""
+    model = hypothesis.model
+    return registry.motion((*model.effect, *hypothesis.added), model.braking.sliding_friction)
+
+
+class Brought(NamedTuple):
+    """What brakes bring of the force that is wanted, (S, M) each.
+
+    Attributes:
+        force: F_b/W once it has built up. given: what fade and friction leave of it.
+        passes: share of a small change of the force that they let through.
+    """
+
+    force: Floats
+    given: Floats
+    passes: Floats
+
+
+def brought_force(
+    table: StopTable, hypothesis: Hypothesis, wanted: Floats, speed: Floats, grade: Floats,
+    roll: Floats, time: Floats,
+) -> Brought:  # fmt: skip
+    """From the wanted force to that on the ground.
+
+    Args:
+        table: stops. hypothesis: what to believe. wanted: (S, M) F_b/W.
+        speed: (S, M) [m/s]. grade, roll: (S, M) [rad]. time: (S, M) since the command [s].
+    """
+    terms = motion_of(hypothesis)
+    since = np.maximum(time - hypothesis.dead_time, 0.0)
+    force = lagged(wanted, since, terms.lag) if terms.lag > 0.0 else wanted
+    cap = np.full_like(force, np.inf)
+    if math.isfinite(terms.friction):
+        cap = np.asarray(wheel_lockup.friction_cap(grade, roll, terms.friction))
+    passes = np.ones_like(force)
+    if terms.fade > 0.0:
+        onset = hypothesis.dead_time
+        for _ in range(_HEATINGS):  # brakes that fade heat less from then on
+            even = _even(np.minimum(force * passes, cap), _braking(time, onset))
+            q = heat(table, terms.fade_tau, speed, time, onset, even)
+            passes = 1.0 / (1.0 + terms.fade * q)
+    given = force * passes
+    return Brought(force, np.minimum(given, cap), np.where(given > cap, 0.0, passes))
+
+
+def _braking(time: Floats, onset: float) -> Floats:
+    """(S, M) share of the step around each time that lies after the onset, smooth in the onset."""
+    step = time[:, 1:2] - time[:, :1]
+    result: Floats = np.clip((time - onset) / step + 0.5, 0.0, 1.0)
+    return result
+
+
+def _even(force: Floats, braking: Floats) -> Floats:
+    """(S, M) forces as multiples of their mean while braking."""
+    mean = np.sum(force * braking, axis=1) / np.maximum(np.sum(braking, axis=1), 1.0)
+    result: Floats = force / np.maximum(mean, _LEAST_FORCE)[:, None]
+    return result
+
+
+def lagged(wanted: Floats, since: Floats, lag: float) -> Floats:
+    """First-order build-up from 0 at the onset along axis 1, exact for an even force in a step."""
+    force = np.zeros_like(wanted)
+    keep = np.exp(-np.diff(since, axis=1) / lag)
+    middle = 0.5 * (wanted[:, 1:] + wanted[:, :-1]) * (1.0 - keep)
+    for k in range(keep.shape[1]):
+        force[:, k + 1] = force[:, k] * keep[:, k] + middle[:, k]
+    return force
+
+
+def lag_of(hypothesis: Hypothesis) -> float:
+    """Time constant with which the force builds up [s], 0 without."""
+    return motion_of(hypothesis).lag
+
+
+def heat(
+    table: StopTable, tau: float, speed: Floats, time: Floats, onset: float,
+    even: Floats | None = None,
+) -> Floats:  # fmt: skip
+    """(S, M) brake heat per mass q [J/kg]: power of the braking force less cooling.
+
+    The mean force is that which each stop shows by itself, whatever its friction was.
+
+    Args:
+        even: (S, M) force within each stop as a multiple of its mean; 1 without.
+    """
+    tau = max(tau, _LEAST_COOLING)
+    step = time[:, 1:2] - time[:, :1]
+    power = GRAVITY * np.maximum(table.force, 0.0)[:, None] * speed * _braking(time, onset)
+    if even is not None:
+        power = power * even
+    # q' = power − q/τ solved with its factor e^(t/τ); stops are short beside τ.
+    factor = np.exp((time - time[:, :1]) / tau)
+    driven = power * factor
+    within = np.zeros_like(power)
+    np.cumsum(0.5 * (driven[:, 1:] + driven[:, :-1]) * step, axis=1, out=within[:, 1:])
+    within /= factor
+    before = _heat_before(table, tau, time[:, -1], within[:, -1])
+    return before[:, None] * np.exp(-np.maximum(time, 0.0) / tau) + within
+
+
+def _heat_before(table: StopTable, tau: float, end: Floats, within: Floats) -> Floats:
+    """(S,) heat at each stop command by the stops before it [J/kg].
+
+    Args:
+        end: (S,) of each stop since its command [s]. within: (S,) heat that it brings itself.
+    """
+    if table.warmed is not None:
+        return np.array([sum(e * math.exp(-ago / tau) for ago, e in w) for w in table.warmed])
+    events = [(float(c), i) for i, c in enumerate(table.clock)]
+    events += [(clock, -1 - j) for j, (clock, _) in enumerate(table.cooled)]
+    before = np.zeros(len(table))
+    q, since = 0.0, -math.inf
+    for clock, i in sorted(events):
+        q *= math.exp(-min(max(clock - since, 0.0) / tau, 700.0))
+        since = clock
+        if i < 0:
+            q += table.cooled[-1 - i][1]
+            continue
+        before[i] = q
+        rest = max(float(end[i]), 0.0)
+        q, since = q * math.exp(-rest / tau) + float(within[i]), clock + rest
+    return before

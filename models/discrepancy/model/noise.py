@@ -1,0 +1,207 @@
+"""How residual speeds of a stop hang together, and the transform that makes them independent.
+
+A stop's speeds share more than white noise: the level at which it began, a slow change of the held
+speed, a friction of its own, an onset of its own. Each is a random number a stop with a variance
+that the log tells (restricted to what bins show). Friction is kept apart from the rest: it is what
+all differences between stops have to be measured against.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.body_oscillation import SWING
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.prediction import predict
+
+Floats = NDArray[np.float64]
+
+_LEVEL = 1.0  # [m/s] nothing is known of the speed at which a stop begins
+_RIDGE = 1e-12
+_LEAST_NOISE = 1e-3  # [m/s]
+_MOST_CORRELATED = 0.9
+_FLOOR = (1e-3, 2e-2, 1e-3, 1e-4)  # in the order of Noise, correlation left out
+_LATER, _STRONGER = 1e-3, 1e-3  # [s], [1] steps of derivatives
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations.
+
+    Attributes:
+        speed: of single samples [m/s]. correlation: of a bin with the one before it.
+        creep: of the held speed's change [m/s²]. jitter: of the onset [s].
+        scatter: of F_b/W from stop to stop, in the median stop [1]; others in proportion.
+        capped: a friction cap hides the scatter of what it cuts off.
+    """
+
+    speed: float
+    correlation: float
+    creep: float
+    jitter: float
+    scatter: float
+    capped: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Whitener:
+    """Linear maps from the grid to independent numbers of variance one.
+
+    Attributes:
+        bins: (S, K, K) from bins. grid: (S, K, M) from the grid.
+        friction: (S, K) unit vectors along a change of each stop's friction.
+        power: (S,) variance along it for a friction scatter of one.
+        log_volume: (S,) log determinants of the covariance of bins, friction left out.
+        noise: what it undoes.
+    """
+
+    bins: Floats
+    grid: Floats
+    friction: Floats
+    power: Floats
+    log_volume: Floats
+    noise: Noise
+
+    def with_scatter(self, scatter: float) -> Whitener:
+        """For another friction scatter, which is no part of the maps."""
+        return replace(self, noise=replace(self.noise, scatter=scatter))
+
+    def split(self, values: Floats) -> tuple[Floats, Floats]:
+        """Columns apart: along the friction of each stop, and the rest.
+
+        Args:
+            values: (S, K, P) after `bins` or `grid`.
+
+        Returns:
+            (S, P) with variance 1 + scatter² power; (S, K, P) with variance one.
+        """
+        between = np.einsum("sk,skp->sp", self.friction, values)
+        return between, values - self.friction[:, :, None] * between[:, None, :]
+
+
+def shapes(table: StopTable, hypothesis: Hypothesis, capped: bool = True) -> Floats:
+    """(S, K, 4) change of the bins with level, creep, onset and friction of each stop.
+
+    Onset and friction pass through whatever the hypothesis does to them: a lag delays a change of
+    friction, a cap cuts it off.
+    """
+    since = table.time - hypothesis.dead_time
+    later = replace(hypothesis, dead_time=hypothesis.dead_time + _LATER)
+    here = predict(table, hypothesis)
+    open_end = hypothesis
+    if not capped:
+        kept = tuple(e for e in hypothesis.added if e.name != "wheel_lockup")
+        open_end = replace(hypothesis, added=kept)
+    share = _STRONGER / max(float(np.median(table.force)), _STRONGER)
+    friction = predict(table, open_end, stronger=share)
+    friction = friction - (here if capped else predict(table, open_end))
+    on_grid = np.stack(
+        (
+            np.ones_like(since), np.minimum(since, 0.0),
+            (here - predict(table, later)) / _LATER, -friction / _STRONGER,
+        ),
+        axis=2,
+    )  # fmt: skip
+    result: Floats = table.average @ on_grid
+    return result
+
+
+def whitener(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Whitener:
+    """The transform for a noise, by what a hypothesis makes of it."""
+    own, used = _own(table, noise.correlation)
+    effects = own @ shapes(table, hypothesis, noise.capped) / noise.speed
+    std = np.array([_LEVEL, max(noise.creep, _FLOOR[1]), max(noise.jitter, _FLOOR[2])])
+    plain, volume = _inverse_root(effects[:, :, :3] * std)
+    along = plain @ effects[:, :, 3:]
+    power = np.einsum("skp,skp->s", along, along)
+    bins = plain @ own / noise.speed
+    volume = volume + 2.0 * used.sum(axis=1) * float(np.log(noise.speed))
+    return Whitener(
+        bins, bins @ table.average, along[:, :, 0] / np.sqrt(np.maximum(power, 1e-30))[:, None],
+        power, volume, noise,
+    )  # fmt: skip
+
+
+def _own(table: StopTable, correlation: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """(S, K, K) that undoes the correlation and evens out the bins; zero for bins that are none."""
+    used = table.spread > 0.0
+    scale = np.where(used, 1.0 / np.sqrt(np.where(used, table.spread, 1.0)), 0.0)
+    size = table.binned.shape[1]
+    root = np.eye(size) - correlation * np.eye(size, k=-1)
+    root[1:] /= np.sqrt(1.0 - correlation**2)
+    return root * scale[:, None, :] * used[:, :, None], used
+
+
+def _inverse_root(effects: Floats) -> tuple[Floats, Floats]:
+    """(S, K, K) symmetric inverse roots of I + Z Zᵀ, (S,) log determinants of that."""
+    q, r = np.linalg.qr(effects)
+    values, vectors = np.linalg.eigh(r @ r.transpose(0, 2, 1))
+    values = np.maximum(values, 0.0)
+    axes = q @ vectors
+    shrink = 1.0 / np.sqrt(1.0 + values) - 1.0
+    root: Floats = np.eye(effects.shape[1]) + (axes * shrink[:, None, :]) @ axes.transpose(0, 2, 1)
+    return root, np.sum(np.log1p(values), axis=1)
+
+
+def estimate(
+    table: StopTable, residual: Floats, hypothesis: Hypothesis, capped: bool = True
+) -> Noise:
+    """Maximum likelihood of all standard deviations.
+
+    Args:
+        table: stops. residual: (S, K) of the bins [m/s]. hypothesis: that left it.
+        capped: see :class:`Noise`.
+    """
+    z = shapes(table, hypothesis, capped)
+    fitted = len(hypothesis.free) - SWING
+    correlation = _correlation(table, residual, z)
+    own, used = _own(table, correlation)
+    z, r = own @ z, np.einsum("skj,sj->sk", own, residual)
+    zz, zr = z.transpose(0, 2, 1) @ z, np.einsum("skp,sk->sp", z, r)
+    rr, counts = float(np.sum(r * r)), float(used.sum())
+    stops = len(table)
+
+    def cost(logs: Floats) -> float:
+        speed, creep, jitter, scatter = np.exp(logs)
+        precision = np.array([1.0 / _LEVEL, 1.0 / creep, 1.0 / jitter, 1.0 / scatter]) ** 2
+        inner = zz / speed**2 + np.diag(precision) + _RIDGE * np.eye(4)
+        solved = np.linalg.solve(inner, zr[:, :, None] / speed**2)[:, :, 0]
+        quadratic = float(rr - np.sum(zr * solved)) / float(speed) ** 2
+        logdet = counts * 2.0 * float(np.log(speed)) + float(np.sum(np.linalg.slogdet(inner)[1]))
+        logdet -= stops * float(np.sum(np.log(precision)))
+        # What was fitted to all stops took its share of their scatter along.
+        logdet -= 2.0 * min(fitted, stops // 2) * float(np.log(scatter))
+        lowest = np.log(np.array(_FLOOR))
+        return quadratic + logdet + 10.0 * float(np.sum(np.maximum(lowest - logs, 0.0) ** 2))
+
+    left = np.einsum("skj,sj->sk", own, residual)
+    start = np.log(
+        [max(1.4826 * float(np.median(np.abs(np.diff(left[used.all(axis=1)] if used.all(
+            axis=1).any() else left, axis=1)))) / np.sqrt(2.0), _LEAST_NOISE),
+         0.05, max(table.jitter, 2e-3), 0.01]
+    )  # fmt: skip
+    best = minimize(cost, start, method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.01})
+    speed, creep, jitter, scatter = (float(x) for x in np.exp(best.x))
+    return Noise(max(speed, _LEAST_NOISE), correlation, creep, jitter, scatter, capped)
+
+
+def _correlation(table: StopTable, residual: Floats, z: Floats) -> float:
+    """Of neighbouring bins, once each stop's own numbers are fitted."""
+    used = table.spread > 0.0
+    scale = np.where(used, 1.0 / np.sqrt(np.where(used, table.spread, 1.0)), 0.0)
+    z, r = z * scale[:, :, None], residual * scale
+    inner = z.transpose(0, 2, 1) @ z
+    # A cap may leave nothing of the friction of a stop.
+    inner += (1e-9 * np.trace(inner, axis1=1, axis2=2)[:, None, None] + _RIDGE) * np.eye(4)
+    solved = np.linalg.solve(inner, np.einsum("skp,sk->sp", z, r)[:, :, None])
+    left = r - (z @ solved)[:, :, 0]
+    both = used[:, 1:] & used[:, :-1]
+    top = float(np.sum(left[:, 1:] * left[:, :-1] * both))
+    # Four numbers fitted to K bins make white residuals look anticorrelated.
+    bias = z.shape[2] / float(np.median(used.sum(axis=1)))
+    return float(np.clip(top / max(float(np.sum(left**2)), 1e-300) + bias, 0.0, _MOST_CORRELATED))

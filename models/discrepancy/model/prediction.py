@@ -1,0 +1,239 @@
+"""Speeds of all stops that a hypothesis gives, on the grid of a stop table.
+
+Nothing is differentiated: v(t) = v_i − ∫ a dt from the onset on. In integral form the speed in the
+terms of motion is the measured one, so that what is linear stays linear; as output the speed is the
+prediction's own, found by repeating the integral until it stays (:func:`simulate`).
+
+Source: Braking (2), (7), (8) with the effects of :mod:`models.effects.registry`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.brakes import brought_force, lagged, motion_of
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.effects import registry
+from models.laws import braking
+from models.quantity import GRAVITY
+
+Floats = NDArray[np.float64]
+
+_SWEEPS = 12
+_SAME = 1e-5  # [m/s]
+_LEAST_SPEED = 0.3  # [m/s] slower than that a curvature means nothing
+_LATEST_CLOCK = 1e6  # [s] clocks beyond count from some epoch, not from the session's beginning
+
+
+class Ground(NamedTuple):
+    """What the vehicle meets along its way, (S, M) each."""
+
+    grade: Floats
+    roll: Floats
+    yaw: Floats
+    turning: Floats
+    x: Floats
+    y: Floats
+
+
+def ground_of(table: StopTable) -> Ground:
+    """As it was met by the measured vehicle."""
+    return Ground(table.grade, table.roll, table.yaw, table.yaw_rate, table.x, table.y)
+
+
+def session_time(table: StopTable) -> Floats:
+    """(S,) since the session began [s]: the log's clock, or since its first stop."""
+    late = float(table.clock[0]) > _LATEST_CLOCK
+    return table.clock - table.clock[0] if late else table.clock
+
+
+def predict(
+    table: StopTable, hypothesis: Hypothesis, speed: Floats | None = None,
+    ground: Ground | None = None, time: Floats | None = None, stronger: Floats | float = 0.0,
+) -> Floats:  # fmt: skip
+    """(S, M) fall of the speed since the command [m/s], 0 before the onset.
+
+    Args:
+        table: stops. hypothesis: what to believe.
+        speed, ground, time: (S, M) in place of those measured.
+        stronger: share by which brakes pull more than believed, (S, 1) or of all stops.
+    """
+    v = table.speed if speed is None else np.maximum(speed, 0.0)
+    t = table.time if time is None else time
+    place = ground_of(table) if ground is None else ground
+    terms = motion_of(hypothesis)
+    wanted = (1.0 + stronger) * wanted_force(table, hypothesis, place)
+    step = t[:, 1:2] - t[:, :1]
+    brought = brought_force(table, hypothesis, wanted, v, place.grade, place.roll, t)
+    rest = np.sin(place.grade) + brought.given - brought.force
+    if terms.drag or terms.viscous or terms.turning or terms.wind_drag:
+        curvature = np.abs(place.turning) / np.maximum(v, _LEAST_SPEED)
+        rest = rest + registry.motion_deceleration(v, curvature, place.yaw, terms) / GRAVITY
+    fall = _since_onset(wanted + rest, step, t, hypothesis.dead_time)
+    if terms.lag > 0.0:  # ∫f = ∫F − τ f, from τ df/dt = F − f
+        fall = fall - terms.lag * brought.force
+    return GRAVITY * fall
+
+
+def passed(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, M) share of a small change of the wanted force that reaches the measured ground."""
+    place = ground_of(table)
+    wanted = wanted_force(table, hypothesis, place)
+    found = brought_force(
+        table, hypothesis, wanted, table.speed, place.grade, place.roll, table.time
+    )
+    return found.passes
+
+
+def wanted_force(table: StopTable, hypothesis: Hypothesis, place: Ground) -> Floats:
+    """(S, M) F_b/W before lag, fade and friction cap."""
+    model = hypothesis.model
+    onset = np.maximum(table.held, model.braking.speed_range[0])[:, None]
+    shift_m, shift_b = _lines(hypothesis.shift, onset)
+    force = np.empty_like(place.grade)
+    names = np.array(table.terrain)
+    for name in set(table.terrain):
+        rows = names == name
+        on = model.braking.on(name) if name else model.braking
+        m, b = _lines(np.array([on.m_m, on.b_m, on.m_b, on.b_b]), onset[rows])
+        here = place.grade[rows]
+        if on.uphill is not None:
+            up, _ = _lines(np.array([on.uphill.m_m, on.uphill.b_m, 0.0, 0.0]), onset[rows])
+            m = np.where(here > 0.0, up, m)
+        force[rows] = braking.force_ratio_at_level(
+            (m + shift_m[rows]) * here + b + shift_b[rows], model.terrain.motion_resistance,
+            on.level,
+        )  # fmt: skip
+    clock = session_time(table)[:, None]
+    force = force * registry.force_scale(model.effect)
+    lasting = [e for e in hypothesis.added if e.name == "step_change"]
+    everywhere = (*model.effect, *(e for e in hypothesis.added if e.name != "step_change"))
+    passing = [e for e in everywhere if e.name != "surface_patch"]
+    for effect in lasting:
+        changed = (table.run >= effect.parameters["run"])[:, None]
+        values = registry.validate(effect)
+        force = np.where(changed, force * values["scale"] + values["delta"], force)
+    for effect in everywhere:
+        if effect.name == "surface_patch":
+            p = registry.validate(effect)
+            force = force + p["delta"] * inside_patch(place, p["x"], p["y"], p["radius"])
+    result: Floats = force + registry.ground_term(
+        passing, place.grade, place.roll, place.x, place.y, place.yaw, clock
+    )
+    return result
+
+
+def inside_patch(place: Ground, x: float, y: float, radius: float) -> Floats:
+    """(S, M) share of the way around each grid time that lies inside a patch.
+
+    A grid time next to the edge counts in part, so that it does not matter where grids lie.
+    """
+    away = np.hypot(place.x - x, place.y - y)
+    step = np.maximum(np.abs(np.gradient(away, axis=1)), 1e-6)
+    inside: Floats = np.clip((radius - away) / step + 0.5, 0.0, 1.0)
+    return inside
+
+
+def _lines(c: Floats, speed: Floats) -> tuple[Floats, Floats]:
+    """Slope and level force at onset speeds. Source: Braking (7), (8)."""
+    return c[0] * speed + c[1], c[2] * speed + c[3]
+
+
+def _since_onset(values: Floats, step: Floats, t: Floats, onset: float) -> Floats:
+    """(S, M) integral over time from the onset on, smooth in the onset."""
+    total = np.zeros_like(values)
+    np.cumsum(0.5 * (values[:, 1:] + values[:, :-1]) * step, axis=1, out=total[:, 1:])
+    at_onset = at_time(total, t, onset)[:, None]
+    result: Floats = np.where(t > onset, total - at_onset, 0.0)
+    return result
+
+
+def integral(
+    table: StopTable, hypothesis: Hypothesis, shares: Floats, forces: NDArray[np.bool_]
+) -> Floats:
+    """(S, M, Q) fall of speed by shares of the weight that act from the onset on.
+
+    Args:
+        shares: (S, M, Q). forces: (Q,) those that the brakes bring, which build up with the lag and
+            of which fade and friction let a part through.
+    """
+    terms = motion_of(hypothesis)
+    alike = terms.lag == 0.0 and terms.fade == 0.0 and math.isinf(terms.friction)
+    built = shares[:, :, forces]
+    if forces.any() and not alike:
+        since = np.maximum(table.time - hypothesis.dead_time, 0.0)[:, :, None]
+        built = lagged(built, since, terms.lag) if terms.lag > 0.0 else built
+        shares = shares.copy()
+        shares[:, :, forces] += (passed(table, hypothesis)[:, :, None] - 1.0) * built
+    step = (table.time[:, 1:2] - table.time[:, :1])[:, :, None]
+    total = np.zeros_like(shares)
+    np.cumsum(0.5 * (shares[:, 1:] + shares[:, :-1]) * step, axis=1, out=total[:, 1:])
+    place = np.clip((hypothesis.dead_time - table.time[:, 0]) / step[:, 0, 0], 0.0, None)
+    left = np.minimum(place.astype(np.int64), shares.shape[1] - 2)
+    share = (place - left)[:, None]
+    rows = np.arange(len(left))
+    at_onset = (1.0 - share) * total[rows, left] + share * total[rows, left + 1]
+    after = (table.time > hypothesis.dead_time)[:, :, None]
+    result: Floats = np.where(after, total - at_onset[:, None, :], 0.0)
+    result[:, :, forces] -= terms.lag * built
+    return GRAVITY * result
+
+
+def at_time(values: Floats, t: Floats, when: float) -> Floats:
+    """(S,) values on an even grid, linear in between."""
+    step = t[:, 1] - t[:, 0]
+    place = np.clip((when - t[:, 0]) / step, 0.0, t.shape[1] - 1.000001)
+    left = place.astype(np.int64)
+    share = place - left
+    rows = np.arange(len(t))
+    result: Floats = (1.0 - share) * values[rows, left] + share * values[rows, left + 1]
+    return result
+
+
+def simulate(
+    table: StopTable, hypothesis: Hypothesis, speed: Floats, time: Floats,
+    stronger: Floats | float = 0.0,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Speed and way by the hypothesis alone, on the ground that lies along the measured way.
+
+    Args:
+        table: stops. hypothesis: what to believe.
+        speed: (S,) at the command [m/s], held before it. time: (S, M) even steps since it [s].
+        stronger: as for :func:`predict`.
+
+    Returns:
+        (S, M) speed, not below 0 [m/s]; (S, M) station since the command [m].
+    """
+    step = time[:, 1:2] - time[:, :1]
+    v = np.repeat(speed[:, None], time.shape[1], axis=1)
+
+    def way_of(v: Floats) -> Floats:
+        way = np.zeros_like(v)
+        np.cumsum(0.5 * (v[:, 1:] + v[:, :-1]) * step, axis=1, out=way[:, 1:])
+        return way + speed[:, None] * np.minimum(time[:, :1], 0.0)
+
+    for _ in range(_SWEEPS):
+        way = way_of(v)
+        fall = predict(table, hypothesis, v, _along(table, way), time, stronger)
+        again = np.maximum(speed[:, None] - fall, 0.0)
+        same = float(np.max(np.abs(again - v))) < _SAME
+        v = again
+        if same:
+            break
+    v = np.where(np.minimum.accumulate(v, axis=1) > 0.0, v, 0.0)
+    return v, way_of(v)
+
+
+def _along(table: StopTable, way: Floats) -> Ground:
+    """Ground at stations; beyond the last one known it goes on as it was."""
+
+    def at_stations(channel: Floats) -> Floats:
+        rows = zip(way, table.station, channel, strict=True)
+        return np.stack([np.interp(w, s, c) for w, s, c in rows])
+
+    return Ground(*map(at_stations, ground_of(table)))

@@ -1,0 +1,1 @@
+"""Which effects, where: screening, fitting, locating."""

@@ -1,0 +1,135 @@
+"""Effects that a log cannot tell from other values of the model's own coefficients.
+
+An effect whose share of the force is the same in all stops, up to what the coefficients can do, is
+absorbed by them; so is a pitch sensor that is mounted askew, to first order: with the grade read
+δ too high, b_b comes out (1 + b_m) δ too low and m_b by m_m δ. Where the model as configured with
+one such cause explains the log as well as four new coefficients, the log cannot tell which it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.search.candidates import candidates
+from models.discrepancy.search.patches import left_of
+from models.discrepancy.search.refine import Fit, fit, residual
+from models.discrepancy.search.screening import reduced, scores
+
+Floats = NDArray[np.float64]
+
+GRADE_BIAS = "grade_bias"
+"""A pitch sensor or a map that is off by the same angle everywhere."""
+
+_USUAL_BIAS = np.deg2rad(2.5)  # [rad] a sensor that is off by more is seen at once
+_TAKEN_UP = 0.98  # share of a column that the coefficients take up
+_AS_GOOD = 0.05  # p-value from which one cause is as good as new coefficients
+
+
+@dataclass(frozen=True, slots=True)
+class Absorbed:
+    """A cause that new coefficients would hide.
+
+    Attributes:
+        name: of the effect, or :data:`GRADE_BIAS`. strength: that explains the log.
+        test: what would tell it from new coefficients, in words.
+    """
+
+    name: str
+    strength: float
+    test: str
+
+
+TESTS = {
+    GRADE_BIAS: "stand still on ground of known slope, or drive the same slope both ways, and read "
+    "the pitch; or coast: without brakes a wrong grade shows and brakes do not",
+    "cross_slope": "stop along the slope leaning to the other side, and without leaning",
+    "directional_surface": "stop across the present heading",
+    "headwind": "stop in the opposite direction",
+    "surface_patch": "stop outside the place of these stops",
+    "turning_resistance": "stop straight, and in turns of several rates",
+    "brake_fade": "stop with cold brakes, and again right after five hard stops",
+    "session_drift": "repeat these stops much later in the session",
+    "step_change": "repeat these stops as the vehicle was before",
+    "brake_lag": "log the brake pressure, or the speed at 100 Hz, around the onset",
+    "wheel_lockup": "stop with less brake: locked wheels give the same force",
+    "aerodynamic_drag": "coast from the highest speed",
+    "viscous_resistance": "coast from the highest speed",
+    "grade_asymmetry": "stop uphill as well as downhill",
+    "grade_nonlinearity": "stop on steeper ground, up and down",
+}
+"""What to drive to see an effect that this log hides."""
+
+
+def absorbed_explanations(
+    table: StopTable, base: Fit, taken_up: dict[str, float]
+) -> tuple[Absorbed, ...]:
+    """Single causes that explain what otherwise four new coefficients and a dead time do.
+
+    Args:
+        table: stops. base: refitted model. taken_up: share of each effect's column that the
+            coefficients take up, by name.
+    """
+    configured = Hypothesis.configured(base.hypothesis.model)
+    configured = replace(configured, swing=base.hypothesis.swing)
+    # Only the cause is free: the coefficients stay as configured.
+    as_it_is = fit(table, configured, base.white, passes=0)
+    limit = base.deviance + float(chi2.isf(_AS_GOOD, 4)) * len(table) / max(len(table) - 5, 1)
+    found = []
+    bias = _bias(table, configured, base)
+    if bias is not None and abs(bias[0]) <= _USUAL_BIAS and bias[1] < limit:
+        found.append(Absorbed(GRADE_BIAS, bias[0], TESTS[GRADE_BIAS]))
+    names = {name for name, share in taken_up.items() if share >= _TAKEN_UP}
+    if names:
+        found += _effects(table, as_it_is, names, limit)
+    return tuple(found)
+
+
+def _bias(table: StopTable, configured: Hypothesis, base: Fit) -> tuple[float, float] | None:
+    """Angle by which all grades would have to be off, and −2 log likelihood with it."""
+    step = 1e-3
+    here = fit(table, configured, base.white, passes=0)
+    moved = replace(table, grade=table.grade + step)
+    slope = (residual(moved, configured) - residual(table, configured)) / step
+    gain, chi_square = _one_number(base, residual(table, configured), slope)
+    if chi_square <= 0.0:
+        return None
+    return gain, here.deviance - chi_square
+
+
+def _one_number(base: Fit, left: Floats, slope: Floats) -> tuple[float, float]:
+    """Best multiple of a change of the residual, and the chi square that it takes away."""
+    white = base.white
+    weight = 1.0 / (1.0 + white.noise.scatter**2 * white.power)
+    both = white.bins @ np.stack((left, slope), axis=2)
+    between, within = white.split(both)
+    products = np.einsum("ska,skb->ab", within, within)
+    products += np.einsum("s,sa,sb->ab", weight, between, between)
+    if products[1, 1] <= 0.0:
+        return 0.0, 0.0
+    gain = -products[0, 1] / products[1, 1]
+    return float(gain), float(products[0, 1] ** 2 / products[1, 1])
+
+
+def _effects(table: StopTable, as_it_is: Fit, names: set[str], limit: float) -> list[Absorbed]:
+    library, columns = candidates(table, as_it_is.hypothesis)
+    own = [i for i, c in enumerate(library) if c.name in names]
+    white = as_it_is.white
+    nothing = np.zeros((*table.time.shape, 1))
+    sums = reduced(white, nothing, columns[:, :, own], np.ones(1))
+    one_sided = np.array([library[i].one_sided for i in own])
+    scored = scores(sums, left_of(table, as_it_is), white.noise.scatter, one_sided)
+    found: dict[str, Absorbed] = {}
+    for i in np.argsort(-np.abs(scored.z)):
+        candidate = library[own[i]]
+        wrong_sign = candidate.one_sided and scored.z[i] <= 0.0
+        if wrong_sign or as_it_is.deviance - float(scored.z[i]) ** 2 > limit:
+            continue
+        text = TESTS[candidate.name]
+        found.setdefault(candidate.name, Absorbed(candidate.name, float(scored.strength[i]), text))
+    return list(found.values())

@@ -1,0 +1,131 @@
+"""How well places and times of change are known, which have no derivative.
+
+The edge of a patch matters only where a stop crosses it, and the run of a change only between runs:
+chi square is flat in between and jumps at the edges. The interval is what chi square does not rule
+out (Wilks), told as the standard deviation of a normal distribution with the same 95 %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.hypothesis import BASE, free_parameters
+from models.discrepancy.search import screening
+from models.discrepancy.search.candidates import Candidate, candidates, finer_patches, patch_column
+from models.discrepancy.search.patches import left_of
+from models.discrepancy.search.refine import Fit, prior_precision
+from models.parameters import Effect
+
+Floats = NDArray[np.float64]
+
+_INSIDE = 3.84  # chi square of one number at 95 %
+_USUAL = 1.96
+_AS_GOOD = 7.35
+"""Chi square within which a place is not ruled out at 95 %: that of a threshold, whose likelihood
+has jumps, is wider than that of a smooth number (Hansen 2000)."""
+_REST = 0.01  # share of chi square that other numbers, which are not fitted again, may be worth
+_REACH = (0.1, 0.3, 0.05, 0.2)  # radii
+_ROUNDS = 24
+_SIDES = 1.25  # more than four sides of a circle are uncertain
+
+
+def extents(table: StopTable, found: Fit) -> dict[str, dict[str, float]]:
+    """Standard deviations of such parameters, by effect and name.
+
+    Args:
+        table: stops. found: an explanation at its best.
+    """
+    widths = {}
+    for index, effect in enumerate(found.hypothesis.added):
+        if effect.name == "surface_patch":
+            widths[effect.name] = _of_patch(table, found, index, effect)
+        elif effect.name == "step_change":
+            widths[effect.name] = _of_change(table, found, index, effect)
+    return widths
+
+
+def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[str, float]:
+    names = ("x", "y", "radius")
+    inner = {name: float(effect.parameters[name]) for name in names}
+    without = _without(found, index)
+    here = Candidate("surface_patch", "delta", False, inner)
+    best = float(_chi_squares(table, without, patch_column(table, without.hypothesis, here))[0])
+    kept = [(best, here)]
+    for draw in range(_ROUNDS):
+        # From where the region reaches farthest, to each side in turn.
+        name, side = names[draw % 3], 1.0 if draw % 2 == 0 else -1.0
+        start = max(kept, key=lambda one: side * one[1].inner[name])[1]
+        reach = _REACH[draw % len(_REACH)]
+        tried, columns = finer_patches(table, without.hypothesis, start, reach, draw)
+        if not tried:
+            continue
+        z_square = _chi_squares(table, without, columns)
+        best = max(best, float(z_square.max()))
+        kept += zip(z_square.tolist(), tried, strict=True)
+        kept = [one for one in kept if one[0] > best - _AS_GOOD - _REST * best] or kept[:1]
+    edges = _edges(table, inner)
+    widths = {}
+    for name in names:
+        off = max(abs(one.inner[name] - inner[name]) for _, one in kept)
+        widths[name] = float(max(off / _USUAL, edges[name]))
+    return widths
+
+
+def _edges(table: StopTable, inner: dict[str, float]) -> dict[str, float]:
+    """Standard deviations by how far apart stops inside and outside are on each side of a patch.
+
+    An edge lies anywhere between the last place inside and the first one outside; centre and
+    radius follow from the edges on four sides.
+    """
+    braking = table.time > table.onset
+    x, y = table.x[braking] - inner["x"], table.y[braking] - inner["y"]
+    away = np.hypot(x, y) - inner["radius"]
+    gaps = []
+    for along, aside in ((x, y), (-x, y), (y, x), (-y, x)):
+        here = away[along > np.abs(aside)]
+        outside = float(np.min(here[here > 0.0], initial=inner["radius"]))
+        inside = float(np.min(-here[here <= 0.0], initial=inner["radius"]))
+        gaps.append(outside + inside)
+    each = np.square(_SIDES * np.asarray(gaps)) / 12.0
+    return {
+        "x": 0.5 * float(np.sqrt(each[0] + each[1])),
+        "y": 0.5 * float(np.sqrt(each[2] + each[3])),
+        "radius": 0.25 * float(np.sqrt(each.sum())),
+    }
+
+
+def _of_change(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[str, float]:
+    without = _without(found, index)
+    library, columns = candidates(table, without.hypothesis)
+    own = [i for i, c in enumerate(library) if c.name == "step_change"]
+    if not own:
+        return {"run": 0.0}
+    z_square = _chi_squares(table, without, columns[:, :, own])
+    runs = np.array([library[i].inner["run"] for i in own])
+    kept = runs[z_square > float(z_square.max()) - _INSIDE]
+    ends = [*kept.tolist(), float(effect.parameters["run"])]
+    # A change between two runs is known to no better than one run.
+    return {"run": (0.5 * (max(ends) - min(ends)) + 0.5) / _USUAL}
+
+
+def _without(found: Fit, index: int) -> Fit:
+    """The same fit as seen by a search for one of its effects: without it."""
+    added = found.hypothesis.added
+    begin = BASE + sum(len(free_parameters(e)) for e in added[:index])
+    own = np.arange(begin, begin + len(free_parameters(added[index])))
+    rest = replace(found.hypothesis, added=(*added[:index], *added[index + 1 :]))
+    return replace(found, hypothesis=rest, jacobian=np.delete(found.jacobian, own, axis=2))
+
+
+def _chi_squares(table: StopTable, without: Fit, columns: Floats) -> Floats:
+    white = without.white
+    precision = prior_precision(without.hypothesis)
+    sums = screening.reduced(white, without.jacobian, columns, precision)
+    both = np.zeros(columns.shape[2], np.bool_)
+    left = left_of(table, without)
+    result: Floats = screening.scores(sums, left, white.noise.scatter, both).z ** 2
+    return result

@@ -1,0 +1,292 @@
+"""Which effects of the library, alone or together, explain what the refitted base leaves.
+
+Level by level: every explanation so far is extended by whatever the library still explains beyond
+chance, refitted exactly, and weighed with the noise that the best of them leaves. Wrong first steps
+are recovered from, because several explanations go on side by side.
+
+Scores are −2 log likelihood plus log(stops) for each number that was chosen (Schwarz 1978), so that
+effects with many inner numbers have to earn them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.brakes import lag_of
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.noise import Noise
+from models.discrepancy.search import screening
+from models.discrepancy.search.candidates import Candidate, candidates, patch_column
+from models.discrepancy.search.patches import left_of, moved_patch, placed_patch
+from models.discrepancy.search.refine import (
+    Fit,
+    as_output,
+    fit_either_way,
+    fit_with_scatter,
+    noise_of,
+    prior_precision,
+)
+from models.discrepancy.settings import DiscrepancySettings
+from models.parameters import Effect
+
+Floats = NDArray[np.float64]
+
+_NAMES = 6  # of the library that are refitted exactly at each step
+_BEAM = 3
+_NEAR = 30.0  # chi square from the best within which an explanation goes on
+_SLIDING = 0.6  # quantile of the force that a cap may be
+_LENIENT = 0.2
+_LEAST_LAG, _BLURS = 0.02, 2.5  # [s], standard deviations of the onset
+_MORE = 6.0  # chi square that every further effect has to bring beyond its numbers
+_WORTH_MOVING = 30.0  # chi square of a patch whose place is searched once more
+_WORTH = 0.4  # of the strongest candidate's chi square, below which another one is left alone
+_STARTS = {"wheel_lockup": 1, "headwind": 2, "brake_fade": 2, "surface_patch": 2}
+_EVENS_OUT = ("wheel_lockup",)
+_NUMBERS = {"surface_patch": 4, "step_change": 2, "headwind": 3, "brake_fade": 2}
+_DIRECTIONS = {"directional_surface": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Effects that are believed together.
+
+    Attributes:
+        fit: at their best. score: lower is better.
+        gained: chi square that each effect brought when it joined. needed: that chance would bring.
+    """
+
+    fit: Fit
+    score: float
+    gained: tuple[float, ...] = ()
+    needed: tuple[float, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its effects, in order of the alphabet."""
+        return tuple(sorted(self.fit.hypothesis.names))
+
+
+@dataclass(frozen=True, slots=True)
+class Identified:
+    """Outcome of the search.
+
+    Attributes:
+        best: none or several effects. others: further explanations, best first.
+        largest: chi square of the strongest candidate beyond `best`, and its threshold.
+        absorbed: share of each effect's column that the base takes up, by name.
+    """
+
+    best: Explanation
+    others: tuple[Explanation, ...]
+    largest: tuple[float, float]
+    absorbed: dict[str, float]
+
+
+def numbers(name: str) -> int:
+    """Numbers that naming an effect chooses."""
+    return _NUMBERS.get(name, _DIRECTIONS.get(name, 1))
+
+
+def score(found: Fit, stops: int) -> float:
+    """−2 log likelihood with the price of all chosen numbers."""
+    chosen = sum(numbers(name) for name in found.hypothesis.names)
+    more = max(len(found.hypothesis.names) - 1, 0)
+    return found.deviance + chosen * float(np.log(stops)) + _MORE * more
+
+
+def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Identified:
+    """Search the library.
+
+    Args:
+        table: stops. base: refitted without further effects. settings: how sure to be.
+    """
+    beam = [Explanation(base, score(base, len(table)))]
+    known = {beam[0].names: beam[0]}
+    best = beam[0]
+    absorbed: dict[str, float] = {}
+    largest = (0.0, np.inf)
+    for level in range(settings.most_effects + 1):
+        children: list[Explanation] = []
+        for parent in beam:
+            more, strongest, shares = _extended(table, parent, settings)
+            absorbed = absorbed or shares
+            if parent.names == best.names:
+                largest = strongest
+            if level < settings.most_effects:
+                children += more
+        children = [c for c in children if c.names not in known]
+        if not children:
+            break
+        children.sort(key=lambda c: c.score)
+        if children[0].score >= best.score:
+            break
+        noise = noise_of(table, children[0].fit)
+        known |= {c.names: c for c in reversed(children)}
+        known = _again(table, known, noise, children[0].score)
+        known |= _with_one_less(table, min(known.values(), key=lambda e: e.score), known)
+        ordered = sorted(known.values(), key=lambda e: e.score)
+        best = ordered[0]
+        deep = [e for e in ordered if len(e.names) == level + 1]
+        beam = [e for e in deep[:_BEAM] if e.score < best.score + _NEAR]
+    others = sorted((e for e in known.values() if e.names != best.names), key=lambda e: e.score)
+    return Identified(best, tuple(others), largest, absorbed)
+
+
+def _again(
+    table: StopTable, known: dict[tuple[str, ...], Explanation], noise: Noise, near: float
+) -> dict[tuple[str, ...], Explanation]:
+    """All explanations weighed anew, those far off forgotten but for the base."""
+    result = {}
+    for names, e in known.items():
+        if names and e.score > near + 3.0 * _NEAR:
+            continue
+        # Speeds are the explanation's own now: noise of the measured ones no longer matters.
+        output = as_output(table, e.fit)
+        found = fit_either_way(output, e.fit.hypothesis, noise, rounds=1)
+        result[names] = replace(e, fit=found, score=score(found, len(table)))
+    return result
+
+
+def _with_one_less(
+    table: StopTable, best: Explanation, known: dict[tuple[str, ...], Explanation]
+) -> dict[tuple[str, ...], Explanation]:
+    """Explanations without one of the effects of the best: a first step may have been wrong."""
+    added = best.fit.hypothesis.added
+    rests = [
+        replace(best.fit.hypothesis, added=(*added[:i], *added[i + 1 :])) for i in range(len(added))
+    ]
+    missing = {tuple(sorted(rest.names)): rest for rest in rests}
+    missing = {names: rest for names, rest in missing.items() if names not in known}
+    if not missing:
+        return {}
+    output = as_output(table, best.fit)
+    found = {}
+    for names, rest in missing.items():
+        refit = fit_either_way(output, rest, best.fit.noise, rounds=1)
+        found[names] = Explanation(refit, score(refit, len(table)), best.gained, best.needed)
+    return found
+
+
+def _extended(
+    table: StopTable, parent: Explanation, settings: DiscrepancySettings
+) -> tuple[list[Explanation], tuple[float, float], dict[str, float]]:
+    """Children of an explanation, its strongest candidate beside chance, absorbed shares."""
+    fit = parent.fit
+    found, sums, scored = screen(table, fit)
+    one_sided = np.array([c.one_sided for c in found])
+    able = np.where(one_sided, np.maximum(scored.z, 0.0), np.abs(scored.z)) ** 2
+    strength = scored.gain
+    chances = screening.chance(
+        sums, one_sided, fit.noise.scatter, settings.bootstraps, settings.seed
+    )
+    needed = screening.threshold(chances, settings.false_alarm)
+    strongest = (float(max(strength.max(), able.max())), needed)
+    shares: dict[str, float] = {}
+    for c, share in zip(found, scored.absorbed, strict=True):
+        shares[c.name] = min(shares.get(c.name, 1.0), float(share))
+    floor = max(needed, _WORTH * strongest[0])
+    children = []
+    for name, members in _leaders(found, strength):
+        # A friction cap shows less in what it takes than in stops that no longer differ.
+        hidden = name in _EVENS_OUT
+        if name in fit.hypothesis.names or not (hidden or strength[members[0]] >= 0.5 * floor):
+            continue
+        if strongest[0] < needed and not hidden:
+            continue
+        fits = [_refined(table, fit, found[i], float(scored.strength[i])) for i in members]
+        best = min(fits, key=lambda f: f.deviance)
+        if (hidden and fit.deviance - best.deviance < needed) or _too_quick(table, best):
+            continue
+        gain = (*parent.gained, float(strength[members[0]]))
+        children.append(Explanation(best, score(best, len(table)), gain, (*parent.needed, needed)))
+    return children, strongest, shares
+
+
+def _too_quick(table: StopTable, found: Fit) -> bool:
+    """A lag that is no longer than the onset is uncertain: the jitter alone rounds the knee.
+
+    Without the lag the jitter seems larger than it is, because a knee that is rounded off is seen
+    the later the harder a stop brakes.
+    """
+    lag = lag_of(found.hypothesis)
+    if lag <= 0.0:
+        return False
+    blur = np.hypot(noise_of(table, found).jitter, table.sample / np.sqrt(12.0))
+    return lag < max(_LEAST_LAG, _BLURS * float(blur))
+
+
+def rescued(
+    table: StopTable, best: Explanation, settings: DiscrepancySettings
+) -> list[Explanation]:
+    """Effects that chance may bring in one log of five, for a pattern that is surely there."""
+    lenient = replace(settings, false_alarm=_LENIENT)
+    children = _extended(table, best, lenient)[0]
+    noise = noise_of(table, best.fit)
+    known = {c.names: c for c in [best, *children]}
+    again = _again(table, known, noise, best.score)
+    return sorted(again.values(), key=lambda e: e.score)
+
+
+def screen(
+    table: StopTable, fit: Fit
+) -> tuple[list[Candidate], screening.Reduced, screening.Scores]:
+    """Scores of all candidates beyond a fit."""
+    found, columns = candidates(table, fit.hypothesis)
+    patches = [i for i, c in enumerate(found) if c.name == "surface_patch"]
+    placed = placed_patch(table, fit) if patches else None
+    if placed is not None:
+        found[patches[0]] = placed[0]
+        columns[:, :, patches[:1]] = patch_column(table, fit.hypothesis, placed[0])
+    precision = prior_precision(fit.hypothesis)
+    sums = screening.reduced(fit.white, fit.jacobian, columns, precision)
+    one_sided = np.array([c.one_sided for c in found])
+    scored = screening.scores(sums, left_of(table, fit), fit.noise.scatter, one_sided)
+    return found, sums, scored
+
+
+def _leaders(found: Sequence[Candidate], strength: Floats) -> list[tuple[str, list[int]]]:
+    """Names with the grid points to start from, the strongest names first."""
+    members: dict[str, list[int]] = {}
+    for i in np.argsort(-strength):
+        own = members.setdefault(found[i].name, [])
+        if (strength[i] > 0.0 or found[i].name in _EVENS_OUT) and len(own) < _STARTS.get(
+            found[i].name, 1
+        ):
+            own.append(int(i))
+    leaders = [(name, own) for name, own in members.items() if own]
+    late = [leader for leader in leaders[_NAMES:] if leader[0] in _EVENS_OUT]
+    return leaders[:_NAMES] + late
+
+
+def _refined(table: StopTable, fit: Fit, candidate: Candidate, strength: float) -> Fit:
+    h = fit.hypothesis
+    trials = [h.plus(candidate.effect(strength))]
+    noise = replace(fit.noise, capped=True)
+    if candidate.name == "step_change":
+        run, scale = (trials[0].added[-1].parameters[n] for n in ("run", "scale"))
+        delta = (scale - 1.0) * float(np.median(table.force))
+        more = Effect(name="step_change", parameters={"delta": delta, "run": run})
+        trials.append(h.plus(more))
+    if candidate.name == "wheel_lockup":
+        # Where nearly all stops slide, coefficients fitted to them say nothing of the brakes.
+        strong = replace(h, shift=np.zeros(4)).plus(candidate.effect(strength))
+        free = strong.free
+        sliding = np.quantile(table.force / np.cos(table.grade[:, -1]), _SLIDING)
+        free[-1] = max(float(sliding), 0.02)
+        trials.append(strong.moved(free))
+    refit = fit_either_way if candidate.name in _EVENS_OUT else fit_with_scatter
+    fits = [refit(table, t, noise, rounds=1) for t in trials]
+    best = min(fits, key=lambda f: f.deviance)
+    if candidate.name == "surface_patch" and fit.deviance - best.deviance > _WORTH_MOVING:
+        best = moved_patch(table, best)
+    return best
+
+
+def base_of(hypothesis: Hypothesis) -> Hypothesis:
+    """Without the effects that were added."""
+    return replace(hypothesis, added=())

@@ -1,0 +1,159 @@
+"""The place and size of a patch, by trying many: chi square has steps and no slope there.
+
+Which stops lie inside is found first, from what tells stops apart, thousands of circles at once.
+Where exactly the edge lies then shows within the stops that cross it: a circle that is a little off
+errs much there, so that the right one is a needle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.hypothesis import free_parameters
+from models.discrepancy.model.prediction import integral
+from models.discrepancy.search import screening
+from models.discrepancy.search.candidates import Candidate, finer_patches
+from models.discrepancy.search.refine import Fit, fit_with_scatter, prior_precision, residual
+
+Floats = NDArray[np.float64]
+
+_CIRCLES = 1500  # anywhere
+_BEST = 3  # of them that are gone on with
+_MOVED = (0.3, 0.2, 0.15, 0.1, 0.07, 0.05)  # radii by which they are moved, round after round
+_EACH = 80  # tries a round
+_SMALLEST, _LARGEST = 0.05, 0.5  # radii, of the field
+_FEWEST = 3  # stops inside
+_COARSE = 6  # grid times that count as one place
+_EDGES = (
+    (10.0, (0.3, 0.2, 0.1)), (3.0, (0.2, 0.1, 0.05)),
+    (1.0, (0.1, 0.07, 0.05, 0.03, 0.02, 0.01)),
+)  # fmt: skip
+"""Blur of what happens within a stop, and radii by which patches are moved, round after round."""
+
+
+def left_of(table: StopTable, fit: Fit) -> tuple[Floats, Floats]:
+    """Whitened residual of a fit: (S,) along the friction of each stop, (N,) the rest."""
+    r = fit.white.split(fit.white.bins @ residual(table, fit.hypothesis)[:, :, None])
+    return r[0][:, 0], r[1].ravel()
+
+
+def placed_patch(table: StopTable, fit: Fit, seed: int = 0) -> tuple[Candidate, float] | None:
+    """The patch that explains most of what a fit leaves, and its strength; None if there is none.
+
+    Args:
+        table: stops. fit: without the patch. seed: of the patches tried.
+    """
+    circle = _Between(table, fit).best_circle(np.random.default_rng(seed))
+    if circle is None:
+        return None
+    x, y, radius = circle.tolist()
+    nearest = Candidate("surface_patch", "delta", False, {"x": x, "y": y, "radius": radius})
+    left = left_of(table, fit)
+    precision = prior_precision(fit.hypothesis)
+    strength, draw = 0.0, 100 * seed
+    for blur, radii in _EDGES:
+        gain = 0.0
+        for closer in radii:
+            draw += 1
+            more, shares = finer_patches(table, fit.hypothesis, nearest, closer, draw)
+            if not more:
+                continue
+            sums = screening.reduced(fit.white, fit.jacobian, shares, precision).blurred(blur)
+            both = np.zeros(len(more), np.bool_)
+            tried = screening.scores(sums, (left[0], left[1] / blur), fit.noise.scatter, both)
+            k = int(np.argmax(tried.gain))
+            if tried.gain[k] > gain:
+                nearest, strength, gain = more[k], float(tried.strength[k]), float(tried.gain[k])
+    return (nearest, strength) if strength != 0.0 else None
+
+
+class _Between:
+    """What circles explain of the differences between stops, by few places along each."""
+
+    def __init__(self, table: StopTable, fit: Fit) -> None:
+        self.fit = fit
+        white = fit.white
+        nodes = table.time.shape[1]
+        groups = np.arange(nodes) // _COARSE
+        forces = np.ones(groups[-1] + 1, np.bool_)
+        each = (groups[:, None] == np.arange(len(forces))).astype(np.float64)
+        share = np.broadcast_to(each, (*table.time.shape, len(forces)))
+        along = np.einsum("sk,skm->sm", white.friction, white.grid)
+        # (S, G) share of each place in what a stop's friction explains.
+        self.told = np.einsum("sm,smg->sg", along, integral(table, fit.hypothesis, share, forces))
+        counts = each.sum(axis=0)
+        self.x, self.y = table.x @ each / counts, table.y @ each / counts
+        base, _ = white.split(white.grid @ fit.jacobian)
+        self.left = left_of(table, fit)[0]
+        p = base.shape[1]
+        nothing = np.zeros((0, p))
+        self.sums = screening.Reduced(
+            np.zeros((p, p)), np.zeros((p, 0)), np.zeros(0), base, np.zeros((len(base), 0)),
+            white.power, nothing, nothing, prior_precision(fit.hypothesis),
+        )  # fmt: skip
+
+    def best_circle(self, rng: np.random.Generator) -> Floats | None:
+        """x, y, radius [m] of the circle that explains most; None where no circle holds stops."""
+        size = float(max(np.ptp(self.x), np.ptp(self.y)))
+        if size <= 0.0:
+            return None
+        stops = rng.integers(0, len(self.x), _CIRCLES)
+        radius = size * np.exp(rng.uniform(np.log(_SMALLEST), np.log(_LARGEST), _CIRCLES))
+        off = rng.normal(0.0, 0.5, (2, _CIRCLES)) * radius
+        circles = np.stack((self.x[stops, 0] + off[0], self.y[stops, 0] + off[1], radius), axis=1)
+        gains = self._gains(circles)
+        best = circles[np.argsort(-gains)[:_BEST]]
+        highest = np.sort(gains)[::-1][:_BEST]
+        for closer in _MOVED:
+            steps = closer * rng.standard_normal((_BEST, _EACH, 3))
+            tried = best[:, None, :].repeat(_EACH, axis=1)
+            tried[:, :, :2] += steps[:, :, :2] * best[:, None, 2:]
+            tried[:, :, 2] *= np.exp(steps[:, :, 2])
+            gains = self._gains(tried.reshape(-1, 3)).reshape(_BEST, _EACH)
+            k = np.argmax(gains, axis=1)
+            rows = np.arange(_BEST)
+            better = gains[rows, k] > highest
+            best = np.where(better[:, None], tried[rows, k], best)
+            highest = np.where(better, gains[rows, k], highest)
+        winner: Floats = best[int(np.argmax(highest))]
+        return winner if highest.max() > 0.0 else None
+
+    def _gains(self, circles: Floats) -> Floats:
+        """(Q,) drop of −2 log likelihood by circles (Q, 3)."""
+        x, y, radius = circles.T
+        away = (self.x[:, :, None] - x) ** 2 + (self.y[:, :, None] - y) ** 2
+        inside = away <= radius**2
+        touched = inside.any(axis=1).sum(axis=0)
+        fair = (touched >= _FEWEST) & ~inside.all(axis=(0, 1))
+        columns = np.einsum("sg,sgq->sq", self.told, inside)
+        count, p = len(circles), self.sums.base_between.shape[1]
+        sums = replace(
+            self.sums, cross_within=np.zeros((p, count)), own_within=np.zeros(count),
+            between=columns, rows=np.zeros((0, count)),
+        )  # fmt: skip
+        nothing = np.zeros(0)
+        both = np.zeros(count, np.bool_)
+        found = screening.scores(sums, (self.left, nothing), self.fit.noise.scatter, both)
+        result: Floats = np.where(fair, found.gain, 0.0)
+        return result
+
+
+def moved_patch(table: StopTable, found: Fit) -> Fit:
+    """The same with its last effect, a patch, where it fits best once others are tried."""
+    h = found.hypothesis
+    patch = h.added[-1]
+    without = replace(
+        found,
+        hypothesis=replace(h, added=h.added[:-1]),
+        jacobian=found.jacobian[:, :, : -len(free_parameters(patch))],
+    )
+    placed = placed_patch(table, without, seed=1)
+    if placed is None:
+        return found
+    nearest, strength = placed
+    better = fit_with_scatter(table, without.hypothesis.plus(nearest.effect(strength)), found.noise)
+    return better if better.deviance < found.deviance else found

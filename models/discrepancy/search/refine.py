@@ -1,0 +1,310 @@
+"""Fitting a hypothesis to all stops: Gauss and Newton in whitened residuals, bounds kept.
+
+Generalised least squares: every stop has a friction of its own, see
+:mod:`models.discrepancy.model.noise`, so that stops count and not samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from models.calibration.force_fit import WEAK_PRIOR
+from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.body_oscillation import SWING, USUAL_SWING, swing_columns
+from models.discrepancy.model.hypothesis import BASE, LAWFUL, Hypothesis
+from models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
+from models.discrepancy.model.prediction import (
+    ground_of,
+    integral,
+    predict,
+    simulate,
+    wanted_force,
+)
+from models.parameters import Model
+
+Floats = NDArray[np.float64]
+
+_PASSES = 12
+_STEP = 1e-3  # of a parameter's scale
+_DONE = 0.01  # of chi square
+_BENT = 2.0  # of chi square
+_TRIES = 8
+_NOISE_PASSES = 2
+_SWINGS = 40.0  # chi square
+_MOST_WIDER = 2.0
+_LEAST_FORCE = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A hypothesis at its best.
+
+    Attributes:
+        hypothesis: with fitted numbers. covariance: (P, P) of them.
+        jacobian: (S, M, P) change of the fall of speed with each number.
+        white: that it was weighed with.
+        deviance: −2 log likelihood, up to a constant of the log.
+        each: (S,) share of every stop in it.
+        between: (S,) residual along the friction of each stop, see :class:`Whitener`.
+    """
+
+    hypothesis: Hypothesis
+    covariance: Floats
+    jacobian: Floats
+    white: Whitener
+    deviance: float
+    each: Floats
+    between: Floats
+
+    @property
+    def noise(self) -> Noise:
+        """That it was weighed with."""
+        return self.white.noise
+
+
+def residual(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, K) measured less predicted speed, up to the level of each stop [m/s]."""
+    fall = _observed(table, hypothesis)
+    used = table.spread > 0.0
+    left = table.binned - np.einsum("skm,sm->sk", table.average, table.held[:, None] - fall)
+    result: Floats = np.where(used, left, 0.0)
+    return result
+
+
+def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, M, P) change of the fall of speed with each free number."""
+    free, scales = hypothesis.free, hypothesis.scales
+    _, high = hypothesis.bounds
+    base = _observed(table, hypothesis)
+    swing = np.zeros((*table.time.shape, SWING))
+    if hypothesis.swings:
+        swing = swing_columns(table, hypothesis.dead_time)
+    columns = [_by_shifts(table, hypothesis)]
+    for i in (LAWFUL - 1, *range(BASE, len(free))):
+        step = _STEP * scales[i] if free[i] + _STEP * scales[i] <= high[i] else -_STEP * scales[i]
+        moved = free.copy()
+        moved[i] += step
+        columns.append(((_observed(table, hypothesis.moved(moved)) - base) / step)[:, :, None])
+    columns.insert(2, swing)
+    return np.concatenate(columns, axis=2)
+
+
+def _by_shifts(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, M, 4) by the coefficients, in which the wanted force is linear."""
+    place = ground_of(table)
+    wanted = wanted_force(table, hypothesis, place)
+    moved = [replace(hypothesis, shift=hypothesis.shift + one) for one in np.eye(LAWFUL - 1)]
+    shares = [wanted_force(table, h, place) - wanted for h in moved]
+    forces = np.ones(LAWFUL - 1, np.bool_)
+    return integral(table, hypothesis, np.stack(shares, axis=2), forces)
+
+
+def _observed(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, M) fall of the speed that is read, with the swing of the body it is read on."""
+    fall = predict(table, hypothesis)
+    if not hypothesis.swings:
+        return fall
+    result: Floats = fall + swing_columns(table, hypothesis.dead_time) @ hypothesis.swing
+    return result
+
+
+def prior_precision(hypothesis: Hypothesis) -> Floats:
+    """(P,) of the base's shifts: wide beside what a few dozen stops tell."""
+    own = np.zeros(len(hypothesis.free))
+    own[:4] = 1.0 / np.square(WEAK_PRIOR)
+    own[4] = 1.0
+    own[LAWFUL:BASE] = 1.0 / USUAL_SWING**2
+    return own
+
+
+def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = _PASSES) -> Fit:
+    """Least squares of the whitened residuals with a given noise."""
+    weight = 1.0 / np.sqrt(1.0 + white.noise.scatter**2 * white.power)
+    precision = prior_precision(hypothesis)
+    centre = _centre(hypothesis)
+    low, high = hypothesis.bounds
+
+    def white_of(values: Floats) -> Floats:
+        between, within = white.split(values)
+        return np.concatenate((between * weight[:, None], within.reshape(-1, values.shape[2])))
+
+    def cost_of(h: Hypothesis) -> tuple[Floats, float]:
+        r = white_of(white.bins @ residual(table, h)[:, :, None])[:, 0]
+        off = h.free - centre
+        return r, float(r @ r + off @ (precision * off))
+
+    here = Hypothesis.moved(hypothesis, np.clip(hypothesis.free, low, high))
+    r, cost = cost_of(here)
+    damping = 1e-6
+    slope = jacobian(table, here)
+    x = white_of(white.grid @ slope)
+    for _ in range(passes):
+        # Residual: measured less held speed, plus the fall.
+        normal = x.T @ x + np.diag(precision)
+        gradient = x.T @ r + precision * (here.free - centre)
+        before, at = cost, here.free
+        for _ in range(_TRIES):
+            step = _bounded_step(
+                normal + damping * np.diag(np.diag(normal)), gradient, at, low, high
+            )
+            if float(gradient @ step) < _DONE:
+                break
+            trial = here.moved(np.clip(at - step, low, high))
+            r_trial, cost_trial = cost_of(trial)
+            if cost_trial <= cost:
+                here, r, cost = trial, r_trial, cost_trial
+                break
+            damping = max(damping * 10.0, 1e-4)
+        if before - cost < _DONE:
+            break
+        if before - cost > _BENT:  # nearer than that the slopes are the same
+            slope = jacobian(table, here)
+            x = white_of(white.grid @ slope)
+        damping *= 0.1
+    covariance = np.linalg.pinv(x.T @ x + np.diag(precision), hermitian=True)
+    between = white.split(white.bins @ residual(table, here)[:, :, None])[0][:, 0]
+    # Few stops tell less of their scatter than its likelihood pretends.
+    count = len(table)
+    covariance *= count / max(count - (len(here.free) - SWING), 1)
+    covariance = _robust(np.asarray(covariance, np.float64), x, r, count)
+    each = r[:count] ** 2 + np.sum(r[count:].reshape(count, -1) ** 2, axis=1)
+    each = each - 2.0 * np.log(weight) + white.log_volume
+    deviance = cost - float(r @ r) + float(np.sum(each))
+    return Fit(here, 0.5 * (covariance + covariance.T), slope, white, deviance, each, between)
+
+
+def _robust(covariance: Floats, x: Floats, r: Floats, stops: int) -> Floats:
+    """Covariance, wider where stops scatter more along a number than the noise says.
+
+    The sandwich of the scores of whole stops holds whatever the noise within a stop really is
+    (White 1980, in clusters); with few stops it comes out too small, so it only ever widens.
+    """
+    scores = x * r[:, None]
+    rest = scores[stops:].reshape(stops, -1, x.shape[1]).sum(axis=1)
+    each = scores[:stops] + rest
+    sandwich = covariance @ (each.T @ each) @ covariance
+    usual = np.maximum(np.diag(covariance), 1e-300)
+    wider = np.sqrt(np.clip(np.diag(sandwich) / usual, 1.0, _MOST_WIDER**2))
+    result: Floats = covariance * np.outer(wider, wider)
+    return result
+
+
+def _centre(hypothesis: Hypothesis) -> Floats:
+    """(P,) where the prior draws to: the model as configured."""
+    centre = hypothesis.free
+    centre[:4] = 0.0
+    centre[4] = hypothesis.model.braking.dead_time
+    centre[LAWFUL:BASE] = 0.0
+    return centre
+
+
+def _bounded_step(
+    normal: Floats, gradient: Floats, at: Floats, low: Floats, high: Floats
+) -> Floats:
+    """Newton's step; a number that it would push through its bound stays, and the rest again."""
+    free = np.ones(len(at), np.bool_)
+    for _ in range(len(at)):
+        step = np.zeros(len(at))
+        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], gradient[free], rcond=1e-12)[0]
+        stuck = free & (((at - step < low) & (at <= low)) | ((at - step > high) & (at >= high)))
+        if not stuck.any():
+            return step
+        free &= ~stuck
+    return np.zeros(len(at))
+
+
+def as_output(table: StopTable, found: Fit) -> StopTable:
+    """The table with the speeds that a fit gives, each stop with its own friction.
+
+    A fit to these speeds sees no noise in the terms of motion. Without its friction a stop would
+    come to rest elsewhere, and terms that grow towards the rest would be far off.
+    """
+    stronger = own_friction(found) / max(float(np.median(table.force)), _LEAST_FORCE)
+    speed, _ = simulate(table, found.hypothesis, table.held, table.time, stronger[:, None])
+    return replace(table, speed=speed)
+
+
+def own_friction(found: Fit) -> Floats:
+    """(S,) most likely F_b/W of each stop beyond what all have in common, as `Noise.scatter`."""
+    variance, power = found.noise.scatter**2, found.white.power
+    result: Floats = variance * np.sqrt(power) * found.between / (1.0 + variance * power)
+    return result
+
+
+def fit_with_scatter(
+    table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int = 2
+) -> Fit:
+    """Fit with the scatter from stop to stop that belongs to this very hypothesis.
+
+    Whatever explains differences between stops is believed only as far as they shrink by it.
+    """
+    found = fit(table, hypothesis, whitener(table, noise, hypothesis))
+    for _ in range(rounds):
+        noise = replace(noise, scatter=likely_scatter(found.between, found.white.power))
+        white = whitener(table, noise, found.hypothesis)
+        found = fit(table, found.hypothesis, white, passes=3)
+    return found
+
+
+def fit_either_way(table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int = 2) -> Fit:
+    """As :func:`fit_with_scatter`; whether a friction cap hides scatter is left to likelihood."""
+    found = fit_with_scatter(table, hypothesis, noise, rounds)
+    if "wheel_lockup" not in hypothesis.names:
+        return found
+    other = replace(noise, capped=not noise.capped)
+    return min(found, fit_with_scatter(table, hypothesis, other, rounds), key=lambda f: f.deviance)
+
+
+def likely_scatter(between: Floats, power: Floats) -> float:
+    """Maximum likelihood of the standard deviation of F_b/W from stop to stop."""
+
+    def cost(log_scatter: float) -> float:
+        variance = 1.0 + np.exp(2.0 * log_scatter) * power
+        return float(np.sum(between**2 / variance + np.log(variance)))
+
+    best = minimize_scalar(
+        cost, bounds=(np.log(1e-4), np.log(0.5)), method="bounded", options={"xatol": 1e-3}
+    )
+    return float(np.exp(best.x))
+
+
+def start_of(table: StopTable, model: Model) -> Hypothesis:
+    """The model as configured, moved to where the stops measured one by one are.
+
+    From far away, say a dead time that lasts until standstill, no slope shows the way.
+    """
+    configured = replace(Hypothesis.configured(model), dead_time=table.onset)
+    force = wanted_force(table, configured, ground_of(table))[:, -1]
+    off = float(np.median(table.force - force))
+    return replace(configured, shift=np.array([0.0, 0.0, 0.0, off]))
+
+
+def fit_with_noise(table: StopTable, hypothesis: Hypothesis, noise: Noise | None = None) -> Fit:
+    """Fit and noise in turn, until both belong to each other."""
+    now = noise or Noise(0.03, 0.0, 0.1, max(table.jitter, 2e-3), 0.01)
+    found = fit(table, hypothesis, whitener(table, now, hypothesis), passes=4)
+    for _ in range(_NOISE_PASSES):
+        now = noise_of(table, found)
+        found = fit(table, found.hypothesis, whitener(table, now, found.hypothesis), passes=4)
+    return fit_with_scatter(table, found.hypothesis, now)
+
+
+def fit_base(table: StopTable, start: Hypothesis) -> Fit:
+    """The model's own numbers and the noise that belongs to them.
+
+    The body's swing is fitted along only where the log shows it plainly: in short stops it looks
+    like a weak effect of speed.
+    """
+    plain = fit_with_noise(table, start)
+    swinging = fit_with_noise(table, replace(plain.hypothesis, swings=True), plain.noise)
+    return swinging if swinging.deviance < plain.deviance - _SWINGS else plain
+
+
+def noise_of(table: StopTable, found: Fit) -> Noise:
+    """The noise that a fit leaves."""
+    left = residual(table, found.hypothesis)
+    return estimate(table, left, found.hypothesis, found.noise.capped)

@@ -1,0 +1,190 @@
+"""What each candidate would explain beyond the fit so far, and how much chance would.
+
+Everything is done on what a stop tells in few numbers: its share along its own friction, which
+scatters from stop to stop, and its share within, which only noise disturbs. Logs without the
+candidates are simulated in these numbers, hundreds at a time, each with its own scatter estimated
+anew, so that the threshold is that of the whole library on this very log.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.discrepancy.model.noise import Whitener
+
+Floats = NDArray[np.float64]
+
+_ABSORBED = 1e-4  # share of a column beyond the base below which it says nothing
+_SCATTERS = np.geomspace(0.5, 2.0, 13)
+_OWN_SCATTERS = np.geomspace(0.1, 1.3, 9)
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """Columns of the base (P) and of candidates (Q) as sums over all stops.
+
+    Attributes:
+        base_within: (P, P). cross_within: (P, Q). own_within: (Q,).
+        base_between: (S, P). between: (S, Q). power: (S,), see :class:`Whitener`.
+        rows_base: (N, P), rows: (N, Q) whitened within, for simulation.
+        precision: (P,) of the prior.
+    """
+
+    base_within: Floats
+    cross_within: Floats
+    own_within: Floats
+    base_between: Floats
+    between: Floats
+    power: Floats
+    rows_base: Floats
+    rows: Floats
+    precision: Floats
+
+    def blurred(self, blur: float) -> Reduced:
+        """With noise within stops that many times as large."""
+        less = 1.0 / blur**2
+        return replace(
+            self, base_within=less * self.base_within, cross_within=less * self.cross_within,
+            own_within=less * self.own_within, rows_base=self.rows_base / blur,
+            rows=self.rows / blur,
+        )  # fmt: skip
+
+    def at(self, scatter: float) -> _Projector:
+        """For a friction scatter."""
+        weight = 1.0 / (1.0 + scatter**2 * self.power)
+        weighted = self.base_between * weight[:, None]
+        normal = self.base_within + weighted.T @ self.base_between + np.diag(self.precision)
+        cross = self.cross_within + weighted.T @ self.between
+        inverse: Floats = np.asarray(np.linalg.pinv(normal, hermitian=True), np.float64)
+        own = self.own_within + weight @ self.between**2
+        left = own - np.einsum("pq,pq->q", cross, inverse @ cross)
+        return _Projector(weight, inverse, cross, np.maximum(left, 0.0), own)
+
+
+@dataclass(frozen=True, slots=True)
+class _Projector:
+    weight: Floats
+    inverse: Floats
+    cross: Floats
+    left: Floats
+    own: Floats
+
+
+def reduced(white: Whitener, base: Floats, columns: Floats, precision: Floats) -> Reduced:
+    """Sums over all stops.
+
+    Args:
+        white: transform of the log. base: (S, M, P) jacobian of the fit so far.
+        columns: (S, M, Q) candidates. precision: (P,) of the prior.
+    """
+    base_between, base_rows = white.split(white.grid @ base)
+    between, rows = white.split(white.grid @ columns)
+    flat_base = base_rows.reshape(-1, base.shape[2])
+    flat = rows.reshape(-1, columns.shape[2])
+    return Reduced(
+        flat_base.T @ flat_base, flat_base.T @ flat, np.einsum("nq,nq->q", flat, flat),
+        base_between, between, white.power, flat_base, flat, precision,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """Of each candidate, (Q,).
+
+    Attributes:
+        z: signed root of the chi square that it would explain at the scatter of the fit so far.
+        gain: drop of −2 log likelihood with the scatter that belongs to the candidate itself; 0
+            where the strength would have the wrong sign.
+        strength: at its best.
+        absorbed: share of its column that the fit so far takes up.
+    """
+
+    z: Floats
+    gain: Floats
+    strength: Floats
+    absorbed: Floats
+
+
+def scores(
+    sums: Reduced, residual: tuple[Floats, Floats], scatter: float, one_sided: NDArray[np.bool_]
+) -> Scores:
+    """What each candidate would explain of residuals.
+
+    Args:
+        residual: (S,) between and (N,) within, of measured less predicted speed.
+        scatter: of the friction from stop to stop. one_sided: (Q,) strengths that must be positive.
+    """
+    between, within = residual[0][:, None], residual[1][:, None]
+    here = _scored(sums, scatter, between, within)
+    least = here[0]
+    lowest, strength = np.full(len(one_sided), np.inf), np.zeros(len(one_sided))
+    for factor in _OWN_SCATTERS:
+        cost, z, size, _ = _scored(sums, factor * scatter, between, within)
+        least = min(least, cost)
+        able = np.where(one_sided & (z < 0.0), 0.0, z)
+        better = cost - able**2 < lowest
+        lowest = np.where(better, cost - able**2, lowest)
+        strength = np.where(better, size, strength)
+    return Scores(here[1], np.maximum(least - lowest, 0.0), strength, here[3])
+
+
+def _scored(
+    sums: Reduced, scatter: float, between: Floats, within: Floats
+) -> tuple[float, Floats, Floats, Floats]:
+    """−2 log likelihood without candidates; z, strength and absorbed share of each (Q,)."""
+    on = sums.at(scatter)
+    top = _tops(sums, on, between, within)[:, 0]
+    left = np.where(on.left > _ABSORBED * on.own, on.left, np.inf)
+    weighted = on.weight * between[:, 0]
+    base = sums.rows_base.T @ within[:, 0] + sums.base_between.T @ weighted
+    cost = float(weighted @ between[:, 0] - base @ (on.inverse @ base) - np.sum(np.log(on.weight)))
+    # More fall is less speed: a strength is positive where the residual is negative.
+    absorbed = 1.0 - on.left / np.maximum(on.own, 1e-300)
+    return cost, -top / np.sqrt(left), -top / left, absorbed
+
+
+def _tops(sums: Reduced, on: _Projector, between: Floats, within: Floats) -> Floats:
+    """(Q, B) of B residuals."""
+    weighted = on.weight[:, None] * between
+    top = sums.rows.T @ within + sums.between.T @ weighted
+    base = sums.rows_base.T @ within + sums.base_between.T @ weighted
+    result: Floats = top - on.cross.T @ (on.inverse @ base)
+    return result
+
+
+def chance(
+    sums: Reduced, one_sided: NDArray[np.bool_], scatter: float, draws: int, seed: int
+) -> Floats:
+    """(draws,) largest chi square of the library in logs without any of its effects."""
+    rng = np.random.default_rng(seed)
+    within = rng.standard_normal((len(sums.rows), draws))
+    spread = np.sqrt(1.0 + scatter**2 * sums.power)
+    between = spread[:, None] * rng.standard_normal((len(sums.power), draws))
+    cross_rows = sums.rows.T @ within
+    base_rows = sums.rows_base.T @ within
+    best_cost = np.full(draws, np.inf)
+    largest = np.zeros(draws)
+    for factor in _SCATTERS:
+        on = sums.at(factor * scatter)
+        weighted = on.weight[:, None] * between
+        base = base_rows + sums.base_between.T @ weighted
+        off = between - sums.base_between @ (on.inverse @ base)
+        cost = on.weight @ off**2 - float(np.sum(np.log(on.weight)))
+        top = cross_rows + sums.between.T @ weighted - on.cross.T @ (on.inverse @ base)
+        left = np.where(on.left > _ABSORBED * on.own, on.left, np.inf)
+        z = -top / np.sqrt(left)[:, None]
+        z = np.where(one_sided[:, None], np.maximum(z, 0.0), np.abs(z))
+        better = cost < best_cost
+        best_cost = np.where(better, cost, best_cost)
+        largest = np.where(better, np.max(z, axis=0) ** 2, largest)
+    return largest
+
+
+def threshold(largest: Floats, false_alarm: float) -> float:
+    """Chi square that chance exceeds in a share of logs, by the law of largest values (Gumbel)."""
+    scale = float(np.std(largest, ddof=1)) * np.sqrt(6.0) / np.pi
+    place = float(np.mean(largest)) - np.euler_gamma * scale
+    return float(place - scale * np.log(-np.log1p(-false_alarm)))

@@ -1,0 +1,1 @@
+"""Named effects that the base braking model leaves out."""

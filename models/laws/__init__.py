@@ -1,0 +1,1 @@
+"""One law a file: equation, source, validity, and the misprints of the papers."""

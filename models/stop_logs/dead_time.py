@@ -1,0 +1,86 @@
+"""The dead time of the brakes out of the onsets of all stops.
+
+It is a property of the hardware, so all stops share it up to a jitter from stop to stop. Knowing it
+sharpens each single stop: onset and force of a knee are correlated, and an onset pulled towards the
+common dead time takes its force along.
+
+A stop command is logged with the first sample that shows it, and the dead time counts from that
+sample. Source: Braking Sec. 2, where it is read off a plot as 0.3 s on average.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.stop_logs import random_effects
+from models.stop_logs.onset import Knee
+
+Floats = NDArray[np.float64]
+
+_NO_IDEA = 1.0  # [s] prior standard deviation around nothing in particular
+
+
+@dataclass(frozen=True, slots=True)
+class DeadTime:
+    """t_delay [s], its standard deviation, and the jitter from stop to stop."""
+
+    value: float
+    std: float
+    jitter: float
+
+
+def dead_time(knees: Sequence[Knee], noise: Floats) -> DeadTime:
+    """Common dead time of some stops.
+
+    Args:
+        knees: at least one. noise: (n,) speed noise of each stop, correlation allowed for [m/s].
+    """
+    onset = np.array([knee.onset_time for knee in knees])
+    std = noise * np.sqrt([knee.covariance[1, 1] for knee in knees])
+    fit = random_effects.fit(
+        np.ones((len(onset), 1)), onset, std, np.array([float(np.median(onset))]),
+        np.array([[_NO_IDEA**2]]),
+    )  # fmt: skip
+    value = max(float(fit.coefficients[0]), 0.0)
+    return DeadTime(value, float(np.sqrt(fit.covariance[0, 0])), fit.scatter)
+
+
+@dataclass(frozen=True, slots=True)
+class Sharpened:
+    """Stops once their common dead time is known.
+
+    Attributes:
+        onset_speed: (n,) [m/s]. force_ratio: (n,) F_b/W. force_std: (n,) its measurement noise.
+        by_dead_time: (n,) change of the force with the common dead time [1/s]: an error of the
+            dead time is an error of all stops alike.
+    """
+
+    onset_speed: Floats
+    force_ratio: Floats
+    force_std: Floats
+    by_dead_time: Floats
+
+
+def sharpen(knees: Sequence[Knee], noise: Floats, common: DeadTime) -> Sharpened:
+    """Condition every knee on the common dead time, as normal distributions are conditioned."""
+    covariance = np.stack([knee.covariance for knee in knees]) * (noise**2)[:, None, None]
+    onset = np.array([knee.onset_time for knee in knees])
+    speed = np.array([knee.onset_speed for knee in knees])
+    force = np.array([knee.force_ratio for knee in knees])
+    spread = covariance[:, 1, 1] + common.jitter**2
+    off = common.value - onset
+    # An onset far from all others is one of a kind: its own stop knows better.
+    believed = np.abs(off) <= 5.0 * np.sqrt(spread)
+    by_force = np.where(believed, covariance[:, 1, 2] / spread, 0.0)
+    by_speed = np.where(believed, covariance[:, 0, 1] / spread, 0.0)
+    variance = covariance[:, 2, 2] - by_force * covariance[:, 1, 2]
+    return Sharpened(
+        speed + by_speed * off,
+        force + by_force * off,
+        np.sqrt(np.maximum(variance, 1e-12)),
+        by_force,
+    )

@@ -1,0 +1,203 @@
+"""Stretches of a drive log that nothing may be learned from, each with its reason.
+
+A sensor that failed still writes numbers: an encoder that froze, a sentinel for "no value", a gap
+in time, a channel in other units than its name says. Such samples are marked, never repaired: what
+learns from a log leaves them out and says how many there were.
+
+Validity: logs of wheeled vehicles below 40 m/s. Omits: errors that look like motion, such as wheel
+slip, drift of an attitude filter, or degrees on ground so level that they read as steep radians.
+Source: none; the thresholds are stated beside each check.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.stop_logs import unit_suspects
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_SENTINELS = (99.99, 999.0, 999.9, 1000.0, 9999.0, 32767.0, 32768.0, 65535.0, 1e6)
+_LARGEST = {  # beyond these a value is no measurement
+    "v": 40.0, "v_cmd": 40.0, "v_left": 60.0, "v_right": 60.0,
+    "pitch": np.pi / 2, "roll": np.pi, "yaw_rate": 40.0,
+    "current_left": 2000.0, "current_right": 2000.0,
+}  # fmt: skip
+_FREEZES = ("v", "v_left", "v_right", "pitch", "yaw_rate")
+_FAR = 3.0  # times the largest measured value: a sentinel's distance from measurements
+_MOVING = 0.15  # [m/s] slower than that, the same value again and again is standstill
+_FROZEN_FOR = 1.0  # [s] at least, and
+_FROZEN_TIMES = 10.0  # times as many samples as a value of this channel usually lasts
+_JUMP = 1.5  # [m/s] off its neighbours for one or two samples: no vehicle does that
+_GAP_TIMES, _GAP = 5.0, 0.3  # a gap is longer than so many usual steps, and than this [s]
+
+
+class Kind(Enum):
+    """What is wrong with a stretch."""
+
+    NOT_FINITE = "not finite"
+    SENTINEL = "sentinel"
+    FROZEN = "frozen"
+    JUMP = "jump"
+    GAP = "gap"
+    UNITS = "units"
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Samples [start, stop) of one channel that are not to be trusted.
+
+    Attributes:
+        start, stop: samples of the log. channel: name of the column.
+        kind: what is wrong. reason: the same as a sentence, with numbers.
+    """
+
+    start: int
+    stop: int
+    channel: str
+    kind: Kind
+    reason: str
+
+
+def find_suspects(
+    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]
+) -> tuple[Stretch, ...]:
+    """All suspect stretches of a log, in the order of the samples.
+
+    Args:
+        columns: channels by name, (n,); ``t`` [s] is needed, text columns are passed over. Names
+            and units are those of a drive log.
+        runs: samples of each run; time increases within each.
+    """
+    found: list[Stretch] = []
+    for run in runs:
+        part = {
+            name: np.asarray(values[run], np.float64)
+            for name, values in columns.items()
+            if values.dtype.kind in "fiub"
+        }
+        found += _suspects_of_run(part, run.start)
+    return tuple(sorted(found, key=lambda s: (s.start, s.stop, s.channel)))
+
+
+def usable(
+    count: int, stretches: Iterable[Stretch], channels: Iterable[str] | None = None
+) -> Bools:
+    """(count,) whether a sample may be used.
+
+    Args:
+        count: samples of the log.
+        stretches: as found. channels: those that matter; all if left out. Gaps always matter.
+    """
+    good = np.ones(count, np.bool_)
+    matter = None if channels is None else {*channels, "t"}
+    for stretch in stretches:
+        if matter is None or stretch.channel in matter:
+            good[stretch.start : stretch.stop] = False
+    return good
+
+
+def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Stretch]:
+    t = part["t"]
+    found = [
+        Stretch(begin + k, begin + k + 2, "t", Kind.GAP, f"no samples for {t[k + 1] - t[k]:.2f} s")
+        for k in _gaps(t)
+    ]
+    for name, values in part.items():
+        if name == "t":
+            continue
+        for a, b, kind, reason in _suspects_of_channel(name, values, part):
+            found.append(Stretch(begin + a, begin + b, name, kind, reason))
+    for name, reason in unit_suspects.find(part):
+        found.append(Stretch(begin, begin + len(t), name, Kind.UNITS, reason))
+    return found
+
+
+def _suspects_of_channel(
+    name: str, values: Floats, part: dict[str, Floats]
+) -> list[tuple[int, int, Kind, str]]:
+    found = []
+    if name in _LARGEST:
+        # A column that a log does not have at all is NaN throughout: absent, not suspect.
+        missing = ~np.isfinite(values)
+        if not missing.all():
+            for a, b in stretches_of(missing):
+                found.append((a, b, Kind.NOT_FINITE, f"{name} is not a number"))
+        size = np.abs(np.where(missing, 0.0, values))
+        beyond = size > _LARGEST[name]
+        # A sentinel may lie within the limit: then it is far from everything else.
+        marker = np.isin(size, _SENTINELS)
+        beyond |= marker & (size > _FAR * np.max(size, where=~(marker | beyond), initial=0.0))
+        for a, b in stretches_of(beyond):
+            sentinel = np.isin(size[a:b], _SENTINELS).any()
+            words = "stands for no value" if sentinel else "is beyond any vehicle"
+            found.append((a, b, Kind.SENTINEL, f"{name} of {values[a]:g} {words}"))
+        good = ~(missing | beyond)
+        if name in ("v", "v_left", "v_right"):
+            for a, b in _jumps(values, good):
+                found.append((a, b, Kind.JUMP, f"{name} jumps to {values[a]:.2f} m/s and back"))
+    if name in _FREEZES:
+        for a, b in _frozen(name, values, part):
+            seconds = part["t"][b - 1] - part["t"][a]
+            words = f"{name} stays at exactly {values[a]:g} for {seconds:.1f} s"
+            found.append((a, b, Kind.FROZEN, words))
+    return found
+
+
+def stretches_of(mask: Bools) -> list[tuple[int, int]]:
+    """[start, stop) of each run of True in a mask (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _gaps(t: Floats) -> list[int]:
+    step = np.diff(t)
+    if len(step) < 2:
+        return []
+    return [int(k) for k in np.flatnonzero(step > max(_GAP_TIMES * float(np.median(step)), _GAP))]
+
+
+def _jumps(values: Floats, good: Bools) -> list[tuple[int, int]]:
+    """One or two samples that leave a steady neighbourhood and come back to it."""
+    if len(values) < 5:
+        return []
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, mode="edge"), 5)
+    off = np.abs(values - np.median(around, axis=1)) > _JUMP
+    return stretches_of(off & good)
+
+
+def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[int, int]]:
+    """The same value, bit by bit, for longer than this channel ever keeps one while it moves.
+
+    In a log without noise values last long by nature, so how long is asked of the log itself.
+    After the stop command a rolling speed that does not change at all is frozen in any log.
+    """
+    t = part["t"]
+    moving = np.abs(part.get("v", values)) > _MOVING
+    edges = np.flatnonzero(np.diff(values) != 0.0) + 1
+    starts = np.concatenate(([0], edges))
+    stops = np.concatenate((edges, [len(values)]))
+    length = stops - starts
+    lasting = t[stops - 1] - t[starts]
+    total = np.concatenate(([0], np.cumsum(moving)))
+    moved = total[stops] - total[starts]
+    matters = (moved >= 0.9 * length) & np.isfinite(values[starts])
+    if not matters.any():
+        return []
+    usual = float(np.median(np.repeat(length[matters], length[matters])))
+    # A sensor may freeze while the vehicle comes to rest: enough of the stretch has to be driven.
+    enough = (moved >= max(8.0, _FROZEN_TIMES * usual)) & np.isfinite(values[starts])
+    frozen = enough & (lasting >= _FROZEN_FOR)
+    if name == "v" and "v_cmd" in part:
+        told = np.append(np.flatnonzero(part["v_cmd"] <= 0.0), len(t))
+        first = told[np.searchsorted(told, starts)]
+        since_told = np.where(first < stops, t[stops - 1] - t[np.minimum(first, stops - 1)], 0.0)
+        frozen |= matters & (since_told >= _FROZEN_FOR)
+    return [(int(a), int(b)) for a, b in zip(starts[frozen], stops[frozen], strict=True)]

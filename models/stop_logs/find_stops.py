@@ -1,0 +1,209 @@
+"""Stops in a drive log: where each begins and ends, and which of them a braking model may learn.
+
+A stop begins with the first sample at which a rolling vehicle is told to stand and ends with the
+first zero crossing of its speed; the suspension rocks back afterwards, so later crossings mean
+nothing. Stops that show something else than full, straight, undisturbed braking are found, too, and
+left out with a reason.
+
+Source: Braking Sec. 2 (procedure), (1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_TOLD = 0.01  # [m/s] a command of at most this is the stop command
+
+
+class Verdict(Enum):
+    """Whether the braking model may learn from a stop, and if not why."""
+
+    USABLE = "usable"
+    ABORTED = "aborted: told to drive on before it stood"
+    UNFINISHED = "unfinished: the log ends before it stood"
+    RAMPED = "ramped: the command came down gradually"
+    REVERSED = "reversed: told to drive backwards"
+    TURNING = "turning while it braked"
+    PARTIAL = "brakes applied in part only"
+    SPARSE = "too few samples while it braked"
+    SUSPECT = "suspect samples"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopSettings:
+    """What counts as a stop. Times in s, speeds in m/s.
+
+    Attributes:
+        least_speed: slower vehicles have nothing to stop.
+        held_for: before the command, over which the speed is averaged.
+        before, after: how much of the log around a stop belongs to it.
+        ramp: a command that came down over a longer time than that is no step.
+        step: share of the speed that the command has to drop at once.
+        turn_rate: mean |yaw rate| from which a stop is no longer straight [rad/s].
+        full_brake: brake application from which it counts as full [1].
+        fewest: samples between onset and standstill.
+        longest: later standstills are not this stop's.
+        settled: a speed below ``settled_speed`` for this long is standstill without a crossing.
+        settled_speed: of sensors that never read zero.
+    """
+
+    least_speed: float = 0.3
+    held_for: float = 0.2
+    before: float = 1.0
+    after: float = 1.5
+    ramp: float = 0.15
+    step: float = 0.7
+    turn_rate: float = 0.35
+    full_brake: float = 0.9
+    fewest: int = 6
+    longest: float = 30.0
+    settled: float = 0.3
+    settled_speed: float = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class StopWindow:
+    """One stop as samples of its log.
+
+    Attributes:
+        begin, command, rest, end: first sample that belongs to it, the stop command, the first
+            sample at standstill (or the last of an unfinished stop), one behind the last.
+        held_speed: mean speed just before the command [m/s].
+        verdict, reason: whether it may be learned from; the reason adds numbers.
+    """
+
+    begin: int
+    command: int
+    rest: int
+    end: int
+    held_speed: float
+    verdict: Verdict
+    reason: str = ""
+
+    @property
+    def usable(self) -> bool:
+        """The braking model may learn from it."""
+        return self.verdict is Verdict.USABLE
+
+
+def find_stops(
+    columns: Mapping[str, NDArray[Any]],
+    run: slice,
+    good: Bools,
+    settings: StopSettings | None = None,
+) -> list[StopWindow]:
+    """Every stop of one run, usable or not.
+
+    Args:
+        columns: channels by name, (n,): ``t`` [s], ``v`` and ``v_cmd`` [m/s]; ``yaw_rate``
+            [rad/s] and ``brake`` [1] where the log has them.
+        run: samples of the run.
+        good: (n,) samples that may be used, see :func:`models.stop_logs.drive_quality.usable`.
+        settings: what counts as a stop.
+    """
+    wanted = settings or StopSettings()
+    part = {name: values[run] for name, values in columns.items() if values.dtype.kind in "fiub"}
+    search = _Search(part, good[run], wanted)
+    offset = run.start
+    return [
+        StopWindow(
+            w.begin + offset, w.command + offset, w.rest + offset, w.end + offset,
+            w.held_speed, w.verdict, w.reason,
+        )
+        for w in search.windows()
+    ]  # fmt: skip
+
+
+class _Search:
+    """One run while it is searched; indices count from its first sample."""
+
+    def __init__(self, part: Mapping[str, Floats], good: Bools, settings: StopSettings) -> None:
+        self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
+        self.part, self.good, self.settings = part, good, settings
+        self.told = self.v_cmd <= _TOLD
+
+    def windows(self) -> list[StopWindow]:
+        starts = np.flatnonzero(self.told & ~np.concatenate(([True], self.told[:-1])))
+        found = []
+        for i in starts.tolist():
+            before = self._samples(self.t[i] - self.settings.held_for, i + 1)
+            rolling = self.v[before][self.good[before]]
+            held = float(np.mean(rolling)) if len(rolling) else 0.0
+            if held >= self.settings.least_speed:
+                found.append(self._window(i, held))
+        return found
+
+    def _samples(self, since: float, stop: int) -> slice:
+        return slice(int(np.searchsorted(self.t, since - 1e-9)), stop)
+
+    def _window(self, i: int, held: float) -> StopWindow:
+        s = self.settings
+        begin = self._samples(self.t[i] - s.before, i).start
+        stopped = np.flatnonzero(self.told[begin:i])  # an earlier stop does not belong to this one
+        begin += int(stopped[-1]) + 1 if len(stopped) else 0
+        again = np.flatnonzero(~self.told[i:])
+        released = i + int(again[0]) if len(again) else len(self.t)
+        last = int(np.searchsorted(self.t, self.t[i] + s.longest, side="right"))
+        rest = self._rest(i, min(last, len(self.t)))
+        if rest is None:
+            verdict = Verdict.ABORTED if released < len(self.t) else Verdict.UNFINISHED
+            end = min(released, last)
+            return StopWindow(begin, i, end - 1, end, held, verdict)
+        if rest > released:
+            return StopWindow(begin, i, released - 1, released, held, Verdict.ABORTED)
+        end = min(int(np.searchsorted(self.t, self.t[rest] + s.after, side="right")), released)
+        verdict, reason = self._verdict(begin, i, rest, held)
+        return StopWindow(begin, i, rest, max(end, rest + 1), held, verdict, reason)
+
+    def _rest(self, i: int, stop: int) -> int | None:
+        """First sample at zero or below, or the first of a settled stretch."""
+        v, good = self.v[i:stop], self.good[i:stop]
+        crossed = np.flatnonzero(good & (v <= 0.0))
+        slow = good & (v <= self.settings.settled_speed)
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], slow.astype(np.int8), [0]))))
+        candidates = [int(crossed[0])] if len(crossed) else []
+        for a, b in zip(edges[::2], edges[1::2], strict=True):
+            if self.t[i + b - 1] - self.t[i + a] >= self.settings.settled:
+                candidates.append(int(a))
+                break
+        return i + min(candidates) if candidates else None
+
+    def _verdict(self, begin: int, i: int, rest: int, held: float) -> tuple[Verdict, str]:
+        s = self.settings
+        braking = slice(i, rest + 1)
+        near = self._samples(self.t[i] - 0.5 * s.before, rest + 1)
+        if not self.good[near].all():
+            return Verdict.SUSPECT, f"{int((~self.good[near]).sum())} suspect samples"
+        if self.v_cmd[i] < -_TOLD:
+            return Verdict.REVERSED, f"command of {self.v_cmd[i]:.2f} m/s"
+        # A command that came down before it reached zero is no step. Commands may be off by a
+        # factor from the speed, so they are also compared with themselves.
+        usual = min(held, float(np.max(self.v_cmd[begin:i])))
+        moment = max(int(np.searchsorted(self.t, self.t[i] - s.ramp)), begin)
+        if float(np.max(self.v_cmd[min(moment, i - 1) : i])) < s.step * usual:
+            words = f"command had come down to {self.v_cmd[i - 1]:.2f} m/s before it went to 0"
+            return Verdict.RAMPED, words
+        if "yaw_rate" in self.part:
+            rate = np.abs(self.part["yaw_rate"][braking])
+            mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
+            if mean > s.turn_rate:
+                return Verdict.TURNING, f"mean yaw rate {mean:.2f} rad/s"
+        if "brake" in self.part:
+            brake = self.part["brake"][braking]
+            brake = brake[np.isfinite(brake) & (brake > 0.0)]
+            if len(brake) and float(np.median(brake)) < s.full_brake:
+                return Verdict.PARTIAL, f"brakes applied to {float(np.median(brake)):.0%}"
+        falling = np.flatnonzero(self.v[braking] > 0.9 * held)
+        onset = int(falling[-1]) if len(falling) else 0
+        if rest - i - onset < s.fewest:
+            return Verdict.SPARSE, f"{rest - i - onset} samples while it braked"
+        return Verdict.USABLE, ""

@@ -1,0 +1,155 @@
+"""The grade of the ground out of the pitch of a body that dives and a sensor that is mounted askew.
+
+pitch = −θ + mount + dive · (a(t) − g sin θ): a body leans with the specific force that it feels
+through its suspension, the deceleration a(t) less gravity along the slope. On a soft one the dive
+is about 1° at 3.5 m/s²; taken for ground, it makes every downhill look steeper just while it is
+measured, and predictions downhill too short. Gravity's part is there all the time: a body leans
+towards the foot of a slope, and its pitch is steeper than the ground by a share of g · dive.
+
+The dive shows in each stop by itself: the body pitches when the brakes take hold and comes back
+when the vehicle stands, while the ground goes on smoothly with the way. The mount does not: a
+constant offset looks like ground. It takes a map, heights, or the same ground driven in several
+directions (:mod:`models.stop_logs.mount_offset`).
+
+Validity: dive proportional to deceleration; ground that is smooth over the length of a stop.
+Source: Braking (2), where θ is the ground's; print takes the pitch of the vehicle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.quantity import GRAVITY
+from models.stop_logs import random_effects
+
+Floats = NDArray[np.float64]
+
+_SETTLING = (0.0, 0.03, 0.06, 0.1, 0.15, 0.22, 0.3)  # [s] time constants tried
+_DIVE_PRIOR = 0.02  # [rad s²/m] twice the dive of a soft suspension
+_FEWEST = 8  # samples of pitch that a stop must have
+_FEWEST_GRADES = 5
+_LEAST_SHARE = 1e-3  # of the dive's shape that ground cannot explain
+
+
+@dataclass(frozen=True, slots=True)
+class StopPitch:
+    """Pitch around one stop.
+
+    Attributes:
+        time: (n,) since the stop command [s], from before it to some time after standstill.
+        station: (n,) way since the first sample [m]. pitch: (n,) [rad], nose down positive.
+        onset_time, rest_time: of the braking [s]. deceleration: its mean [m/s²].
+    """
+
+    time: Floats
+    station: Floats
+    pitch: Floats
+    onset_time: float
+    rest_time: float
+    deceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Dive:
+    """How the body pitches under braking.
+
+    Attributes:
+        per_deceleration: [rad per m/s²], its standard deviation ``std``.
+        settling: time constant of the suspension [s].
+    """
+
+    per_deceleration: float = 0.0
+    std: float = _DIVE_PRIOR
+    settling: float = 0.0
+
+    @property
+    def steeper(self) -> float:
+        """Pitch of a body at rest or at even speed over the grade that it is on [1]."""
+        return 1.0 + GRAVITY * self.per_deceleration
+
+    def pitch(
+        self, time: Floats, onset_time: float, rest_time: float, deceleration: float
+    ) -> Floats:
+        """(n,) pitch by the deceleration at times since the stop command [rad]."""
+        return self.per_deceleration * felt_deceleration(
+            time, onset_time, rest_time, deceleration, self.settling
+        )
+
+
+def felt_deceleration(
+    time: Floats, onset_time: float, rest_time: float, deceleration: float, settling: float
+) -> Floats:
+    """(n,) deceleration from onset to standstill as the body follows it, first order [m/s²]."""
+    since_onset = np.maximum(time - onset_time, 0.0)
+    since_rest = np.maximum(time - rest_time, 0.0)
+    if settling <= 0.0:
+        return np.where((time > onset_time) & (time <= rest_time), deceleration, 0.0)
+    built = -np.expm1(-np.minimum(since_onset, rest_time - onset_time) / settling)
+    return deceleration * built * np.exp(-since_rest / settling)
+
+
+def estimate_dive(stops: Sequence[StopPitch]) -> Dive:
+    """The dive that the pitch of all stops has in common.
+
+    In each stop the ground is a parabola over the way; what is left of the pitch follows the
+    deceleration. Stops are weighed by what they tell, odd ones left out.
+    """
+    usable = [s for s in stops if len(s.time) >= _FEWEST and s.rest_time > s.onset_time]
+    if not usable:
+        return Dive()
+    trials = [_estimate(usable, settling) for settling in _SETTLING]
+    return min(trials, key=lambda trial: trial[0])[1]
+
+
+def _estimate(stops: Sequence[StopPitch], settling: float) -> tuple[float, Dive]:
+    single, information, remains, counts = [], [], [], []
+    for stop in stops:
+        shape = felt_deceleration(
+            stop.time, stop.onset_time, stop.rest_time, stop.deceleration, settling
+        )
+        x = stop.station / max(float(np.ptp(stop.station)), 1e-6)
+        ground, _ = np.linalg.qr(np.column_stack((np.ones_like(x), x, x * x)))
+        felt = shape - ground @ (ground.T @ shape)
+        pitch = stop.pitch - ground @ (ground.T @ stop.pitch)
+        power = float(felt @ felt)
+        if power < _LEAST_SHARE * float(shape @ shape) or power <= 0.0:
+            continue
+        single.append(float(felt @ pitch) / power)
+        information.append(power)
+        remains.append(float(pitch @ pitch) - single[-1] ** 2 * power)
+        counts.append(len(x) - 4)
+    if not single:
+        return np.inf, Dive(settling=settling)
+    each, weight = np.array(single), np.array(information)
+    noise = np.sqrt(sum(remains) / max(sum(counts), 1) / weight)
+    fit = random_effects.fit(
+        np.ones((len(each), 1)), each, np.maximum(noise, 1e-9), np.zeros(1),
+        np.array([[_DIVE_PRIOR**2]]),
+    )  # fmt: skip
+    value = float(fit.coefficients[0])
+    cost = sum(remains) + float(np.sum(weight * np.minimum((each - value) ** 2, noise**2 * 9.0)))
+    return cost, Dive(value, float(np.sqrt(fit.covariance[0, 0])), settling)
+
+
+def shrunk(grade: Floats, noise: Floats) -> Floats:
+    """(n,) best estimates of grades that were measured with noise: drawn towards their mean.
+
+    An error of the grade is also one of the gravity-free force, with the opposite sign. On ground
+    as level as the sensor can tell, a regression on the measured grades would find these errors and
+    a slope coefficient near −1. Slopes well beyond the noise are left as they are.
+
+    Args:
+        grade: (n,) [rad]. noise: (n,) standard deviations [rad].
+    """
+    n = len(grade)
+    if n < _FEWEST_GRADES:
+        return grade
+    own = float(np.mean(noise**2))
+    real = float(np.var(grade, ddof=1)) - own * (1.0 + 3.0 * np.sqrt(2.0 / (n - 1)))
+    trust = max(real, 0.0) / (max(real, 0.0) + noise**2 + 1e-18)
+    result: Floats = np.mean(grade) + trust * (grade - np.mean(grade))
+    return result

@@ -1,0 +1,66 @@
+"""The mount offset of a log's pitch sensor, by the best source that the log has.
+
+A map, else heights along the way, else ground driven in several directions. While the vehicle
+brakes its pitch is that of a diving body; the dive is known from the stops and taken out first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.stop_logs import mount_offset
+from models.stop_logs.measure import Measured, dive_pitch
+from models.stop_logs.mount_offset import Mount
+
+Floats = NDArray[np.float64]
+
+_PLACE = ("x", "y", "z", "yaw")
+
+
+def mount_of_log(
+    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], good: NDArray[np.bool_],
+    ground: Floats | None, measured: Measured,
+) -> Mount:  # fmt: skip
+    """Offset of the pitch sensor, unknown where nothing tells it.
+
+    Args:
+        columns: channels of a drive log, (n,). runs: samples of each run.
+        good: (n,) samples that may be used. ground: (n,) grade by a map [rad], None without.
+        measured: stops with the dive of the body.
+    """
+    pitch = np.array(columns["pitch"], np.float64)
+    use = np.zeros(len(pitch), np.bool_)
+    heights = np.full(len(pitch), np.nan)
+    heading = np.full(len(pitch), np.nan)
+    for run in runs:
+        t, v = columns["t"][run], columns["v"][run]
+        if len(t) < 3:
+            continue
+        use[run] = mount_offset.steady(t, v)
+        forward = 0.5 * np.maximum(v[1:] + v[:-1], 0.0) * np.diff(t)
+        station = np.concatenate(([0.0], np.cumsum(forward)))
+        place = {n: c[run] for n, c in columns.items() if n in _PLACE and np.isfinite(c[run]).all()}
+        if "z" in place:
+            heights[run] = mount_offset.from_heights(station, place["z"])
+        if "yaw" in place:
+            heading[run] = place["yaw"]
+        elif {"x", "y"} <= place.keys():
+            heading[run] = mount_offset.course(station, place["x"], place["y"])
+    for record in measured.records:
+        window = record.samples.window
+        part = slice(window.begin, window.rest)
+        pitch[part] -= dive_pitch(record.samples, record.knee, measured.dive)[
+            : window.rest - window.begin
+        ]
+        use[window.command : window.rest] = True
+    use &= good
+    if ground is not None:
+        return mount_offset.from_grade(pitch, ground, use, "map")
+    mount = mount_offset.from_grade(pitch, heights, use, "heights along the way")
+    if not mount.known and {"x", "y"} <= columns.keys():
+        mount = mount_offset.from_headings(pitch, columns["x"], columns["y"], heading, use)
+    return mount

@@ -1,0 +1,117 @@
+"""One stop of a log as it was measured: the row that everything learned from stops rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.stop_logs.find_stops import StopWindow
+from models.stop_logs.onset import Knee
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class StopSamples:
+    """The samples of one stop, (n,) each, from before the command to some time after standstill.
+
+    Attributes:
+        window: where in the log. run, terrain: names, "" for ground without a name.
+        time: since the stop command [s]. speed: [m/s]. pitch: of the body [rad], nose down
+            positive. grade: known from a map [rad], NaN where it is not, None without a map.
+        station: way since the first sample, forward only [m].
+        rest_time: of the first zero crossing since the command [s].
+        distance: way from the command to standstill [m].
+        clock: of the stop command in the log [s].
+    """
+
+    window: StopWindow
+    run: str
+    terrain: str
+    time: Floats
+    speed: Floats
+    pitch: Floats
+    grade: Floats | None
+    station: Floats
+    rest_time: float
+    distance: float
+    clock: float
+
+    @property
+    def at_command(self) -> int:
+        """Index of the stop command in the arrays."""
+        return self.window.command - self.window.begin
+
+    @property
+    def at_rest(self) -> int:
+        """Index of the first sample at standstill."""
+        return self.window.rest - self.window.begin
+
+
+@dataclass(frozen=True, slots=True)
+class StopRecord:
+    """One measured stop beside what the fitted model says of it.
+
+    Attributes:
+        samples: where it comes from. knee: onset, speed and force by itself.
+        ground: (n,) grade of the ground at the samples [rad].
+        noise: of the speed, correlation allowed for [m/s].
+        onset_speed: v_i [m/s]. grade: mean while braking [rad]. force_ratio: F_b/W.
+        force_std: its measurement noise. kept: False if it fits no other stop and was left out.
+        predicted_distance, predicted_time: by a fit without this stop, without safety offsets
+            [m], [s]; inf if the model does not stop here.
+    """
+
+    samples: StopSamples
+    knee: Knee
+    ground: Floats
+    noise: float
+    onset_speed: float
+    grade: float
+    force_ratio: float
+    force_std: float
+    kept: bool = True
+    predicted_distance: float = np.nan
+    predicted_time: float = np.nan
+
+
+def cut(
+    columns: Mapping[str, NDArray[Any]], window: StopWindow, grade: Floats | None
+) -> StopSamples:
+    """The samples of a window, with way and standstill.
+
+    Args:
+        columns: channels of the log. window: a stop that reached standstill.
+        grade: (all samples,) of the ground [rad], None if only the body's pitch is known.
+    """
+    part = slice(window.begin, window.end)
+    clock = float(columns["t"][window.command])
+    time = columns["t"][part] - clock
+    speed = columns["v"][part]
+    forward = np.maximum(speed, 0.0)
+    forward[window.rest - window.begin :] = 0.0
+    steps = 0.5 * (forward[1:] + forward[:-1]) * np.diff(time)
+    station = np.concatenate(([0.0], np.cumsum(steps)))
+    k = window.rest - window.begin
+    rest_time = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
+    # The last step ends at the crossing and not at the sample behind it.
+    station[k:] += 0.5 * speed[k - 1] * (rest_time - time[k])
+    at_command = window.command - window.begin
+    return StopSamples(
+        window,
+        str(columns["run"][window.command]) if "run" in columns else "",
+        str(columns["terrain"][window.command]) if "terrain" in columns else "",
+        time, speed, columns["pitch"][part], None if grade is None else grade[part], station,
+        rest_time, float(station[k] - station[at_command]), clock,
+    )  # fmt: skip
+
+
+def _crossing(t0: float, v0: float, t1: float, v1: float) -> float:
+    """When the speed between two samples reaches zero; the later one where it only comes near."""
+    if v1 >= v0:
+        return t1
+    return float(min(t0 + v0 / (v0 - v1) * (t1 - t0), t1))

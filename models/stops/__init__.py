@@ -1,0 +1,1 @@
+"""The slow reference: simulation of a stop."""

@@ -1,0 +1,263 @@
+"""Forward simulation of stops: the braking model with its effects, integrated in time.
+
+The same laws as the planner's, by scipy's adaptive integrator instead of compiled kernels: slow,
+general and independent. It replays the stops of a drive log, so that measurement and model can be
+laid side by side.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from models.effects import registry
+from models.laws import braking, crest, wheel_lockup
+from models.parameters import Braking, Model
+from models.quantity import GRAVITY
+
+Floats = NDArray[np.float64]
+
+_LONGEST = 120.0  # [s] a vehicle that still rolls after this long does not stop
+_HELD = 0.2  # [s] before the stop command over which the speed is averaged
+_ROLLING = 0.05  # [m/s] slower than that there is nothing to stop
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Ground along the way, linear between n points; one point means the same everywhere.
+
+    Attributes:
+        station: (n,) increasing [m].
+        grade, roll, yaw: (n,) [rad]. curvature: (n,) [1/m]. x, y: (n,) map coordinates [m].
+    """
+
+    station: Floats
+    grade: Floats
+    roll: Floats
+    yaw: Floats
+    curvature: Floats
+    x: Floats
+    y: Floats
+
+    @classmethod
+    def of_grade(cls, grade: float) -> Track:
+        """A straight, even slope without end."""
+        zero = np.zeros(1)
+        return cls(zero, np.array([grade]), zero, zero, zero, zero, zero)
+
+    def at(self, station: float) -> dict[str, float]:
+        """Grade, roll, yaw, curvature, x and y at a station."""
+        names = ("grade", "roll", "yaw", "curvature", "x", "y")
+        return {n: float(np.interp(station, self.station, getattr(self, n))) for n in names}
+
+    def vertical_curvature(self, station: float) -> float:
+        """Change of grade along the way, of the segment that a station is in [1/m]."""
+        if len(self.station) < 2 or not self.station[0] <= station <= self.station[-1]:
+            return 0.0
+        i = int(np.searchsorted(self.station, station, "right")) - 1
+        i = min(max(i, 0), len(self.station) - 2)
+        rise = float(self.grade[i + 1] - self.grade[i])
+        return rise / float(self.station[i + 1] - self.station[i])
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """One simulated stop, from the stop command on.
+
+    Attributes:
+        time: (n,) since the stop command [s]; station: (n,) [m]; speed: (n,) [m/s].
+        stopped: False if it still rolled at the end of the integration.
+        distance: from the command to standstill, without safety offset [m]; inf if it never stops.
+        heat: brake heat per mass at the end [J/kg].
+    """
+
+    time: Floats
+    station: Floats
+    speed: Floats
+    stopped: bool
+    distance: float
+    heat: float = field(default=0.0)
+
+    def speed_at(self, time: Floats) -> Floats:
+        """Speed at times since the command, 0 after standstill [m/s]."""
+        right = 0.0 if self.stopped else float(self.speed[-1])
+        result: Floats = np.interp(time, self.time, self.speed, right=right)
+        return result
+
+
+def force_ratio(
+    model: Model,
+    on: Braking,
+    place: dict[str, float],
+    onset_speed: float,
+    session_time: float = 0.0,
+    level: float | None = None,
+) -> float:
+    """F_b/W of the model with surface, brake level and all effects that depend on the place.
+
+    Args:
+        model: effects and motion resistance.
+        on: braking model of the surface.
+        place: as of :meth:`Track.at`.
+        onset_speed: v_i; below the trained range the coefficients at its lower end hold [m/s].
+        session_time: [s]. level: share of full application, that of the model if left out.
+    """
+    grade = place["grade"]
+    slope = on.uphill if on.uphill is not None and grade > 0.0 else on
+    speed = max(onset_speed, on.speed_range[0])
+    force = braking.force_ratio(grade, speed, slope.m_m, slope.b_m, on.m_b, on.b_b)
+    force = braking.force_ratio_at_level(
+        force, model.terrain.motion_resistance, on.level if level is None else level
+    )
+    extra = registry.ground_term(
+        model.effect, grade, place["roll"], place["x"], place["y"], place["yaw"], session_time
+    )
+    return float(force * registry.force_scale(model.effect) + extra)
+
+
+def simulate_stop(
+    model: Model,
+    track: Track,
+    speed: float,
+    *,
+    station: float = 0.0,
+    surface: str = "",
+    session_time: float = 0.0,
+    heat: float = 0.0,
+    level: float | None = None,
+) -> Stop:
+    """Dead time at held speed, then braking with the coefficients of the speed at onset.
+
+    Args:
+        model: one model file.
+        track: ground along the way.
+        speed: at the stop command [m/s].
+        station: of the stop command [m].
+        surface: named surface, "" for the base.
+        session_time: since the session began [s]. heat: brake heat per mass now [J/kg].
+        level: share of full brake application, that of the model if left out.
+
+    Source: Braking (2), (7), (8), (12) along a varying slope; effects as in
+        `models.effects.registry`.
+    """
+    on = model.braking.on(surface) if surface else model.braking
+    motion = registry.motion(model.effect, on.sliding_friction, heat)
+    onset = station + speed * on.dead_time
+    crests = registry.crest_share(model.effect)
+
+    def rates(_: float, state: Floats) -> list[float]:
+        s, v, f, q = state
+        place = track.at(s)
+        wanted = force_ratio(model, on, place, speed, session_time, level)
+        force = (f if motion.lag > 0.0 else wanted) / (1.0 + motion.fade * max(q, 0.0))
+        if math.isfinite(motion.friction):
+            cap = wheel_lockup.friction_cap(place["grade"], place["roll"], motion.friction)
+            force = min(force, float(cap))
+        rolling = max(v, 0.0)
+        if crests is not None:
+            force *= float(crest.kept_force(rolling, track.vertical_curvature(s), crests))
+        decel = float(braking.deceleration(force, place["grade"]))
+        decel += registry.motion_deceleration(rolling, place["curvature"], place["yaw"], motion)
+        growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0
+        return [v, -decel, growth, GRAVITY * max(force, 0.0) * rolling - q / motion.fade_tau]
+
+    def standstill(_: float, state: Floats) -> float:
+        return float(state[1])
+
+    standstill.terminal = True  # type: ignore[attr-defined]
+    standstill.direction = -1.0  # type: ignore[attr-defined]
+    result = solve_ivp(
+        rates, (0.0, _LONGEST), [onset, speed, 0.0, heat], events=standstill,
+        rtol=1e-7, atol=1e-9, max_step=0.05,
+    )  # fmt: skip
+    stopped = result.status == 1
+    time = np.concatenate(([0.0], result.t + on.dead_time))
+    along = np.concatenate(([station], result.y[0]))
+    held = np.concatenate(([speed], np.maximum(result.y[1], 0.0)))
+    distance = float(along[-1] - station) if stopped else math.inf
+    return Stop(time, along, held, stopped, distance, float(result.y[3][-1]))
+
+
+def stop_commands(time: Floats, speed: Floats, command: Floats) -> list[int]:
+    """Samples at which a rolling vehicle is told to stop.
+
+    Args:
+        time, speed, command: (n,) samples of one run [s], [m/s], [m/s]; command 0 means stop.
+    """
+    told = command <= 0.0
+    starts = np.flatnonzero(told & ~np.concatenate(([False], told[:-1])))
+    return [int(i) for i in starts if _held_speed(time, speed, int(i)) > _ROLLING]
+
+
+def _held_speed(time: Floats, speed: Floats, i: int) -> float:
+    window = (time >= time[i] - _HELD) & (time <= time[i])
+    return float(np.mean(speed[window]))
+
+
+def replay(
+    model: Model,
+    time: Floats,
+    speed: Floats,
+    command: Floats,
+    pitch: Floats,
+    *,
+    roll: Floats | None = None,
+    yaw: Floats | None = None,
+    yaw_rate: Floats | None = None,
+    x: Floats | None = None,
+    y: Floats | None = None,
+    brake: Floats | None = None,
+    surface: str = "",
+) -> Floats:
+    """Speed that the model gives for the commands of one run.
+
+    From each stop command the model drives until the next command to move. In between it has
+    nothing to say, and the simulation follows the measurement.
+
+    Args:
+        model: one model file.
+        time, speed, command, pitch: (n,) samples [s], [m/s], [m/s], [rad nose-down positive].
+        roll, yaw, yaw_rate, x, y, brake: further channels, (n,), where the log has them.
+        surface: named surface of the run.
+
+    Returns:
+        (n,) simulated speed [m/s].
+
+    The grade is −pitch of the body, which dives under braking: up to about 1° too steep downhill.
+    """
+    zero = np.zeros_like(time)
+    travelled = np.concatenate(
+        ([0.0], np.cumsum(0.5 * np.maximum(speed[1:] + speed[:-1], 0.0) * np.diff(time)))
+    )
+    rate = zero if yaw_rate is None else yaw_rate
+    track = Track(
+        travelled,
+        -pitch,
+        zero if roll is None else roll,
+        zero if yaw is None else yaw,
+        np.divide(rate, speed, out=np.zeros_like(rate), where=speed > 0.3),
+        zero if x is None else x,
+        zero if y is None else y,
+    )
+    simulated = speed.copy()
+    moving = command > 0.0
+    motion = registry.motion(model.effect)
+    heat, cooled_since = 0.0, float(time[0])
+    for i in stop_commands(time, speed, command):
+        again = np.flatnonzero(moving[i:])
+        end = i + int(again[0]) if len(again) else len(time)
+        heat *= math.exp(-(float(time[i]) - cooled_since) / motion.fade_tau)
+        level = None
+        if brake is not None and np.max(brake[i:end]) > 0.0:
+            level = float(np.clip(np.median(brake[i:end][brake[i:end] > 0.0]), 0.05, 1.0))
+        stop = simulate_stop(
+            model, track, _held_speed(time, speed, i), station=float(travelled[i]),
+            surface=surface, session_time=float(time[i]), heat=heat, level=level,
+        )  # fmt: skip
+        simulated[i:end] = stop.speed_at(time[i:end] - time[i])
+        heat, cooled_since = stop.heat, float(time[i]) + float(stop.time[-1])
+    return simulated

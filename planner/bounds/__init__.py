@@ -1,0 +1,1 @@
+"""How fast each station may be passed, and which bound says so."""

@@ -1,0 +1,83 @@
+"""Every bound on the speed along a plan by itself, for people who want to see them side by side.
+
+By the laws of `models`, station by station; the stopping path, with the loads on it, by the
+planner's own bound with all others out of the way. Slow and simple: nothing is planned with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from models.laws import drive, rollover, slip_track, turning_resistance
+from models.parameters import Model
+from planner.bounds.speed_bounds import speed_bounds
+from planner.ground.braking_ground import ground_along
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.terrain_profile import terrain_profile
+from planner.kernels.compiled import Floats
+from planner.limiting import Limiting
+from planner.plan import SpeedPlan
+
+_FAR = 1e6
+_HEADROOM = 1.5
+
+
+def bound_curves(
+    elevation_map: ElevationMap, plan: SpeedPlan, model: Model
+) -> dict[Limiting, Floats]:
+    """Highest speed that each bound by itself allows, (N,) each [m/s], inf where it allows any.
+
+    Args:
+        elevation_map: ground that the plan was made on.
+        plan: of N stations.
+        model: that it was made with.
+    """
+    vehicle, limits, terrain = model.vehicle, model.limits, model.terrain
+    skid_steer = vehicle.drive == "skid_steer"
+    grade, roll, curvature = plan.grade, plan.roll, plan.curvature
+    per_speed_sq = rollover.path_lateral_accel(1.0, np.abs(curvature), roll)
+    lowest, highest = rollover.lateral_accel_limits(
+        grade, roll, vehicle.track_width, vehicle.cg_z, limits.min_load
+    )
+    outward = np.maximum(np.where(curvature > 0.0, highest, -lowest), 0.0)
+    resistance = terrain.motion_resistance
+    if skid_steer:
+        resistance = resistance + turning_resistance.equivalent_drag_ratio(
+            curvature, terrain.lateral_resistance, vehicle.wheelbase
+        )
+    width = terrain.slip_track if skid_steer else vehicle.track_width
+    stopping, trained = _ahead(elevation_map, plan, model)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return {
+            Limiting.SPEED_LIMIT: np.full_like(grade, limits.speed),
+            Limiting.STOPPING_PATH: stopping,
+            Limiting.MODEL_VALIDITY: trained,
+            Limiting.LATERAL: np.sqrt(limits.lateral_accel / per_speed_sq),
+            Limiting.ROLLOVER: np.where(curvature == 0.0, np.inf, np.sqrt(outward / per_speed_sq)),
+            Limiting.WHEEL_SPEED: vehicle.max_wheel_speed
+            / slip_track.outer_wheel_speed_ratio(curvature, width),
+            Limiting.TRACTION: drive.sustained_speed(
+                grade, vehicle.mass, vehicle.max_drive_power, resistance
+            ),
+        }
+
+
+def _ahead(elevation_map: ElevationMap, plan: SpeedPlan, model: Model) -> tuple[Floats, Floats]:
+    """What the stopping path and its loads allow, and the highest trained speed, (N,) [m/s]."""
+    vehicle, top = model.vehicle, _HEADROOM * model.limits.speed
+    free = replace(
+        model,
+        limits=replace(model.limits, speed=top, lateral_accel=_FAR),
+        vehicle=replace(vehicle, max_wheel_speed=_FAR, max_drive_power=_FAR * vehicle.mass),
+    )
+    x, y = (np.ascontiguousarray(values[:, None]) for values in (plan.x, plan.y))
+    count = np.array([len(plan.x)])
+    profile = terrain_profile(elevation_map, x, y, count, vehicle.wheelbase, vehicle.track_width)
+    ground = ground_along(profile, model, elevation_map.class_names)
+    anyhow = replace(ground, fastest=np.full_like(ground.fastest, top))
+    bounds = speed_bounds(profile, anyhow, free, np.array([plan.clear_distance]))
+    allowed = np.sqrt(np.maximum(bounds.speed_sq_max[:, 0], 0.0))
+    # At the headroom nothing of it binds.
+    return np.where(allowed < 0.999 * top, allowed, np.inf), ground.fastest[:, 0]

@@ -1,0 +1,192 @@
+"""Why is this plan not faster: what limits it where, what each bound costs, what to measure next.
+
+Costs come from planning again with one bound lifted, not from shadow prices. A shadow price is the
+slope of the cost at the bound as it is; most bounds here are steps (unknown ground, a clear
+distance, the trained range), and where two bounds lie close together the second takes over at once,
+which a slope does not see. Planning again is exact, and one candidate takes milliseconds.
+
+Costs do not add up: where two bounds hold the plan at the same speed, lifting either one alone
+gains nothing, and each of them costs nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from models.parameters import Model
+from planner.explain.measurements import MEASURABLE
+from planner.explain.relaxed import without
+from planner.explain.what_if import Question, WhatIf
+from planner.ground.braking_ground import Conditions
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.uncertainty import Uncertainty
+from planner.limiting import Limiting
+from planner.path import CandidatePath
+from planner.plan import SpeedPlan
+from planner.settings import PlannerSettings
+
+_SMOOTHING = 5e-4
+"""Share of the travel time by which smoothing may differ from one plan to the next."""
+
+_HARDLY = 0.05
+"""A way farther than that is farther [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Neighbouring stations that the same bound limits.
+
+    Attributes:
+        begin, end: stations [m]. seconds: spent between them.
+        limiting: the bound.
+    """
+
+    begin: float
+    end: float
+    limiting: Limiting
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class BoundCost:
+    """What the plan would gain without a bound.
+
+    Attributes:
+        limiting: the bound.
+        seconds: travel time, and for each metre not reached the charge of the ranking [s]; >= 0.
+        reach: how much farther the plan would get [m]; >= 0.
+    """
+
+    limiting: Limiting
+    seconds: float
+    reach: float
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What knowing something exactly would buy.
+
+    Attributes:
+        name: of what is measured.
+        seconds, reach: as in :class:`BoundCost`, at most: a measurement may also find it worse.
+        sentence: for people.
+    """
+
+    name: str
+    seconds: float
+    reach: float
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Why a plan is what it is.
+
+    Attributes:
+        plan: what is explained.
+        stretches: where what limits it, up to where it rests; none if it never moves.
+        costs: of every bound, the dearest first.
+        measurements: the one that buys most first.
+    """
+
+    plan: SpeedPlan
+    stretches: tuple[Stretch, ...]
+    costs: tuple[BoundCost, ...]
+    measurements: tuple[Measurement, ...]
+
+
+def explain(
+    model: Model,
+    elevation_map: ElevationMap,
+    path: CandidatePath,
+    *,
+    settings: PlannerSettings | None = None,
+    uncertainty: Uncertainty | None = None,
+    start_speed: float = 0.0,
+    clear: float = np.inf,
+    conditions: Conditions | None = None,
+) -> Explanation:
+    """Plan one candidate, and again with each bound lifted and with each thing known better.
+
+    Args:
+        model: its mean, as :class:`planner.pipeline.candidates.CandidatePlanner` takes it.
+        elevation_map: ground.
+        path: the candidate.
+        settings: of planning.
+        uncertainty: what plans have to survive, None for nothing beside the mean.
+        start_speed: at the first station [m/s].
+        clear: station up to which the way is known free [m].
+        conditions: of the moment.
+
+    Raises:
+        ParameterError: the path is malformed.
+    """
+    settings = settings or PlannerSettings()
+    what_if = WhatIf(
+        elevation_map, path, model, settings=settings, start_speed=start_speed,
+        conditions=conditions,
+    )  # fmt: skip
+    question = Question(model=model, uncertainty=uncertainty, clear=clear, smooth=settings.smooth)
+    plan = what_if.plan(question)
+
+    def gain(other: Question) -> tuple[float, float]:
+        return _gain(plan, what_if.plan(other), settings)
+
+    costs = [BoundCost(bound, *gain(without(bound, question))) for bound in Limiting]
+    measurements = []
+    for measurable in MEASURABLE:
+        seconds, reach = gain(measurable.known(question))
+        sentence = f"{measurable.text}: {_bought(seconds, reach)}"
+        measurements.append(Measurement(measurable.name, seconds, reach, sentence))
+    return Explanation(
+        plan,
+        stretches(plan),
+        tuple(sorted(costs, key=lambda cost: -cost.seconds)),
+        tuple(sorted(measurements, key=lambda measurement: -measurement.seconds)),
+    )
+
+
+def stretches(plan: SpeedPlan) -> tuple[Stretch, ...]:
+    """Where what limits a plan. What holds at a station holds up to the next."""
+    moving = np.flatnonzero(plan.speed > 0.0)
+    if len(moving) == 0:
+        return ()
+    rest = min(int(moving[-1]) + 1, len(plan.station) - 1)
+    codes = plan.limiting[:rest]
+    edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), rest]
+    return tuple(
+        Stretch(
+            float(plan.station[i]), float(plan.station[k]), Limiting(int(codes[i])),
+            float(plan.time[k] - plan.time[i]),
+        )
+        for i, k in pairwise(edges)
+    )  # fmt: skip
+
+
+def _gain(plan: SpeedPlan, other: SpeedPlan, settings: PlannerSettings) -> tuple[float, float]:
+    """Seconds and metres that another plan is better by.
+
+    The plan itself stays possible when a bound is lifted, so nothing can be lost; differences
+    within the tolerance of smoothing are none.
+    """
+    seconds = _cost(plan, settings) - _cost(other, settings)
+    if seconds <= _SMOOTHING * plan.travel_time:
+        return 0.0, 0.0
+    reach = other.progress - plan.progress
+    return seconds, reach if reach > _HARDLY else 0.0
+
+
+def _cost(plan: SpeedPlan, settings: PlannerSettings) -> float:
+    missed = float(plan.station[-1]) - plan.progress
+    return plan.travel_time + settings.horizon_penalty * missed
+
+
+def _bought(seconds: float, reach: float) -> str:
+    if seconds <= 0.0:
+        return "nothing here"
+    if reach > 0.0:
+        return f"up to {reach:.1f} m farther, worth {seconds:.2f} s"
+    return f"up to {seconds:.2f} s"

@@ -1,0 +1,94 @@
+"""What could be measured better, and what a plan would be if it were."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from models.parameters import Model
+from planner.explain.relaxed import trained_for
+from planner.explain.what_if import Question
+
+
+@dataclass(frozen=True, slots=True)
+class Measurable:
+    """One thing that could be known better than it is.
+
+    Attributes:
+        name: in files.
+        text: what to do, the beginning of a sentence.
+        known: the question as it were if that were known exactly.
+    """
+
+    name: str
+    text: str
+    known: Callable[[Question], Question]
+
+
+def _braking_known(question: Question) -> Question:
+    effects = tuple(replace(e, covariance=None) for e in question.model.effect)
+    model = replace(_everywhere(question.model, covariance=None, force_std=0.0), effect=effects)
+    uncertainty = question.uncertainty
+    fresh = None if uncertainty is None else replace(uncertainty, age=0.0)
+    return replace(question, model=model, uncertainty=fresh)
+
+
+def _dead_time_known(question: Question) -> Question:
+    return replace(question, model=_everywhere(question.model, dead_time_std=0.0))
+
+
+def _no_offset(question: Question) -> Question:
+    return replace(question, model=_everywhere(question.model, distance_offset=0.0))
+
+
+def _slopes_known(question: Question) -> Question:
+    uncertainty = question.uncertainty
+    exact = None if uncertainty is None else replace(uncertainty, slope_std=0.0)
+    return replace(question, uncertainty=exact)
+
+
+def _everywhere(model: Model, **changes: Any) -> Model:
+    """The model with keys of [braking] changed on the base and on all surfaces."""
+    base = model.braking
+    surfaces = {name: replace(table, **changes) for name, table in base.terrain.items()}
+    return replace(model, braking=replace(base, terrain=surfaces, **changes))
+
+
+MEASURABLE = (
+    Measurable(
+        "braking", "more and fresher stops, until the braking coefficients are exact",
+        _braking_known,
+    ),
+    Measurable(
+        "dead_time", "a dead time that is the same in every stop and known exactly",
+        _dead_time_known,
+    ),
+    Measurable(
+        "stop_offset", "predicted stops that need no safety offset on their distance", _no_offset
+    ),
+    Measurable(
+        "clear_distance", "a way known to be free as far as the path goes",
+        lambda q: replace(q, clear=np.inf),
+    ),
+    Measurable("map_slopes", "exact grades and rolls in the map", _slopes_known),
+    Measurable(
+        "map_coverage", "a look at the unknown ground, if it is level",
+        lambda q: replace(q, ground_known=True),
+    ),
+    Measurable(
+        "speed_range", "stops from higher speeds, up to the speed limit",
+        lambda q: replace(q, model=trained_for(q.model, speeds=True)),
+    ),
+    Measurable(
+        "grade_range", "stops on steeper ground",
+        lambda q: replace(q, model=trained_for(q.model, grades=True)),
+    ),
+    Measurable(
+        "surface", "stops on the surfaces never braked on, if they brake as the known ground does",
+        lambda q: replace(q, surfaces_known=True),
+    ),
+)  # fmt: skip
+"""All of them; where nothing depends on one, knowing it changes nothing."""

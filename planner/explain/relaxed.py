@@ -1,0 +1,99 @@
+"""Bounds taken away, one at a time: what a plan would be without them.
+
+A model with a limit lifted stays a valid model. Loads are lifted by geometry: an axle far from the
+centre of gravity is never unloaded. The terrain under the wheels is sampled before, with the true
+footprint, and the turning drag keeps its value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from models.parameters import Model
+from planner.explain.what_if import Question
+from planner.limiting import Limiting
+
+_FAR = 1e3
+"""Factor by which a limit, or a distance to the centre of gravity, is out of reach."""
+
+_ANY_GRADE = (-1.5, 1.5)
+
+
+def without(bound: Limiting, question: Question) -> Question:
+    """The question with one bound lifted."""
+    match bound:
+        case Limiting.STOPPING_PATH:
+            return replace(question, stops_at_once=True)
+        case Limiting.JERK:
+            return replace(question, smooth=False)
+        case Limiting.UNKNOWN_TERRAIN:
+            return replace(question, ground_known=True)
+        case Limiting.MODEL_VALIDITY:
+            return replace(question, model=trained_for(question.model, grades=True, speeds=True))
+        case Limiting.SPEED_LIMIT:
+            return replace(question, path_limits=False, lift=_as_fast_as_trained)
+    return replace(question, lift=_LIFTS[bound])
+
+
+def trained_for(model: Model, *, grades: bool = False, speeds: bool = False) -> Model:
+    """The same coefficients, trained on every grade, or up to the speed limit, on all surfaces."""
+
+    def changes(speed_range: tuple[float, float]) -> dict[str, Any]:
+        out: dict[str, Any] = {"grade_range": _ANY_GRADE} if grades else {}
+        if speeds:
+            out["speed_range"] = (speed_range[0], max(speed_range[1], model.limits.speed))
+        return out
+
+    base = model.braking
+    surfaces = {
+        name: replace(table, **changes(table.speed_range or base.speed_range))
+        for name, table in base.terrain.items()
+    }
+    return replace(model, braking=replace(base, terrain=surfaces, **changes(base.speed_range)))
+
+
+def _as_fast_as_trained(model: Model) -> Model:
+    """No speed limit up to the trained speeds; beyond them another bound holds."""
+    base = model.braking
+    ranges = [table.speed_range or base.speed_range for table in base.terrain.values()]
+    top = max(fast for _, fast in (base.speed_range, *ranges))
+    return replace(model, limits=replace(model.limits, speed=max(model.limits.speed, top)))
+
+
+def _far_axles(model: Model) -> Model:
+    return _stretched(model, _FAR, model.vehicle.cg_z)
+
+
+def _far_sides(model: Model) -> Model:
+    """A low centre of gravity, and axles nearer in the same proportion, so that they count on."""
+    return _stretched(model, 1.0 / _FAR, model.vehicle.cg_z / _FAR)
+
+
+def _stretched(model: Model, factor: float, cg_z: float) -> Model:
+    v, terrain = model.vehicle, model.terrain
+    vehicle = replace(v, cg_z=cg_z, cg_x=v.cg_x * factor, wheelbase=v.wheelbase * factor)
+    drag = replace(terrain, lateral_resistance=terrain.lateral_resistance / factor)
+    return replace(model, vehicle=vehicle, terrain=drag)
+
+
+def _out_of_reach(table: str, *names: str) -> Callable[[Model], Model]:
+    def lift(model: Model) -> Model:
+        part: Any = getattr(model, table)
+        changed = replace(part, **{name: _FAR * getattr(part, name) for name in names})
+        more: dict[str, Any] = {table: changed}
+        return replace(model, **more)
+
+    return lift
+
+
+_LIFTS: Mapping[Limiting, Callable[[Model], Model]] = {
+    Limiting.TIP_OVER: _far_axles,
+    Limiting.ROLLOVER: _far_sides,
+    Limiting.LATERAL: _out_of_reach("limits", "lateral_accel"),
+    Limiting.WHEEL_SPEED: _out_of_reach("vehicle", "max_wheel_speed"),
+    Limiting.TRACTION: _out_of_reach("vehicle", "max_drive_force", "max_drive_power"),
+    Limiting.ACCEL: _out_of_reach("limits", "accel"),
+    Limiting.DECEL: _out_of_reach("limits", "decel"),
+}

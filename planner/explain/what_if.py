@@ -1,0 +1,152 @@
+"""One candidate planned again with something changed: a bound lifted, something known better.
+
+Path and terrain are sampled once; each question then costs one plan of one candidate, a few
+milliseconds. What comes out went through the same bounds, smoother and judge as any plan. Answers
+are for explanations only: a plan with a lifted bound must not be driven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from models.parameters import Model
+from planner.bounds.speed_bounds import speed_bounds
+from planner.ground.braking_ground import Conditions, Ground, ground_along
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.surface_table import resolve_surface
+from planner.ground.terrain_profile import terrain_profile
+from planner.ground.uncertainty import Uncertainty
+from planner.kernels.compiled import Floats
+from planner.kernels.limits import numbers
+from planner.path import CandidatePath, batch
+from planner.pipeline.plan_finalizer import Emission
+from planner.plan import SpeedPlan
+from planner.profile.time_optimal import time_optimal_profile
+from planner.settings import PlannerSettings
+
+_AT_ONCE = 50.0
+"""F_b/W of brakes that stop at once: 4 m/s within 2 cm."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """What a candidate is planned with; the defaults change nothing.
+
+    Attributes:
+        model: its mean.
+        uncertainty: what the plan has to survive, None for nothing beside the mean.
+        clear: station up to which the way is known free [m].
+        lift: applied to the model after uncertainty moved it to the cautious side.
+        smooth: limit jerk.
+        path_limits: the speed limits of the path count.
+        ground_known: unknown ground counts as level and known.
+        surfaces_known: surfaces that the model never learned count as the ground it learned on.
+        stops_at_once: emergency stops take no way; the loads they cause stay as they are.
+    """
+
+    model: Model
+    uncertainty: Uncertainty | None
+    clear: float
+    lift: Callable[[Model], Model] | None = None
+    smooth: bool = True
+    path_limits: bool = True
+    ground_known: bool = False
+    surfaces_known: bool = False
+    stops_at_once: bool = False
+
+
+class WhatIf:
+    """One path on one map, for any number of questions."""
+
+    def __init__(
+        self,
+        elevation_map: ElevationMap,
+        path: CandidatePath,
+        model: Model,
+        *,
+        settings: PlannerSettings | None = None,
+        start_speed: float = 0.0,
+        conditions: Conditions | None = None,
+    ) -> None:
+        """Sample the terrain.
+
+        Args:
+            elevation_map: ground.
+            path: the candidate.
+            model: for its footprint, which no question changes.
+            settings: of planning.
+            start_speed: at the first station [m/s].
+            conditions: of the moment.
+
+        Raises:
+            ParameterError: the path is malformed.
+        """
+        settings = settings or PlannerSettings()
+        part = batch([path], settings.spacing_on(elevation_map.resolution))
+        vehicle = model.vehicle
+        self._name, self._limit = path.name, part.speed_limit
+        self._profile = terrain_profile(
+            elevation_map, part.x, part.y, part.count, vehicle.wheelbase, vehicle.track_width
+        )
+        self._classes = elevation_map.class_names
+        self._start_sq = np.array([start_speed**2])
+        self._conditions = conditions
+        self._smooth = settings.smooth
+
+    def plan(self, question: Question) -> SpeedPlan:
+        """The plan under the question's conditions."""
+        model, uncertainty = question.model, question.uncertainty
+        if uncertainty is not None:
+            model = uncertainty.cautious(model)
+        if question.lift is not None:
+            model = question.lift(model)
+        profile = self._profile
+        if question.ground_known:
+            profile = replace(profile, known=np.ones_like(profile.known))
+        classes = self._classes
+        if question.surfaces_known:
+            classes = tuple(_learned_surface(model, name) for name in classes)
+        ground = ground_along(profile, model, classes, self._conditions, uncertainty)
+        if question.stops_at_once:
+            ground = _stopping_at_once(ground)
+        limit = self._limit if question.path_limits else None
+        bounds = speed_bounds(profile, ground, model, np.array([question.clear]), limit)
+        scalars = numbers(model)
+        speed_sq, reachable = time_optimal_profile(
+            profile.station, bounds.speed_sq_max, profile.sin_grade, ground.weak_speed,
+            ground.braking_rest, ground.slowest, bounds.accel_max, bounds.demand,
+            self._start_sq, scalars,
+        )  # fmt: skip
+        emission = Emission(
+            model, scalars, profile, ground, bounds, 0, self._start_sq, speed_limit=limit
+        )
+        return emission.emit(
+            self._name,
+            np.ascontiguousarray(speed_sq[:, 0]),
+            smoothed=self._smooth and question.smooth,
+            reachable=bool(reachable[0] >= self._start_sq[0] - 1e-9),
+        )
+
+
+def _learned_surface(model: Model, name: str) -> str:
+    """The surface that the class is for sure, else the ground that the model learned on."""
+    surfaces = resolve_surface(model.braking, name)
+    return surfaces[0] if len(surfaces) == 1 else ""
+
+
+def _stopping_at_once(ground: Ground) -> Ground:
+    """Ground on which stops take no way; the stronger force, which decides loads, is kept."""
+
+    def nothing(array: Floats) -> Floats:
+        return np.zeros_like(array)
+
+    return replace(
+        ground,
+        weak_speed=nothing(ground.weak_speed),
+        weak_rest=np.full_like(ground.weak_rest, _AT_ONCE),
+        dead_time=nothing(ground.dead_time),
+        distance_offset=nothing(ground.distance_offset),
+    )

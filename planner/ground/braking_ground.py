@@ -1,0 +1,131 @@
+"""Braking force that the ground of each station offers: the model, the surface and its effects.
+
+Two forces are kept. Where surfaces meet, or where the model extrapolates, the *weaker* one decides
+where the vehicle stops and the *stronger* one whether it tips; elsewhere they are the same. Either
+is linear in the speed at brake onset: F_b/W = speed_part * v_i + rest_part. Where friction caps the
+force at some trained speed, both are constants: the least and the most that it can then be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.effects import registry
+from models.parameters import Model
+from models.quantity import GRAVITY
+from planner.ground.crests import over_crests
+from planner.ground.force_margins import capped, ground_terms, widened
+from planner.ground.forces import on_many_surfaces, on_one_surface
+from planner.ground.surface_cache import knowledge_of
+from planner.ground.surface_table import resolve_surface as resolve_surface
+from planner.ground.surface_table import surface_bits
+from planner.ground.terrain_profile import TerrainProfile
+from planner.ground.uncertainty import Uncertainty
+from planner.kernels.compiled import Bools, Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What the planner knows of the moment, beside map and model.
+
+    Attributes:
+        session_time: since the session began [s], for `session_drift`.
+        brake_heat: heat per mass in the brakes now [J/kg], for `brake_fade`.
+    """
+
+    session_time: float = 0.0
+    brake_heat: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """Braking along M candidates of up to N stations; arrays are (N, M) unless said otherwise.
+
+    Attributes:
+        weak_speed, weak_rest: parts of the weaker F_b/W [s/m], [1].
+        strong_speed, strong_rest: parts of the stronger F_b/W [s/m], [1].
+        dead_time: from stop command to onset [s].
+        slowest: speed below which the coefficients no longer change [m/s].
+        fastest: highest trained speed [m/s].
+        trained: the grade lies in the trained range, or extrapolation is allowed.
+        distance_offset: (M,) safety offset added to every stop [m].
+        push: what wind takes away from planned braking, <= 0, as a share of the weight.
+        motion: terms that act on the motion itself; friction is in the forces already.
+        closed_form: the stopping path has one: nothing acts on the motion, one slowest speed.
+    """
+
+    weak_speed: Floats
+    weak_rest: Floats
+    strong_speed: Floats
+    strong_rest: Floats
+    dead_time: Floats
+    slowest: Floats
+    fastest: Floats
+    trained: Bools
+    distance_offset: Floats
+    push: Floats
+    motion: registry.Motion
+    closed_form: bool
+
+    @property
+    def braking_rest(self) -> Floats:
+        """Rest part of the force that planned braking may count on, (N, M)."""
+        return self.weak_rest + self.push if self.motion.wind_drag > 0.0 else self.weak_rest
+
+
+def ground_along(
+    profile: TerrainProfile,
+    model: Model,
+    class_names: tuple[str, ...] = ("",),
+    conditions: Conditions | None = None,
+    uncertainty: Uncertainty | None = None,
+) -> Ground:
+    """Braking force along candidates.
+
+    Args:
+        profile: terrain under the wheels.
+        model: braking model, effects and limits.
+        class_names: names of the map's terrain classes.
+        conditions: session time and brake heat; both zero if left out.
+        uncertainty: what to survive; left out, the model's mean counts.
+    """
+    now = conditions or Conditions()
+    braking = model.braking
+    known = knowledge_of(model, class_names, uncertainty)
+    table = known.table
+    margin = braking.extrapolation_margin if braking.extrapolate else -1.0
+    bits = surface_bits(profile, known.class_bits)
+    if len(table) == 1:
+        forces = on_one_surface(profile.grade, table[0], margin)
+    else:
+        forces = on_many_surfaces(profile.grade, bits, table, margin)
+    motion = known.motion._replace(heat=now.brake_heat)
+    push = forces.weak_rest
+    if model.effect:
+        yaw = np.arctan2(profile.heading_y, profile.heading_x)
+        lowest, highest = ground_terms(model, profile, yaw, now.session_time)
+        if uncertainty is not None:
+            margin = sum(uncertainty.ground_margin(e) for e in model.effect)
+            lowest, highest = lowest - margin, highest + margin
+        forces = forces._replace(
+            weak_rest=forces.weak_rest + lowest, strong_rest=forces.strong_rest + highest
+        )
+        pushes = [
+            registry.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
+            for speed in (0.0, model.limits.speed)
+        ]
+        push = np.minimum(0.0, np.minimum(*pushes))
+    if known.margins is not None:
+        forces = widened(forces, profile.grade, bits, known.margins)
+    if known.slides:
+        forces = capped(forces, profile, bits, table)
+    if uncertainty is not None and motion.drag + motion.viscous + motion.turning > 0.0:
+        # Drag needs no friction: it adds to a force that is capped.
+        drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
+        forces = forces._replace(strong_rest=forces.strong_rest + drag)
+    if known.crests is not None:
+        lever = model.vehicle.cg_z / (model.vehicle.wheelbase - model.vehicle.cg_x)
+        forces = over_crests(forces, profile, known.crests, lever, lagged=motion.lag > 0.0)
+    return Ground(*forces, push, motion, known.closed_form)

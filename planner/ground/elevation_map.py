@@ -1,0 +1,90 @@
+"""Elevation map: heights on a regular grid, unknown where nothing was seen.
+
+Cell [row, col] has its centre at ``origin + resolution * (col, row)``: row 0 is at minimum y.
+Heights between centres are bilinear; a point is known only if all four cells around it are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from models.errors import ParameterError
+from planner.kernels.compiled import Floats, Ints, inlined, read_only
+
+_FEWEST_CELLS = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ElevationMap:
+    """Heights [m] on a grid, NaN where unknown.
+
+    Attributes:
+        elevation: (rows, cols) heights, row 0 at minimum y; NaN is unknown ground.
+        resolution: edge of a cell [m].
+        origin: (x, y) of the centre of cell [0, 0] [m].
+        terrain_class: (rows, cols) index into ``class_names``, or None where nobody classified.
+        class_names: name of each class; index 0 is the base surface.
+    """
+
+    elevation: Floats
+    resolution: float
+    origin: tuple[float, float]
+    terrain_class: Ints | None = None
+    class_names: tuple[str, ...] = field(default=("",))
+
+    def __post_init__(self) -> None:
+        elevation = np.array(self.elevation, dtype=np.float64, order="C")
+        if elevation.ndim != 2 or min(elevation.shape) < _FEWEST_CELLS:
+            raise ParameterError(
+                "elevation", f"at least 2 x 2 cells (rows, cols), got shape {elevation.shape}"
+            )
+        if not (np.isfinite(self.resolution) and self.resolution > 0.0):
+            raise ParameterError("resolution", f"a cell edge > 0 [m], got {self.resolution!r}")
+        if not np.all(np.isfinite(self.origin)):
+            raise ParameterError("origin", f"two finite coordinates [m], got {self.origin!r}")
+        if not np.any(np.isfinite(elevation)):
+            raise ParameterError("elevation", "at least one known cell, all are unknown")
+        elevation[np.isinf(elevation)] = np.nan
+        object.__setattr__(self, "elevation", read_only(elevation))
+        if self.terrain_class is not None:
+            classes = np.array(self.terrain_class, dtype=np.int64, order="C")
+            if classes.shape != elevation.shape:
+                raise ParameterError(
+                    "terrain_class",
+                    f"the shape of elevation {elevation.shape}, got {classes.shape}",
+                )
+            if classes.min() < 0 or classes.max() >= len(self.class_names):
+                raise ParameterError(
+                    "terrain_class", f"indices 0 … {len(self.class_names) - 1} into class_names"
+                )
+            object.__setattr__(self, "terrain_class", read_only(classes))
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """(x_min, x_max, y_min, y_max) of the cell centres [m]."""
+        rows, cols = self.elevation.shape
+        x, y = self.origin
+        return x, x + (cols - 1) * self.resolution, y, y + (rows - 1) * self.resolution
+
+    def contains(self, x: Floats, y: Floats) -> np.ndarray:
+        """Which points lie on the grid, known or not."""
+        x_min, x_max, y_min, y_max = self.extent
+        inside: np.ndarray = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
+        return inside
+
+
+@inlined
+def height_at(elevation: Floats, column: float, row: float) -> float:
+    """Bilinear height at fractional grid coordinates; NaN off the map or beside unknown cells."""
+    rows, columns = elevation.shape
+    if not (column >= 0.0 and row >= 0.0 and column <= columns - 1 and row <= rows - 1):
+        return np.nan
+    j = min(int(column), columns - 2)
+    i = min(int(row), rows - 2)
+    u = column - j
+    v = row - i
+    lower = elevation[i, j] + u * (elevation[i, j + 1] - elevation[i, j])
+    upper = elevation[i + 1, j] + u * (elevation[i + 1, j + 1] - elevation[i + 1, j])
+    return float(lower + v * (upper - lower))

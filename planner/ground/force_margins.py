@@ -1,0 +1,141 @@
+"""What widens, shifts or caps the force of the surfaces: effects, uncertainty, friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from models.effects import registry
+from models.parameters import Model
+from planner.ground.forces import Forces
+from planner.ground.surface_table import FRICTION, MOST_FRICTION, braking_on
+from planner.ground.terrain_profile import TerrainProfile
+from planner.ground.uncertainty import Uncertainty
+from planner.kernels.compiled import Floats, Ints, kernel
+from planner.kernels.workspace import empty
+
+
+def ground_terms(
+    model: Model, profile: TerrainProfile, yaw: Floats, session_time: float
+) -> tuple[Floats, Floats]:
+    """Least and most that the ground terms can be around each station, (N, M).
+
+    Terms that bend where grade or roll change sign are zero in between. A patch has a sharp edge
+    and may lie between two stations: it counts as larger by a step where that is the safe side, and
+    for the neighbours as well.
+    """
+    place = (profile.x, profile.y, yaw, session_time)
+    lowest, highest = np.zeros_like(profile.grade), np.zeros_like(profile.grade)
+    step = float(np.max(np.diff(profile.station, axis=0)))
+    for effect in model.effect:
+        own = registry.ground_term([effect], profile.grade, profile.roll, *place)
+        least, most = own, own
+        if effect.name in registry.BENT_AT_LEVEL:
+            grade, roll = (level_between(slope) for slope in (profile.grade, profile.roll))
+            level = registry.ground_term([effect], grade, roll, *place)
+            least, most = np.minimum(own, level), np.maximum(own, level)
+        elif effect.name == "surface_patch":
+            larger = {**effect.parameters, "radius": effect.parameters["radius"] + step}
+            grown = [replace(effect, parameters=larger)]
+            near = registry.ground_term(grown, profile.grade, profile.roll, *place)
+            least, _ = spread_to_neighbours(np.minimum(own, near))
+            _, most = spread_to_neighbours(np.maximum(own, near))
+        lowest, highest = lowest + least, highest + most
+    return lowest, highest
+
+
+def level_between(slope: Floats) -> Floats:
+    """The slope, but level where it changes sign on the way to a neighbour, (N, M) [rad]."""
+    lowest, highest = spread_to_neighbours(slope)
+    return np.where((lowest < 0.0) & (highest > 0.0), 0.0, slope)
+
+
+def spread_to_neighbours(term: Floats) -> tuple[Floats, Floats]:
+    """Lowest and highest value among each station and its neighbours."""
+    padded = np.pad(term, ((1, 1), (0, 0)), mode="edge")
+    stack = np.stack((padded[:-2], term, padded[2:]))
+    return stack.min(axis=0), stack.max(axis=0)
+
+
+def margins(surfaces: int, model: Model, uncertainty: Uncertainty) -> Floats:
+    """Matrices of the margin of F_b/W on each surface, (S, 4, 4), of Uncertainty.force_matrix."""
+    names = ["", *model.braking.terrain]
+    scale = registry.force_scale(model.effect)
+    matrices = np.empty((surfaces, 4, 4))
+    for i in range(surfaces):
+        # Ground that was never braked on is as uncertain as the ground that is known best of it.
+        name = names[i] if i < len(names) else ""
+        matrices[i] = scale**2 * uncertainty.force_matrix(braking_on(model, name))
+    return matrices
+
+
+def widened(forces: Forces, grade: Floats, bits: Ints, matrices: Floats) -> Forces:
+    """Both forces with the margin of the least certain surface, (N, M)."""
+    weak_speed, weak_rest, strong_speed, strong_rest = empty(4, *grade.shape)
+    _widen(
+        grade, np.ascontiguousarray(bits), matrices, forces.slowest, forces.fastest,
+        forces.weak_speed, forces.weak_rest, forces.strong_speed, forces.strong_rest,
+        weak_speed, weak_rest, strong_speed, strong_rest,
+    )  # fmt: skip
+    return forces._replace(
+        weak_speed=weak_speed, weak_rest=weak_rest, strong_speed=strong_speed,
+        strong_rest=strong_rest,
+    )  # fmt: skip
+
+
+@kernel
+def _widen(
+    grade: Floats, bits: Ints, matrices: Floats, slowest: Floats, fastest: Floats,
+    weak_speed_in: Floats, weak_rest_in: Floats, strong_speed_in: Floats, strong_rest_in: Floats,
+    weak_speed: Floats, weak_rest: Floats, strong_speed: Floats, strong_rest: Floats,
+) -> None:  # fmt: skip
+    """Give up √(φᵀ S φ), which is convex in v_i: its chord over the trained speeds is above it."""
+    stations, candidates = grade.shape
+    for k in range(stations):
+        for j in range(candidates):
+            theta, slow, fast = grade[k, j], slowest[k, j], fastest[k, j]
+            at_slow, at_fast = 0.0, 0.0
+            for i in range(matrices.shape[0]):
+                if (bits[k, j] >> i) & 1 == 0:
+                    continue
+                s = matrices[i]
+                vv = (s[0, 0] * theta + 2.0 * s[0, 2]) * theta + s[2, 2]
+                v1 = (s[0, 1] * theta + s[0, 3] + s[1, 2]) * theta + s[2, 3]
+                one = (s[1, 1] * theta + 2.0 * s[1, 3]) * theta + s[3, 3]
+                at_slow = max(at_slow, (vv * slow + 2.0 * v1) * slow + one)
+                at_fast = max(at_fast, (vv * fast + 2.0 * v1) * fast + one)
+            at_slow, at_fast = np.sqrt(at_slow), np.sqrt(at_fast)
+            rise = (at_fast - at_slow) / max(fast - slow, 1e-6)
+            rest = at_slow - rise * slow
+            weak_speed[k, j] = weak_speed_in[k, j] - rise
+            weak_rest[k, j] = weak_rest_in[k, j] - rest
+            strong_speed[k, j] = strong_speed_in[k, j] + rise
+            strong_rest[k, j] = strong_rest_in[k, j] + rest
+
+
+def capped(forces: Forces, profile: TerrainProfile, bits: Ints, table: Floats) -> Forces:
+    """Cap both forces by friction times the share of the weight that presses on the ground."""
+    on = [((bits >> i) & 1).astype(np.bool_) for i in range(len(table))]
+    lower, upper = table[:, FRICTION], table[:, MOST_FRICTION]
+    least = np.min([np.where(m, f, np.inf) for m, f in zip(on, lower, strict=True)], axis=0)
+    most = np.max([np.where(m, f, 0.0) for m, f in zip(on, upper, strict=True)], axis=0)
+    upright = np.sqrt((1.0 - profile.sin_grade**2) * (1.0 - profile.sin_roll**2))
+    slow, fast = forces.slowest, forces.fastest
+
+    def extremes(speed_part: Floats, rest_part: Floats) -> tuple[Floats, Floats]:
+        ends = slow * speed_part + rest_part, fast * speed_part + rest_part
+        return np.minimum(*ends), np.maximum(*ends)
+
+    low, high = extremes(forces.weak_speed, forces.weak_rest)
+    slides = high > least * upright
+    _, highest = extremes(forces.strong_speed, forces.strong_rest)
+    may_slide = highest > most * upright
+    # Over a crest the ground is more upright between two stations than at either.
+    uppermost = np.cos(level_between(profile.grade)) * np.cos(level_between(profile.roll))
+    return forces._replace(
+        weak_speed=np.where(slides, 0.0, forces.weak_speed),
+        weak_rest=np.where(slides, np.minimum(low, least * upright), forces.weak_rest),
+        strong_speed=np.where(may_slide, 0.0, forces.strong_speed),
+        strong_rest=np.where(may_slide, np.minimum(highest, most * uppermost), forces.strong_rest),
+    )

@@ -1,0 +1,79 @@
+"""What a model knows of a map's surfaces, in the shape that compiled code wants.
+
+It depends on the model, the uncertainty and the names of the map's classes only, which stay the
+same for many cycles: the last few answers are kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.effects import registry
+from models.parameters import Model
+from planner.ground.force_margins import margins
+from planner.ground.surface_table import FRICTION, SLOWEST, surface_table
+from planner.ground.uncertainty import Uncertainty
+from planner.kernels.compiled import Floats, Ints, read_only
+
+_KEPT = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Knowledge:
+    """Coefficients of S surfaces, and what acts on the motion.
+
+    Attributes:
+        table: (S, columns) as of :mod:`planner.ground.surface_table`.
+        class_bits: for each class of the map the bits of the surfaces that it may be.
+        margins: (S, 4, 4) as of :func:`planner.ground.force_margins.margins`; None where all are
+            zero.
+        motion: terms that act on the motion itself, without friction, brakes cold.
+        slides: friction caps the force of some surface.
+        crests: share of the load lost over a crest that the force loses as well; None: not known.
+        closed_form: nothing acts on the motion, and all surfaces have one slowest speed.
+    """
+
+    table: Floats
+    class_bits: Ints
+    margins: Floats | None
+    motion: registry.Motion
+    slides: bool
+    crests: float | None
+    closed_form: bool
+
+
+_Key = tuple[Model, tuple[str, ...], Uncertainty | None]
+_recent: tuple[tuple[_Key, Knowledge], ...] = ()
+"""Replaced as a whole, never changed: threads need no lock."""
+
+
+def knowledge_of(
+    model: Model, class_names: tuple[str, ...], uncertainty: Uncertainty | None
+) -> Knowledge:
+    """What this model, which never changes, knows of these classes."""
+    global _recent
+    for (known, names, doubt), knowledge in _recent:
+        if known is model and doubt is uncertainty and names == class_names:
+            return knowledge
+    knowledge = _gather(model, class_names, uncertainty)
+    _recent = (((model, class_names, uncertainty), knowledge), *_recent[: _KEPT - 1])
+    return knowledge
+
+
+def _gather(
+    model: Model, class_names: tuple[str, ...], uncertainty: Uncertainty | None
+) -> Knowledge:
+    table, class_bits = surface_table(model, class_names, uncertainty)
+    doubt = None if uncertainty is None else margins(len(table), model, uncertainty)
+    motion = registry.motion(model.effect)._replace(friction=np.inf)
+    return Knowledge(
+        read_only(table),
+        read_only(class_bits),
+        doubt if doubt is not None and doubt.any() else None,
+        motion,
+        bool(np.isfinite(table[:, FRICTION]).any()),
+        registry.crest_share(model.effect),
+        motion == registry.NO_MOTION and bool(np.ptp(table[:, SLOWEST]) == 0.0),
+    )

@@ -1,0 +1,185 @@
+"""What is not known exactly, and how much of it a plan is to survive.
+
+Braking coefficients come with a covariance, stops scatter around them, maps are noisy, and what was
+learned grows old. All of it becomes a margin on the braking force, on the dead time and on the
+loads, at a quantile that the user chooses; nothing of it ever makes a plan faster.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import ndtri
+
+from models.parameters import Braking, Effect, Model
+from models.quantity import GRAVITY, quantity, validate_quantities
+from planner.kernels.compiled import Floats
+
+_WEAKER: dict[str, dict[str, float]] = {
+    "aerodynamic_drag": {"c": -1.0},
+    "viscous_resistance": {"c": -1.0},
+    "turning_resistance": {"k": -1.0},
+    "brake_lag": {"tau": 1.0},
+    "brake_fade": {"k": 1.0, "tau": 1.0},
+    "crest_unloading": {"k": 1.0},
+}
+"""Which way a parameter goes for stops to become longer, where that is the same everywhere."""
+
+HOUR = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uncertainty:
+    """What a plan has to survive beside the model's mean."""
+
+    quantile: float = quantity(
+        "1", "One-sided quantile that stopping path and loads survive.", default=0.999,
+        at_least=0.5, at_most=0.999999,
+    )  # fmt: skip
+    slope_std: float = quantity(
+        "rad", "Error of the map's grade and roll.", default=0.0, at_least=0.0, at_most=0.2
+    )
+    age: float = quantity("s", "Since the parameters were learned.", default=0.0, at_least=0.0)
+    drift: float = quantity(
+        "1/h^½", "Growth of the error of F_b/W with the root of age.", default=0.01, at_least=0.0
+    )
+    untrained_share: float = quantity(
+        "1", "Share of the weakest known force that counts on surfaces never braked on.",
+        default=0.6, above=0.0, at_most=1.0,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+    @property
+    def width(self) -> float:
+        """How many standard deviations the quantile is away from the mean."""
+        return float(ndtri(self.quantile))
+
+    def force_matrix(self, braking: Braking) -> Floats:
+        """(4, 4) matrix S with (margin of F_b/W)² = φᵀ S φ, φ = (θ v_i, θ, v_i, 1).
+
+        Covariance, scatter, age, and what an error of the grade does to force and weight.
+        """
+        learned = np.zeros((4, 4)) if braking.covariance is None else np.array(braking.covariance)
+        learned = learned * braking.level**2
+        learned[3, 3] += braking.force_std**2 + self.drift**2 * self.age / HOUR
+        # Where the slope coefficients differ uphill, the sum of both is above either.
+        slopes = [(braking.m_m, braking.b_m)]
+        if braking.uphill is not None:
+            slopes.append((braking.uphill.m_m, braking.uphill.b_m))
+        for m_m, b_m in slopes:
+            change = np.array([0.0, 0.0, braking.level * m_m, 1.0 + braking.level * b_m])
+            learned = learned + self.slope_std**2 * np.outer(change, change)
+        matrix: Floats = self.width**2 * learned
+        return matrix
+
+    def dead_time(self, braking: Braking) -> float:
+        """Dead time that is rarely exceeded [s]."""
+        return braking.dead_time + self.width * braking.dead_time_std
+
+    def load_margin(self, model: Model) -> float:
+        """By how much an error of grade or roll may unload an axle or a side.
+
+        A share of load is cos θ ± (cg_z / lever) sin θ: no slope changes it faster than the root of
+        1 + (cg_z / lever)². Source: Braking (5), Slip (18)-(21), sines corrected.
+        """
+        v = model.vehicle
+        shorter = min(v.cg_x, v.wheelbase - v.cg_x, 0.5 * v.track_width)
+        return self.width * self.slope_std * float(np.hypot(1.0, v.cg_z / shorter))
+
+    def cautious(self, model: Model) -> Model:
+        """The model with its load limits and effects moved to where the vehicle stops later.
+
+        Friction is not moved here: its lower end caps the force that stops the vehicle, its upper
+        end the one that unloads the rear axle (:func:`planner.ground.surface_table.frictions`).
+        """
+        margin = self.load_margin(model)
+        limits = replace(model.limits, min_load=min(model.limits.min_load + margin, 0.9))
+        effects = tuple(self._weaker(e) for e in model.effect)
+        return replace(model, limits=limits, effect=effects)
+
+    def _weaker(self, effect: Effect) -> Effect:
+        """Keeps the covariance: the loads have to survive the other end."""
+        parameters = dict(effect.parameters)
+        for name, sign in _WEAKER.get(effect.name, {}).items():
+            moved = parameters[name] + sign * self.margin_of(effect, name)
+            parameters[name] = max(moved, 1e-9) if sign < 0.0 else moved
+        return replace(effect, parameters=parameters)
+
+    def margin_of(self, effect: Effect, name: str) -> float:
+        """How far a parameter of an effect may be from its value, in its unit."""
+        if effect.covariance is None:
+            return 0.0
+        index = list(effect.parameters).index(name)
+        return self.width * float(np.sqrt(effect.covariance[index][index]))
+
+    def drag_spread(self, effects: tuple[Effect, ...], curvature: Floats, speed: float) -> Floats:
+        """How much stronger drag may be than in the cautious model, as a share of the weight.
+
+        Where the vehicle stops the least drag decides, on how far it is unloaded the most.
+
+        Args:
+            effects: of the model. curvature: [1/m], any shape. speed: that is never exceeded [m/s].
+        """
+        spread = np.zeros_like(curvature)
+        for effect in effects:
+            match effect.name:
+                case "aerodynamic_drag":
+                    spread += 2.0 * self.margin_of(effect, "c") * speed**2 / GRAVITY
+                case "viscous_resistance":
+                    spread += 2.0 * self.margin_of(effect, "c") * speed
+                case "turning_resistance":
+                    spread += 2.0 * self.margin_of(effect, "k") * speed * np.fabs(curvature)
+        return spread
+
+    def ground_margin(self, effect: Effect) -> float:
+        """Margin of F_b/W for an effect that is uncertain, or that the map's errors change.
+
+        To first order, at the largest that its factors can be on ground that is driven on; for
+        ground terms and wind. Drag, lag, fade and friction are moved instead.
+        """
+        margin = 0.0
+        if effect.covariance is not None:
+            most = _factors(effect)
+            factor = np.array([most.get(name, 0.0) for name in effect.parameters])
+            # Each factor may have either sign where the vehicle is.
+            spread = factor * np.sqrt(np.diag(np.array(effect.covariance)))
+            margin = self.width * float(np.sum(spread))
+        per_slope = _PER_SLOPE.get(effect.name, 0.0)
+        if per_slope > 0.0:
+            margin += self.width * self.slope_std * per_slope * abs(effect.parameters["k"])
+        return margin
+
+
+_FASTEST = 10.0
+"""No vehicle here is faster, relative to the ground [m/s]."""
+
+_FACTORS: dict[str, dict[str, float]] = {
+    "grade_asymmetry": {"k": 0.35},
+    "grade_nonlinearity": {"k": 0.12},
+    "cross_slope": {"k": 0.35},
+    "surface_patch": {"delta": 1.0},
+    "directional_surface": {"k": 1.0},
+    "step_change": {"scale": 1.0, "delta": 1.0},
+    "session_drift": {"k": 4.0 * HOUR},
+}
+"""The most that each parameter of a ground term is multiplied with: slopes of 20°, four hours."""
+
+_PER_SLOPE = {"grade_asymmetry": 1.0, "grade_nonlinearity": 0.7, "cross_slope": 1.0}
+"""The most that k of a ground term is multiplied with for each radian of slope."""
+
+
+def _factors(effect: Effect) -> dict[str, float]:
+    """The most that a change of each parameter changes F_b/W."""
+    if effect.name != "headwind":
+        return _FACTORS.get(effect.name, {})
+    # Wind helps in one direction and pushes in the other: c (u |u| − v²), u = v + wind cos(…).
+    c, wind = abs(effect.parameters["c"]), abs(effect.parameters["wind"])
+    relative = _FASTEST + wind
+    return {
+        "c": wind * (2.0 * _FASTEST + wind) / GRAVITY,
+        "wind": 2.0 * c * relative / GRAVITY,
+        "direction": 2.0 * c * relative * wind / GRAVITY,
+    }

@@ -1,0 +1,1 @@
+"""The moving horizon: plans that continue from one cycle to the next."""

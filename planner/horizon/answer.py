@@ -1,0 +1,168 @@
+"""What goes into a cycle of the moving horizon, and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from models.errors import ParameterError
+from models.quantity import quantity, validate_quantities
+from planner.plan import SpeedPlan, Status
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HorizonSettings:
+    """How one cycle works, and when it changes its mind."""
+
+    budget: float = quantity(
+        "s", "Time for one cycle; what does not fit is smoothing.", default=0.02, above=0.0
+    )
+    smoothed: int = 4
+    period: float = quantity("s", "From one cycle to the next.", default=0.1, above=0.0)
+    switch_gain: float = quantity(
+        "s",
+        "By how much, beside a station of progress, a rival must be better to be chosen.",
+        default=0.3,
+        at_least=0.0,
+    )
+    beside: float = quantity(
+        "m", "Farthest that a path may lie beside the vehicle.", default=0.5, above=0.0
+    )
+    ahead: float = quantity(
+        "m", "Farthest that a path may begin ahead of the vehicle.", default=1.0, above=0.0
+    )
+    turned: float = quantity(
+        "rad", "Largest angle between a path and the heading.", default=1.0, above=0.0
+    )
+    same_path: float = quantity(
+        "m", "How exactly a path of the same name is the same path.", default=0.1, above=0.0
+    )
+    speed_error: float = quantity(
+        "m/s", "Difference to the planned speed that tracking removes.", default=0.1, at_least=0.0
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+        if self.smoothed < 1:
+            raise ParameterError("smoothed", f"at least 1 candidate, got {self.smoothed}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """Where the vehicle is: the middle of its wheelbase, in map coordinates.
+
+    Attributes:
+        x, y: [m]. heading: [rad]. speed: along the heading [m/s].
+    """
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+
+    def flaw(self) -> str:
+        """What makes it useless, empty if nothing does."""
+        for name in ("x", "y", "heading", "speed"):
+            if not np.isfinite(getattr(self, name)):
+                return f"state.{name} is {getattr(self, name)}"
+        return f"state.speed is {self.speed:g} m/s, backwards" if self.speed < -0.05 else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What to do until the next cycle.
+
+    Attributes:
+        speed: to be reached after one period [m/s].
+        accel: now [m/s²].
+        stop: brake as hard as the brakes can, at once.
+        valid_for: how long the plan may be followed without another answer; it ends at rest [s].
+    """
+
+    speed: float
+    accel: float
+    stop: bool
+    valid_for: float
+
+
+FULL_STOP = Command(0.0, 0.0, True, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Deficit:
+    """What the plan that was driven lacks, now that something got worse.
+
+    Attributes:
+        amount: by how much, in the unit of the bound.
+        distance: from the vehicle to where that is, along the plan [m].
+        bound: what is breached, as in :class:`planner.verify.judge.Offence`.
+    """
+
+    amount: float
+    distance: float
+    bound: str
+
+    def sentence(self) -> str:
+        """In words."""
+        return f"{self.bound} by {self.amount:.3g} in {self.distance:.2f} m"
+
+
+@dataclass(frozen=True, slots=True)
+class Ranked:
+    """One candidate of a cycle.
+
+    Attributes:
+        candidate: name.
+        cost: travel time and what is missed [s], inf where it was not planned.
+        valid: the judge has no objection to its time-optimal profile.
+        reason: why it was not planned, or what the judge objects to.
+    """
+
+    candidate: str
+    cost: float
+    valid: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The answer of one cycle.
+
+    Attributes:
+        status, reason: in a word and a sentence; those of the chosen plan, if there is one.
+        chosen: the plan to drive, None where there is nothing to drive along.
+        command: what to do now; always there.
+        plans: those that were finished, best first; the plan driven so far may be one.
+        ranking: all candidates, best first.
+        deficit: what the plan driven so far lacks, None if that was not asked or is nothing.
+        kept: the plan driven so far is driven on as it is.
+        seconds: what each stage took.
+    """
+
+    status: Status
+    reason: str
+    chosen: SpeedPlan | None
+    command: Command
+    plans: tuple[SpeedPlan, ...] = ()
+    ranking: tuple[Ranked, ...] = ()
+    deficit: Deficit | None = None
+    kept: bool = False
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def command_of(plan: SpeedPlan, station: float, now: float, period: float) -> Command:
+    """What to do at a station of a plan.
+
+    Args:
+        plan: followed from there.
+        station: of the vehicle [m]; now: time of the plan there [s].
+        period: until the next cycle [s].
+    """
+    k = int(np.clip(np.searchsorted(plan.station, station, "right") - 1, 0, len(plan.station) - 2))
+    later = now + period
+    m = int(np.searchsorted(plan.time, later, "right")) - 1
+    speed = 0.0
+    if later < plan.travel_time:
+        speed = max(float(plan.speed[m] + plan.accel[m] * (later - plan.time[m])), 0.0)
+    return Command(speed, float(plan.accel[k]), False, max(plan.travel_time - now, 0.0))

@@ -1,0 +1,105 @@
+"""The moving horizon: from state, candidates and map of this cycle to one plan and one command.
+
+All candidates are planned and judged; the best are smoothed, as many as the time allows. The plan
+that is being driven stays among them on stations of its own: as long as nothing got worse it may be
+driven on, so an answer that was `ok` stays `ok` (docs/decisions/0008-horizon.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from models.parameters import Model
+from planner.ground.braking_ground import Conditions
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.uncertainty import Uncertainty
+from planner.horizon.answer import Answer, State
+from planner.horizon.answer import HorizonSettings as HorizonSettings
+from planner.horizon.continuation import Driven
+from planner.horizon.cycle import Cycle, checked_clear
+from planner.horizon.cycle_planner import CyclePlanner, Equipment
+from planner.kernels.compiled import Floats
+from planner.kernels.limits import numbers
+from planner.path import CandidatePath, PathBatch, batch
+from planner.settings import PlannerSettings
+
+
+class Horizon:
+    """Plans from cycle to cycle: one object a vehicle, one thread at a time."""
+
+    def __init__(
+        self,
+        model: Model,
+        settings: HorizonSettings | None = None,
+        planner: PlannerSettings | None = None,
+        uncertainty: Uncertainty | None = None,
+    ) -> None:
+        """Begin without a plan.
+
+        Args:
+            model: of the vehicle.
+            settings: of the cycle; planner: of planning.
+            uncertainty: what plans have to survive.
+        """
+        self.settings = settings or HorizonSettings()
+        self.planner = planner or PlannerSettings()
+        self.uncertainty = uncertainty or Uncertainty()
+        self._driven: Driven | None = None
+        self.learn(model)
+
+    @property
+    def model(self) -> Model:
+        """What is planned with: the vehicle's model, made cautious."""
+        return self._equipment.model
+
+    def learn(self, model: Model, uncertainty: Uncertainty | None = None) -> None:
+        """Go on with other parameters, or with the same ones, aged."""
+        self.uncertainty = uncertainty or self.uncertainty
+        cautious = self.uncertainty.cautious(model)
+        self._equipment = Equipment(
+            cautious, numbers(cautious), self.uncertainty, self.settings, self.planner
+        )
+
+    def forget(self) -> None:
+        """Go on without the plan driven so far."""
+        self._driven = None
+
+    def step(
+        self,
+        state: State,
+        paths: PathBatch | Sequence[CandidatePath],
+        elevation_map: ElevationMap,
+        *,
+        clear: float | Floats = np.inf,
+        conditions: Conditions | None = None,
+    ) -> Answer:
+        """One cycle.
+
+        Args:
+            state: of the vehicle now.
+            paths: candidates, at best as stations that are even already. One that is called as the
+                one that is driven, and runs along it, is the same path.
+            elevation_map: ground as it is known now.
+            clear: station up to which the way is known free, counted from the first point of each
+                candidate; one for all, or (M,) [m]. Below 0 nothing is free.
+            conditions: of the moment.
+
+        Raises:
+            ParameterError: a candidate is malformed, or ``clear`` has another shape.
+        """
+        begun = perf_counter()
+        offered = paths if isinstance(paths, PathBatch) else None
+        if not isinstance(paths, PathBatch) and len(paths) > 0:
+            offered = batch(list(paths), self.planner.spacing_on(elevation_map.resolution))
+        if offered is not None and len(offered.names) == 0:
+            offered = None
+        free = checked_clear(clear, 0 if offered is None else len(offered.names))
+        cycle = Cycle(
+            CyclePlanner(self._equipment, elevation_map, conditions, begun), state, self._driven
+        )
+        answer, self._driven = cycle.run(offered, free)
+        return replace(answer, seconds=cycle.seconds)

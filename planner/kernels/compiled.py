@@ -1,0 +1,64 @@
+"""One place for how the hot path is compiled.
+
+Kernels see float64 scalars and arrays only and release the GIL; they run on one thread, because a
+second one costs milliseconds on a busy machine. Compiled code is cached on disk beside the source,
+so that only the first run after an installation pays for the compiler.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+TILE = 64
+"""Candidates worked on together: a tile of rows stays in the first-level cache."""
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function for float64 scalars and arrays; NaN keeps its meaning."""
+    compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    return cast(Callable[P, R], compiled)
+
+
+def inlined(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function, or a law of `models`, so that a kernel can call it at no cost."""
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
+    return cast(Callable[P, R], compiled)
+
+
+def row_pass(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile one pass along a row, a lane for each candidate, to run on many lanes at once.
+
+    For that its loop has no branch, reads all it needs before it chooses, and takes rows as they
+    lie in memory: `a = rows[0]`, where `a, b = rows` would give strided ones. A product and its sum
+    are one instruction with one rounding; NaN keeps its meaning.
+    """
+    compiled: Any = numba.njit(
+        nogil=True, error_model="numpy", forceinline=True, fastmath={"contract"}
+    )(function)
+    return cast(Callable[P, R], compiled)
+
+
+def is_first_run() -> bool:
+    """Nothing is compiled yet: the first plan will take half a minute."""
+    package = Path(__file__).parents[1]
+    return os.access(package, os.W_OK) and not any(package.glob("*/__pycache__/*.nbi"))
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array, closed for writing: value objects share it without fear."""
+    array.flags.writeable = False
+    return array

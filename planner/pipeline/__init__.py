@@ -1,0 +1,1 @@
+"""From candidate paths to ranked, verified plans."""

@@ -1,0 +1,1 @@
+"""The fastest profile below the bounds: time-optimal, then smoothed to limited jerk."""

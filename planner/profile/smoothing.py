@@ -1,0 +1,144 @@
+"""Jerk-limited profile: the fastest one whose acceleration changes no faster than the limit.
+
+The fastest profile is, within hundredths of a percent, the one nearest to the time-optimal profile
+from below, which is a quadratic program. Its one nonlinear constraint, the time in which the
+acceleration changes, stands there as its tangent (see :mod:`planner.profile.smoothing_program`):
+the program's set lies inside the exact one, so what it returns may be driven. An interior-point
+method along the stations solves it; where that fails OSQP is asked. An answer depends on nothing
+that was solved before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.kernels.compiled import Floats, kernel
+from planner.profile.banded_nearest import nearest, room
+from planner.profile.osqp_nearest import nearest_by_osqp
+from planner.profile.smoothing_program import FEWEST, REST, program, reachable
+
+_Numbers = tuple[Floats, Floats, Floats, Floats, float, float]
+"""Of a problem: its attributes in their order, NaN for an acceleration that does not matter."""
+
+_LINEARISATIONS = 4
+
+_WORTH = 0.05
+"""Share of the distance to the time-optimal profile for which tangents are taken anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothingProblem:
+    """One candidate; N stations.
+
+    Attributes:
+        ds: (N − 1,) segment lengths [m], > 0.
+        speed_sq_max: (N,) bound [m²/s²]; the time-optimal profile, above which nothing is feasible.
+        accel_max, decel_max: (N − 1,) [m/s²], >= 0, each valid for every v² up to the bound.
+        jerk: [m/s³].
+        start_accel: acceleration before the first segment [m/s²], None if it does not matter.
+    """
+
+    ds: Floats
+    speed_sq_max: Floats
+    accel_max: Floats
+    decel_max: Floats
+    jerk: float
+    start_accel: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """Result of smoothing.
+
+    Attributes:
+        speed_sq: (N,) v² [m²/s²], None if no solver found one; then ``reason`` says why.
+        iterations: of the solvers.
+        reason: empty if solved.
+    """
+
+    speed_sq: Floats | None
+    iterations: int
+    reason: str = ""
+
+
+def smooth(problem: SmoothingProblem) -> Smoothed:
+    """Solve one candidate."""
+    top = problem.speed_sq_max
+    moving = top > REST
+    answer = np.zeros(len(top))
+    if not moving.any():
+        return Smoothed(answer, 0)
+    # Of the stations of rest at the end only the first takes part.
+    part = _first_stations(problem, int(np.flatnonzero(moving)[-1]) + 2)
+    used = 0
+    for solver in (_along_stations, _by_osqp):
+        speed_sq = np.empty(len(part[1]))
+        iterations = solver(*part, speed_sq)
+        used += abs(iterations)
+        if iterations > 0:
+            n = min(len(speed_sq), len(top))
+            np.clip(speed_sq[:n], 0.0, top[:n], out=answer[:n])
+            answer[0] = top[0]
+            answer[~moving] = 0.0
+            return Smoothed(answer, used)
+    return Smoothed(None, used, f"no profile keeps the jerk limit ({used} iterations)")
+
+
+def _first_stations(problem: SmoothingProblem, count: int) -> _Numbers:
+    """The problem of so many stations; with stations of rest behind them where it has too few."""
+    n = min(count, len(problem.speed_sq_max))
+    more = max(FEWEST - n, 0)
+    parts = [a[: n - 1] for a in (problem.ds, problem.accel_max, problem.decel_max)]
+    ds, accel, decel = (np.pad(a, (0, more), constant_values=1.0) if more else a for a in parts)
+    top = problem.speed_sq_max[:n]
+    top = np.pad(top, (0, more)) if more else top
+    before = np.nan if problem.start_accel is None else problem.start_accel
+    return ds, top, accel, decel, problem.jerk, before
+
+
+@kernel
+def _along_stations(
+    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
+    start_accel: float, speed_sq: Floats,
+) -> int:  # fmt: skip
+    """The answer of the interior-point method; its iterations, negative if there is none.
+
+    Far below the profile of the tangents these give time away. What more exact ones allow is
+    weighed by the multipliers: where that is much, they are taken anew at the answer.
+    """
+    n = top.shape[0]
+    x, force = np.empty(n), np.empty(0)
+    around = reachable(ds, top, jerk, start_accel)
+    used = 0
+    for turn in range(_LINEARISATIONS):
+        fixed, start, rows, limit = program(
+            ds, top, accel_max, decel_max, jerk, start_accel, around
+        )
+        if turn == 0:
+            force = np.empty(limit.shape[0])
+        else:
+            missed = 0.0
+            for k in range(n):
+                missed += (speed_sq[k] - top[k]) ** 2
+            if room(start, rows, limit, force, speed_sq) <= _WORTH * 0.5 * missed:
+                break
+        iterations = nearest(top, fixed, start, rows, limit, x, force)
+        used += abs(iterations)
+        if iterations < 0:
+            return used if turn > 0 else -used
+        for k in range(n):
+            speed_sq[k] = x[k]
+            around[k] = min(max(x[k], 0.0), top[k])
+    return used
+
+
+def _by_osqp(
+    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
+    start_accel: float, speed_sq: Floats,
+) -> int:  # fmt: skip
+    """The same by OSQP, with the first tangents."""
+    around = reachable(ds, top, jerk, start_accel)
+    fixed, start, rows, limit = program(ds, top, accel_max, decel_max, jerk, start_accel, around)
+    return nearest_by_osqp(top, fixed, start, rows, limit, speed_sq, np.empty(len(limit)))

@@ -1,0 +1,168 @@
+"""Emergency stops of which brakes and grade alone decide: where they end, and the least loads.
+
+What the brakes take out is summed once along the path, exactly for a grade that is linear between
+stations; a stop ends where the sum has taken all of its energy.
+
+Source: Braking (7), (8), (12), with v dv = −a(θ(s), v_i) ds; the dead time at held speed first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.quantity import GRAVITY
+from planner.kernels.compiled import inlined
+from planner.verify.track import Survey, Track, at, segment
+
+_LONGEST = 1e3
+"""A stop longer than this is called no stop [m]."""
+
+
+@inlined
+def work_up_to(track: Track, survey: Survey, s: float, i: int, v_i: float) -> float:
+    """What full braking takes out from the first station to s in segment i, over m g [m].
+
+    Beyond the last station the ground stays as it was there.
+    """
+    station = track.station
+    ds = station[i + 1] - station[i]
+    u = (s - station[i]) / ds
+    if u > 1.0:
+        force = v_i * track.weak_speed[i + 1] + track.weak_rest[i + 1] + survey.sine[i + 1]
+        whole = v_i * survey.speed_work[i + 1] + survey.rest_work[i + 1]
+        return float(whole + (s - station[i + 1]) * force)
+    first = v_i * track.weak_speed[i] + track.weak_rest[i] + survey.sine[i]
+    second = v_i * track.weak_speed[i + 1] + track.weak_rest[i + 1] + survey.sine[i + 1]
+    before = v_i * survey.speed_work[i] + survey.rest_work[i]
+    gain = v_i * survey.speed_work[i + 1] + survey.rest_work[i + 1] - before
+    # The cubic with the sums and the forces of both stations.
+    first, second = ds * first, ds * second
+    rise = first + second - 2.0 * gain
+    return float(before + u * (first + u * (3.0 * gain - 2.0 * first - second + u * rise)))
+
+
+@inlined
+def ends_before(
+    track: Track, survey: Survey, s: float, v: float, dead: float, slowest: float, i: int,
+    target: float, speed_work: float, rest_work: float,
+) -> tuple[bool, int]:  # fmt: skip
+    """Does a stop end before the target? The same as asking :func:`stop_by_energy` where.
+
+    Args:
+        track, survey, s, v, dead, slowest, i: as there.
+        target: [m]; speed_work, rest_work: the sums up to it.
+
+    Returns:
+        The answer, and the segment of the onset.
+    """
+    v_i = max(v, slowest)
+    onset = s + v * dead
+    i = segment(track.station, onset, i)
+    needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
+    return (onset <= target) & (v_i * speed_work + rest_work >= needed), i
+
+
+@inlined
+def stop_by_energy(
+    track: Track, survey: Survey, s: float, v: float, dead: float, slowest: float,
+    i: int, j: int,
+) -> tuple[float, float, float, int, int]:  # fmt: skip
+    """Where a stop ends of which nothing but brakes and grade decide.
+
+    Args:
+        track, survey: the path.
+        s, v: place [m] and speed [m/s] of the command.
+        dead, slowest: dead time [s], speed below which the coefficients no longer change [m/s].
+        i, j: segments to look for onset and end from.
+
+    Returns:
+        Where it ends [m]; where braking begins [m]; the sum that has to be reached there [m]; the
+        segments of onset and end.
+    """
+    station = track.station
+    v_i = max(v, slowest)
+    onset = s + v * dead
+    i = segment(station, onset, i)
+    needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
+    j = max(j, i)
+    last = station.shape[0] - 2
+    while j > i and v_i * survey.speed_work[j] + survey.rest_work[j] >= needed:
+        j -= 1
+    while j < last and v_i * survey.speed_work[j + 1] + survey.rest_work[j + 1] < needed:
+        j += 1
+    low = max(onset, station[j])
+    high = station[j + 1]
+    at_low = work_up_to(track, survey, low, j, v_i) - needed
+    at_high = v_i * survey.speed_work[j + 1] + survey.rest_work[j + 1] - needed
+    if at_high < 0.0 or onset >= high:
+        # Off the end of the path.
+        low = max(onset, high)
+        at_low = work_up_to(track, survey, low, j, v_i) - needed
+        force = v_i * track.weak_speed[j + 1] + track.weak_rest[j + 1] + survey.sine[j + 1]
+        end = low - at_low / force if force > 0.0 else np.inf
+        return min(end, s + _LONGEST), onset, needed, i, j
+    end = high
+    for _ in range(4):
+        # Regula falsi on what is as good as linear.
+        end = low - at_low * (high - low) / (at_high - at_low) if at_high > at_low else high
+        left = work_up_to(track, survey, end, j, v_i) - needed
+        if abs(left) < 1e-12:
+            break
+        if left < 0.0:
+            low, at_low = end, left
+        else:
+            high, at_high = end, left
+    return end, onset, needed, i, j
+
+
+@inlined
+def _shares_at(
+    track: Track, survey: Survey, i: int, u: float, energy: float, v_i: float, braking: bool
+) -> tuple[float, float]:
+    """Rear share and least side share between stations i and i + 1 at v² = ``energy``."""
+    # Angles are linear in between: sines and cosines bulge above their chords.
+    pitched, rolled = track.grade[i + 1] - track.grade[i], track.roll[i + 1] - track.roll[i]
+    bulge = 1.0 + 0.5 * u * (1.0 - u) * (pitched * pitched + rolled * rolled)
+    rear = bulge * at(survey.rear, i, u)
+    if braking:
+        strong = v_i * at(track.strong_speed, i, u) + at(track.strong_rest, i, u)
+        rear -= survey.per_decel * GRAVITY * (strong + bulge * at(survey.sine, i, u))
+    lateral = survey.per_lateral * energy * at(survey.lean, i, u)
+    left, right = bulge * at(survey.left, i, u), bulge * at(survey.right, i, u)
+    return rear, min(left - lateral, right + lateral)
+
+
+@inlined
+def loads_by_energy(
+    track: Track, survey: Survey, s: float, v: float, slowest: float, k: int,
+    end: float, onset: float, needed: float, i: int, j: int,
+) -> tuple[float, float]:  # fmt: skip
+    """Least rear share and least side share on a stop of :func:`stop_by_energy`.
+
+    Args:
+        track, survey, s, v, slowest: as there; k: the segment of s.
+        end, onset, needed, i, j: what it returned.
+    """
+    station = track.station
+    v_i = max(v, slowest)
+    held = v * v
+    ds = station[k + 1] - station[k]
+    rear, side = _shares_at(track, survey, k, (s - station[k]) / ds, held, v_i, False)
+    for m in range(k + 1, i + 1):
+        r, d = _shares_at(track, survey, m, 0.0, held, v_i, False)
+        rear, side = min(rear, r), min(side, d)
+    u = min((onset - station[i]) / (station[i + 1] - station[i]), 1.0)
+    r, d = _shares_at(track, survey, i, u, held, v_i, True)
+    rear, side = min(rear, r), min(side, d)
+    for m in range(i + 1, j + 1):
+        left = needed - v_i * survey.speed_work[m] - survey.rest_work[m]
+        r, d = _shares_at(track, survey, m, 0.0, 2.0 * GRAVITY * max(left, 0.0), v_i, True)
+        rear, side = min(rear, r), min(side, d)
+    if end > station[j + 1]:
+        # It runs off the end of the path.
+        left = needed - v_i * survey.speed_work[j + 1] - survey.rest_work[j + 1]
+        r, d = _shares_at(track, survey, j, 1.0, 2.0 * GRAVITY * max(left, 0.0), v_i, True)
+        rear, side = min(rear, r), min(side, d)
+    u = min((end - station[j]) / (station[j + 1] - station[j]), 1.0)
+    r, d = _shares_at(track, survey, j, u, 0.0, v_i, True)
+    return min(rear, r), min(side, d)

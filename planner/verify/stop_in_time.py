@@ -1,0 +1,120 @@
+"""Emergency stops integrated in time, for effects that act on the motion itself.
+
+A fourth-order Runge–Kutta scheme on the laws of `models`, grade linear between stations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.effects import registry
+from models.effects.registry import Motion
+from models.laws import wheel_loads
+from models.quantity import GRAVITY
+from planner.kernels.compiled import inlined
+from planner.verify.track import Body, Track, at, segment
+
+_rear_share = inlined(wheel_loads.rear_load_share)
+_left_share = inlined(wheel_loads.left_load_share)
+_right_share = inlined(wheel_loads.right_load_share)
+_motion_deceleration = inlined(registry.motion_deceleration)
+
+
+@inlined
+def _rates(
+    track: Track, motion: Motion, s: float, v: float, f: float, q: float, v_i: float, i: int
+) -> tuple[float, float, float]:
+    """Deceleration, growth of the built-up force and of the heat."""
+    i = segment(track.station, s, i)
+    # Beyond the last station the ground stays as it was there.
+    u = min((s - track.station[i]) / (track.station[i + 1] - track.station[i]), 1.0)
+    grade = at(track.grade, i, u)
+    upright = np.cos(grade) * np.cos(at(track.roll, i, u))
+    wanted = v_i * at(track.weak_speed, i, u) + at(track.weak_rest, i, u)
+    force = (f if motion.lag > 0.0 else wanted) / (1.0 + motion.fade * max(q, 0.0))
+    force = min(force, motion.friction * upright)
+    speed = max(v, 0.0)
+    extra = _motion_deceleration(speed, at(track.curvature, i, u), at(track.yaw, i, u), motion)
+    growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0
+    heating = GRAVITY * max(force, 0.0) * speed - q / motion.fade_tau
+    return GRAVITY * (force + np.sin(grade)) + extra, growth, heating
+
+
+@inlined
+def _shares(
+    track: Track, body: Body, motion: Motion, s: float, v: float, v_i: float, i: int, braking: bool
+) -> tuple[float, float]:
+    """Least axle share and least side share at s, braking or holding the speed."""
+    i = segment(track.station, s, i)
+    u = min((s - track.station[i]) / (track.station[i + 1] - track.station[i]), 1.0)
+    grade, roll = at(track.grade, i, u), at(track.roll, i, u)
+    bend = at(track.curvature, i, u)
+    decel = 0.0
+    if braking:
+        strong = v_i * at(track.strong_speed, i, u) + at(track.strong_rest, i, u)
+        strong = min(strong, motion.friction * np.cos(grade) * np.cos(roll))
+        decel = GRAVITY * (strong + np.sin(grade))
+        decel += max(_motion_deceleration(max(v, 0.0), bend, at(track.yaw, i, u), motion), 0.0)
+    rear = _rear_share(grade, roll, decel, body.wheelbase, body.cg_x, body.cg_z)
+    lateral = v * v * bend / np.cos(roll)
+    left = _left_share(grade, roll, lateral, body.track_width, body.cg_z)
+    right = _right_share(grade, roll, lateral, body.track_width, body.cg_z)
+    return rear, min(left, right)
+
+
+@inlined
+def stop_in_time(
+    track: Track, body: Body, motion: Motion, s: float, v: float, dead: float, slowest: float,
+    i: int, limit: float, h: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Where any stop ends, and the least rear and side shares on its way.
+
+    Args:
+        track, body, motion: path, vehicle, effects.
+        s, v, dead, slowest: as in `stop_by_energy`; i: the segment of s.
+        limit: a stop that gets here is not followed further [m].
+        h: time step [s].
+    """
+    station = track.station
+    v_i = max(v, slowest)
+    onset = s + v * dead
+    rear, side = _shares(track, body, motion, s, v, v_i, i, False)
+    while station[i + 1] < onset and i + 2 < station.shape[0]:
+        i += 1
+        r, d = _shares(track, body, motion, station[i], v, v_i, i, False)
+        rear, side = min(rear, r), min(side, d)
+    r, d = _shares(track, body, motion, onset, v, v_i, i, False)
+    rear, side = min(rear, r), min(side, d)
+    f, q = 0.0, motion.heat
+    s = onset
+    while s <= limit:
+        r, d = _shares(track, body, motion, s, v, v_i, i, True)
+        rear, side = min(rear, r), min(side, d)
+        a1, f1, q1 = _rates(track, motion, s, v, f, q, v_i, i)
+        if v <= 0.0:
+            break
+        b = 0.5 * h
+        v2 = v - b * a1
+        a2, f2, q2 = _rates(track, motion, s + b * v, v2, f + b * f1, q + b * q1, v_i, i)
+        v3 = v - b * a2
+        a3, f3, q3 = _rates(track, motion, s + b * v2, v3, f + b * f2, q + b * q2, v_i, i)
+        v4 = v - h * a3
+        a4, f4, q4 = _rates(track, motion, s + h * v3, v4, f + h * f3, q + h * q3, v_i, i)
+        after = v - h * (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0
+        if after <= 0.0:
+            # Within the last step the deceleration is as good as constant.
+            s += 0.5 * v * h * v / (v - after)
+        else:
+            s += h * (v + 2.0 * v2 + 2.0 * v3 + v4) / 6.0
+            f += h * (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0
+            q += h * (q1 + 2.0 * q2 + 2.0 * q3 + q4) / 6.0
+        while station[i + 1] < s and i + 2 < station.shape[0]:
+            i += 1
+            r, d = _shares(track, body, motion, station[i], v, v_i, i, True)
+            rear, side = min(rear, r), min(side, d)
+        v = after
+        if v <= 0.0:
+            r, d = _shares(track, body, motion, s, 0.0, v_i, i, True)
+            rear, side = min(rear, r), min(side, d)
+            break
+    return s, rear, side

@@ -1,0 +1,192 @@
+"""One candidate as the judge walks it: its stations, and what stops meet there.
+
+Loads and sums are those of the laws of `models`, of angles, at every station; planners' shortcuts
+in sines have no place here.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from models.laws import wheel_loads
+from models.parameters import Model
+from planner.ground.braking_ground import Ground
+from planner.ground.terrain_profile import TerrainProfile
+from planner.kernels.compiled import Floats, inlined, kernel
+
+_rear_share = inlined(wheel_loads.rear_load_share)
+_front_share = inlined(wheel_loads.front_load_share)
+_left_share = inlined(wheel_loads.left_load_share)
+_right_share = inlined(wheel_loads.right_load_share)
+
+
+class Track(NamedTuple):
+    """One candidate as the judge walks it; arrays are (N,) over its stations.
+
+    Attributes:
+        station, grade, roll, curvature, yaw: geometry; yaw without jumps.
+        weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest: as of the ground.
+        speed_limit: of path and trained range [m/s].
+    """
+
+    station: Floats
+    grade: Floats
+    roll: Floats
+    curvature: Floats
+    yaw: Floats
+    weak_speed: Floats
+    weak_rest: Floats
+    strong_speed: Floats
+    strong_rest: Floats
+    dead_time: Floats
+    slowest: Floats
+    speed_limit: Floats
+
+
+class Body(NamedTuple):
+    """The vehicle as the judge weighs it; SI."""
+
+    wheelbase: float
+    track_width: float
+    cg_x: float
+    cg_z: float
+    slip_track: float
+
+
+class Survey(NamedTuple):
+    """What stops meet at the stations, by the laws of `models`; arrays are (N,).
+
+    Attributes:
+        sine: sin θ.
+        speed_work: sum of weak_speed from the first station on [m · s/m].
+        rest_work: sum of weak_rest + sin θ from the first station on [m].
+        front, rear, left, right: shares of the level static loads at rest.
+        lean: lateral acceleration for each unit of v² [1/m].
+        per_accel: by how much acceleration unloads the front, deceleration the rear [s²/m].
+        per_decel, per_lateral: the same of the rear and of the sides.
+    """
+
+    sine: Floats
+    speed_work: Floats
+    rest_work: Floats
+    front: Floats
+    rear: Floats
+    left: Floats
+    right: Floats
+    lean: Floats
+    per_accel: float
+    per_decel: float
+    per_lateral: float
+
+
+def track_of(
+    profile: TerrainProfile,
+    ground: Ground,
+    candidate: int,
+    speed_limit: Floats | None = None,
+    first: int = 0,
+) -> Track:
+    """One candidate out of a batch, contiguous, without padding and without its first stations."""
+    n = int(profile.count[candidate])
+    columns = np.empty((len(Track._fields), n - first))
+    copy_columns(
+        first, candidate, n, profile.station, profile.grade, profile.sin_roll, profile.curvature,
+        profile.heading_x, profile.heading_y, ground.weak_speed, ground.weak_rest,
+        ground.strong_speed, ground.strong_rest, ground.dead_time, ground.slowest, ground.fastest,
+        True, columns,
+    )  # fmt: skip
+    track = Track(*columns)
+    if speed_limit is not None:
+        np.minimum(track.speed_limit, speed_limit[first:n, candidate], out=track.speed_limit)
+    return track
+
+
+@kernel
+def copy_columns(
+    first: int, j: int, count: int, station: Floats, grade: Floats, sin_roll: Floats,
+    curvature: Floats, heading_x: Floats, heading_y: Floats, weak_speed: Floats,
+    weak_rest: Floats, strong_speed: Floats, strong_rest: Floats, dead_time: Floats,
+    slowest: Floats, fastest: Floats, turns: bool, out: Floats,
+) -> None:  # fmt: skip
+    """Stations ``first`` to ``count`` of candidate j, in the order of :class:`Track`.
+
+    Args:
+        turns: False leaves the yaw at 0, where nothing asks for it.
+        out: (≥ 12, ≥ count − first).
+    """
+    for k in range(first, count):
+        i = k - first
+        yaw = np.arctan2(heading_y[k, j], heading_x[k, j]) if turns else 0.0
+        before = out[4, i - 1] if i > 0 else yaw
+        out[0, i] = station[k, j] - station[first, j]
+        out[1, i] = grade[k, j]
+        out[2, i] = np.arcsin(sin_roll[k, j])
+        out[3, i] = curvature[k, j]
+        out[4, i] = yaw - 2.0 * np.pi * np.round((yaw - before) / (2.0 * np.pi))
+        out[5, i] = weak_speed[k, j]
+        out[6, i] = weak_rest[k, j]
+        out[7, i] = strong_speed[k, j]
+        out[8, i] = strong_rest[k, j]
+        out[9, i] = dead_time[k, j]
+        out[10, i] = slowest[k, j]
+        out[11, i] = fastest[k, j]
+
+
+def body_of(model: Model) -> Body:
+    """The vehicle's numbers for the judge."""
+    v = model.vehicle
+    rim = model.terrain.slip_track if v.drive == "skid_steer" else v.track_width
+    return Body(v.wheelbase, v.track_width, v.cg_x, v.cg_z, rim)
+
+
+@inlined
+def survey_of(track: Track, body: Body, memory: Floats) -> Survey:
+    """Walk a track once; ``memory`` is (8, ≥ N)."""
+    n = track.station.shape[0]
+    survey = Survey(
+        memory[0], memory[1], memory[2], memory[3], memory[4], memory[5], memory[6], memory[7],
+        _front_share(0.0, 0.0, 0.0, body.wheelbase, body.cg_x, body.cg_z)
+        - _front_share(0.0, 0.0, -1.0, body.wheelbase, body.cg_x, body.cg_z),
+        _rear_share(0.0, 0.0, 0.0, body.wheelbase, body.cg_x, body.cg_z)
+        - _rear_share(0.0, 0.0, 1.0, body.wheelbase, body.cg_x, body.cg_z),
+        _left_share(0.0, 0.0, 0.0, body.track_width, body.cg_z)
+        - _left_share(0.0, 0.0, 1.0, body.track_width, body.cg_z),
+    )  # fmt: skip
+    for k in range(n):
+        grade, roll = track.grade[k], track.roll[k]
+        survey.sine[k] = np.sin(grade)
+        survey.front[k] = _front_share(grade, roll, 0.0, body.wheelbase, body.cg_x, body.cg_z)
+        survey.rear[k] = _rear_share(grade, roll, 0.0, body.wheelbase, body.cg_x, body.cg_z)
+        survey.left[k] = _left_share(grade, roll, 0.0, body.track_width, body.cg_z)
+        survey.right[k] = _right_share(grade, roll, 0.0, body.track_width, body.cg_z)
+        survey.lean[k] = track.curvature[k] / np.cos(roll)
+    survey.speed_work[0] = survey.rest_work[0] = 0.0
+    for k in range(n - 1):
+        ds = track.station[k + 1] - track.station[k]
+        turn = 0.5 * (track.grade[k + 1] - track.grade[k])
+        # The mean of sin θ over a linear grade is that of its ends times tan(turn) / turn.
+        t = turn * turn
+        mean = 0.5 * (survey.sine[k] + survey.sine[k + 1]) * (1.0 + t / 3.0 + t * t * 2.0 / 15.0)
+        speed = 0.5 * (track.weak_speed[k] + track.weak_speed[k + 1])
+        rest = 0.5 * (track.weak_rest[k] + track.weak_rest[k + 1]) + mean
+        survey.speed_work[k + 1] = survey.speed_work[k] + ds * speed
+        survey.rest_work[k + 1] = survey.rest_work[k] + ds * rest
+    return survey
+
+
+@inlined
+def at(values: Floats, i: int, u: float) -> float:
+    """Linear between stations i and i + 1."""
+    return float(values[i] + u * (values[i + 1] - values[i]))
+
+
+@inlined
+def segment(station: Floats, s: float, i: int) -> int:
+    """Index of the segment that holds s, walking from i."""
+    while i > 0 and station[i] > s:
+        i -= 1
+    while i + 2 < station.shape[0] and station[i + 1] <= s:
+        i += 1
+    return i

@@ -1,0 +1,169 @@
+"""Commands for many paths, logs and vehicles: fleet plan, calibrate, discrepancy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from services.cli.arguments.options import (
+    NO_ADMISSIBLE,
+    AsJson,
+    ClearDistance,
+    Coverage,
+    FalseAlarm,
+    GroundMap,
+    LogFiles,
+    ModelFile,
+    Quantile,
+    Seed,
+    Smooth,
+    Spacing,
+    StartSpeed,
+    Topics,
+    say,
+    say_written,
+)
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    help="Many paths over large maps, the logs of many vehicles: on several processes or machines.",
+)
+
+FleetWorkers = Annotated[
+    int | None,
+    typer.Option(min=0, help="Processes here; 0 works in this one. One for each processor."),
+]
+Scheduler = Annotated[
+    str, typer.Option(metavar="ADDRESS", help="A running Dask scheduler, e.g. tcp://10.0.0.1:8786.")
+]
+ByFolder = Annotated[
+    bool, typer.Option("--by-folder", help="A folder is a vehicle; else each file is one.")
+]
+
+
+@app.command("plan")
+def fleet_plan(
+    map_file: Annotated[
+        Path, typer.Argument(metavar="MAP", help="Elevation map: tiled GeoTIFF in metres.")
+    ],
+    path_files: Annotated[
+        list[Path],
+        typer.Argument(metavar="PATHS…", help="Candidates: CSV or Parquet with x,y[,candidate]."),
+    ],
+    model: ModelFile,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where the results go, as Parquet in parts.")
+    ],
+    speed: StartSpeed = 0.0,
+    clear: ClearDistance = None,
+    spacing: Spacing = None,
+    quantile: Quantile = None,
+    smooth: Smooth = True,
+    workers: FleetWorkers = None,
+    scheduler: Scheduler = "",
+    as_json: AsJson = False,
+) -> None:
+    r"""Plan the candidates of many files over a map that need not fit into memory.
+
+    DIR/plans has a row a station, DIR/candidates a row a candidate, in parts. A run that was
+    interrupted goes on where it was; any number of workers gives the same bytes. Status 3: no
+    candidate may be driven. Needs `pip install slopewise\[fleet]`.
+
+    [bold]Example[/]  slopewise fleet plan county.tif paths-*.csv --model atv --out out/county
+    """
+    import math
+
+    from planner.settings import PlannerSettings
+    from services.cli.commands import fleet_plan as command
+    from services.cli.commands import plan as one
+
+    job = command.FleetPlanJob(
+        map_file, path_files, model, out, speed, math.inf if clear is None else clear,
+        one.with_spacing(PlannerSettings(smooth=smooth), spacing), one.uncertainty_at(quantile),
+        workers, scheduler,
+    )  # fmt: skip
+    result = command.run(job, quiet=as_json)
+    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    say_written(as_json, out)
+    if not result.admissible:
+        raise typer.Exit(NO_ADMISSIBLE)
+
+
+@app.command("calibrate")
+def fleet_calibrate(
+    logs: LogFiles,
+    model: ModelFile,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for a model file a vehicle.")],
+    by_folder: ByFolder = False,
+    map_file: GroundMap = None,
+    coverage: Coverage = 0.995,
+    workers: FleetWorkers = None,
+    scheduler: Scheduler = "",
+    as_json: AsJson = False,
+) -> None:
+    """Learn a braking model for each vehicle of a fleet, pooled where its own stops say little.
+
+    Surface by surface: how the vehicles differ, and each as far as its stops tell. One without
+    stops gets the fleet's mean and a longer offset.
+
+    [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
+    """
+    from services.cli.commands import fleet_calibrate as command
+
+    job = command.FleetCalibrateJob(
+        logs, model, out, by_folder, map_file, coverage, workers, scheduler
+    )
+    result = command.run(job, quiet=as_json)
+    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    if not as_json:
+        typer.echo(f"wrote {len(result.vehicles)} model files to {out}")
+
+
+@app.command("discrepancy")
+def fleet_discrepancy(
+    logs: LogFiles,
+    models: Annotated[
+        str,
+        typer.Option(
+            metavar="MODEL|DIR",
+            help="Model file or name for all, or a folder with NAME.toml for each vehicle.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for what is found.")],
+    by_folder: ByFolder = False,
+    map_file: GroundMap = None,
+    topics: Topics = None,
+    false_alarm: FalseAlarm = 0.005,
+    seed: Seed = 20,
+    pages: Annotated[
+        bool,
+        typer.Option("--pages/--no-pages", help="Draw a page for each, and one for the fleet."),
+    ] = True,
+    workers: FleetWorkers = None,
+    scheduler: Scheduler = "",
+    as_json: AsJson = False,
+) -> None:
+    r"""Hold the logs of many vehicles against their models: who lacks which effect, and how sure.
+
+    DIR/vehicles/NAME has discrepancy.json, model.toml and report.html as `slopewise discrepancy`
+    writes them; DIR/findings a row a vehicle as Parquet; DIR/findings.jsonl a line each. A log that
+    cannot be used is told in its row. A second run looks at what is new: logs that grew, models
+    that changed. Needs `pip install slopewise\[fleet,report]`.
+
+    [bold]Examples[/]  slopewise fleet discrepancy logs/*.csv --models atv --out out/fleet
+              slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may
+    """
+    from services.cli.commands import discrepancy as one
+    from services.cli.commands import fleet_discrepancy as command
+
+    job = command.FleetDiscrepancyJob(
+        logs, models, out, by_folder, map_file, topics, one.with_settings(false_alarm, seed), pages,
+        workers, scheduler,
+    )  # fmt: skip
+    result = command.run(job, quiet=as_json)
+    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    if not as_json:
+        typer.echo(f"wrote {out / command.PAGE if pages else out}")

@@ -1,0 +1,206 @@
+"""`slopewise bench`: planner beside peers, cycles and optimality, closed loop, hidden effects."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from models.errors import InputError
+
+if TYPE_CHECKING:
+    from benchmarks.closed_loop.campaign import Campaign
+
+
+_WIDE = 150  # columns of the widest table
+
+
+def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
+    """Measure, show, and write what was asked for.
+
+    Raises:
+        InputError: plots are wanted and plotly is not installed.
+    """
+    from benchmarks.planner import planner_speed
+
+    if plot is not None and find_spec("plotly") is None:
+        raise InputError("--plot", "", "needs plotly: pip install slopewise[bench]")
+    result = planner_speed.run(quick=quick)
+    console = Console()
+    planner_speed.show(result, console)
+    if json_file is not None:
+        json_file.write_text(json.dumps(result, indent=1) + "\n")
+        console.print(f"wrote {json_file}")
+    if plot is not None:
+        _write_plots(planner_speed.figures(result), plot)
+        console.print(f"wrote {plot}")
+
+
+def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
+    """Time cycles (`cycle`), or hold smoothed plans against the optimum (`optimality`)."""
+    from benchmarks.planner import cycle, optimality
+    from services.cli.screen import progress_bar
+
+    module = {"cycle": cycle, "optimality": optimality}[what]
+    console = Console()
+    with progress_bar(what, module.total(quick)) as advance:
+        result = module.run(quick, advance)
+    module.show(result, console)
+    if json_file is not None:
+        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
+        console.print(f"wrote {json_file}")
+
+
+def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
+    """Plan a fleet's worth of paths, show, and write what was asked for.
+
+    Args:
+        quick: a small map. json_file: for all figures.
+        out: folder with room for the large map; a temporary one if left out.
+
+    Raises:
+        InputError: the extra is not installed.
+    """
+    from tempfile import TemporaryDirectory
+
+    from services.fleet.scheduler import check_installed
+
+    check_installed()
+    from benchmarks.fleet import fleet as benchmark
+    from services.cli.screen import progress_bar
+
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    console = Console()
+    with (
+        TemporaryDirectory(prefix="slopewise-fleet-", dir=out) as folder,
+        progress_bar("fleet", benchmark.total(quick)) as advance,
+    ):
+        result = benchmark.run(quick, Path(folder) / "run", advance)
+    benchmark.show(result, console)
+    if json_file is not None:
+        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
+        console.print(f"wrote {json_file}")
+
+
+def discrepancy(
+    *,
+    quick: bool,
+    json_file: Path | None,
+    plot: Path | None,
+    out: Path | None,
+    sets: int | None = None,
+    minutes: float | None = None,
+) -> None:
+    """Hide effects, have them looked for, show, and write what was asked for.
+
+    Args:
+        quick: a few sets. json_file: for all figures. plot: page for them.
+        out: folder that keeps every outcome; what an interrupted run left in it is not made again.
+        sets: at most. minutes: after which no further set is begun.
+
+    Raises:
+        InputError: plots are wanted and plotly is not installed, or `out` is a file.
+    """
+    if plot is not None and find_spec("plotly") is None:
+        raise InputError("--plot", "", "needs plotly: pip install slopewise[bench]")
+    if out is not None and out.exists() and not out.is_dir():
+        raise InputError("--out", str(out), "expected a folder, got a file")
+    from benchmarks.discovery import campaign, tables
+    from services.cli.screen import progress_bar
+
+    size = campaign.QUICK if quick else campaign.FULL
+    if sets is not None:
+        size = replace(size, most=sets)
+    if minutes is not None:
+        size = replace(size, minutes=minutes)
+    console = Console()
+    with progress_bar("discrepancy", len(campaign.planned(size))) as advance:
+        result = campaign.run(size, advance, out)
+    console.print(f"{result['sets']} of {result['planned']} sets")
+    for table in tables.tables(result):
+        console.print(table)
+    for missing in campaign.missing():
+        console.print(missing)
+    if json_file is not None:
+        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
+        console.print(f"wrote {json_file}")
+    if plot is not None:
+        from benchmarks.discovery.charts import charts
+
+        _write_plots(charts(result), plot)
+        console.print(f"wrote {plot}")
+
+
+def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
+    """Learn, drive, show, and write what was asked for.
+
+    Args:
+        quick: few drives. json_file: for all figures.
+        out: folder for report, pictures, and the results of every drive; what an interrupted run
+            left in it is not driven again.
+
+    Raises:
+        InputError: the physics engine is not installed, or a file cannot be written.
+    """
+    for module in ("mujoco", "matplotlib"):
+        if find_spec(module) is None:
+            raise InputError("closed-loop", "", f"needs {module}: pip install slopewise[sim]")
+    from benchmarks.closed_loop import campaign, tables
+    from services.cli.screen import progress_bar
+
+    if out is not None and out.exists() and not out.is_dir():
+        raise InputError("--out", str(out), "expected a folder, got a file")
+    console = Console(width=max(Console().width, _WIDE))
+    with ExitStack() as bars:
+
+        def progress(what: str, total: int) -> Callable[[int], None]:
+            bars.close()
+            return bars.enter_context(progress_bar(what, total))
+
+        size = campaign.QUICK if quick else campaign.FULL
+        driven = campaign.run(size, progress, None if out is None else out / "runs")
+    for table in tables.tables(driven.result):
+        console.print(table)
+    if json_file is not None:
+        json_file.write_text(json.dumps(driven.result, indent=1, allow_nan=False) + "\n")
+        console.print(f"wrote {json_file}")
+    if out is not None:
+        _write_closed_loop(driven, out, console)
+
+
+def _write_closed_loop(driven: Campaign, folder: Path, console: Console) -> None:
+    from benchmarks.closed_loop import pictures, tables
+    from benchmarks.closed_loop.film import film
+    from benchmarks.closed_loop.moving_horizon import MovingHorizon
+    from services.report.closed_loop_page import write_report
+
+    frames = []
+    try:
+        frames = film(pictures.STRIP, driven.dem, MovingHorizon(driven.model), pictures.FRAMES)
+    except RuntimeError as error:
+        console.print(f"no frames of the drive: {error}")
+    drawn = pictures.draw(driven, frames)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, picture in drawn.items():
+        (folder / f"{name}.png").write_bytes(picture)
+    report = folder / "report.html"
+    write_report(report, driven.result, tables.COLUMNS, drawn)
+    console.print(f"wrote {report}")
+
+
+def _write_plots(figures: list, path: Path) -> None:  # type: ignore[type-arg]
+    from plotly.io import to_html
+
+    parts = [
+        to_html(figure, full_html=False, include_plotlyjs=(number == 0))
+        for number, figure in enumerate(figures)
+    ]
+    head = "<!doctype html><meta charset='utf-8'><title>slopewise bench</title>"
+    path.write_text(head + "\n".join(parts))

@@ -1,0 +1,218 @@
+"""`slopewise calibrate`: braking coefficients, dead time and margins out of drive logs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from models.calibration.learn import Calibration, learn
+from models.calibration.surface_fit import CalibrationSettings
+from models.errors import ParameterError
+from models.parameters import Model
+from models.stop_logs import unit_suspects
+from models.stop_logs.stop_record import StopRecord
+from services.cli.commands.calibration_rows import ROWS, surface_json
+from services.cli.screen import progress_bar
+from services.io.access import fault
+from services.io.logs.drive_log import DriveLog
+from services.io.logs.log_source import grade_by_map, names_of, read_logs
+from services.io.model_file import find_model, read_model, write_model
+from services.io.table import write_csv
+
+_LISTED = 20
+_NEEDED = ("v", "v_cmd", "pitch")
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrateJob:
+    """What to learn from, as the command line gives it.
+
+    Attributes:
+        logs: drive logs or ROS 2 bags. model_file: the model so far.
+        map_file: elevation map that the logs' x, y lie on, if there is one.
+        topics: topic mapping of the bags. coverage: share of future stops to cover.
+    """
+
+    logs: list[Path]
+    model_file: str
+    map_file: Path | None = None
+    topics: Path | None = None
+    coverage: float = 0.995
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrateResult:
+    """What was learned, the model with it, and the log it was learned from."""
+
+    calibration: Calibration
+    model: Model
+    log: DriveLog
+    seconds: float
+
+
+def run(job: CalibrateJob, *, quiet: bool = False) -> CalibrateResult:
+    """Read, find, fit.
+
+    Raises:
+        InputError: names file and field, or says why there are too few stops.
+    """
+    begin = time.perf_counter()
+    settings = _settings(job)
+    model = read_model(find_model(job.model_file))
+    with progress_bar("calibrating", 4, quiet=quiet) as advance:
+        log = read_logs(job.logs, job.topics)
+        advance(1)
+        refuse_wrong_units(log)
+        ground = grade_by_map(log, job.map_file, model.vehicle)
+        advance(1)
+        try:
+            learned = learn(log.columns, log.runs, model.braking, ground=ground, settings=settings)
+            advance(1)
+            better = replace(model, braking=learned.braking)
+        except ParameterError as error:
+            raise fault(names_of(job.logs), error.field, f"expected {error.expected}") from None
+        advance(1)
+    return CalibrateResult(learned, better, log, time.perf_counter() - begin)
+
+
+def _settings(job: CalibrateJob) -> CalibrationSettings:
+    try:
+        return CalibrationSettings(coverage=job.coverage)
+    except ParameterError as error:
+        raise fault("--coverage", "", f"expected {error.expected}") from None
+
+
+def refuse_wrong_units(log: DriveLog) -> None:
+    """A channel that everything rests on and that fits another unit is an error, not a stretch."""
+    for run, source in zip(log.runs, log.sources, strict=True):
+        part = {n: v[run] for n, v in log.columns.items() if v.dtype.kind == "f"}
+        for channel, reason in unit_suspects.find(part):
+            if channel in _NEEDED:
+                raise fault(source, f"column {channel}", reason)
+
+
+def write_learned_model(result: CalibrateResult, path: Path) -> None:
+    """The model file with what was learned, all or nothing."""
+    write_model(result.model, path)
+
+
+def write_stops(result: CalibrateResult, path: Path) -> None:
+    """A row a stop, found or learned from, SI units; empty where a stop was not measured."""
+    learned = _by_command(result.calibration)
+    offsets = {s.name: s.distance_offset for s in result.calibration.surfaces}
+    rows: dict[str, list[Any]] = {}
+    for window in result.calibration.windows:
+        record = learned.get(window.command)
+        row: dict[str, Any] = {
+            "run": str(result.log.columns["run"][window.command]),
+            "t": float(result.log.columns["t"][window.command]),
+            "verdict": window.verdict.name.lower() if record or not window.usable else "unused",
+            "reason": window.reason,
+            "speed": window.held_speed,
+        }
+        row |= _measured(record, offsets) if record else dict.fromkeys(_MEASURED, np.nan)
+        for name, value in row.items():
+            rows.setdefault(name, []).append(value)
+    columns = {
+        name: values if name in ("run", "verdict", "reason") else np.array(values, np.float64)
+        for name, values in rows.items()
+    }
+    write_csv(columns, path)
+
+
+def write_page(result: CalibrateResult, job: CalibrateJob, path: Path) -> None:
+    """The report page."""
+    from services.report.calibration_page import write_report
+
+    c = result.calibration
+    rows = {label: [cell(s) for s in c.surfaces] for label, cell in ROWS.items()}
+    clock = {s.start: float(result.log.columns["t"][s.start]) for s in c.suspects}
+    provenance = {
+        "logs": ", ".join(log.name for log in job.logs),
+        "model so far": job.model_file,
+        "map": job.map_file.name if job.map_file else "none",
+        "written": f"{datetime.now():%Y-%m-%d %H:%M}",
+    }
+    title = f"Brakes of {result.model.name}"
+    write_report(path, c, rows, clock, title=title, provenance=provenance)
+
+
+_MEASURED = (
+    "onset_speed", "onset_time", "grade", "force_ratio", "force_std", "distance", "time",
+    "predicted_distance", "predicted_with_offset", "predicted_time", "kept",
+)  # fmt: skip
+
+
+def _measured(r: StopRecord, offsets: dict[str, float]) -> dict[str, float]:
+    offset = offsets.get(r.samples.terrain, offsets[""])
+    values = (
+        r.onset_speed, r.knee.onset_time, r.grade, r.force_ratio, r.force_std, r.samples.distance,
+        r.samples.rest_time, r.predicted_distance, r.predicted_distance + offset,
+        r.predicted_time, float(r.kept),
+    )  # fmt: skip
+    return dict(zip(_MEASURED, values, strict=True))
+
+
+def _by_command(calibration: Calibration) -> dict[int, StopRecord]:
+    return {r.samples.window.command: r for s in calibration.surfaces for r in s.records}
+
+
+def as_json(result: CalibrateResult) -> dict[str, Any]:
+    """Everything for machines, SI units and radians."""
+    c = result.calibration
+    return {
+        "stops": {"found": len(c.windows), **c.verdicts},
+        "dead_time": {
+            "value": c.dead_time.value, "std": c.dead_time.std, "jitter": c.dead_time.jitter,
+        },
+        "dive": {
+            "value": c.dive.per_deceleration, "std": c.dive.std, "settling": c.dive.settling,
+        },
+        "mount": {"value": c.mount.offset, "std": c.mount.std, "source": c.mount.source},
+        "surfaces": [surface_json(s) for s in c.surfaces],
+        "suspects": [
+            {
+                "start": float(result.log.columns["t"][s.start]),
+                "end": float(result.log.columns["t"][s.stop - 1]),
+                "channel": s.channel, "kind": s.kind.value, "reason": s.reason,
+            }
+            for s in c.suspects
+        ],
+        "warnings": list(c.warnings),
+        "seconds": result.seconds,
+    }  # fmt: skip
+
+
+def show(result: CalibrateResult, console: Console) -> None:
+    """Coefficients of each surface, what the stops were, what to know before trusting it."""
+    c = result.calibration
+    table = Table(title=f"braking of {result.model.name}", box=box.SIMPLE_HEAD)
+    table.add_column("")
+    for surface in c.surfaces:
+        table.add_column(surface.name or "base", justify="right")
+    for label, cell in ROWS.items():
+        table.add_row(label, *map(cell, c.surfaces))
+    console.print(table)
+    dead = f"dead time {c.dead_time.value:.3f} ± {c.dead_time.std:.3f} s"
+    dive = f"brake dive {np.rad2deg(c.dive.per_deceleration):.2f}° per m/s²"
+    known = (
+        f"{np.rad2deg(c.mount.offset):+.2f}° by {c.mount.source}" if c.mount.known else "unknown"
+    )
+    console.print(f"{dead} · {dive} · mount offset {known}")
+    kinds = ", ".join(f"{n} {name}" for name, n in c.verdicts.items())
+    console.print(f"stops found: {len(c.windows)} – {kinds}")
+    for suspect in c.suspects[:_LISTED]:
+        at = result.log.columns["t"][suspect.start]
+        console.print(f"left out at t = {at:.2f} s: {suspect.reason}", style="yellow")
+    if len(c.suspects) > _LISTED:
+        console.print(f"… and {len(c.suspects) - _LISTED} more stretches", style="yellow")
+    for warning in c.warnings:
+        console.print(f"note: {warning}", style="yellow")

@@ -1,0 +1,196 @@
+"""`slopewise plan`: candidate paths over an elevation map to ranked, verified speed plans."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from models.errors import InputError, ParameterError
+from models.parameters import Model
+from planner.explain.explain import Explanation, explain
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.uncertainty import Uncertainty
+from planner.kernels.compiled import is_first_run
+from planner.path import CandidatePath
+from planner.pipeline.candidates import CandidatePlanner, rank
+from planner.plan import SpeedPlan, Status
+from planner.settings import PlannerSettings
+from services.cli.screen import progress_bar
+from services.io.bags.bag import is_bag
+from services.io.maps.grid import footprint_margin
+from services.io.maps.map_file import frame_of, map_info, read_map
+from services.io.model_file import find_model, read_model
+from services.io.path_file import check_paths_on_map, read_paths
+from services.io.plan_file import write_plan_csv
+
+
+@dataclass(frozen=True, slots=True)
+class PlanJob:
+    """What to plan, as the command line gives it. Speeds in m/s, lengths in m."""
+
+    map_file: Path
+    path_file: Path
+    model_file: str
+    start_speed: float = 0.0
+    clear: float = np.inf
+    settings: PlannerSettings = field(default_factory=PlannerSettings)
+    uncertainty: Uncertainty | None = None
+    explain: bool = False
+    topics: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanResult:
+    """Plans best first, and what they were made from."""
+
+    plans: list[SpeedPlan]
+    elevation_map: ElevationMap
+    model: Model
+    seconds: float
+    uncertainty: Uncertainty | None = None
+    explanation: Explanation | None = None
+
+    @property
+    def admissible(self) -> bool:
+        """At least one plan may be driven and leads somewhere."""
+        return any(plan.admissible for plan in self.plans)
+
+
+def run(job: PlanJob, *, quiet: bool = False) -> PlanResult:
+    """Read, plan, rank.
+
+    Raises:
+        InputError: names file and field.
+    """
+    model = read_model(find_model(job.model_file))
+    topics = _topics(job)
+    paths = read_paths(job.path_file, topics, frame_of(job.map_file, topics))
+    info = map_info(job.map_file, topics)
+    check_paths_on_map(paths, info.extent, str(job.path_file), str(job.map_file))
+    margin = footprint_margin(model.vehicle, info)
+    elevation_map = read_map(job.map_file, around=_around(paths, margin), topics=topics)
+    return plan_on(elevation_map, paths, model, job, source=str(job.path_file), quiet=quiet)
+
+
+def plan_on(
+    elevation_map: ElevationMap,
+    paths: list[CandidatePath],
+    model: Model,
+    job: PlanJob,
+    *,
+    source: str,
+    quiet: bool = False,
+) -> PlanResult:
+    """Plan and rank on ground that is in memory already; the job gives speed, clear, settings."""
+    begin = time.perf_counter()
+    planner = CandidatePlanner(model, job.settings, job.uncertainty)
+    what = "compiling once, then planning" if is_first_run() else "planning"
+    with progress_bar(what, len(paths), quiet=quiet) as advance:
+        try:
+            plans = planner.plan(
+                elevation_map, paths, start_speed=job.start_speed, clear=job.clear,
+                progress=advance,
+            )  # fmt: skip
+        except ParameterError as error:
+            option = error.field in ("speed", "clear")
+            where = (f"--{error.field}", "") if option else (source, error.field)
+            raise InputError(*where, f"expected {error.expected}") from None
+    seconds = time.perf_counter() - begin
+    ranked = rank(plans, job.settings)
+    explanation = None
+    if job.explain:
+        best = next(path for path in paths if path.name == ranked[0].candidate)
+        explanation = explain(
+            model, elevation_map, best, settings=job.settings, uncertainty=job.uncertainty,
+            start_speed=job.start_speed, clear=job.clear,
+        )  # fmt: skip
+    return PlanResult(ranked, elevation_map, model, seconds, job.uncertainty, explanation)
+
+
+def _topics(job: PlanJob) -> Path | None:
+    if job.topics is not None and not (is_bag(job.map_file) or is_bag(job.path_file)):
+        words = "expected a recording with a topic mapping, got files of other kinds"
+        raise InputError(str(job.topics), "", words)
+    return job.topics
+
+
+def _around(paths: list[CandidatePath], margin: float) -> tuple[float, float, float, float]:
+    points = np.concatenate([path.points for path in paths])
+    (x_min, y_min), (x_max, y_max) = points.min(axis=0) - margin, points.max(axis=0) + margin
+    return float(x_min), float(x_max), float(y_min), float(y_max)
+
+
+def write(result: PlanResult, path: Path) -> None:
+    """All plans, best first, in the format that the name asks for: .mcap, .rrd, else CSV."""
+    suffix = path.suffix.lower()
+    if suffix == ".mcap":
+        from services.scene.foxglove_file import write_mcap
+
+        write_mcap(path, result.elevation_map, result.plans, result.model.vehicle)
+    elif suffix == ".rrd":
+        from services.scene.rerun_file import write_rrd
+
+        write_rrd(path, result.elevation_map, result.plans, result.model.vehicle)
+    else:
+        write_csv(result, path)
+
+
+def write_csv(result: PlanResult, path: Path) -> None:
+    """All plans in one file, best first."""
+    parts = [driven(plan) for plan in result.plans]
+    joined: dict[str, Any] = {}
+    for name in parts[0]:
+        values = [part[name] for part in parts]
+        texts = isinstance(values[0], list)
+        joined[name] = list(itertools.chain(*values)) if texts else np.concatenate(values)
+    write_plan_csv(joined, path)
+
+
+def driven(plan: SpeedPlan) -> dict[str, Any]:
+    """Columns of a plan up to its clear distance: beyond it there is nothing to drive."""
+    columns = plan.columns()
+    if plan.status is Status.INFEASIBLE:
+        return dict(columns)
+    rows = max(int(np.count_nonzero(plan.station <= plan.clear_distance)), 1)
+    return {name: values[:rows] for name, values in columns.items()}
+
+
+def summary(plan: SpeedPlan) -> dict[str, Any]:
+    """A plan in one row, SI units; None where there is no margin to speak of."""
+    return {
+        "candidate": plan.candidate,
+        "status": plan.status.value,
+        "reason": plan.reason,
+        "travel_time": plan.travel_time,
+        "progress": plan.progress,
+        "length": float(plan.station[-1]),
+        "max_speed": float(plan.speed.max()),
+        "clear_distance": plan.clear_distance,
+        "least_margin": plan.least_margin if np.isfinite(plan.least_margin) else None,
+        "least_rear_load": float(plan.rear_load.min()),
+    }
+
+
+def uncertainty_at(quantile: float | None) -> Uncertainty | None:
+    """What plans survive at a quantile, None for the model's mean."""
+    if quantile is None:
+        return None
+    try:
+        return Uncertainty(quantile=quantile)
+    except ParameterError as error:
+        raise InputError("--quantile", "", f"expected {error.expected}") from None
+
+
+def with_spacing(settings: PlannerSettings, spacing: float | None) -> PlannerSettings:
+    """Settings with another spacing of stations, if one is given [m]."""
+    if spacing is None:
+        return settings
+    try:
+        return replace(settings, spacing=spacing)
+    except ParameterError as error:
+        raise InputError("--spacing", "", f"expected {error.expected}") from None

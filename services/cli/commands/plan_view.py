@@ -1,0 +1,132 @@
+"""What `slopewise plan` shows: a table, JSON, a page."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from models.parameters import Model
+from planner.ground.uncertainty import Uncertainty
+from planner.limiting import Limiting
+from planner.plan import SpeedPlan, Status
+from services.cli.commands import explain_view
+from services.cli.commands.plan import PlanJob, PlanResult, driven, summary
+
+STATUS_STYLE = {
+    Status.OK: "green",
+    Status.BLOCKED: "yellow",
+    Status.DEGRADED: "magenta",
+    Status.INFEASIBLE: "red",
+}
+
+
+def write_page(result: PlanResult, job: PlanJob, path: Path) -> None:
+    """A page that shows map, plans and bounds; works without a network."""
+    from services.report.plan_page import write_report
+
+    clear = "whole path" if np.isinf(job.clear) else f"{job.clear:g} m"
+    facts = {
+        "map": str(job.map_file),
+        "paths": str(job.path_file),
+        "model": f"{result.model.name} ({job.model_file})",
+        "start speed": f"{job.start_speed:g} m/s",
+        "way known free": clear,
+        "survives": _survives(job.uncertainty, result.model),
+        "stations every": f"{job.settings.spacing_on(result.elevation_map.resolution):g} m",
+        "planned in": f"{result.seconds:.2f} s",
+        "date": time.strftime("%Y-%m-%d %H:%M"),
+    }
+    title = f"{job.path_file.stem} on {job.map_file.stem}"
+    write_report(
+        path, result.elevation_map, result.plans, result.model, title=title, provenance=facts,
+        explanation=result.explanation,
+    )  # fmt: skip
+
+
+def _survives(uncertainty: Uncertainty | None, model: Model) -> str:
+    if uncertainty is None:
+        return "the model's mean"
+    share = f"{100.0 * uncertainty.quantile:g} % of what the model leaves open"
+    return share if _leaves_open(model) else f"{share}, which it does not state"
+
+
+def _leaves_open(model: Model) -> bool:
+    """Does the model say how uncertain it is?"""
+    tables = (model.braking, *model.braking.terrain.values())
+    stated = (t.covariance or t.force_std or t.dead_time_std for t in tables)
+    return any(stated) or any(effect.covariance for effect in model.effect)
+
+
+def as_json(result: PlanResult) -> dict[str, Any]:
+    """Plans for machines: a summary and the columns of each, best first."""
+    found = result.explanation
+    explained = {} if found is None else {"explain": explain_view.as_json(found)}
+    return {
+        "model": result.model.name,
+        "admissible": result.admissible,
+        "seconds": result.seconds,
+        "plans": [{**summary(plan), "columns": _columns(plan)} for plan in result.plans],
+        **explained,
+    }
+
+
+def _columns(plan: SpeedPlan) -> dict[str, Any]:
+    repeated = ("candidate", "status", "reason")
+    return {
+        name: values if isinstance(values, list) else values.tolist()
+        for name, values in driven(plan).items()
+        if name not in repeated
+    }
+
+
+def show(result: PlanResult, console: Console, most: int = 30) -> None:
+    """The table of candidates, best first."""
+    table = Table(
+        title=f"{result.model.name}: {len(result.plans)} candidates, best first",
+        box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True,
+    )  # fmt: skip
+    table.add_column("#", justify="right", no_wrap=True, min_width=2)
+    table.add_column("candidate", no_wrap=True, max_width=18)
+    table.add_column("status", no_wrap=True)
+    for title in ("time\ns", "reaches\nm", "top\nm/s", "margin\nm", "rear\nload"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("limited by", no_wrap=True)
+    for number, plan in enumerate(result.plans[:most], start=1):
+        style = STATUS_STYLE[plan.status]
+        table.add_row(
+            str(number),
+            Text(plan.candidate),
+            f"[{style}]{plan.status.value}[/]",
+            f"{plan.travel_time:.2f}",
+            f"{plan.progress:.1f}/{plan.station[-1]:.1f}",
+            f"{plan.speed.max():.2f}",
+            f"{plan.least_margin:.2f}",
+            f"{plan.rear_load.min():.0%}",
+            _limited_most(plan),
+        )
+    console.print(table)
+    if len(result.plans) > most:
+        console.print(f"… and {len(result.plans) - most} more; --out or --json gives all")
+    for plan in result.plans[:most]:
+        if plan.reason:
+            line = Text.assemble((plan.candidate, "bold"), f": {plan.reason}")
+            console.print(Padding(line, (0, 0, 0, 2)))
+    if result.uncertainty is not None and not _leaves_open(result.model):
+        console.print("The model states no covariance or scatter: --quantile changes little.")
+    if result.explanation is not None:
+        explain_view.show(result.explanation, console)
+
+
+def _limited_most(plan: SpeedPlan) -> str:
+    moving = plan.limiting[plan.speed > 0.0]
+    if len(moving) == 0:
+        return "–"
+    return Limiting(int(np.bincount(moving).argmax())).label

@@ -1,0 +1,26 @@
+"""`slopewise serve`: the zenoh service."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+from models.errors import InputError
+from services.config import read_config
+
+
+def run(config_file: Path, seconds: float | None = None) -> None:
+    """Serve until a signal comes, or for so long.
+
+    Raises:
+        InputError: settings, or a file named in them.
+    """
+    if find_spec("zenoh") is None:
+        raise InputError("serve", "", "needs zenoh: pip install eclipse-zenoh")
+    config = read_config(config_file)
+    if config.page.enabled and not all(map(find_spec, ("waitress", "prometheus_client"))):
+        words = "expected what serves the page: pip install slopewise[service]"
+        raise InputError(str(config_file), "page.enabled", words)
+    from services.daemon.daemon import serve
+
+    serve(config, seconds)

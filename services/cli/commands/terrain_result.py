@@ -1,0 +1,181 @@
+"""What `slopewise terrain` found in a log, and what follows from it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.errors import ParameterError
+from models.parameters import Model
+from models.stop_logs.drive_quality import Stretch
+from models.terrain.adaptation import classes_of
+from models.terrain.classes import TerrainClasses
+from models.terrain.monitor import Change, Classified
+from models.terrain.observation import Features
+from models.terrain.phases import Phase
+from models.terrain.resistances import Estimate
+from models.terrain.surfaces import model_on, with_surface
+from services.io.access import fault
+from services.io.logs.drive_log import DriveLog
+from services.io.model_file import write_model
+from services.io.terrain_file import TerrainFile, write_terrains
+
+
+@dataclass(frozen=True, slots=True)
+class RunEvents:
+    """What one run told, in order of time.
+
+    Attributes:
+        run: its name. samples: of the log.
+        events: stretches with their classes, and changes.
+        excluded: stretches that nothing was learned from.
+        known: of the ground at its end.
+        labels: terrain as the log names it, for each classified stretch.
+    """
+
+    run: str
+    samples: slice
+    events: list[Classified | Change]
+    excluded: list[Stretch]
+    known: Features
+    labels: list[str]
+
+    @property
+    def classified(self) -> list[Classified]:
+        """Stretches alone."""
+        return [event for event in self.events if isinstance(event, Classified)]
+
+    @property
+    def changes(self) -> list[Change]:
+        """Changes alone."""
+        return [event for event in self.events if isinstance(event, Change)]
+
+
+@dataclass(frozen=True, slots=True)
+class TerrainResult:
+    """Events of all runs, and what they were made from.
+
+    Attributes:
+        classes: as they are in the end.
+        good: (samples,) what may be learned from.
+        seconds: computing, without reading.
+        notes: what a reader has to know.
+    """
+
+    runs: list[RunEvents]
+    log: DriveLog
+    model: Model
+    terrains: TerrainFile
+    classes: TerrainClasses
+    good: NDArray[np.bool_]
+    seconds: float
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def known(self) -> Features:
+        """The ground at the end of the log: the last run that told something."""
+        for run in reversed(self.runs):
+            if np.isfinite(run.known.values).any():
+                return run.known
+        return Features()
+
+
+def learned_terrains(result: TerrainResult) -> TerrainFile:
+    """Classes learned from the log: from its column terrain if it has one, else adapted ones."""
+    labels, rows = labelled(result)
+    learned = result.classes
+    if any(labels):
+        learned = classes_of(result.terrains.name, labels, np.array(rows))
+    return dataclasses.replace(result.terrains, terrain=learned.terrain)
+
+
+def labelled(result: TerrainResult) -> tuple[list[str], list[tuple[float, float, float]]]:
+    """Labels of the log, and features, of each stretch but those stuck."""
+    labels, rows = [], []
+    for one in result.runs:
+        for event, label in zip(one.classified, one.labels, strict=True):
+            if event.observation.phase is not Phase.STUCK:
+                labels.append(label)
+                rows.append(event.observation.known.values)
+    return labels, rows
+
+
+def updated_model(result: TerrainResult) -> Model:
+    """The model on the ground driven now, with a table of braking for each class met.
+
+    Raises:
+        InputError: a class with so little resistance that the brakes would not stop the vehicle.
+    """
+    model = model_on(result.model, result.known)
+    reference = result.model.terrain.motion_resistance
+    for name, values in class_values(result).items():
+        f_r = np.array(values)[:, 0]
+        f_r = f_r[np.isfinite(f_r)]
+        if len(f_r) < 2:
+            continue
+        found = Estimate(float(np.mean(f_r)), float(np.std(f_r, ddof=1)))
+        try:
+            model = with_surface(model, name, found, reference)
+        except ParameterError as error:
+            raise fault(result.model.name, error.field, f"{name}: {error.expected}") from None
+    return model
+
+
+def class_values(result: TerrainResult) -> dict[str, list[tuple[float, float, float]]]:
+    """Features of the stretches by the class they were given, known classes only."""
+    names = {one.name for one in result.classes.terrain}
+    found: dict[str, list[tuple[float, float, float]]] = {}
+    for one in result.runs:
+        for event in one.classified:
+            if event.answer.name in names:
+                values = found.setdefault(event.answer.name, [])
+                values.append(event.observation.known.values)
+    return found
+
+
+def write_updated_model(result: TerrainResult, path: Path) -> None:
+    """Write :func:`updated_model`, all or nothing."""
+    write_model(updated_model(result), path)
+
+
+def write_learned(result: TerrainResult, path: Path) -> None:
+    """Write :func:`learned_terrains`, all or nothing."""
+    write_terrains(learned_terrains(result), path)
+
+
+def usual_class(one: RunEvents) -> str:
+    """The class of most stretches of a run, empty if none was told."""
+    names = [e.answer.name for e in one.classified if e.answer.name]
+    return max(dict.fromkeys(names), key=names.count) if names else ""
+
+
+def stuck_seconds(one: RunEvents) -> float:
+    """How long the wheels spun without turning the vehicle [s]."""
+    stuck = [e.observation for e in one.classified if e.observation.phase is Phase.STUCK]
+    return sum(o.end - o.begin for o in stuck)
+
+
+def agreement(result: TerrainResult) -> float | None:
+    """Balanced share of stretches whose class is the log's own label; None without labels.
+
+    Classes learned from these very labels agree better than with ground they were not shown.
+    """
+    labels, _ = labelled(result)
+    told = [
+        event.answer.name
+        for one in result.runs
+        for event in one.classified
+        if event.observation.phase is not Phase.STUCK
+    ]
+    names = [name for name in dict.fromkeys(labels) if name]
+    if not names or not result.classes.terrain:
+        return None
+    shares = [
+        np.mean([t == name for t, label in zip(told, labels, strict=True) if label == name])
+        for name in names
+    ]
+    return float(np.mean(shares))

@@ -1,0 +1,187 @@
+"""What `slopewise terrain` prints and writes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console, JustifyMethod
+from rich.markup import escape
+from rich.table import Table
+
+from models.terrain.observation import Features
+from models.terrain.phases import Phase
+from services.cli.commands.terrain import TerrainJob, trace_of
+from services.cli.commands.terrain_result import (
+    RunEvents,
+    TerrainResult,
+    agreement,
+    class_values,
+    stuck_seconds,
+    usual_class,
+)
+from services.io.terrain_table import event_row, excluded_row, write_terrain_table
+
+_LISTED = 30
+_TITLES = ("run", "f_r", "μ_t", "B_s\nm", "class", "parts", "changed", "stuck\ns", "left\nout")
+_FEATURES = ("motion_resistance", "lateral_resistance", "slip_track")
+
+
+def write(result: TerrainResult, path: Path) -> None:
+    """A row a stretch, a change or an excluded part, in order of time."""
+    time = result.log.columns["t"]
+    rows: list[dict[str, Any]] = []
+    for one in result.runs:
+        own = [event_row(one.run, event) for event in one.events]
+        own += [excluded_row(one.run, time, stretch) for stretch in one.excluded]
+        rows += sorted(own, key=lambda row: float(row["t"]))
+    write_terrain_table(rows, path)
+
+
+def as_json(result: TerrainResult) -> dict[str, Any]:
+    """Everything for machines; what is not known is null."""
+    return {
+        "model": result.model.name,
+        "seconds": result.seconds,
+        "notes": result.notes,
+        "terrain": _features(result.known),
+        "agreement": agreement(result),
+        "classes": {name: _spread(values) for name, values in class_values(result).items()},
+        "runs": [_run(one, result) for one in result.runs],
+    }
+
+
+def _run(one: RunEvents, result: TerrainResult) -> dict[str, Any]:
+    time = result.log.columns["t"]
+    return {
+        "run": one.run,
+        "terrain": _features(one.known),
+        "class": usual_class(one),
+        "stuck": stuck_seconds(one),
+        "changes": [{"t": c.time, "strength": c.strength} for c in one.changes],
+        "excluded": [
+            {
+                "t": float(time[s.start]),
+                "t_end": float(time[s.stop - 1]),
+                "channel": s.channel,
+                "kind": s.kind.value,
+                "reason": s.reason,
+            }
+            for s in one.excluded
+        ],
+        "stretches": [
+            {key: _plain(value) for key, value in event_row(one.run, event).items()}
+            for event in one.classified
+        ],
+    }
+
+
+def _plain(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _features(known: Features) -> dict[str, Any]:
+    return {
+        name: {"value": _plain(getattr(known, name).value), "std": _plain(getattr(known, name).std)}
+        for name in _FEATURES
+    }
+
+
+def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:
+    table: dict[str, Any] = {"stretches": len(values)}
+    for name, column in zip(_FEATURES, np.array(values).T, strict=True):
+        known = column[np.isfinite(column)]
+        mean = float(np.mean(known)) if len(known) else None
+        table[name] = {"mean": mean, "std": float(np.std(known)) if len(known) else None}
+    return table
+
+
+def show(result: TerrainResult, console: Console) -> None:
+    """A row a run, then what to know of the whole."""
+    table = Table(
+        title="terrain by run", box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True
+    )
+    for title in _TITLES:
+        justify: JustifyMethod = "left" if title in ("run", "class") else "right"
+        table.add_column(title, justify=justify, no_wrap=True, max_width=16)
+    for one in result.runs[:_LISTED]:
+        table.add_row(*(escape(cell) for cell in _cells(one)))
+    console.print(table)
+    if len(result.runs) > _LISTED:
+        console.print(f"… and {len(result.runs) - _LISTED} more runs; --out or --json gives all")
+    for one in result.runs[:_LISTED]:
+        for change in one.changes:
+            console.print(f"  {one.run}: the ground changed before {change.time:.1f} s")
+        for reason in dict.fromkeys(stretch.reason for stretch in one.excluded):
+            console.print(f"  {one.run}: left out: {reason}", markup=False)
+    if (share := agreement(result)) is not None:
+        console.print(f"  class as labelled in the log: {share:.0%} of each label, on average")
+    for note in result.notes:
+        console.print(f"  note: {note}", markup=False)
+
+
+def _cells(one: RunEvents, spread: str = "") -> list[str]:
+    values = [
+        f"{value:.3f}{spread.format(std)}" if math.isfinite(value) else "–"
+        for value, std in zip(one.known.values, one.known.stds, strict=True)
+    ]
+    counts = (len(one.classified), len(one.changes), round(stuck_seconds(one)), len(one.excluded))
+    shown = [str(count) if count else "–" for count in counts]
+    return [one.run, *values, usual_class(one) or "–", *shown]
+
+
+def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
+    """A page with the run that shows most in detail; works without a network."""
+    from services.report.terrain_page import TerrainPage, write_report
+
+    one = max(result.runs, key=_variety)
+    points = [
+        (event.answer.name, event.observation.known.values)
+        for run in result.runs
+        for event in run.classified
+        if event.observation.phase is not Phase.STUCK
+    ]
+    time = result.log.columns["t"]
+    content = TerrainPage(
+        title=", ".join(log.name for log in job.logs[:3]) + (" …" if len(job.logs) > 3 else ""),
+        verdict=_verdict(result),
+        run=one.run,
+        trace=trace_of(result, one),
+        changes=[change.time for change in one.changes],
+        points=points,
+        classes=result.classes,
+        rows=[_cells(run, spread=" ± {:.3f}")[:-1] for run in result.runs],
+        excluded=[
+            (run.run, f"{time[stretch.start]:.2f} s", stretch.reason)
+            for run in result.runs
+            for stretch in run.excluded
+        ],
+        notes=result.notes,
+        facts={
+            "model": f"{result.model.name} ({job.model_file})",
+            "classes": f"{result.terrains.name}, {len(result.classes.terrain)} known",
+            "samples": f"{len(time)} in {len(result.runs)} runs",
+            "computed in": f"{result.seconds:.2f} s",
+        },
+    )
+    write_report(path, content)
+
+
+def _variety(one: RunEvents) -> float:
+    """How much a run shows: straights and turns both, else many stretches."""
+    phases = [event.observation.phase for event in one.classified]
+    turns = sum(phase in (Phase.TURN, Phase.SPOT) for phase in phases)
+    return min(turns, phases.count(Phase.STRAIGHT)) + 1e-3 * len(phases)
+
+
+def _verdict(result: TerrainResult) -> str:
+    values = zip(("f_r", "μ_t", "B_s"), result.known.values, result.known.stds, strict=True)
+    told = [f"{name} {v:.2f} ± {std:.2f}" for name, v, std in values if math.isfinite(v)]
+    changes = sum(len(run.changes) for run in result.runs)
+    stuck = sum(stuck_seconds(run) for run in result.runs)
+    ground = f"In the end {', '.join(told)}." if told else "Nothing was told of the ground."
+    changed = "1 change" if changes == 1 else f"{changes} changes"
+    return f"{ground} {changed} of ground, stuck for {stuck:.0f} s."

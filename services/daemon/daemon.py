@@ -1,0 +1,247 @@
+"""The zenoh service: what it is made of, how it begins and ends, what it tells of itself.
+
+Questions for plans come to :mod:`plan_desk`, maps to :mod:`map_desk`, parameters and observations
+to :mod:`parameter_desk`. Zenoh's own threads only put things into their bounded queues.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import logging
+import sys
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+import zenoh
+
+from models.errors import InputError
+from planner.ground.elevation_map import ElevationMap
+from services.config import ServiceConfig, zenoh_config
+from services.daemon import systemd
+from services.dashboard.board import Board
+from services.io.maps.map_file import read_map
+from services.io.model_file import find_model, read_model
+from services.parameters.parameter_endpoint import ParameterDesk
+from services.parameters.parameter_service import ParameterService
+from services.parameters.parameters_in_use import ParametersInUse, slowed
+from services.planning.map_endpoint import MapDesk
+from services.planning.map_store import KnownGround, MapStore
+from services.planning.plan_endpoint import PlanDesk
+from services.planning.plan_service import PlanService
+from services.wire import codec
+from services.wire.codec import Format
+from services.wire.connect import words_of
+from services.wire.messages import Path as CandidateMessage
+from services.wire.messages import PlanRequest, Status
+
+_log = logging.getLogger("slopewise")
+
+_TURN = 0.001
+_LARGEST_STATUS = 1_000_000
+_HANGS_AFTER = 10.0
+_TWIN = "another service has this id"
+_PATIENCE = 2.0
+
+
+class Service:
+    """A running service; a context manager."""
+
+    def __init__(self, config: ServiceConfig) -> None:
+        """Read model and map, plan once so that the first question finds everything compiled.
+
+        Raises:
+            InputError: a file named in the settings cannot be used.
+        """
+        self.config = config
+        self.maps = MapStore(read_map(Path(config.map)) if config.map else None)
+        prior = read_model(find_model(config.model))
+        self.plans = PlanService(config, ParametersInUse(prior))
+        self.parameters = ParameterService(
+            config, prior, self._map_names_surfaces, self.plans.learn
+        )
+        self.counters: Counter[str] = Counter()
+        self.board = Board()
+        self._questions = PlanDesk(config, self.plans, self.maps, self.counters, self.board)
+        self._updates = MapDesk(config, self.maps, self.counters)
+        self._stopped = threading.Event()
+        self._teller = threading.Thread(target=self._tell, name="status", daemon=True)
+        self._begun = time.monotonic()
+        self._instance = uuid4().hex
+        self._flags: list[str] = []
+        self._warm_up()
+
+    def __enter__(self) -> Service:
+        """Open the session and begin to answer."""
+        config = self.config
+        try:
+            self._session = zenoh.open(zenoh_config(config.zenoh, config.sizes))
+        except zenoh.ZError as error:
+            where = ", ".join(config.zenoh.listen)
+            raise InputError(
+                "zenoh", "listen", f"expected free endpoints, {where}: {words_of(error)}"
+            ) from None
+        self._look_for_twin()
+        # The status tells of it, so it is there before anybody asks.
+        self._desk = ParameterDesk(
+            self._session, config, self.parameters, self.counters, self.board
+        )
+        self._page = self._open_page()
+        self._questions.open()
+        self._updates.open()
+        self._teller.start()
+        self._declared = [
+            self._questions.declare(self._session),
+            self._updates.declare(self._session),
+            self._session.liveliness().declare_token(config.key(f"alive/{config.id}")),
+            self._session.declare_subscriber(
+                config.key("status"), self._on_status, allowed_origin=zenoh.Locality.REMOTE
+            ),
+        ]
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        """Tell whoever waits that nothing will come, and leave."""
+        self._stopped.set()
+        if self._page is not None:
+            self._page.close()
+        for declared in self._declared:
+            declared.undeclare()
+        self._desk.close()
+        self._questions.close()
+        self._updates.close()
+        self._teller.join(_PATIENCE)
+        self._session.close()
+
+    def wait(self, seconds: float | None = None) -> None:
+        """Until :meth:`stop`, or for so long."""
+        self._stopped.wait(seconds)
+
+    def stop(self) -> None:
+        """Let :meth:`wait` return; may be called from anywhere."""
+        self._stopped.set()
+
+    def status(self) -> Status:
+        """How the service is."""
+        ground = self.maps.ground
+        return Status(
+            service=self.config.id,
+            uptime=time.monotonic() - self._begun,
+            parameters=self.plans.parameters.message(),
+            map_version=0 if ground is None else ground.version,
+            map_age=None if ground is None else ground.age(),
+            flags=[
+                *self._flags,
+                *self.plans.parameters.flags,
+                *self._desk.flags(),
+                *self.plans.flags(ground),
+            ],
+            degraded=self.parameters.degraded(),
+            instance=self._instance,
+            counters=dict(self.counters + self.parameters.told()),
+            seconds=self._questions.seconds(),
+        )
+
+    # ------------------------------------------------------------------ zenoh's threads
+
+    def _on_status(self, sample: zenoh.Sample) -> None:
+        """Another service with this id tells of itself here, too; anything else is none of ours."""
+        with contextlib.suppress(InputError):
+            other = codec.decode(
+                Status, sample.payload, str(sample.encoding), "status", _LARGEST_STATUS
+            )
+            if other.service == self.config.id and other.instance != self._instance:
+                self._has_twin()
+
+    # ------------------------------------------------------------------ own threads
+
+    def _tell(self) -> None:
+        key = self.config.key("status")
+        publisher = self._session.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.DROP
+        )
+        encoding = codec.encoding_of(Status, Format.JSON)
+        while not self._stopped.wait(self.config.status.period):
+            publisher.put(codec.encode(self.status(), Format.JSON), encoding=encoding)
+            self._watch_learning()
+            if self._questions.well():
+                systemd.tell(systemd.ALIVE)
+
+    # ------------------------------------------------------------------ beginning
+
+    def _open_page(self) -> Any:
+        """The live page, if it is wanted; planning goes on without it."""
+        if not self.config.page.enabled:
+            return None
+        from services.dashboard import server, site
+
+        source = site.Source(status=self.status, ground=lambda: self.maps.ground, board=self.board)
+        try:
+            hosts = server.own_names(self.config.page.host)
+            return server.PageServer(self.config.page, site.Site(source, hosts))
+        except InputError as error:
+            self._flags.append("the live page cannot be served")
+            _log.warning("%s", error)
+            return None
+
+    def _look_for_twin(self) -> None:
+        alive = self.config.key(f"alive/{self.config.id}")
+        if any(reply.ok for reply in self._session.liveliness().get(alive, timeout=0.5)):
+            self._has_twin()
+
+    def _has_twin(self) -> None:
+        if _TWIN not in self._flags:
+            self._flags.append(_TWIN)
+            _log.warning("another service is called %s", self.config.id)
+
+    def _map_names_surfaces(self) -> bool:
+        ground = self.maps.ground
+        return ground is not None and any(ground.elevation_map.class_names)
+
+    def _watch_learning(self) -> None:
+        """Parameters that nobody looks after grow old unseen: plans are slower until then."""
+        if time.monotonic() - self._desk.beat < _HANGS_AFTER:
+            return
+        words = "learning hangs"
+        if f"degraded: {words}" not in self.plans.parameters.flags:
+            speed = self.config.learning.degraded_speed
+            self.plans.learn(slowed(self.plans.parameters, speed, words))
+
+    def _warm_up(self) -> None:
+        flat = ElevationMap(elevation=np.zeros((8, 40)), resolution=1.0, origin=(-4.0, -4.0))
+        points = np.stack([np.linspace(0.0, 20.0, 50), np.zeros(50)], axis=1)
+        paths = [CandidateMessage(name="warm-up", points=points)]
+        ground = KnownGround(flat, 0, time.monotonic())
+        for client, pose in (("", None), ("warm-up", (0.0, 0.0, 0.0))):
+            request = PlanRequest(speed=0.0, paths=paths, client=client, pose=pose)
+            reply = self.plans.answer(request, ground, "warm-up")
+            codec.encode(reply, Format.MESSAGEPACK)
+
+
+def serve(config: ServiceConfig, seconds: float | None = None) -> None:
+    """Run until a signal asks to stop."""
+    import signal
+
+    service: Any = Service(config)
+    # What was built up to now stays: the collector need not look at it again between questions.
+    gc.collect()
+    gc.freeze()
+    # Planning waits no longer than that for whoever learns or draws meanwhile.
+    sys.setswitchinterval(_TURN)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: service.stop())
+    with service:
+        listens = ", ".join(config.zenoh.listen) if config.zenoh.mode != "client" else "a router"
+        print(f"slopewise: {config.key('plan')} answers at {listens}", flush=True)
+        systemd.tell(systemd.READY)
+        service.wait(seconds)
+        systemd.tell(systemd.STOPPING)

@@ -1,0 +1,1 @@
+"""The discrepancy workflow inside the service: stops kept, looked at, found."""

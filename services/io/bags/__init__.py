@@ -1,0 +1,1 @@
+"""ROS 2 recordings: topics, messages, types."""

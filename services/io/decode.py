@@ -1,0 +1,142 @@
+"""Tables of a TOML file into frozen dataclasses, strictly: each mistake is named by its dotted key.
+
+The dataclasses say what is allowed: their fields which keys there are, their types what they hold,
+a default what may be left out. A whole number is accepted where a float is wanted, nothing else is
+converted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import re
+from collections.abc import Collection, Mapping
+from types import MappingProxyType, NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from models.errors import ParameterError
+from models.quantity import describe_range
+from services.io.access import fault, shown
+
+T = TypeVar("T")
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_NO_METADATA: Mapping[str, Any] = MappingProxyType({})
+
+
+def dotted(where: str, key: str) -> str:
+    """The path of a key inside a table; keys that need quotes get them."""
+    name = key if _BARE_KEY.fullmatch(key) else json.dumps(key, ensure_ascii=False)
+    return f"{where}.{name}" if where else name
+
+
+def unknown(key: str, known: Collection[str]) -> str:
+    """What to say of an unknown key."""
+    close = difflib.get_close_matches(key, list(known), n=1)
+    hint = f"did you mean {close[0]}?" if close else f"expected one of {', '.join(known)}"
+    return f"unknown key, {hint}"
+
+
+def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T:
+    """A dataclass from a table.
+
+    Args:
+        kind: dataclass.
+        data: the table as a TOML or JSON reader gives it.
+        source: file name for errors.
+        where: dotted path of the table; empty for the whole file.
+
+    Raises:
+        InputError: unknown or missing key, wrong type, or a value the dataclass refuses.
+    """
+    if not isinstance(data, Mapping):
+        raise fault(source, where, f"expected a table, got {shown(data)}")
+    fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    hints = get_type_hints(kind)
+    for key in data:
+        if key not in fields:
+            raise fault(source, dotted(where, str(key)), unknown(str(key), fields))
+    values: dict[str, Any] = {}
+    for name, field in fields.items():
+        path = dotted(where, name)
+        if name in data:
+            values[name] = _decode(hints[name], data[name], source, path, field.metadata)
+        elif field.default is field.default_factory is dataclasses.MISSING:
+            wanted = _wanted(hints[name], field.metadata)
+            raise fault(source, path, f"missing key, expected {wanted}")
+    try:
+        return kind(**values)
+    except ParameterError as error:
+        path = f"{where}.{error.field}" if where else error.field
+        raise fault(source, path, f"expected {error.expected}") from None
+
+
+def _decode(
+    kind: Any, value: object, source: str, where: str, metadata: Mapping[str, Any] = _NO_METADATA
+) -> Any:
+    kind = _choice(kind, value)
+    origin, arguments = get_origin(kind), get_args(kind)
+    if dataclasses.is_dataclass(kind):
+        return decode_table(cast(type[Any], kind), value, source, where)
+    if origin in (dict, MappingProxyType) and isinstance(value, Mapping):
+        return {
+            str(key): _decode(arguments[1], item, source, dotted(where, str(key)))
+            for key, item in value.items()
+        }
+    if origin is tuple and isinstance(value, list | tuple):
+        return _decode_list(kind, value, source, where)
+    if origin is Literal and value in arguments:
+        return value
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            return float(value)
+        except OverflowError:
+            raise fault(source, where, "expected a finite number, got a huge one") from None
+    if kind in (str, bool, NoneType) and isinstance(value, kind):
+        return value
+    if kind is int and isinstance(value, int) and not isinstance(value, bool):
+        return value
+    raise fault(source, where, f"expected {_wanted(kind, metadata)}, got {shown(value)}")
+
+
+def _decode_list(
+    kind: Any, value: list[Any] | tuple[Any, ...], source: str, where: str
+) -> tuple[Any, ...]:
+    arguments = get_args(kind)
+    variadic = arguments[-1] is Ellipsis
+    # Only tables may be listed none at all: a matrix or a row of one without numbers is a mistake.
+    empty = not value and not dataclasses.is_dataclass(arguments[0])
+    if empty or (not variadic and len(value) != len(arguments)):
+        raise fault(source, where, f"expected {_wanted(kind)}, got {shown(value)}")
+    kinds = [arguments[0]] * len(value) if variadic else arguments
+    return tuple(
+        _decode(item_kind, item, source, f"{where}[{index}]")
+        for index, (item_kind, item) in enumerate(zip(kinds, value, strict=True))
+    )
+
+
+def _choice(kind: Any, value: object) -> Any:
+    """The one member of a union that a file may hold: unions here are optional, or two mappings."""
+    if get_origin(kind) not in (Union, UnionType):
+        return kind
+    if value is None and NoneType in get_args(kind):
+        return NoneType
+    return next(member for member in get_args(kind) if member is not NoneType)
+
+
+def _wanted(kind: Any, metadata: Mapping[str, Any] = _NO_METADATA) -> str:
+    """What a key should hold, in words."""
+    if "unit" in metadata:
+        return describe_range(metadata)
+    kind = _choice(kind, ...)
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin is Literal:
+        return f"one of {', '.join(repr(choice) for choice in arguments)}"
+    if origin is tuple:
+        if arguments[-1] is not Ellipsis:
+            return f"a list of {len(arguments)} numbers"
+        inner = "rows of numbers" if get_origin(arguments[0]) is tuple else "tables"
+        return f"a list of {'numbers' if arguments[0] is float else inner}"
+    words = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
+    return words.get(kind, "a table")

@@ -1,0 +1,1 @@
+"""Drive logs in files: CSV, Parquet, recordings."""

@@ -1,0 +1,57 @@
+"""Drive logs from wherever they come: CSV, Parquet, or ROS 2 recordings with a topic mapping."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.vehicle import Vehicle
+from services.io.access import fault
+from services.io.bags.bag import is_bag
+from services.io.logs.drive_log import DriveLog, read_drive_log
+
+Floats = NDArray[np.float64]
+
+_SHOWN = 3
+"""Files that a sentence names."""
+
+
+def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
+    """One log out of tables, or out of recordings.
+
+    Args:
+        paths: all tables, or all recordings.
+        topics: topic mapping of the recordings.
+
+    Raises:
+        InputError: names file and field; also if tables and recordings are mixed.
+    """
+    bags = [path for path in paths if is_bag(path)]
+    if not bags:
+        if topics is not None:
+            raise fault(topics, "", "expected recordings with a topic mapping, got tables only")
+        return read_drive_log(paths)
+    if len(bags) < len(paths):
+        other = next(path for path in paths if path not in bags)
+        raise fault(other, "", "expected recordings only, got a table among them")
+    from services.io.logs.bag_drive_log import read_bags
+
+    return read_bags(bags, topics)
+
+
+def grade_by_map(log: DriveLog, map_file: Path | None, vehicle: Vehicle) -> Floats | None:
+    """As :func:`services.io.logs.track_grade.ground_grade`; None where there is no map."""
+    if map_file is None:
+        return None
+    from services.io.logs.track_grade import ground_grade
+
+    return ground_grade(log, map_file, vehicle)
+
+
+def names_of(logs: Sequence[Path]) -> str:
+    """The files in a sentence: the first few of many."""
+    shown = ", ".join(str(path) for path in logs[:_SHOWN])
+    return shown if len(logs) <= _SHOWN else f"{shown} … ({len(logs)} logs)"

@@ -1,0 +1,84 @@
+"""Grade of the ground under a logged track, from an elevation map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.vehicle import Vehicle
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.terrain_profile import terrain_profile
+from services.io.access import fault
+from services.io.logs.drive_log import DriveLog
+from services.io.maps.grid import footprint_margin
+from services.io.maps.map_file import map_info, read_map
+
+Floats = NDArray[np.float64]
+
+_SPACING = 0.3  # [m] positions nearer than that are mostly noise
+_FEWEST = 3
+
+
+def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle) -> Floats:
+    """(samples,) grade under the wheels [rad], NaN off the known map.
+
+    Args:
+        log: with x, y in map coordinates; the vehicle drives forward.
+        map_file: elevation map. vehicle: footprint.
+
+    Raises:
+        InputError: the log has no positions, or none of them is on the map.
+    """
+    if not {"x", "y"} <= log.columns.keys():
+        raise fault(log.sources[0], "column x", "expected x and y to place the log on the map")
+    x, y = log.columns["x"], log.columns["y"]
+    placed = np.isfinite(x) & np.isfinite(y)
+    if not placed.any():
+        raise fault(log.sources[0], "column x", "expected positions, got none")
+    info = map_info(map_file)
+    margin = footprint_margin(vehicle, info)
+    around = (
+        float(x[placed].min()) - margin, float(x[placed].max()) + margin,
+        float(y[placed].min()) - margin, float(y[placed].max()) + margin,
+    )  # fmt: skip
+    elevation_map = read_map(map_file, around=around)
+    grade = np.full(len(x), np.nan)
+    for run in log.runs:
+        here = np.flatnonzero(placed[run]) + run.start
+        if len(here):
+            grade[here] = _along(elevation_map, x[here], y[here], vehicle)
+    if not np.isfinite(grade).any():
+        raise fault(map_file, "extent", "expected known ground under the log, got none")
+    return grade
+
+
+def _along(elevation_map: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) -> Floats:
+    marks = _marks(x, y)
+    if len(marks) < _FEWEST:
+        return np.full(len(x), np.nan)
+    profile = terrain_profile(
+        elevation_map, np.ascontiguousarray(x[marks, None]), np.ascontiguousarray(y[marks, None]),
+        np.array([len(marks)]), vehicle.wheelbase, vehicle.track_width,
+    )  # fmt: skip
+    grade = np.where(profile.known[:, 0], profile.grade[:, 0], np.nan)
+    # Way from mark to mark, and along each leg for the samples between.
+    leg = np.searchsorted(marks, np.arange(len(x)), side="right") - 1
+    nearest = marks[leg]
+    ahead = marks[np.minimum(leg + 1, len(marks) - 1)]
+    length = np.hypot(x[ahead] - x[nearest], y[ahead] - y[nearest])
+    passed = np.hypot(x - x[nearest], y - y[nearest])
+    share = np.divide(passed, length, out=np.zeros_like(length), where=length > 0.0)
+    return np.interp(leg + np.clip(share, 0.0, 1.0), np.arange(len(marks)), grade)
+
+
+def _marks(x: Floats, y: Floats) -> NDArray[np.int64]:
+    """Samples at least a spacing apart, the first one included."""
+    kept = [0]
+    for i in range(1, len(x)):
+        if abs(x[i] - x[kept[-1]]) + abs(y[i] - y[kept[-1]]) < _SPACING:
+            continue
+        if np.hypot(x[i] - x[kept[-1]], y[i] - y[kept[-1]]) >= _SPACING:
+            kept.append(i)
+    return np.array(kept)

@@ -1,0 +1,1 @@
+"""Elevation maps in files: GeoTIFF, npz, grid maps."""

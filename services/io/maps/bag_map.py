@@ -1,0 +1,106 @@
+"""Elevation maps and candidate paths out of ROS 2 recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from models.errors import ParameterError
+from planner.ground.elevation_map import ElevationMap
+from planner.path import CandidatePath
+from services.io.access import fault
+from services.io.bags.bag import Recorded, messages_of, topics_of
+from services.io.bags.bag_topics import read_sources
+from services.io.bags.ros_types import GRID_MAP, PATH
+from services.io.maps.grid_map_message import elevation_map_of
+
+_MOST_PATHS = 100_000
+
+
+def read_bag_map(path: Path, topics: Path | None = None) -> ElevationMap:
+    """The last elevation map of a recording, or the one that a mapping names.
+
+    Args:
+        path: folder of a recording, or a file of one.
+        topics: mapping; table ``map``. Without one, the only topic of grid maps is taken.
+
+    Raises:
+        InputError: names the recording, the topic and the field.
+    """
+    return elevation_map_of_recorded(path, topics)[0]
+
+
+def elevation_map_of_recorded(path: Path, topics: Path | None) -> tuple[ElevationMap, str]:
+    """The map, and the frame that it is in."""
+    source, _ = read_sources(topics)
+    topic = source.topic
+    if not topic:
+        found = topics_of(path, GRID_MAP)
+        if len(found) > 1:
+            words = (
+                f"expected one topic of grid maps, or --topics that names one: {', '.join(found)}"
+            )
+            raise fault(path, "topics", words)
+        topic = found[0]
+    recorded = messages_of(path, [topic], GRID_MAP, last=source.message == -1)
+    try:
+        one = recorded[source.message]
+    except IndexError:
+        words = f"expected message {source.message} of {len(recorded)}"
+        raise fault(path, f"topic {topic}", words) from None
+    try:
+        ground = elevation_map_of(one.message, source.layer)
+    except ParameterError as error:
+        raise fault(path, f"topic {topic}, {error.field}", f"expected {error.expected}") from None
+    return ground, one.message.header.frame_id
+
+
+def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
+    """Candidates of a recording: the last message of each topic of paths, or all of them.
+
+    Args:
+        path: folder of a recording, or a file of one.
+        topics: mapping; table ``paths``. Without one, all topics of nav_msgs/Path are taken.
+        frame: of the map, if it has one; paths in another frame are refused.
+
+    Raises:
+        InputError: names the recording, the topic and the field.
+    """
+    _, source = read_sources(topics)
+    wanted = list(source.topics) or topics_of(path, PATH)
+    recorded = messages_of(path, wanted, PATH, last=not source.all_messages)
+    if len(recorded) > _MOST_PATHS:
+        raise fault(path, "", f"expected at most {_MOST_PATHS} paths, got {len(recorded)}")
+    count = dict.fromkeys(wanted, 0)
+    candidates = []
+    for one in recorded:
+        name = one.topic
+        if source.all_messages:
+            name = f"{one.topic}#{count[one.topic]}"
+            count[one.topic] += 1
+        candidates.append(_candidate(path, name, one, frame))
+    return candidates
+
+
+def _candidate(path: Path, name: str, one: Recorded, frame: str) -> CandidatePath:
+    if frame and (other := other_frame(one.message, frame)):
+        words = f"expected frame {frame} as the map has it, got {other}"
+        raise fault(path, f"{name}, header.frame_id", words)
+    try:
+        return CandidatePath(name, points_of(one.message))
+    except ParameterError as error:
+        raise fault(path, f"{name}, {error.field}", f"expected {error.expected}") from None
+
+
+def other_frame(message: Any, frame: str) -> str:
+    """A frame that a nav_msgs/Path, or a pose in it, has instead of another; empty if none has."""
+    own = dict.fromkeys([message.header.frame_id, *(p.header.frame_id for p in message.poses)])
+    return next((name for name in own if name and name.lstrip("/") != frame.lstrip("/")), "")
+
+
+def points_of(message: Any) -> np.ndarray:
+    """(n, 2) of x, y [m] of a nav_msgs/Path."""
+    positions = [pose.pose.position for pose in message.poses]
+    return np.array([(p.x, p.y) for p in positions], np.float64).reshape(-1, 2)

@@ -1,0 +1,167 @@
+"""Elevation from a GeoTIFF: band 1, metres on a square north-up grid. Nodata stays unknown.
+
+Without a coordinate system the grid is taken to be in metres, as robots' own maps are. Degrees,
+feet, Web Mercator (its metres are not metres on the ground), rotated or oblong cells are refused:
+slopes out of them would be wrong.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.kernels.compiled import Floats
+from services.io.access import check_file, fault
+from services.io.maps.grid import MapInfo
+
+_SQUARE = 1e-6  # relative difference of edges, and share of shear, that is still rounding
+_METRES = ("metre", "meter", "metres", "meters", "m", "")
+_SMALLEST_CELL = 2e-3  # [m] without a coordinate system, smaller cells are degrees
+
+
+def read_info(path: Path) -> MapInfo:
+    """Grid of a GeoTIFF; raises InputError if it cannot be an elevation map in metres."""
+    with opened(path) as ground:
+        return ground.info
+
+
+def read_elevation(path: Path, rows: slice, columns: slice) -> Floats:
+    """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these are read."""
+    with opened(path) as ground:
+        return ground.read(rows, columns)
+
+
+class GeotiffWindows:
+    """An open elevation map that is read by windows.
+
+    Attributes:
+        info: its grid.
+    """
+
+    def __init__(self, dataset: Any, path: Path) -> None:
+        """Raise InputError if it cannot be an elevation map in metres."""
+        self._dataset = dataset
+        self._path = path
+        self.info = _checked(dataset, path)
+
+    def read(self, rows: slice, columns: slice) -> Floats:
+        """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.
+
+        Raises:
+            InputError: the file is damaged there.
+        """
+        from rasterio.windows import Window
+
+        dataset = self._dataset
+        flipped = dataset.transform.e < 0.0
+        top = self.info.rows - rows.stop if flipped else rows.start
+        window = Window(columns.start, top, columns.stop - columns.start, rows.stop - rows.start)
+        with _in_one_line(self._path):
+            band = dataset.read(1, window=window, masked=True, out_dtype="float64")
+            heights: Floats = np.ma.filled(band, np.nan) * dataset.scales[0] + dataset.offsets[0]
+        return np.ascontiguousarray(heights[::-1] if flipped else heights)
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[GeotiffWindows]:
+    """Open a map once for many windows.
+
+    Raises:
+        InputError: not an elevation map in metres.
+    """
+    import rasterio
+
+    check_file(path)
+    with contextlib.ExitStack() as stack:
+        with _in_one_line(path):
+            dataset = stack.enter_context(rasterio.open(path, driver="GTiff"))
+            ground = GeotiffWindows(dataset, path)
+        yield ground
+
+
+@contextlib.contextmanager
+def _in_one_line(path: Path) -> Iterator[None]:
+    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+    logger = logging.getLogger("rasterio")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)  # what GDAL says of a broken file comes out as one line below
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            yield
+    except (RasterioError, OSError, MemoryError, ValueError) as error:
+        found = "unreadable data inside" if "Read" in str(error) else "something else"
+        raise fault(path, "", f"expected an intact GeoTIFF, got {found}") from None
+    finally:
+        logger.setLevel(before)
+
+
+def _checked(dataset: Any, path: Path) -> MapInfo:
+    from rasterio.enums import ColorInterp
+
+    transform = dataset.transform
+    if transform.is_identity:
+        raise fault(path, "transform", "expected position and scale of the grid, got none")
+    edge, shear = abs(transform.a), max(abs(transform.b), abs(transform.d))
+    if shear > _SQUARE * edge or transform.a <= 0.0:
+        raise fault(path, "transform", "expected a grid aligned with x and y, got a rotated one")
+    _check_crs(dataset, path)
+    if not abs(edge - abs(transform.e)) <= _SQUARE * edge:
+        found = f"{edge:g} x {abs(transform.e):g}"
+        raise fault(path, "transform", f"expected square cells [m], got {found}")
+    if dataset.colorinterp[0] in (ColorInterp.red, ColorInterp.palette):
+        raise fault(path, "band 1", "expected elevation [m], got a colour image")
+    if np.dtype(dataset.dtypes[0]).kind not in "iuf":
+        raise fault(path, "band 1", f"expected real numbers [m], got {dataset.dtypes[0]}")
+    if (dataset.units[0] or "").strip().lower() not in _METRES:
+        raise fault(path, "band 1 unit", f"expected heights in metres, got {dataset.units[0]}")
+    # The raster's own origin is a corner of its first row, which is the last one here.
+    bottom = dataset.height - 0.5 if transform.e < 0.0 else 0.5
+    origin = (transform.c + 0.5 * transform.a, transform.f + bottom * transform.e)
+    return MapInfo(dataset.height, dataset.width, edge, origin)
+
+
+def _check_crs(dataset: Any, path: Path) -> None:
+    if not dataset.crs:
+        left, low, right, high = dataset.bounds
+        in_degrees = max(abs(left), abs(right)) <= 180.0 and max(abs(low), abs(high)) <= 90.0
+        if dataset.transform.a < _SMALLEST_CELL and in_degrees:
+            cell = f"cells of {dataset.transform.a:g} and no crs; that looks like degrees"
+            raise fault(path, "crs", f"expected a projected one in metres, got {cell}")
+        return
+    try:
+        projection = dataset.crs.to_dict(projjson=True)
+    except Exception as error:  # noqa: BLE001  what GDAL raises here is documented nowhere
+        found = type(error).__name__
+        raise fault(path, "crs", f"expected a projected one in metres, got {found}") from None
+    for part in _simple_systems(projection):
+        name, kind = part.get("name", "unknown"), part.get("type", "unknown")
+        found = "degrees" if kind.startswith("Geographic") else kind
+        if kind not in ("ProjectedCRS", "EngineeringCRS", "LocalCRS", "VerticalCRS"):
+            found = f"{name} ({found})"
+            raise fault(path, "crs", f"expected a projected one in metres, got {found}")
+        method = part.get("conversion", {}).get("method", {}).get("name", "")
+        if "Pseudo" in method:
+            found = f"{name}, whose metres are not metres on the ground"
+            raise fault(path, "crs", f"expected a projected one in metres, got {found}")
+        for axis in part.get("coordinate_system", {}).get("axis", ()):
+            unit = axis.get("unit", "metre")
+            unit = unit.get("name", "unknown") if isinstance(unit, dict) else unit
+            if unit not in _METRES:
+                raise fault(path, "crs", f"expected metres, got {unit} in {name}")
+
+
+def _simple_systems(projection: dict[str, Any]) -> list[dict[str, Any]]:
+    """Horizontal and vertical system out of a compound or bound one."""
+    if projection.get("type") == "CompoundCRS":
+        return [s for part in projection["components"] for s in _simple_systems(part)]
+    if projection.get("type") == "BoundCRS":
+        return _simple_systems(projection["source_crs"])
+    return [projection]

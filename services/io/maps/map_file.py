@@ -1,0 +1,119 @@
+"""Elevation maps from GeoTIFF, .npz or ROS 2 recordings, whole or only around where needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from models.errors import ParameterError
+from planner.ground.elevation_map import ElevationMap
+from planner.kernels.compiled import Floats, Ints
+from services.io.access import fault
+from services.io.bags.bag import is_bag
+from services.io.maps import geotiff_file, npz_map_file
+from services.io.maps.grid import MAX_CELLS, Around, MapInfo, in_words
+from services.io.maps.npz_map_file import write_map_npz
+
+__all__ = ["MapInfo", "frame_of", "known_heights", "map_info", "read_map", "write_map_npz"]
+
+_GEOTIFF = (".tif", ".tiff", ".gtiff")
+_HIGHEST = 1e5  # [m] beyond that it is a marker for missing data that nobody declared
+
+
+def map_info(path: Path, topics: Path | None = None) -> MapInfo:
+    """Grid of a map file; heights are read of a recording only.
+
+    Raises:
+        InputError: not a map in metres.
+    """
+    if is_bag(path):
+        ground = _recorded(path, topics)
+        return MapInfo(*ground.elevation.shape, ground.resolution, ground.origin)
+    return _reader(path)(path)
+
+
+def read_map(
+    path: Path, *, around: Around | None = None, topics: Path | None = None
+) -> ElevationMap:
+    """An elevation map, or the part of it that holds all heights within ``around``.
+
+    Args:
+        path: GeoTIFF or .npz file, or a recording with grid maps.
+        around: (x_min, x_max, y_min, y_max) [m] with the margin that the caller needs, such as the
+            vehicle's footprint. Of a GeoTIFF only that part is read.
+        topics: topic mapping of a recording.
+
+    Raises:
+        InputError: not a map in metres, ``around`` is off the map, or no cell is known.
+    """
+    info = map_info(path, topics)
+    cells: tuple[slice, slice] | None = slice(0, info.rows), slice(0, info.columns)
+    if around is not None:
+        cells = info.cells_around(around)
+    if cells is None:
+        assert around is not None
+        found = f"the map at {in_words(info.extent)}"
+        raise fault(path, "extent", f"expected ground at {in_words(around)}, got {found}")
+    part = info.part(*cells)
+    if part.rows * part.columns > MAX_CELLS:
+        size = f"{part.rows} x {part.columns}"
+        raise fault(path, "", f"expected at most {MAX_CELLS} cells at once, got {size}")
+    classes: Ints | None = None
+    names: tuple[str, ...] = ("",)
+    if is_bag(path):
+        heights = _recorded(path, topics).elevation[cells]
+    elif _is_geotiff(path):
+        heights = geotiff_file.read_elevation(path, *cells)
+    else:
+        heights, classes, names = npz_map_file.read_layers(path)
+        heights = heights[cells]
+        classes = None if classes is None else classes[cells]
+    heights = known_heights(heights)
+    if not np.isfinite(heights).any():
+        where = "" if around is None else f" at {in_words(around)}"
+        raise fault(path, "elevation", f"expected a known cell{where}, got unknown ones only")
+    try:
+        return ElevationMap(
+            elevation=heights,
+            resolution=part.resolution,
+            origin=part.origin,
+            terrain_class=classes,
+            class_names=names,
+        )
+    except ParameterError as error:
+        raise fault(path, error.field, f"expected {error.expected}") from None
+
+
+def known_heights(heights: Floats) -> Floats:
+    """Heights with NaN where they can only be markers for missing data."""
+    return np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
+
+
+def frame_of(path: Path, topics: Path | None = None) -> str:
+    """The frame that a recorded map is in; empty for other maps, and where it says none."""
+    if not is_bag(path):
+        return ""
+    from services.io.maps.bag_map import elevation_map_of_recorded
+
+    return elevation_map_of_recorded(path, topics)[1]
+
+
+def _recorded(path: Path, topics: Path | None) -> ElevationMap:
+    from services.io.maps.bag_map import read_bag_map
+
+    return read_bag_map(path, topics)
+
+
+def _is_geotiff(path: Path) -> bool:
+    return path.suffix.lower() in _GEOTIFF
+
+
+def _reader(path: Path) -> Callable[[Path], MapInfo]:
+    if _is_geotiff(path):
+        return geotiff_file.read_info
+    if path.suffix.lower() == ".npz":
+        return npz_map_file.read_info
+    found = "a directory" if path.is_dir() else f"the name {path.name!r}"
+    raise fault(path, "", f"expected a GeoTIFF (.tif), .npz or ROS 2 recording, got {found}")

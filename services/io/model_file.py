@@ -1,0 +1,133 @@
+"""Model files: one vehicle on its ground, as TOML. Strict; SI units and radians throughout."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from models.effects import registry
+from models.errors import ParameterError
+from models.parameters import Model
+from models.vehicle import Vehicle
+from services.io.access import fault, write_atomic
+from services.io.decode import decode_table, dotted
+from services.io.toml_file import read_toml
+
+_MOST_SURFACES = 61  # surfaces that a model can tell apart beside the base
+
+
+def read_model(path: Path) -> Model:
+    """The model in a TOML file.
+
+    Raises:
+        InputError: names the file and the dotted key, or the line that is not TOML.
+    """
+    return model_from_dict(read_toml(path), str(path))
+
+
+def write_model(model: Model, path: Path) -> None:
+    """Write a model, all or nothing; :func:`read_model` gives the same model again."""
+    import tomli_w
+
+    write_atomic(path, tomli_w.dumps(model_to_dict(model)).encode())
+
+
+def model_from_dict(data: object, source: str) -> Model:
+    """A model from the tables of a file or message.
+
+    Args:
+        data: tables as a TOML or JSON reader gives them.
+        source: file name or message key, for errors.
+
+    Raises:
+        InputError: names source and dotted key.
+    """
+    model = decode_table(Model, data, source)
+    _check_surfaces(model, source)
+    for index, effect in enumerate(model.effect):
+        try:
+            registry.validate(effect)
+            registry.motion(model.effect[: index + 1])
+        except ParameterError as error:
+            field = f"effect[{index}].{error.field}"
+            raise fault(source, field, f"expected {error.expected}") from None
+    return model
+
+
+def _check_surfaces(model: Model, source: str) -> None:
+    """Names and numbers by which maps call the surfaces must be usable and unique."""
+    where = "braking.terrain"
+    tables = model.braking.terrain
+    if len(tables) > _MOST_SURFACES:
+        raise fault(source, where, f"expected at most {_MOST_SURFACES} surfaces, got {len(tables)}")
+    owners: dict[int, str] = {}
+    for name, table in tables.items():
+        if not name or name.startswith("#"):
+            words = "expected a name that is not empty and begins without #"
+            raise fault(source, dotted(where, name), words)
+        if table.class_id is None:
+            continue
+        other = owners.setdefault(table.class_id, name)
+        if other != name:
+            field = f"{dotted(where, name)}.class_id"
+            raise fault(source, field, f"expected a number of its own, got that of {other}")
+
+
+def model_to_dict(model: Model) -> dict[str, Any]:
+    """Tables of plain values as TOML holds them; what is absent or empty is left out."""
+    tables: dict[str, Any] = _plain(model)
+    return tables
+
+
+def vehicle_to_dict(vehicle: Vehicle) -> dict[str, Any]:
+    """The table of the vehicle alone, as :func:`model_to_dict` gives it."""
+    table: dict[str, Any] = _plain(vehicle)
+    return table
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        table = {}
+        for field in dataclasses.fields(value):
+            item = getattr(value, field.name)
+            optional = not (field.default is field.default_factory is dataclasses.MISSING)
+            empty = isinstance(item, str | tuple | Mapping) and not item
+            if not (item is None or (optional and empty)):
+                table[field.name] = _plain(item)
+        return table
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return float(value)  # numpy's float64 is one, too
+    return value
+
+
+def shipped_models() -> dict[str, Path]:
+    """Vehicles that come with the package: name -> file."""
+    folder = resources.files("configs") / "vehicles"
+    files = (Path(str(entry)) for entry in folder.iterdir())
+    return {file.stem: file for file in sorted(files) if file.suffix == ".toml"}
+
+
+def find_model(name_or_path: str | Path) -> Path:
+    """The model file a user means: an existing file, else a vehicle that comes with the package.
+
+    Raises:
+        InputError: neither; lists the vehicles there are.
+    """
+    path = Path(name_or_path)
+    try:
+        if path.is_file():
+            return path
+    except (OSError, ValueError):
+        pass
+    shipped = shipped_models()
+    if str(name_or_path) in shipped:
+        return shipped[str(name_or_path)]
+    names = ", ".join(shipped)
+    raise fault(name_or_path, "", f"expected a model file or one of {names}, got neither")

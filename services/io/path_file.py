@@ -1,0 +1,133 @@
+"""Candidate paths: CSV or Parquet with x,y[,candidate,speed_limit,yaw], GeoJSON, recordings.
+
+Coordinates are those of the map [m], speed limits [m/s], yaw [rad].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from models.errors import ParameterError
+from planner.path import CandidatePath
+from services.io.access import fault
+from services.io.bags.bag import is_bag
+from services.io.geojson_file import read_geojson_paths
+from services.io.maps.grid import Around, in_words
+from services.io.parquet_table import read_parquet
+from services.io.table import Floats, Table, read_csv, write_csv
+
+_OPTIONAL = {"speed_limit": "m/s", "yaw": "rad"}
+
+
+def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
+    """All candidates of a file, in the order in which they first appear.
+
+    Args:
+        path: CSV, Parquet, GeoJSON, or a recording with nav_msgs/Path.
+        topics: topic mapping of a recording; frame: that its paths have to be in, if any.
+
+    Raises:
+        InputError: names the row and column, or the feature, that cannot be used.
+    """
+    if path.suffix.lower() in (".geojson", ".json"):
+        return read_geojson_paths(path)
+    if is_bag(path):
+        from services.io.maps.bag_map import read_bag_paths
+
+        return read_bag_paths(path, topics, frame)
+    table = read_parquet(path) if path.suffix.lower() == ".parquet" else read_csv(path)
+    table.require(("x", "y"))
+    points = np.stack((table.numbers("x", "m"), table.numbers("y", "m")), axis=1)
+    optional = {name: _optional(table, name) for name in _OPTIONAL if name in table.columns}
+    return [
+        _candidate(table, name, rows, points, optional)
+        for name, rows in _rows_of(table, path).items()
+    ]
+
+
+def _optional(table: Table, name: str) -> Floats:
+    """A column that may be left empty, NaN there; a NaN in words is refused."""
+    values = table.numbers(name, _OPTIONAL[name], blank=np.nan)
+    for index, cell in enumerate(table.text(name)):
+        if np.isnan(values[index]) and cell.strip():
+            raise table.error(index, name, f"expected a number [{_OPTIONAL[name]}], got {cell}")
+        if name == "speed_limit" and values[index] < 0.0:
+            raise table.error(index, name, f"expected a speed >= 0 [m/s], got {cell}")
+    return values
+
+
+def _rows_of(table: Table, path: Path) -> dict[str, list[int]]:
+    if "candidate" not in table.columns:
+        return {path.stem: list(range(len(table.rows)))}
+    candidates: dict[str, list[int]] = {}
+    for index, name in enumerate(table.text("candidate")):
+        if not name.strip():
+            raise table.error(index, "candidate", "expected a name, got nothing")
+        candidates.setdefault(name, []).append(index)
+    return candidates
+
+
+def _candidate(
+    table: Table, name: str, rows: list[int], points: Floats, optional: dict[str, Floats]
+) -> CandidatePath:
+    if len(rows) < 2:
+        words = f"expected at least 2 points, got 1 (row {table.rows[rows[0]]})"
+        raise fault(table.source, f"candidate {name}", words)
+    given: dict[str, Floats | None] = {}
+    for column, values in optional.items():
+        missing = np.isnan(values[rows])
+        given[column] = None if missing.all() else values[rows]
+        if missing.any() and not missing.all():
+            words = f"expected a number [{_OPTIONAL[column]}] in every row of {name} or in none"
+            raise table.error(rows[int(np.argmax(missing))], column, f"{words}, got nothing")
+    try:
+        return CandidatePath(name, points[rows], given.get("speed_limit"), given.get("yaw"))
+    except ParameterError as error:
+        field = f"candidate {name}, {error.field}"
+        raise fault(table.source, field, f"expected {error.expected}") from None
+
+
+def check_paths_on_map(
+    paths: Sequence[CandidatePath], extent: Around, source: str, map_source: str
+) -> None:
+    """Raise InputError if a candidate does not begin on the map.
+
+    Args:
+        paths: candidates out of ``source``.
+        extent: (x_min, x_max, y_min, y_max) of the map's cell centres [m].
+        source: file of the paths.
+        map_source: file of the map.
+    """
+    x_min, x_max, y_min, y_max = extent
+    for path in paths:
+        x, y = path.points[0].tolist()
+        if x_min <= x <= x_max and y_min <= y <= y_max:
+            continue
+        words = f"expected a point on the map {map_source} ({in_words(extent)})"
+        found = f"got x {x:.10g}, y {y:.10g}"
+        if np.all(np.abs(path.points) <= (180.0, 90.0)) and max(map(abs, extent)) > 180.0:
+            found += "; that looks like degrees, map coordinates are in metres"
+        raise fault(source, f"candidate {path.name}, point 1", f"{words}, {found}")
+
+
+def write_paths_csv(paths: Sequence[CandidatePath], path: Path) -> None:
+    """Write candidates so that reading them gives the same ones; all or nothing."""
+    names = [candidate.name for candidate in paths for _ in candidate.points]
+    points = np.concatenate([candidate.points for candidate in paths] or [np.empty((0, 2))])
+    columns: dict[str, Sequence[str] | Floats] = {
+        "x": points[:, 0],
+        "y": points[:, 1],
+        "candidate": names,
+    }
+    for column in _OPTIONAL:
+        values = [(getattr(candidate, column), len(candidate.points)) for candidate in paths]
+        if any(given is not None for given, _ in values):
+            columns[column] = [
+                cell
+                for given, count in values
+                for cell in ([""] * count if given is None else map(repr, given.tolist()))
+            ]
+    write_csv(columns, path)

@@ -1,0 +1,102 @@
+"""Terrain files: the classes one vehicle knows, and settings of the terrain estimator, as TOML."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+
+from models.terrain.adaptation import AdaptationSettings
+from models.terrain.change import ChangeSettings
+from models.terrain.classes import FEATURES, TerrainClass, TerrainClasses
+from models.terrain.classifier import ClassifierSettings
+from models.terrain.settings import (
+    EstimatorSettings,
+    FilterSettings,
+    MotionSettings,
+    ResistanceSettings,
+)
+from services.io.access import fault, write_atomic
+from services.io.decode import decode_table
+from services.io.toml_file import read_toml
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TerrainFile:
+    """What a terrain file holds; every table but `name` may be left out."""
+
+    name: str
+    terrain: tuple[TerrainClass, ...] = ()
+    filter: FilterSettings = field(default_factory=FilterSettings)
+    motion: MotionSettings = field(default_factory=MotionSettings)
+    resistance: ResistanceSettings = field(default_factory=ResistanceSettings)
+    classifier: ClassifierSettings = field(default_factory=ClassifierSettings)
+    change: ChangeSettings = field(default_factory=ChangeSettings)
+    adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
+
+    def __post_init__(self) -> None:
+        TerrainClasses(name=self.name, terrain=self.terrain)
+
+    @property
+    def classes(self) -> TerrainClasses:
+        """The classes alone."""
+        return TerrainClasses(name=self.name, terrain=self.terrain)
+
+    @property
+    def estimator(self) -> EstimatorSettings:
+        """Settings of the estimator."""
+        return EstimatorSettings(filter=self.filter, motion=self.motion, resistance=self.resistance)
+
+
+def read_terrains(path: Path) -> TerrainFile:
+    """The terrain file at a path.
+
+    Raises:
+        InputError: names the file and the dotted key, or the line that is not TOML.
+    """
+    return decode_table(TerrainFile, read_toml(path), str(path))
+
+
+def write_terrains(terrains: TerrainFile, path: Path) -> None:
+    """Write, all or nothing; :func:`read_terrains` gives the same again."""
+    import tomli_w
+
+    tables: dict[str, object] = {
+        table: dataclasses.asdict(getattr(terrains, table))
+        for table in ("filter", "motion", "resistance", "classifier", "change", "adaptation")
+    }
+    tables["terrain"] = [_class_table(one) for one in terrains.terrain]
+    write_atomic(path, tomli_w.dumps({"name": terrains.name, **tables}).encode())
+
+
+def _class_table(one: TerrainClass) -> dict[str, object]:
+    table: dict[str, object] = {"name": one.name}
+    for name, feature in zip(FEATURES, one.features, strict=True):
+        if feature is not None:
+            given = dataclasses.asdict(feature)
+            table[name] = {key: value for key, value in given.items() if value is not None}
+    return table
+
+
+def shipped_terrains() -> dict[str, Path]:
+    """Terrain files that come with the package: name -> file."""
+    folder = resources.files("configs") / "terrains"
+    files = (Path(str(entry)) for entry in folder.iterdir())
+    return {file.stem: file for file in sorted(files) if file.suffix == ".toml"}
+
+
+def find_terrains(name_or_path: str | Path) -> Path:
+    """The terrain file a user means: an existing file, else one that comes with the package.
+
+    Raises:
+        InputError: neither; lists those there are.
+    """
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    shipped = shipped_terrains()
+    if str(name_or_path) in shipped:
+        return shipped[str(name_or_path)]
+    names = ", ".join(shipped)
+    raise fault(name_or_path, "", f"expected a terrain file or one of {names}, got neither")

@@ -1,0 +1,78 @@
+"""The table of `slopewise terrain`: a row a stretch, a change, or a part that was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from models.stop_logs.drive_quality import Stretch
+from models.terrain.monitor import Change, Classified
+from services.io.table import write_csv
+
+_TEXT = ("run", "phase", "terrain", "rules", "note")
+COLUMNS = (
+    "run", "t", "t_end", "phase", "samples", "speed", "speed_difference", "yaw_rate",
+    "onset_current", "motion_resistance", "motion_resistance_std", "lateral_resistance",
+    "lateral_resistance_std", "slip_track", "slip_track_std", "terrain", "probability", "rules",
+    "change", "note",
+)  # fmt: skip
+
+
+def write_terrain_table(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Write rows of :func:`event_row` and :func:`excluded_row`, all or nothing."""
+    columns = {
+        name: [str(row.get(name, "")) for row in rows]
+        if name in _TEXT
+        else np.array([row.get(name, np.nan) for row in rows], np.float64)
+        for name in COLUMNS
+    }
+    write_csv(columns, path)
+
+
+def event_row(run: str, event: Classified | Change) -> dict[str, Any]:
+    """A row of the table; parameters are what is known of the ground when the stretch ends."""
+    if isinstance(event, Change):
+        note = "the ground changed within the last seconds of driving"
+        return {
+            "run": run, "t": event.time, "t_end": event.time, "phase": "change",
+            "change": event.strength, "note": note,
+        }  # fmt: skip
+    o = event.observation
+    row = {
+        "run": run, "t": o.begin, "t_end": o.end, "phase": o.phase.value, "samples": o.samples,
+        "speed": o.speed, "speed_difference": o.speed_difference, "yaw_rate": o.yaw_rate,
+        "onset_current": o.onset_current, "terrain": event.answer.name,
+        "probability": event.answer.probability, "rules": event.rules.name, "note": _note(event),
+    }  # fmt: skip
+    for name in ("motion_resistance", "lateral_resistance", "slip_track"):
+        estimate = getattr(o.known, name)
+        row[name], row[f"{name}_std"] = estimate.value, estimate.std
+    return row
+
+
+def _note(event: Classified) -> str:
+    own = event.observation.own
+    notes = [own.motion_resistance.note, own.lateral_resistance.note]
+    if event.observation.phase.value == "stuck":
+        notes.append("wheels spin: nothing is learned")
+    elif event.answer.doubtful:
+        notes.append("a feature does not fit this class")
+    return "; ".join(note for note in notes if note)
+
+
+def excluded_row(run: str, time: Sequence[float], stretch: Stretch) -> dict[str, Any]:
+    """A row for a stretch that was left out.
+
+    Args:
+        run: its name.
+        time: (n,) of the whole log [s].
+        stretch: what was found.
+    """
+    last = min(stretch.stop, len(time)) - 1
+    return {
+        "run": run, "t": float(time[stretch.start]), "t_end": float(time[last]),
+        "phase": "excluded", "samples": stretch.stop - stretch.start, "note": stretch.reason,
+    }  # fmt: skip

@@ -1,0 +1,1 @@
+"""Parameters in use: learned, set, stored, restored."""

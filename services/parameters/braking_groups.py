@@ -1,0 +1,289 @@
+"""Parameters of braking: one group for the base, one for each surface that stops taught about."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+import time
+from collections import deque
+from collections.abc import Mapping
+from statistics import median
+
+import msgspec
+import numpy as np
+
+from models.calibration.force_fit import NAMES, design
+from models.calibration.learned_force import LearnedForce, braking_in_use
+from models.calibration.online import OnlineBraking
+from models.calibration.published import PublishSettings
+from models.calibration.recursive import Outcome, RecursiveSettings
+from models.calibration.stream import StreamedStop
+from models.errors import ParameterError
+from models.laws import braking
+from models.parameters import Braking, Model
+from models.quantity import GRAVITY
+from planner.ground.uncertainty import HOUR, Uncertainty
+from planner.kernels.compiled import Floats
+from services.parameters.learnable import Stop
+from services.parameters.learning_settings import Learning
+from services.parameters.parameter_group import Description
+
+BASE = "braking"
+_DEAD_TIME = "dead_time"
+_UNITS = ("s/m", "1", "s/m", "1", "s")
+_MOST_SURFACES = 32
+_DEAD_TIMES = 5
+_MOST_DEAD_TIME = 3.0
+_UNSAID = (0.02, 0.06, 0.01, 0.05)
+"""How certain a model file is taken to be that says nothing of it, standard deviations."""
+
+
+class BrakingGroups:
+    """What stops teach, surface by surface; one thread."""
+
+    def __init__(self, prior: Model, settings: Learning) -> None:
+        """Begin with the model file's coefficients."""
+        self._prior = prior.braking
+        self._settings = settings
+        self._uncertainty = Uncertainty()
+        known = prior.braking
+        if known.covariance is None:
+            diagonal = np.diag(np.square(_UNSAID))
+            known = dataclasses.replace(known, covariance=tuple(map(tuple, diagonal.tolist())))
+        self.digest = _digest(prior.braking)
+        self._online = OnlineBraking(
+            known,
+            recursive=RecursiveSettings(change=settings.change),
+            publish=PublishSettings(rise=settings.rise, only_valid=True),
+        )
+        self._taught: dict[str, float] = {}
+        self._dead_times: deque[float] = deque(maxlen=_DEAD_TIMES)
+        self._aged = time.monotonic()
+
+    # ------------------------------------------------------------------ learning
+
+    def take(self, stop: StreamedStop, surface: str, source: str, distance: float | None) -> Stop:
+        """Learn from one stop.
+
+        Raises:
+            ParameterError: too many surfaces.
+        """
+        self._begin(surface)
+        predicted = self._distance(surface, stop.onset_speed, stop.grade)
+        if distance is None:
+            slowing = GRAVITY * (stop.force_ratio + math.sin(stop.grade))
+            late = self._prior.dead_time if math.isnan(stop.dead_time) else stop.dead_time
+            distance = stop.onset_speed * late + stop.onset_speed**2 / (2.0 * slowing)
+        done = self._online.take(stop, surface)
+        if done.outcome in (Outcome.ACCEPTED, Outcome.CHANGED):
+            self._taught[surface] = time.monotonic()
+        if 0.0 <= stop.dead_time <= _MOST_DEAD_TIME:
+            self._dead_times.append(stop.dead_time)
+        return Stop(
+            time.monotonic(), source, surface, stop.onset_speed, stop.grade, predicted, distance,
+            done.outcome.value,
+        )  # fmt: skip
+
+    def _begin(self, surface: str) -> None:
+        """A surface that nobody braked on begins with a share of the weakest known force."""
+        if not surface or surface in self._prior.terrain or surface in self._online.learned():
+            return
+        if len(self._online.learned()) >= _MOST_SURFACES:
+            raise ParameterError("surface", f"one of at most {_MOST_SURFACES}, got {surface}")
+        self._online.doubt(surface, self._unheard_of())
+
+    def _unheard_of(self) -> Floats:
+        weakest = min(self.surfaces(), key=lambda b: b.level_force(b.speed_range[1]))
+        coefficients = np.array([getattr(weakest, name) for name in NAMES])
+        return np.asarray(self._uncertainty.untrained_share * coefficients)
+
+    def surfaces(self) -> list[Braking]:
+        """Base and all surfaces as planned with."""
+        used = self.in_use({})
+        return [used.on(name) for name in ("", *used.terrain)]
+
+    def ground_changed(self, surface: str, before: str) -> bool:
+        """The robot comes onto another surface, by name or without; does the base change with it?
+
+        The base stands for ground without a name: it must not promise more than the ground now is
+        known to give.
+        """
+        learned = self._online.learned()
+        one = learned.get(surface) if surface else None
+        if one is not None and one.accepted > 0:
+            below = np.array([getattr(self.in_use({}).on(surface), name) for name in NAMES])
+        elif surface in self._prior.terrain:
+            below = np.array([getattr(self._prior.on(surface), name) for name in NAMES])
+        elif surface and before:
+            below = self._unheard_of()
+        elif "" in learned:
+            below = np.array([getattr(self._prior, name) for name in NAMES])
+        else:
+            return False
+        had = learned.get("")
+        corners = self._corners()
+        force = corners @ np.array([getattr(self.in_use({}), name) for name in NAMES])
+        if had is None and np.all(force <= corners @ below + 1e-9):
+            return False
+        self._online.doubt("", below)
+        return True
+
+    def age(self) -> None:
+        """Let what was learned grow older by the time since the last call."""
+        now = time.monotonic()
+        self._online.age(now - self._aged, self._settings.grows_old)
+        self._aged = now
+
+    def ages(self, now: float) -> dict[str, float]:
+        """Time since the last stop that each surface was taught by [s]."""
+        oldest = self._settings.oldest
+        return {
+            name: min(now - self._taught.get(name, now), oldest) for name in self._online.learned()
+        }
+
+    def in_use(self, ages: Mapping[str, float]) -> Braking:
+        """The braking model to plan with; ages [s] widen the scatter of their surface."""
+        drift = self._uncertainty.drift
+        older = {name: drift * math.sqrt(age / HOUR) for name, age in ages.items()}
+        used = braking_in_use(self._prior, self._online.learned(), older)
+        late = self.dead_time()
+        tables = {
+            name: table if table.dead_time is None
+            else dataclasses.replace(table, dead_time=max(table.dead_time, late))
+            for name, table in used.terrain.items()
+        }  # fmt: skip
+        return dataclasses.replace(used, dead_time=max(used.dead_time, late), terrain=tables)
+
+    def dead_time(self) -> float:
+        """Of the last stops the median [s]; brakes that answer sooner are given no credit."""
+        late = median(self._dead_times) if len(self._dead_times) > 1 else 0.0
+        return max(self._prior.dead_time, late)
+
+    # ------------------------------------------------------------------ groups
+
+    def names(self) -> list[str]:
+        """Groups: the base, surfaces of the file, surfaces learned."""
+        surfaces = dict.fromkeys((*self._prior.terrain, *self._online.learned()))
+        return [BASE, *(f"{BASE}.{name}" for name in surfaces if name)]
+
+    def describe(self, group: str) -> Description:
+        """Values as planned with, before any margin."""
+        surface = surface_of(group)
+        one = self._online.learned().get(surface)
+        used = self.in_use({}).on(surface) if surface else self.in_use({})
+        matrix = used.covariance
+        stds = {} if matrix is None else {
+            name: math.sqrt(max(matrix[i][i], 0.0)) for i, name in enumerate(NAMES)
+        }  # fmt: skip
+        notes: dict[str, str | float] = {}
+        if one is not None:
+            notes = {"stops believed": one.accepted, "stops not believed": one.gated}
+            notes |= {f"estimate {n}": v for n, v in zip(NAMES, one.estimate, strict=True)}
+        return Description(
+            values={name: getattr(used, name) for name in (*NAMES, _DEAD_TIME)},
+            stds=stds,
+            covariance=None if matrix is None else [list(row) for row in matrix],
+            unit=dict(zip((*NAMES, _DEAD_TIME), _UNITS, strict=True)),
+            valid=one is not None and one.valid,
+            age=self.ages(time.monotonic()).get(surface, 0.0),
+            notes=notes,
+        )
+
+    def state(self, group: str) -> dict | None:
+        """What a restart needs, None while nothing was learned."""
+        surface = surface_of(group)
+        one = self._online.learned().get(surface)
+        dead_times = [] if surface else [*self._dead_times]
+        if one is None and not dead_times:
+            return None
+        learned = None if one is None else msgspec.to_builtins(one)
+        return {"learned": learned, "prior": self.digest, "dead_times": dead_times}
+
+    def restore(self, group: str, state: dict | None, age: float) -> None:
+        """As it was ``age`` seconds ago.
+
+        Raises:
+            ValueError, KeyError: nothing that can have been learned.
+        """
+        surface = surface_of(group)
+        learned = None if state is None else state["learned"]
+        dead_times = [] if state is None else msgspec.convert(state["dead_times"], list[float])
+        if not all(0.0 <= t <= _MOST_DEAD_TIME for t in dead_times):
+            raise ParameterError(_DEAD_TIME, f"0 … {_MOST_DEAD_TIME:g} s")
+        one = None if learned is None else msgspec.convert(learned, LearnedForce)
+        self._put(surface, one, age)
+        if not surface:
+            self._dead_times = deque(dead_times, maxlen=_DEAD_TIMES)
+        if one is not None and state is not None and state["prior"] != self.digest:
+            self._online.doubt(surface)
+
+    def set(self, group: str, values: Mapping[str, float]) -> None:
+        """An operator's coefficients; above the model file's they count once stops confirm them.
+
+        Raises:
+            ParameterError: names the value, and what was expected.
+        """
+        surface = surface_of(group)
+        now = self.describe(group).values
+        for name in values:
+            if name not in now or (surface and name == _DEAD_TIME):
+                raise ParameterError(name, f"one of {', '.join(NAMES)}")
+        late = values.get(_DEAD_TIME)
+        if late is not None and not self._prior.dead_time <= late <= _MOST_DEAD_TIME:
+            words = f"{self._prior.dead_time:g} s of the model file … {_MOST_DEAD_TIME:g}"
+            raise ParameterError(_DEAD_TIME, f"{words}, got {late}")
+        if set(values) & set(NAMES):
+            coefficients = tuple({**now, **values}[name] for name in NAMES)
+            known = self._prior.on(surface) if surface else self._prior
+            matrix = known.covariance or tuple(map(tuple, np.diag(np.square(_UNSAID)).tolist()))
+            one = LearnedForce(coefficients, matrix, coefficients, False, 0, 0)
+            self._put(surface, one, 0.0)
+        if late is not None:
+            self._dead_times = deque([late] * _DEAD_TIMES, maxlen=_DEAD_TIMES)
+
+    def _put(self, surface: str, one: LearnedForce | None, age: float) -> None:
+        if one is None:
+            self._online.forget(surface)
+            self._taught.pop(surface, None)
+            return
+        learned = self._online.learned()
+        if surface not in learned and len(learned) >= _MOST_SURFACES:
+            raise ParameterError("surface", f"one of at most {_MOST_SURFACES}, got {surface}")
+        self._check(one, surface)
+        self._online.restore(one, surface, age=age, time_constant=self._settings.grows_old)
+        self._taught[surface] = time.monotonic() - age
+
+    def _check(self, one: LearnedForce, surface: str) -> None:
+        """Raise unless the brakes slow the vehicle everywhere in the trained rectangle."""
+        bounds = PublishSettings()
+        forces = self._corners(surface) @ np.array(one.published)
+        if not np.all((forces >= bounds.least - 1e-6) & (forces <= bounds.most + 1e-6)):
+            words = f"F_b/W of {bounds.least} … {bounds.most} at trained speeds and grades"
+            got = f"{forces.min():.3f} … {forces.max():.3f}"
+            raise ParameterError(", ".join(NAMES), f"{words}, got {got}")
+        dataclasses.replace(self._prior, **dict(zip(NAMES, one.published, strict=True)))
+
+    def _corners(self, surface: str = "") -> Floats:
+        known = self._prior.on(surface) if surface else self._prior
+        speed, grade = np.meshgrid(known.speed_range, known.grade_range)
+        return design(speed.ravel(), grade.ravel())
+
+    def _distance(self, surface: str, speed: float, grade: float) -> float:
+        used = self.in_use({}).on(surface) if surface else self.in_use({})
+        force = (used.m_m * speed + used.b_m) * grade + used.m_b * speed + used.b_b
+        slowing = braking.deceleration(force, grade)
+        if not slowing > 0.0:
+            return math.inf
+        distance = braking.stopping_distance(speed, slowing, used.dead_time, used.distance_offset)
+        return float(distance)
+
+
+def surface_of(group: str) -> str:
+    """The surface that a group of braking is of; empty for the base."""
+    return group[len(BASE) + 1 :]
+
+
+def _digest(known: Braking) -> str:
+    """What tells one model file's braking from another's."""
+    return hashlib.sha256(repr(known).encode()).hexdigest()[:16]

@@ -1,0 +1,266 @@
+"""All groups of one vehicle's parameters, and what observations do to them.
+
+Knows neither versions nor disk: what it says has changed, others keep.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import time
+from collections import deque
+from collections.abc import Callable
+
+from models.calibration.published import PublishSettings
+from models.calibration.stream import StopStream, StreamedStop
+from models.errors import ParameterError
+from models.laws import braking
+from models.parameters import Model
+from models.quantity import GRAVITY
+from services.parameters.braking_groups import BASE, BrakingGroups
+from services.parameters.effects_group import EFFECTS, EffectsGroup
+from services.parameters.ground_now import GroundNow, monitor_maker
+from services.parameters.intake import columns_of
+from services.parameters.learnable import Stop, may_add, unable
+from services.parameters.learning_settings import Learning
+from services.parameters.limits_group import LIMITS, LimitsGroup
+from services.parameters.parameter_group import ParameterGroups
+from services.parameters.terrain_group import TERRAIN, TerrainGroup
+from services.wire.observations import DriveSamples, Observation, StopObservation, TerrainLabel
+
+_SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_STRONGEST = PublishSettings().most
+_MOST_STREAMS = 8
+_MOST_STOPS = 200
+
+
+class Learner:
+    """Follows brakes and ground of one vehicle; one thread.
+
+    Attributes:
+        ground: what is driven on now. unable: why braking is not learned; empty if it is.
+        effects: the finding that is offered, and the one in use.
+        stops: the last ones, beside what was predicted. stop_count: all there were.
+        implausible: stops that brakes cannot make, not learned from.
+    """
+
+    def __init__(
+        self, prior: Model, settings: Learning, names_surfaces: Callable[[], bool] = bool
+    ) -> None:
+        """Begin with a model file.
+
+        Args:
+            prior: its model.
+            settings: of learning.
+            names_surfaces: whether the map in use tells surfaces apart.
+        """
+        self._file = self._prior = prior
+        self._settings, self._names_surfaces = settings, names_surfaces
+        self._braking = BrakingGroups(prior, settings)
+        self._terrain = TerrainGroup(prior, settings)
+        self._limits = LimitsGroup(prior)
+        self.effects = EffectsGroup(prior, self._take_up)
+        self.ground = GroundNow(
+            prior, monitor_maker(settings.terrains), settings.label_for, settings.sure
+        )
+        self.unable = self._unable(prior)
+        self.stops: deque[Stop] = deque(maxlen=_MOST_STOPS)
+        self.stop_count = self.implausible = 0
+        self._streams: dict[str, StopStream] = {}
+        self._last_surface = ""
+
+    # ------------------------------------------------------------------ observations
+
+    def learn(self, one: Observation, key: str) -> tuple[set[str], str]:
+        """Groups that changed, and what became of it.
+
+        Args:
+            one: as it was decoded. key: it came on, for errors.
+
+        Raises:
+            InputError, ParameterError: it cannot be used.
+        """
+        now = time.monotonic()
+        if not self._settings.enabled:
+            return set(), self.unable
+        if isinstance(one, TerrainLabel):
+            self.ground.label(one, now)
+            return self.on_surface(now), f"ground is {one.surface}"
+        if isinstance(one, DriveSamples):
+            return self._drive(one, key, now)
+        assert isinstance(one, StopObservation)
+        force = float(braking.force_ratio_of_deceleration(one.deceleration, one.grade))
+        dead_time = math.nan if one.dead_time is None else one.dead_time
+        stop = StreamedStop(
+            now, one.speed, one.grade, force, one.deceleration_std / GRAVITY, dead_time
+        )
+        changed = self.on_surface(now)
+        return self._stop(stop, one.surface or self.ground.surface(now), one, one.distance, changed)
+
+    def _drive(self, one: DriveSamples, key: str, now: float) -> tuple[set[str], str]:
+        columns = columns_of(one, key)
+        told = self.ground.drive(one.source, columns)
+        changed: set[str] = set()
+        if told.changed:
+            changed |= {TERRAIN} if self._terrain.ground_changed() else set()
+            if self._braking.ground_changed("", self._last_surface):
+                changed.add(BASE)
+        if told.features is not None and self._terrain.take(told.features):
+            changed.add(TERRAIN)
+        changed |= self.on_surface(now)
+        reason = "the ground changed" if told.changed else "samples"
+        stream = self._stream(one.source)
+        size = columns["t"].size
+        grade = columns["grade"].tolist() if "grade" in columns else [math.nan] * size
+        rows = [columns[name].tolist() for name in ("t", "v", "v_cmd", "pitch")]
+        surface = one.surface or self.ground.surface(now)
+        for *row, slope in zip(*rows, grade, strict=True):
+            stop = stream.feed(row[0], row[1], row[2], row[3], slope)
+            if stop is not None:
+                changed, reason = self._stop(stop, surface, one, None, changed)
+        return changed, reason
+
+    def _stream(self, source: str) -> StopStream:
+        stream = self._streams.pop(source, None)
+        if stream is None:
+            s = self._settings
+            stream = StopStream(self._braking.dead_time(), mount=s.mount, dive=s.dive)
+        # Brakes that answer late must not be taken for weak ones.
+        stream.dead_time = self._braking.dead_time()
+        self._streams[source] = stream
+        while len(self._streams) > _MOST_STREAMS:
+            self._streams.pop(next(iter(self._streams)))
+        return stream
+
+    def _stop(
+        self, stop: StreamedStop, surface: str, one: Observation, distance: float | None,
+        changed: set[str],
+    ) -> tuple[set[str], str]:  # fmt: skip
+        if self.unable:
+            return changed, self.unable
+        # Wheels that lock stand at once, and a push downhill is no brake: neither tells of brakes.
+        if not 0.0 < stop.force_ratio <= _STRONGEST:
+            self.implausible += 1
+            words = f"F_b/W above 0 and at most {_STRONGEST:g}, got {stop.force_ratio:.3g}"
+            return changed, f"not learned from: expected {words}"
+        done = self._braking.take(stop, surface, one.source, distance)
+        self.stops.append(done)
+        self.stop_count += 1
+        changed = changed | {f"{BASE}.{surface}" if surface else BASE}
+        # Where the map names no surfaces, the base stands for the ground there is.
+        if surface and not self._names_surfaces():
+            self._braking.take(stop, "", one.source, distance)
+            changed.add(BASE)
+        return changed, done.outcome
+
+    def on_surface(self, now: float) -> set[str]:
+        """Groups that change because the robot came onto other ground."""
+        surface, before = self.ground.surface(now), self._last_surface
+        if surface == before:
+            return set()
+        self._last_surface = surface
+        if self.unable or not self._braking.ground_changed(surface, before):
+            return set()
+        return {BASE}
+
+    # ------------------------------------------------------------------ groups
+
+    def names(self) -> list[str]:
+        """All groups."""
+        rest = (self._terrain, self._limits, self.effects)
+        return [*self._braking.names(), *(name for groups in rest for name in groups.names())]
+
+    def group(self, name: str) -> ParameterGroups:
+        """Who looks after a group, whether there is anything in it yet or not."""
+        if name == TERRAIN:
+            return self._terrain
+        if name == LIMITS:
+            return self._limits
+        if name == EFFECTS:
+            return self.effects
+        surface = name.removeprefix(f"{BASE}.")
+        if name == BASE or surface in self._prior.braking.terrain:
+            return self._braking
+        if surface != name and _SURFACE.fullmatch(surface):
+            return self._braking
+        raise ParameterError("group", f"one of {', '.join(self.names())}, got {name[:80]}")
+
+    def may_restore(self, name: str) -> bool:
+        """Whether what was learned before of a group still has a say."""
+        if name in (LIMITS, EFFECTS):
+            return True
+        if not self._settings.enabled:
+            return False
+        if not (name.startswith(BASE) and bool(self.unable)):
+            return True
+        # What stops taught of the base is in an adopted finding already; of other ground it is not.
+        adopted = self._prior is not self._file
+        return adopted and name != BASE and not _counts_twice(self._prior)
+
+    # ------------------------------------------------------------------ findings
+
+    @property
+    def base(self) -> Model:
+        """What is learned on top of: the model file, or the finding that was adopted."""
+        return self._prior
+
+    def _unable(self, model: Model) -> str:
+        if not self._settings.enabled:
+            return "nothing is learned: it is off"
+        return unable(model, "the model file" if model is self._file else "the adopted finding")
+
+    def _take_up(self, model: Model | None, before: dict | None) -> dict | None:
+        """Learn on top of a finding, or of the model file again.
+
+        What stops taught counts below it from now on. Where braking cannot be learned on top of it,
+        what they taught of the base is given back: the finding is made of the same stops.
+
+        Raises:
+            ParameterError: a surface's own force would be counted twice.
+        """
+        now, known = time.monotonic(), self._braking
+        wanted = self._file if model is None else model
+        learned = {name: known.state(name) for name in known.names()}
+        learned = {name: state for name, state in learned.items() if state is not None}
+        surfaces = sorted(set(learned) - {BASE})
+        if surfaces and model is not None and _counts_twice(model):
+            words = "no learned surfaces beside effects that add force, they"
+            raise ParameterError("effects", f"{words} would count twice: {', '.join(surfaces)}")
+        learns = self._unable(wanted) == ""
+        given = None if model is None or learns else learned.pop(BASE, None)
+        if before is not None and BASE not in learned and learns:
+            learned[BASE] = before
+        ages = known.ages(now)
+        braking = BrakingGroups(wanted, self._settings)
+        for name, state in learned.items():
+            age = ages.get(name[len(BASE) + 1 :], self._settings.oldest)
+            braking.restore(name, state, age)
+        # Only what could be taken up whole is.
+        self._prior, self._braking, self.unable = wanted, braking, self._unable(wanted)
+        return given
+
+    # ------------------------------------------------------------------ bringing out
+
+    def age(self) -> None:
+        """Let what was learned grow older by the time since the last call."""
+        self._braking.age()
+
+    def in_use(self) -> tuple[Model, float, float]:
+        """The model to plan with, the age that all of it has, and the oldest of all [s].
+
+        What a surface is older than all is scatter of its own.
+        """
+        ages = self._braking.ages(time.monotonic())
+        least = min(ages.values()) if len(ages) == len(self._braking.names()) else 0.0
+        own = {name: age - least for name, age in ages.items()}
+        model = dataclasses.replace(
+            self._prior, braking=self._braking.in_use(own), terrain=self._terrain.in_use(),
+            limits=self._limits.in_use(),
+        )  # fmt: skip
+        return model, least, max(ages.values(), default=0.0)
+
+
+def _counts_twice(model: Model) -> bool:
+    """Whether what stops teach holds force already that the model's effects add."""
+    return bool(unable(model)) and any(may_add(effect) for effect in model.effect)

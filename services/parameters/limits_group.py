@@ -1,0 +1,73 @@
+"""Limits of plans as an operator set them: tighter than the model file's, never wider."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Mapping
+
+from models.errors import ParameterError
+from models.parameters import Limits, Model
+from services.parameters.parameter_group import Description
+
+LIMITS = "limits"
+_UNITS = {
+    "speed": "m/s", "accel": "m/s²", "decel": "m/s²", "jerk": "m/s³", "lateral_accel": "m/s²",
+    "min_load": "1",
+}  # fmt: skip
+
+
+class LimitsGroup:
+    """What an operator allows; one thread."""
+
+    def __init__(self, prior: Model) -> None:
+        """Begin with the model file's limits."""
+        self._prior = prior.limits
+        self._values: dict[str, float] = {}
+        self._set = time.monotonic()
+
+    def in_use(self) -> Limits:
+        """To plan with."""
+        return dataclasses.replace(self._prior, **self._values)  # type: ignore[arg-type]
+
+    def names(self) -> list[str]:
+        """The one."""
+        return [LIMITS]
+
+    def describe(self, group: str) -> Description:
+        """As planned with."""
+        age = time.monotonic() - self._set if self._values else 0.0
+        return Description(
+            values=dataclasses.asdict(self.in_use()), valid=True, age=age, unit=dict(_UNITS)
+        )
+
+    def state(self, group: str) -> dict | None:
+        """What a restart needs."""
+        return {"values": self._values} if self._values else None
+
+    def restore(self, group: str, state: dict | None, age: float) -> None:
+        """As it was. Where the model file is tighter by now, it holds."""
+        values: dict[str, float] = {} if state is None else dict(state["values"])
+        for name, value in values.items():
+            if name not in _UNITS:
+                raise ParameterError(name, f"one of {', '.join(_UNITS)}")
+            values[name] = self._tighter(name, value)
+        dataclasses.replace(self._prior, **values)  # type: ignore[arg-type]
+        self._values, self._set = values, time.monotonic() - age
+
+    def set(self, group: str, values: Mapping[str, float]) -> None:
+        """An operator's values."""
+        for name, value in values.items():
+            if name not in _UNITS:
+                raise ParameterError(name, f"one of {', '.join(_UNITS)}")
+            if self._tighter(name, value) != value:
+                word = "at least" if name == "min_load" else "at most"
+                words = f"{word} the {getattr(self._prior, name):g} of the model file, got {value}"
+                raise ParameterError(name, words)
+        changed = {**self._values, **values}
+        dataclasses.replace(self._prior, **changed)  # type: ignore[arg-type]
+        self._values, self._set = changed, time.monotonic()
+
+    def _tighter(self, name: str, value: float) -> float:
+        most = float(getattr(self._prior, name))
+        return max(value, most) if name == "min_load" else min(value, most)

@@ -1,0 +1,270 @@
+"""Parameters and observations over zenoh: keys, one queue, one thread.
+
+An observation comes as a put, or as a query where its sender wants to know that it was kept: the
+receipt comes once it is on disk. Parameters are read at ``params`` and ``params/GROUP``, set at
+``params/set``, ``params/rollback`` and ``params/adopt``: keys of their own, so that access can be
+given apart. ``discrepancy`` tells what stored stops say, and begins a look at them.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter, deque
+from typing import Any
+
+import msgspec
+import zenoh
+
+from models.errors import InputError
+from services.config import ServiceConfig
+from services.dashboard.board import Board
+from services.dashboard.parameter_board import ParameterBoard
+from services.parameters import parameter_replies
+from services.parameters.parameter_service import REFUSED, ParameterService
+from services.wire import codec
+from services.wire.codec import Format
+from services.wire.observations import DriveSamples, Receipt, StopObservation, TerrainLabel
+from services.wire.parameter_messages import (
+    AdoptOffer,
+    DiscrepancyQuestion,
+    ParameterGroup,
+    ParameterQuestion,
+    ParameterReply,
+    RollBack,
+    SetParameters,
+)
+
+_log = logging.getLogger("slopewise")
+
+KINDS: dict[str, type[Any]] = {
+    "stop": StopObservation,
+    "drive": DriveSamples,
+    "terrain": TerrainLabel,
+}
+CHANGES: dict[str, type[Any]] = {
+    "set": SetParameters,
+    "rollback": RollBack,
+    "adopt": AdoptOffer,
+}
+PARAMS, DISCREPANCY = "params", "discrepancy"
+_TICK = 0.5
+_PATIENCE = 2.0
+_FLAGGED_FOR = 60.0
+
+
+class ParameterDesk:
+    """Takes what comes, one after the other; a context manager."""
+
+    def __init__(
+        self, session: zenoh.Session, config: ServiceConfig, service: ParameterService,
+        counters: Counter[str], board: Board,
+    ) -> None:  # fmt: skip
+        """Declare keys and begin to work."""
+        self._session, self._config, self._service = session, config, service
+        self._counters = counters
+        self._board = ParameterBoard(service, board, config)
+        self._waiting: deque[tuple[str, float, Any]] = deque()
+        self._alive: dict[str, bool] = {}
+        self._news = threading.Condition()
+        self._closed = False
+        self._lost_at = -float("inf")
+        self.beat = time.monotonic()
+        self._thread = threading.Thread(target=self._work, name="parameters", daemon=True)
+        self._thread.start()
+        self._declared: list[Any] = []
+        for kind in KINDS:
+            key = config.key(f"obs/{kind}")
+            self._declared.append(session.declare_subscriber(key, self._putter(kind)))
+            self._declared.append(session.declare_queryable(key, self._putter(kind), complete=True))
+        for name, pattern in ((PARAMS, f"{PARAMS}/**"), (DISCREPANCY, DISCREPANCY)):
+            key, put = config.key(pattern), self._putter(name)
+            self._declared.append(session.declare_queryable(key, put, complete=True))
+        for name in config.learning.estimators:
+            self._declared.append(
+                session.liveliness().declare_subscriber(
+                    config.key(f"alive/{name}"), self._on_token, history=True
+                )
+            )
+
+    def close(self) -> None:
+        """Let zenoh go, then the store."""
+        for declared in self._declared:
+            declared.undeclare()
+        with self._news:
+            self._closed = True
+            self._news.notify()
+        self._thread.join(_PATIENCE)
+        if not self._thread.is_alive():
+            self._service.close()
+
+    def flags(self) -> list[str]:
+        """What is not as it should be."""
+        lost = time.monotonic() - self._lost_at < _FLAGGED_FOR
+        return ["observations were lost: more came than could be learned from"] if lost else []
+
+    # ------------------------------------------------------------------ zenoh's threads
+
+    def _putter(self, kind: str) -> Any:
+        def put(item: Any) -> None:
+            with self._news:
+                if len(self._waiting) < self._config.learning.queue:
+                    self._waiting.append((kind, time.monotonic(), item))
+                    self._news.notify()
+                    return
+            self._counters["observations_lost"] += 1
+            self._lost_at = time.monotonic()
+
+        return put
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr).rpartition("/")[2]
+        with self._news:
+            # Whether an estimator lives is never lost, and the last word counts.
+            self._alive[name] = sample.kind == zenoh.SampleKind.PUT
+            self._news.notify()
+
+    # ------------------------------------------------------------------ own thread
+
+    def _work(self) -> None:
+        self._board.recall()
+        while True:
+            with self._news:
+                if not self._waiting and not self._alive and not self._closed:
+                    self._news.wait(_TICK)
+                if self._closed:
+                    return
+                item = self._waiting.popleft() if self._waiting else None
+                alive, self._alive = self._alive, {}
+            self.beat = time.monotonic()
+            try:
+                for name, is_alive in alive.items():
+                    self._service.alive(name, is_alive=is_alive)
+                if item is not None:
+                    self._take(*item)
+                self._service.tick()
+                self._publish()
+                self._board.show()
+            except Exception:  # noqa: BLE001 - logged, counted and flagged; plans get slower
+                self._counters["faults"] += 1
+                _log.exception("parameters were not looked after as they should be")
+                self._service.fault("learning does not work as it should")
+
+    def _take(self, kind: str, arrived: float, item: Any) -> None:
+        if kind in KINDS:
+            self._observe(kind, arrived, item)
+            return
+        with item:
+            if kind == PARAMS:
+                self._answer(item)
+            else:
+                self._findings(item)
+
+    def _observe(self, kind: str, arrived: float, item: Any) -> None:
+        key = self._config.key(f"obs/{kind}")
+        encoding = str(item.encoding or "")
+        most = int(self._config.learning.observation_bytes)
+        try:
+            one = codec.decode(KINDS[kind], item.payload or b"", encoding, key, most)
+            receipt = self._service.observe(kind, one, key, arrived)
+        except InputError as error:
+            self._counters[f"{kind}_malformed"] += 1
+            log = self._service.log
+            receipt = Receipt(
+                status="error", reason=str(error), version=log.version, durable=log.durable
+            )
+        if receipt.status in (REFUSED, "error"):
+            _log.info("%s: %s", key, receipt.reason)
+        if isinstance(item, zenoh.Query):
+            with item:
+                self._reply(item, key, receipt, codec.format_of(encoding))
+
+    def _findings(self, query: zenoh.Query) -> None:
+        key, encoding = self._config.key(DISCREPANCY), str(query.encoding or "")
+        question = DiscrepancyQuestion()
+        try:
+            if query.payload is not None and len(query.payload):
+                most = int(self._config.learning.observation_bytes)
+                question = codec.decode(DiscrepancyQuestion, query.payload, encoding, key, most)
+        except InputError as error:
+            self._counters["params_malformed"] += 1
+            self._reply(query, key, self._error(str(error)), _written(encoding))
+            return
+        reply = parameter_replies.findings(self._service, question, self._config.id)
+        self._reply(query, key, reply, _written(encoding))
+
+    def _answer(self, query: zenoh.Query) -> None:
+        asked, base = str(query.key_expr), self._config.key(PARAMS)
+        encoding = str(query.encoding or "")
+        written = _written(encoding)
+        name = asked[len(base) + 1 :] if asked.startswith(f"{base}/") else ""
+        if name in CHANGES:
+            self._reply(query, asked, self._change(query, name, encoding, asked), written)
+        elif "*" not in asked:
+            self._reply(query, asked, self._read(query, name, encoding, asked), written)
+        elif query.key_expr.intersects(base):
+            self._reply(query, base, self._read(query, "", encoding, base), written)
+        else:
+            # A pattern of groups: each answers with its own key.
+            for group in self._service.learner.names():
+                if query.key_expr.intersects(f"{base}/{group}"):
+                    reply = self._read(query, group, encoding, asked)
+                    self._reply(query, f"{base}/{group}", reply, written)
+
+    def _read(self, query: zenoh.Query, group: str, encoding: str, key: str) -> ParameterReply:
+        question = ParameterQuestion(group=group)
+        try:
+            if query.payload is not None and len(query.payload):
+                most = int(self._config.learning.observation_bytes)
+                question = codec.decode(ParameterQuestion, query.payload, encoding, key, most)
+                if group:
+                    question = msgspec.structs.replace(question, group=group)
+        except InputError as error:
+            self._counters["params_malformed"] += 1
+            return self._error(str(error))
+        return parameter_replies.read(self._service, question, self._config.id)
+
+    def _change(self, query: zenoh.Query, name: str, encoding: str, key: str) -> ParameterReply:
+        most = int(self._config.learning.observation_bytes)
+        try:
+            request = codec.decode(CHANGES[name], query.payload or b"", encoding, key, most)
+        except InputError as error:
+            self._counters["params_malformed"] += 1
+            return self._error(str(error))
+        return parameter_replies.change(self._service, request, self._config.id)
+
+    def _error(self, reason: str) -> ParameterReply:
+        return parameter_replies.reply_of(self._service, self._config.id, "error", reason)
+
+    def _reply(
+        self, query: zenoh.Query, key: str, message: msgspec.Struct, written: Format
+    ) -> None:
+        try:
+            query.reply(
+                key,
+                codec.encode(message, written),
+                encoding=codec.encoding_of(type(message), written),
+            )
+        except zenoh.ZError as error:
+            self._counters["replies_lost"] += 1
+            _log.warning("a reply could not be sent: %s", error)
+
+    def _publish(self) -> None:
+        """Tell of each group that changed; whoever is too slow misses it and may ask."""
+        changed, self._service.changed = self._service.changed, set()
+        for group in sorted(changed & set(self._service.learner.names())):
+            message = parameter_replies.group_message(self._service, group)
+            self._session.put(
+                self._config.key(f"params/{group}"),
+                codec.encode(message, Format.JSON),
+                encoding=codec.encoding_of(ParameterGroup, Format.JSON),
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+            self._board.learned(message)
+
+
+def _written(encoding: str) -> Format:
+    """How to answer: as a machine only to one that said it is."""
+    machine = encoding.startswith(Format.MESSAGEPACK.value)
+    return Format.MESSAGEPACK if machine else Format.JSON

@@ -1,0 +1,205 @@
+"""Versions of parameters: each change gets the next one and goes to the store before it is told.
+
+Without a store, or while it cannot be written, everything goes on and is said not to be durable;
+what could not be written is written once that is possible again.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from services.parameters.change import Change, Moment
+from services.parameters.learning_settings import StoreSettings
+from services.parameters.store import Store, StoreError
+
+_log = logging.getLogger("slopewise")
+
+
+@dataclass(frozen=True, slots=True)
+class Last:
+    """The last change of a group, as people are told of it."""
+
+    version: int
+    cause: str
+    who: str
+
+
+class ParameterLog:
+    """Versions and history of one vehicle's parameters; one thread.
+
+    Attributes:
+        version: of all parameters; 1 is the model file.
+        last: last change of each group.
+    """
+
+    def __init__(self, settings: StoreSettings, fingerprint: str) -> None:
+        """Open the store, if there is to be one."""
+        self._settings, self._fingerprint = settings, fingerprint
+        self.version = 1
+        self.last: dict[str, Last] = {}
+        self.notes: list[str] = []
+        self._store: Store | None = None
+        self._fault = ""
+        self._unsaved: dict[str, Change] = {}
+        self._unheard: dict[str, int] = {}
+        self._tried = time.monotonic()
+        if settings.path:
+            self._open()
+
+    def _open(self) -> None:
+        s = self._settings
+        try:
+            store = Store(
+                Path(s.path), most_bytes=int(1e6 * s.megabytes), most_changes=int(s.changes)
+            )
+        except StoreError as error:
+            self._fail(error)
+            return
+        self._store, self._fault = store, ""
+        self.notes += store.notes
+        self.version = max(self.version, store.last_version())
+        strangers = store.fingerprints() - {self._fingerprint}
+        if strangers and not store.groups(self._fingerprint):
+            self.notes.append("the stored parameters are of another vehicle: not used")
+
+    def _fail(self, error: Exception) -> None:
+        if not self._fault:
+            _log.warning("%s", error)
+        self._fault = str(error)
+
+    @property
+    def durable(self) -> bool:
+        """Everything up to now is on disk."""
+        return self._store is not None and not self._unsaved and not self._unheard
+
+    def flags(self) -> list[str]:
+        """What is not as it should be."""
+        flags = list(self.notes)
+        if self._fault or self._unsaved or self._unheard:
+            flags.append(f"parameters are not kept: {self._fault or 'there is no store'}")
+        return flags
+
+    def seen(self) -> dict[str, int]:
+        """Up to which sequence sources were heard, as far as that can be read."""
+        try:
+            return {} if self._store is None else self._store.seen()
+        except StoreError as error:
+            self._fail(error)
+            return {}
+
+    @property
+    def unsaved(self) -> set[str]:
+        """Groups whose last change is not on disk."""
+        return set(self._unsaved)
+
+    # ------------------------------------------------------------------ writing
+
+    def commit(
+        self, states: Mapping[str, dict | None], cause: str, who: str, *,
+        seen: Mapping[str, int] | None = None, learned: bool = True,
+        moments: Mapping[str, Moment] | None = None,
+    ) -> None:  # fmt: skip
+        """Groups have changed together: the next version.
+
+        Args:
+            states: of the groups that changed. cause, who: in words.
+            seen: up to which sequence sources were heard with it.
+            learned: came by itself.
+            moments: when what the states hold was learned, if not now.
+        """
+        self.version += 1
+        now = Moment.now()
+        for group, state in states.items():
+            data = json.dumps(state, allow_nan=False).encode()
+            moment = (moments or {}).get(group, now)
+            self._unsaved[group] = Change(
+                self.version, group, self._fingerprint, cause, who, moment, data, learned
+            )
+            self.last[group] = Last(self.version, cause, who)
+        self._unheard.update(seen or {})
+        self.save()
+
+    def save(self) -> None:
+        """Write what is not on disk yet."""
+        if not self._settings.path:
+            self._unsaved.clear()
+            self._unheard.clear()
+            return
+        self._tried = time.monotonic()
+        if self._store is None:
+            return
+        try:
+            self._store.write(list(self._unsaved.values()), self._unheard)
+        except StoreError as error:
+            self._fail(error)
+            return
+        self._fault = ""
+        self._unsaved.clear()
+        self._unheard.clear()
+
+    def retry(self) -> bool:
+        """Try again what failed, if it is time to; True if a store is there that was not before."""
+        if time.monotonic() - self._tried < self._settings.retry or not self._settings.path:
+            return False
+        opened = False
+        if self._store is None:
+            self._tried = time.monotonic()
+            self._open()
+            if self._store is None:
+                return False
+            opened = True
+            # What another process wrote meanwhile keeps its numbers.
+            self.version += 1
+            self._unsaved = {
+                group: replace(change, version=self.version)
+                for group, change in self._unsaved.items()
+            }
+        if self._unsaved or self._unheard or self._fault:
+            self.save()
+        return opened
+
+    def close(self) -> None:
+        """Let the store go."""
+        if self._store is not None:
+            try:
+                self._store.close()
+            except StoreError as error:
+                self._fail(error)
+
+    # ------------------------------------------------------------------ reading
+
+    def groups(self) -> list[str]:
+        """Groups of this vehicle that changed at some time.
+
+        Raises:
+            StoreError: there is no store, or it cannot be read.
+        """
+        return self._there().groups(self._fingerprint)
+
+    def newest(self, group: str, up_to: int | None = None) -> Iterator[tuple[Change, dict | None]]:
+        """Changes of a group from the newest back with their states, those that can be read."""
+        for change in self._there().newest(self._fingerprint, group, up_to):
+            try:
+                state = json.loads(change.state)
+            except ValueError:
+                continue
+            if state is None or isinstance(state, dict):
+                yield change, state
+
+    def knows(self, version: int) -> bool:
+        """Whether there is a change of this vehicle with that version, or it is the model file."""
+        return self._there().has(self._fingerprint, version) or version == 1
+
+    def _there(self) -> Store:
+        if self._store is None:
+            raise StoreError(self._fault or "there is no store")
+        return self._store
+
+    def history(self, group: str, most: int) -> list[Change]:
+        """Changes of a group, or of all, newest first."""
+        return self._there().history(group, most)

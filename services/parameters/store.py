@@ -1,0 +1,250 @@
+"""The durable store of parameters: every change, what caused it, and what it led to.
+
+SQLite in WAL mode with full synchronisation: a change is on disk before anybody is told of it, and
+a process or machine that dies while it writes leaves the change before. One process at a time: the
+file stays locked, so that a second service cannot write between. Each row carries a checksum.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from services.parameters.change import Change, Moment
+
+_SCHEMA_VERSION = 1
+_PAGE = 4096
+_FULL = 0.8
+"""Share of the size limit from which on the oldest changes make room."""
+
+_CORRUPT_KEPT = 3
+_MOST_SOURCES = 1000
+_BUSY = 0.5  # [s] that another process's lock is waited for
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS change (
+    version INTEGER NOT NULL, grp TEXT NOT NULL, fingerprint TEXT NOT NULL, cause TEXT NOT NULL,
+    who TEXT NOT NULL, at REAL NOT NULL, boot TEXT NOT NULL, uptime REAL NOT NULL,
+    learned INTEGER NOT NULL, state BLOB NOT NULL, crc INTEGER NOT NULL,
+    PRIMARY KEY (version, grp)
+);
+CREATE INDEX IF NOT EXISTS change_of_group ON change (grp, version);
+CREATE TABLE IF NOT EXISTS source (
+    name TEXT PRIMARY KEY, sequence INTEGER NOT NULL, version INTEGER NOT NULL
+);
+"""
+
+
+class StoreError(Exception):
+    """The store cannot be used just now; the message says why, in a few words."""
+
+
+class Store:
+    """An open store; every method raises :class:`StoreError` if it cannot do its work."""
+
+    def __init__(self, path: Path, *, most_bytes: int = 64_000_000, most_changes: int = 20_000):
+        """Open, check, and create what is missing.
+
+        Args:
+            path: of the file; its folder is created.
+            most_bytes: of the file. most_changes: that are kept of one group.
+
+        Attributes:
+            notes: what was found wrong and put aside, in words.
+        """
+        self.path = path
+        self.notes: list[str] = []
+        self._most_changes = most_changes
+        self._most_pages = max(most_bytes // _PAGE, 64)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                self._open()
+            except sqlite3.DatabaseError as error:
+                if isinstance(error, sqlite3.OperationalError) or not path.exists():
+                    raise
+                self._set_aside(str(error))
+                self._open()
+        except (OSError, sqlite3.Error) as error:
+            raise StoreError(f"{path.name} cannot be opened: {error}") from None
+
+    def _open(self) -> None:
+        connection = sqlite3.connect(
+            self.path, timeout=_BUSY, isolation_level=None, check_same_thread=False
+        )
+        try:
+            for pragma in (
+                f"page_size = {_PAGE}", "locking_mode = EXCLUSIVE", "journal_mode = WAL",
+                "synchronous = FULL", f"max_page_count = {self._most_pages}",
+                f"journal_size_limit = {1024 * _PAGE}",
+            ):  # fmt: skip
+                connection.execute(f"PRAGMA {pragma}").fetchall()
+            (answer,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+            if answer != "ok":
+                raise sqlite3.DatabaseError(answer)
+            (version,) = connection.execute("PRAGMA user_version").fetchone()
+            if version not in (0, _SCHEMA_VERSION):
+                raise sqlite3.DatabaseError(f"written by another version, {version}")
+            # Takes the lock, too, so that a second process is refused here and not later.
+            connection.executescript(
+                f"BEGIN IMMEDIATE;{_SCHEMA}PRAGMA user_version = {_SCHEMA_VERSION};COMMIT;"
+            )
+            connection.execute("SELECT version, state, crc FROM change LIMIT 1").fetchall()
+        except BaseException:
+            connection.close()
+            raise
+        self._connection = connection
+
+    def _set_aside(self, reason: str) -> None:
+        """Keep a file that is none beside the new one, a few of them at most."""
+        stem = self.path.name + ".corrupt-"
+        names = [self.path.with_name(f"{stem}{n}") for n in range(1, _CORRUPT_KEPT + 1)]
+        free = [name for name in names if not name.exists()]
+        kept = free[0] if free else min(names, key=lambda name: name.stat().st_mtime)
+        self.path.replace(kept)
+        for suffix in ("-wal", "-shm"):
+            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
+        self.notes.append(
+            f"the stored parameters could not be read and are in {kept.name}: {reason}"
+        )
+
+    def close(self) -> None:
+        """Let the file go."""
+        try:
+            self._connection.close()
+        except sqlite3.Error as error:
+            raise StoreError(str(error)) from None
+
+    # ------------------------------------------------------------------ writing
+
+    def write(self, changes: Sequence[Change], seen: Mapping[str, int] | None = None) -> None:
+        """Keep changes, and up to which sequence sources were heard: all of it or nothing."""
+        rows = [
+            (
+                c.version, c.group, c.fingerprint, c.cause, c.who, c.moment.at, c.moment.boot,
+                c.moment.uptime, int(c.learned), c.state, zlib.crc32(c.state),
+            )
+            for c in changes
+        ]  # fmt: skip
+        version = max((c.version for c in changes), default=0)
+        heard = [(name, sequence, version) for name, sequence in (seen or {}).items()]
+        self._transaction(rows, heard)
+        self._make_room({c.group for c in changes})
+
+    def _transaction(self, rows: list[tuple[Any, ...]], heard: list[tuple[Any, ...]]) -> None:
+        connection = self._connection
+        try:
+            connection.execute("BEGIN IMMEDIATE")
+            try:
+                connection.executemany(
+                    "INSERT INTO change VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", rows
+                )
+                connection.executemany("INSERT OR REPLACE INTO source VALUES (?, ?, ?)", heard)
+                connection.execute("COMMIT")
+            except BaseException:
+                if connection.in_transaction:
+                    connection.execute("ROLLBACK")
+                raise
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path.name} cannot be written: {error}") from None
+
+    def _make_room(self, groups: set[str]) -> None:
+        """Forget the oldest that came by itself; the latest of every group and vehicle stays."""
+        try:
+            pages = self._number("PRAGMA page_count") - self._number("PRAGMA freelist_count")
+            full = pages > _FULL * self._most_pages
+            if full:
+                with self._reading("SELECT DISTINCT grp FROM change") as rows:
+                    groups = {str(name) for (name,) in rows}
+            for group in groups:
+                count = self._number("SELECT count(*) FROM change WHERE grp = ?", group)
+                if full or count > self._most_changes:
+                    self._forget(group, max(count // 4, 1))
+            self._connection.execute(
+                "DELETE FROM source WHERE name NOT IN"
+                " (SELECT name FROM source ORDER BY version DESC LIMIT ?)", (_MOST_SOURCES,),
+            )  # fmt: skip
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path.name} has no room: {error}") from None
+
+    def _forget(self, group: str, count: int) -> None:
+        self._connection.execute(
+            "DELETE FROM change WHERE rowid IN (SELECT rowid FROM change WHERE grp = ?1"
+            " AND version NOT IN"
+            " (SELECT max(version) FROM change WHERE grp = ?1 GROUP BY fingerprint)"
+            " ORDER BY learned DESC, version LIMIT ?2)",
+            (group, count),
+        )
+
+    # ------------------------------------------------------------------ reading
+
+    def last_version(self) -> int:
+        """Highest version of all, 0 if there is none."""
+        return self._number("SELECT coalesce(max(version), 0) FROM change")
+
+    def seen(self) -> dict[str, int]:
+        """Up to which sequence each source was heard."""
+        with self._reading("SELECT name, sequence FROM source") as rows:
+            return {str(name): int(sequence) for name, sequence in rows}
+
+    def groups(self, fingerprint: str) -> list[str]:
+        """Groups that there are changes of, of a vehicle."""
+        query = "SELECT DISTINCT grp FROM change WHERE fingerprint = ? ORDER BY grp"
+        with self._reading(query, (fingerprint,)) as rows:
+            return [str(name) for (name,) in rows]
+
+    def newest(self, fingerprint: str, group: str, up_to: int | None = None) -> Iterator[Change]:
+        """Changes of a group of a vehicle's parameters, from the newest or a version back.
+
+        Rows whose checksum does not fit are left out.
+        """
+        yield from self._changes(
+            "WHERE fingerprint = ? AND grp = ? AND version <= ? ORDER BY version DESC",
+            (fingerprint, group, 2**62 if up_to is None else up_to),
+        )
+
+    def has(self, fingerprint: str, version: int) -> bool:
+        """Whether a vehicle's parameters changed with that version."""
+        query = "SELECT count(*) FROM change WHERE fingerprint = ? AND version = ?"
+        return self._number(query, fingerprint, version) > 0
+
+    def history(self, group: str = "", most: int = 100) -> list[Change]:
+        """The last changes of a group, newest first; of all groups and vehicles without a name."""
+        where = "WHERE grp = ? " if group else ""
+        given = (group, most) if group else (most,)
+        return list(self._changes(f"{where}ORDER BY version DESC LIMIT ?", given))
+
+    def fingerprints(self) -> set[str]:
+        """Vehicles that there are parameters of."""
+        with self._reading("SELECT DISTINCT fingerprint FROM change") as rows:
+            return {str(name) for (name,) in rows}
+
+    def _changes(self, where: str, given: tuple[Any, ...]) -> Iterator[Change]:
+        query = (
+            "SELECT version, grp, fingerprint, cause, who, at, boot, uptime, state, learned, crc"
+            f" FROM change {where}"
+        )
+        with self._reading(query, given) as rows:
+            for version, grp, vehicle, cause, who, at, boot, uptime, state, learned, crc in rows:
+                if zlib.crc32(state) == crc:
+                    moment = Moment(at, boot, uptime)
+                    yield Change(version, grp, vehicle, cause, who, moment, state, bool(learned))
+
+    def _number(self, query: str, *given: object) -> int:
+        with self._reading(query, given) as rows:
+            return int(rows.fetchone()[0])
+
+    @contextmanager
+    def _reading(self, query: str, given: Sequence[Any] = ()) -> Iterator[sqlite3.Cursor]:
+        try:
+            rows = self._connection.execute(query, tuple(given))
+            try:
+                yield rows
+            finally:
+                rows.close()
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path.name} cannot be read: {error}") from None

@@ -1,0 +1,120 @@
+"""Terrain parameters of the ground driven now: f_r, μ_t, B_s. Source: Slip, Sec. 3.2.
+
+Each is rounded towards slower by its standard deviation. Towards slower a new estimate counts at
+once, towards faster by a share of the way, and with age they go back to the model file's where
+those are slower.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Mapping
+
+from models.errors import ParameterError
+from models.parameters import Model, Terrain
+from services.parameters.learning_settings import Learning
+from services.parameters.parameter_group import Description
+
+TERRAIN = "terrain"
+NAMES = ("motion_resistance", "lateral_resistance", "slip_track")
+_UNITS = ("1", "1", "m")
+_FASTER = 0.2
+_LARGEST = (1.5, 3.0, 20.0)
+"""Estimates beyond that are gross errors: [1], [1], track widths."""
+
+_NEWS = 0.01
+"""Changes by a smaller share are none worth keeping."""
+
+
+class TerrainGroup:
+    """What driving teaches of the ground; one thread."""
+
+    def __init__(self, prior: Model, settings: Learning) -> None:
+        """Begin with the model file's terrain."""
+        self._prior, self._settings = prior, settings
+        self._values: dict[str, float] = {}
+        self._stds: dict[str, float] = {}
+        self._taught = time.monotonic()
+
+    def take(self, features: tuple[tuple[float, float], ...]) -> bool:
+        """Learn (value, standard deviation) of each parameter, NaN where not known; any news?"""
+        track = self._prior.vehicle.track_width
+        news = False
+        for name, largest, (value, std) in zip(NAMES, _LARGEST, features, strict=True):
+            slow = value + std
+            most = largest * (track if name == "slip_track" else 1.0)
+            if not 0.0 <= slow <= most:
+                continue
+            if name == "motion_resistance" and self._prior.braking.level < 1.0:
+                # Part of the braking then is this resistance: more of it would count as brakes.
+                continue
+            old = self._now()[name]
+            new = slow if slow >= old else old + _FASTER * (slow - old)
+            self._stds[name] = std
+            if abs(new - old) > _NEWS * max(abs(old), 1e-3):
+                self._values[name], news = new, True
+        if news:
+            self._taught = time.monotonic()
+        return news
+
+    def ground_changed(self) -> bool:
+        """What was known may hold no longer; did anything change with it?"""
+        slower = {n: max(v, getattr(self._prior.terrain, n)) for n, v in self._values.items()}
+        changed = slower != self._values
+        self._values = slower
+        return changed
+
+    def _now(self) -> dict[str, float]:
+        age = time.monotonic() - self._taught
+        share = -math.expm1(-age / self._settings.grows_old)
+        known = dataclasses.asdict(self._prior.terrain)
+        for name, value in self._values.items():
+            known[name] = value + share * max(known[name] - value, 0.0)
+        known["slip_track"] = max(known["slip_track"], self._prior.vehicle.track_width)
+        return known
+
+    def in_use(self) -> Terrain:
+        """To plan with."""
+        return Terrain(**self._now())
+
+    def names(self) -> list[str]:
+        """The one."""
+        return [TERRAIN]
+
+    def describe(self, group: str) -> Description:
+        """As planned with."""
+        return Description(
+            values=self._now(), stds=dict(self._stds), valid=bool(self._values),
+            age=time.monotonic() - self._taught if self._values else 0.0,
+            unit=dict(zip(NAMES, _UNITS, strict=True)),
+        )  # fmt: skip
+
+    def state(self, group: str) -> dict | None:
+        """What a restart needs."""
+        return {"values": self._values, "stds": self._stds} if self._values else None
+
+    def restore(self, group: str, state: dict | None, age: float) -> None:
+        """As it was ``age`` seconds ago."""
+        values: dict[str, float] = {} if state is None else dict(state["values"])
+        stds = {} if state is None else {n: float(s) for n, s in state["stds"].items()}
+        self._check(values)
+        self._values, self._stds, self._taught = values, stds, time.monotonic() - age
+
+    def set(self, group: str, values: Mapping[str, float]) -> None:
+        """An operator's values."""
+        self._check(values)
+        self._values = {**self._values, **values}
+        self._taught = time.monotonic()
+
+    def _check(self, values: Mapping[str, float]) -> None:
+        track = self._prior.vehicle.track_width
+        for name, value in values.items():
+            if name not in NAMES:
+                raise ParameterError(name, f"one of {', '.join(NAMES)}")
+            slip = name == "slip_track"
+            least = track if slip else 0.0
+            most = _LARGEST[NAMES.index(name)] * (track if slip else 1.0)
+            if not least <= value <= most:
+                raise ParameterError(name, f"a number of {least:g} … {most:g}, got {value}")

@@ -1,0 +1,252 @@
+"""Answers questions for plans; knows nothing of the wire they came on.
+
+A named client has a moving horizon of its own; a question without a name stands alone. One
+candidate that cannot be used is refused with a reason, the others are planned.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Sequence
+
+import numpy as np
+
+from models.errors import InputError, ParameterError
+from planner.ground.braking_ground import Conditions
+from planner.ground.uncertainty import Uncertainty
+from planner.horizon.answer import FULL_STOP, State, command_of
+from planner.horizon.answer import Command as PlannedCommand
+from planner.horizon.horizon import Horizon
+from planner.limiting import Limiting
+from planner.pipeline.candidates import CandidatePlanner, rank
+from planner.plan import SpeedPlan, Status
+from services.config import ServiceConfig
+from services.parameters.parameters_in_use import ParametersInUse
+from services.planning.map_store import KnownGround
+from services.planning.plan_questions import Usable, check, usable_of, without_flaws
+from services.wire import messages
+from services.wire.messages import Candidate, Command, Limit, Plan, PlanReply, PlanRequest
+
+
+class _Client:
+    """A client's horizon; one question at a time."""
+
+    def __init__(self, horizon: Horizon, parameters: ParametersInUse) -> None:
+        self.lock = threading.Lock()
+        self.horizon = horizon
+        self.identity = parameters.identity
+
+
+class PlanService:
+    """Plans for many clients with one model; may be asked from several threads."""
+
+    def __init__(self, config: ServiceConfig, parameters: ParametersInUse) -> None:
+        """Plan with these parameters until :meth:`learn` brings others."""
+        self.config = config
+        self.parameters = parameters
+        self._uncertainty = config.planning.uncertainty()
+        self._clients: OrderedDict[str, _Client] = OrderedDict()
+        self._lock = threading.Lock()
+        self._newest: tuple[tuple[int, int], CandidatePlanner] | None = None
+
+    def learn(self, parameters: ParametersInUse) -> None:
+        """Plan with other parameters from the next question on."""
+        self.parameters = parameters
+
+    def forget(self, client: str) -> None:
+        """A client did not get its answer: it does not drive what was planned for it."""
+        with self._lock:
+            known = self._clients.get(client)
+        if known is not None:
+            with known.lock:
+                known.horizon.forget()
+
+    def answer(self, request: PlanRequest, ground: KnownGround | None, source: str) -> PlanReply:
+        """The answer to one question.
+
+        Args:
+            request: as it came. ground: as it is known now. source: key, for errors.
+
+        Raises:
+            InputError: the question as a whole cannot be used.
+        """
+        begun = time.perf_counter()
+        check(request, self.config.sizes, source)
+        parameters = self.parameters
+        if ground is None:
+            return self._reply(request, parameters, None, "no map has come yet: full braking")
+        spacing = self.config.planning.planner().spacing_on(ground.elevation_map.resolution)
+        usable, refused = usable_of(request, self.config.sizes, spacing, source)
+        checked = time.perf_counter()
+        plan = self._go_on if request.client else self._stand_alone
+        try:
+            reply = plan(request, parameters, ground, usable)
+        except ParameterError as error:
+            usable, more = without_flaws(usable, spacing)
+            if not more:
+                raise InputError(source, error.field, f"expected {error.expected}") from None
+            refused += more
+            reply = plan(request, parameters, ground, usable)
+        seconds = {
+            **reply.seconds,
+            "check": checked - begun,
+            "planner": time.perf_counter() - checked,
+        }
+        return _with(reply, ranking=[*reply.ranking, *refused], seconds=seconds)
+
+    # ------------------------------------------------------------------ planning
+
+    def _go_on(
+        self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
+        usable: list[Usable],
+    ) -> PlanReply:  # fmt: skip
+        assert request.pose is not None
+        x, y, heading = request.pose
+        state = State(x=x, y=y, heading=heading, speed=request.speed)
+        client = self._client(request.client, parameters)
+        with client.lock:
+            if client.identity != parameters.identity:
+                client.horizon.learn(parameters.model, self._survives(parameters))
+                client.identity = parameters.identity
+            answer = client.horizon.step(
+                state, [u.path for u in usable], ground.elevation_map,
+                clear=np.array([u.clear for u in usable]) if usable else np.inf,
+                conditions=_conditions(request),
+            )  # fmt: skip
+        ranking = [
+            Candidate(name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost))
+            for r in answer.ranking
+        ]
+        reply = self._reply(
+            request, parameters, ground, answer.reason, answer.status, answer.command,
+            answer.chosen, answer.plans,
+        )  # fmt: skip
+        stages = {f"planner.{stage}": s for stage, s in answer.seconds.items()}
+        return _with(reply, ranking=ranking, kept=answer.kept, seconds=stages)
+
+    def _client(self, name: str, parameters: ParametersInUse) -> _Client:
+        with self._lock:
+            known = self._clients.pop(name, None)
+            if known is None:
+                planning = self.config.planning
+                horizon = Horizon(
+                    parameters.model, planning.horizon(), planning.planner(),
+                    self._survives(parameters),
+                )  # fmt: skip
+                known = _Client(horizon, parameters)
+            self._clients[name] = known
+            while len(self._clients) > self.config.planning.clients:
+                self._clients.popitem(last=False)
+            return known
+
+    def _stand_alone(
+        self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
+        usable: list[Usable],
+    ) -> PlanReply:  # fmt: skip
+        if not usable:
+            return self._reply(request, parameters, ground, "no candidate is usable: full braking")
+        planner = self._planner(parameters)
+        plans: list[SpeedPlan] = []
+        for free in sorted({u.clear for u in usable}):
+            plans += planner.plan(
+                ground.elevation_map, [u.path for u in usable if u.clear == free],
+                start_speed=request.speed, clear=free, conditions=_conditions(request),
+            )  # fmt: skip
+        settings = self.config.planning.planner()
+        plans = rank(plans, settings)
+        best = plans[0]
+        ranking = [
+            Candidate(
+                name=p.candidate,
+                usable=p.status is not Status.INFEASIBLE,
+                reason=p.reason,
+                cost=p.travel_time + settings.horizon_penalty * (float(p.station[-1]) - p.progress),
+            )
+            for p in plans
+        ]
+        command = FULL_STOP
+        if best.status is not Status.INFEASIBLE:
+            command = command_of(best, 0.0, 0.0, self.config.planning.period)
+        reply = self._reply(
+            request, parameters, ground, best.reason, best.status, command, best, plans
+        )
+        return _with(reply, ranking=ranking)
+
+    def _planner(self, parameters: ParametersInUse) -> CandidatePlanner:
+        """The planner with these parameters; replaced as a whole, so that threads need no lock."""
+        newest = self._newest
+        if newest is None or newest[0] != parameters.identity:
+            settings, survives = self.config.planning.planner(), self._survives(parameters)
+            planner = CandidatePlanner(parameters.model, settings, survives)
+            newest = self._newest = (parameters.identity, planner)
+        return newest[1]
+
+    def _survives(self, parameters: ParametersInUse) -> Uncertainty:
+        return parameters.uncertainty or self._uncertainty
+
+    # ------------------------------------------------------------------ answers
+
+    def _reply(
+        self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround | None,
+        reason: str, status: Status = Status.DEGRADED, command: PlannedCommand = FULL_STOP,
+        chosen: SpeedPlan | None = None, plans: Sequence[SpeedPlan] = (),
+    ) -> PlanReply:  # fmt: skip
+        return PlanReply(
+            status=status.value,
+            reason=reason,
+            service=self.config.id,
+            sequence=request.sequence,
+            parameters=parameters.message(),
+            map_version=0 if ground is None else ground.version,
+            map_age=None if ground is None else ground.age(),
+            command=Command(
+                speed=command.speed,
+                accel=command.accel,
+                stop=command.stop,
+                valid_for=command.valid_for,
+            ),
+            chosen=None if chosen is None else chosen.candidate,
+            plans=[_plan(plan) for plan in plans],
+            flags=[*parameters.flags, *self.flags(ground)],
+        )
+
+    def flags(self, ground: KnownGround | None) -> list[str]:
+        """What is not as it should be."""
+        if ground is None:
+            return ["no map"]
+        old = ground.age() > self.config.status.map_age
+        flags = ["map is old"] if old else []
+        return [*flags, "map updates were lost"] if ground.incomplete else flags
+
+
+def _conditions(request: PlanRequest) -> Conditions:
+    return Conditions(session_time=request.session_time, brake_heat=request.brake_heat)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _plan(plan: SpeedPlan) -> Plan:
+    changes = np.flatnonzero(np.diff(plan.limiting)) + 1
+    firsts = [0, *(int(i) for i in changes)]
+    return Plan(
+        candidate=plan.candidate,
+        status=plan.status.value,
+        reason=plan.reason,
+        travel_time=plan.travel_time,
+        progress=plan.progress,
+        clear_distance=float(plan.clear_distance),
+        least_margin=_finite(plan.least_margin),
+        least_rear_load=float(plan.rear_load.min()),
+        limits=[Limit(first=i, name=Limiting(int(plan.limiting[i])).label) for i in firsts],
+        columns=list(messages.PLAN_COLUMNS),
+        values=np.stack([getattr(plan, name) for name in messages.PLAN_COLUMNS]),
+    )
+
+
+def _with(reply: PlanReply, **changes: object) -> PlanReply:
+    fields = {name: getattr(reply, name) for name in reply.__struct_fields__}
+    return PlanReply(**(fields | changes))

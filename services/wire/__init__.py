@@ -1,0 +1,1 @@
+"""What travels between robot and service, and how it is encoded."""

@@ -1,0 +1,113 @@
+"""Names that fit best and are not given all the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.discrepancy.decide import restraint
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.search.extent import _edges
+from models.discrepancy.search.identify import Explanation
+from models.discrepancy.search.refine import Fit, fit, fit_base, start_of
+from models.parameters import Effect
+from tests.models.discrepancy.logs import table
+from tests.models.models_for_tests import BASE
+
+NUMBERS = {
+    "aerodynamic_drag": {"c": 0.02},
+    "brake_lag": {"tau": 0.1},
+    "cross_slope": {"k": 0.1},
+    "headwind": {"c": 0.01, "wind": 4.0, "direction": 0.4},
+}
+
+
+@cache
+def base() -> Fit:
+    stops = table("clean")
+    return fit_base(stops, start_of(stops, BASE))
+
+
+def explained(score: float, *effects: Effect) -> Explanation:
+    hypothesis: Hypothesis = base().hypothesis
+    for effect in effects:
+        hypothesis = hypothesis.plus(effect)
+    return Explanation(replace(base(), hypothesis=hypothesis), score)
+
+
+def named(score: float, *names: str) -> Explanation:
+    return explained(score, *(Effect(name=n, parameters=NUMBERS[n]) for n in names))
+
+
+def seen(axis: str, p_value: float) -> Any:
+    return SimpleNamespace(axis=SimpleNamespace(name=axis), p_value=p_value)
+
+
+def test_two_effects_along_one_axis_are_no_name() -> None:
+    stops = table("clean")
+    both = restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "brake_lag"))
+    assert both == ["aerodynamic_drag", "brake_lag"]
+    assert restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "cross_slope")) == []
+
+
+def test_wind_from_one_side_is_a_curve_over_speed() -> None:
+    windy = named(0.0, "aerodynamic_drag", "headwind")
+    stops = table("clean")
+    assert restraint.along_one_axis(stops, windy) == []
+    one_way = replace(stops, yaw=np.full_like(stops.yaw, 0.4))
+    assert restraint.along_one_axis(one_way, windy) == ["aerodynamic_drag", "headwind"]
+
+
+@pytest.mark.parametrize(
+    ("margin", "located", "weak"),
+    [
+        (5.0, [seen("roll", 1e-6)], True), (20.0, [], True), (20.0, [seen("speed", 1e-6)], True),
+        (20.0, [seen("roll", 0.2)], True), (20.0, [seen("roll", 0.01)], False), (60.0, [], False),
+    ],
+)  # fmt: skip
+def test_a_name_needs_its_axis_or_much_evidence(
+    margin: float, located: list[Any], weak: bool
+) -> None:
+    best, without = named(0.0, "cross_slope"), named(margin)
+    assert restraint.weak(table("clean"), best, without, located) is weak
+
+
+def test_a_patch_needs_five_stops_inside() -> None:
+    stops = table("clean")
+    where = {"x": float(np.median(stops.x)), "y": float(np.median(stops.y))}
+    away = np.sort(np.hypot(stops.x - where["x"], stops.y - where["y"]).min(axis=1))
+    place = [seen("place", 1e-5)]
+    for count, weak in ((3, True), (8, False)):
+        inside = where | {"delta": 0.02, "radius": float(0.5 * (away[count - 1] + away[count]))}
+        best = explained(0.0, Effect(name="surface_patch", parameters=inside))
+        assert restraint.weak(stops, best, named(30.0), place) is weak
+
+
+def test_edges_of_a_patch_lie_anywhere_between_the_stops() -> None:
+    """Fewer stops leave them less certain, by about the room between those that remain."""
+    stops = table("patch")
+    inner = {"x": 20.0, "y": 20.0, "radius": 11.0}
+    many, few = _edges(stops, inner), _edges(stops.take(np.arange(0, len(stops), 4)), inner)
+    assert all(few[name] > many[name] for name in inner)
+    # A grid of places a metre apart, of stops without a length: a gap is a metre on every side.
+    x, y = (a.ravel().astype(float) for a in np.meshgrid(np.arange(41), np.arange(41)))
+    points = SimpleNamespace(
+        time=np.ones((x.size, 1)), onset=0.0, x=x[:, None], y=y[:, None]
+    )  # fmt: skip
+    found = _edges(points, inner)  # type: ignore[arg-type]
+    assert found["x"] < 0.5 / np.sqrt(12.0) * np.sqrt(2.0)
+
+
+def test_intervals_widen_where_stops_scatter_more_than_the_noise_says() -> None:
+    stops, start = table("clean"), base()
+    calm = fit(stops, start.hypothesis, start.white)
+    level = np.where(np.arange(len(stops)) % 2, 0.3, -0.3)[:, None]
+    since = np.einsum("skm,sm->sk", stops.average, np.maximum(stops.time - stops.onset, 0.0))
+    wild = replace(stops, binned=stops.binned - level * since * (stops.spread > 0.0))
+    torn = fit(wild, start.hypothesis, start.white)
+    assert torn.covariance[3, 3] > 1.5 * calm.covariance[3, 3]

@@ -1,0 +1,68 @@
+"""The model that is written: what is uncertain makes stops longer, and ranges do not grow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from models.discrepancy.decide.gap import distances
+from models.discrepancy.decide.revised import revised
+from models.discrepancy.decide.verdict import Decision
+from models.discrepancy.findings import Verdict
+from models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.search.extent import extents
+from models.discrepancy.search.identify import Explanation
+from models.discrepancy.search.refine import fit_with_noise
+from models.parameters import Effect
+from tests.models.discrepancy.logs import table
+from tests.models.models_for_tests import BASE
+
+
+def decision(verdict: Verdict, *effects: Effect) -> Decision:
+    stops = table("step")
+    hypothesis = Hypothesis.configured(BASE)
+    for effect in effects:
+        hypothesis = hypothesis.plus(effect)
+    return Decision(verdict, Explanation(fit_with_noise(stops, hypothesis), 0.0))
+
+
+STEP = Effect(name="step_change", parameters={"scale": 0.85, "run": 25.0})
+
+
+def test_effects_come_with_covariance_bounds_and_source() -> None:
+    stops = table("step")
+    made = decision(Verdict.MISSING_EFFECT, STEP)
+    widths = extents(stops, made.explanation.fit)
+    predicted = distances(stops, made.explanation.fit.hypothesis)
+    model, added = revised(stops, made, predicted, widths, "a log")
+    assert model.effect == added
+    assert added[0].source == "a log"
+    covariance = np.array(added[0].covariance)
+    assert covariance.shape == (2, 2)
+    assert 0.0 < covariance[0, 0] < 0.02**2
+    assert covariance[1, 1] > 0.0  # the run, from its extent
+    assert model.braking.force_std > 0.0
+    low, high = BASE.braking.speed_range
+    assert low <= model.braking.speed_range[0] < model.braking.speed_range[1] <= high
+
+
+def test_stops_beyond_their_prediction_make_the_offset_larger() -> None:
+    stops = table("step")
+    made = decision(Verdict.PARAMETER_DRIFT)
+    short = stops.distance - 0.5
+    model, _ = revised(stops, made, short, {}, "")
+    assert model.braking.distance_offset >= 0.5
+
+
+def test_the_longest_rival_is_in_the_offset() -> None:
+    stops = table("step")
+    made = decision(Verdict.AMBIGUOUS, STEP)
+    fit = made.explanation.fit
+    weaker = fit.hypothesis.moved(fit.hypothesis.free - 0.1 * np.eye(BASE_NUMBERS + 1)[3])
+    rival = Explanation(replace(fit, hypothesis=weaker), 1.0)
+    alone = revised(stops, made, stops.distance, {}, "")[0].braking.distance_offset
+    both = revised(stops, replace(made, rivals=(rival,)), stops.distance, {}, "")[0]
+    longer = distances(stops, weaker) - distances(stops, fit.hypothesis)
+    assert both.braking.distance_offset > max(alone, 0.9 * float(np.quantile(longer, 0.97)))

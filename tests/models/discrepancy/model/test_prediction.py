@@ -1,0 +1,90 @@
+"""Predictions of whole tables against the simulation of single stops, integrated otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.prediction import Ground as Place
+from models.discrepancy.model.prediction import inside_patch, predict, simulate
+from models.parameters import Effect
+from models.stops.simulation import Track, simulate_stop
+from tests.models.discrepancy.logs import table
+from tests.models.models_for_tests import BASE
+
+EFFECTS = {
+    "aerodynamic_drag": {"c": 0.05},
+    "headwind": {"c": 0.02, "wind": 5.0, "direction": 0.4},
+    "viscous_resistance": {"c": 0.02},
+    "brake_lag": {"tau": 0.15},
+    "wheel_lockup": {"mu": 0.4},
+    "grade_asymmetry": {"k": 0.5},
+    "grade_nonlinearity": {"k": 1.5},
+    "cross_slope": {"k": 0.5},
+    "turning_resistance": {"k": 0.1},
+    "directional_surface": {"k": 0.05, "direction": 0.3},
+    "session_drift": {"k": 1e-5},
+}
+
+
+def _track(stops, i: int) -> Track:
+    curvature = stops.yaw_rate[i] / np.maximum(stops.speed[i], 0.3)
+    return Track(
+        stops.station[i], stops.grade[i], stops.roll[i], stops.yaw[i], curvature, stops.x[i],
+        stops.y[i],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [n for n in EFFECTS if n != "turning_resistance"])
+def test_a_stop_is_that_of_the_simulation(name: str) -> None:
+    stops = table("clean").take([0, 5, 11])
+    effect = Effect(name=name, parameters=EFFECTS[name])
+    time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.rest_time)[:, None]
+    speed, way = simulate(stops, Hypothesis.configured(BASE).plus(effect), stops.held, time)
+    for i in range(len(stops)):
+        other = simulate_stop(
+            replace(BASE, effect=(effect,)), _track(stops, i), float(stops.held[i]),
+            session_time=float(stops.clock[i]),
+        )  # fmt: skip
+        assert np.max(np.abs(speed[i] - other.speed_at(time[i]))) < 0.004
+        assert way[i, -1] == pytest.approx(other.distance, abs=0.004)
+
+
+def test_effects_of_the_model_count_like_those_added() -> None:
+    stops = table("clean")
+    effect = Effect(name="cross_slope", parameters={"k": 0.5})
+    added = predict(stops, Hypothesis.configured(BASE).plus(effect))
+    own = predict(stops, Hypothesis.configured(replace(BASE, effect=(effect,))))
+    np.testing.assert_allclose(added, own, atol=1e-12)
+
+
+def test_a_step_change_holds_from_its_run_on() -> None:
+    stops = table("clean")
+    effect = Effect(name="step_change", parameters={"scale": 0.8, "run": 20.0})
+    base = Hypothesis.configured(BASE)
+    off = predict(stops, base.plus(effect))[:, -1] - predict(stops, base)[:, -1]
+    assert np.all(off[stops.run < 20] == 0.0)
+    assert np.all(off[stops.run >= 20] < 0.0)
+
+
+def test_hot_brakes_after_short_pauses_make_less() -> None:
+    stops = table("clean")
+    fade = Effect(name="brake_fade", parameters={"k": 0.02, "tau": 100.0})
+    base = Hypothesis.configured(BASE)
+    lost = predict(stops, base)[:, -1] - predict(stops, base.plus(fade))[:, -1]
+    assert np.all(lost > 0.0)
+    cold = predict(replace(stops, warmed=((),) * len(stops)), base.plus(fade))[:, -1]
+    assert np.all(cold[1:] > predict(stops, base.plus(fade))[1:, -1])
+
+
+def test_the_edge_of_a_patch_counts_in_part() -> None:
+    x = np.linspace(0.0, 10.0, 21)[None, :]
+    zero = np.zeros_like(x)
+    place = Place(zero, zero, zero, zero, x, zero)
+    for radius in (3.0, 3.1, 3.24, 3.4):
+        # The way inside is the radius, wherever the grid lies.
+        inside = inside_patch(place, 0.0, 0.0, radius)[0]
+        assert 0.5 * (np.sum(inside) - 0.5) == pytest.approx(radius, abs=1e-9)

@@ -1,0 +1,54 @@
+"""Slopes of fits against differences, fits to the output against stops of known friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.noise import Noise, whitener
+from models.discrepancy.model.prediction import predict, simulate
+from models.discrepancy.search.refine import as_output, fit, jacobian, own_friction
+from models.parameters import Effect
+from tests.models.discrepancy.logs import table
+from tests.models.models_for_tests import BASE
+
+BASIS = Hypothesis.configured(BASE)
+HIDDEN = {
+    "nothing": (),
+    "lag": (Effect(name="brake_lag", parameters={"tau": 0.15}),),
+    "cap": (Effect(name="wheel_lockup", parameters={"mu": 0.42}),),
+    "fade": (Effect(name="brake_fade", parameters={"k": 0.004, "tau": 120.0}),),
+    "step": (Effect(name="step_change", parameters={"scale": 0.8, "run": 20.0}),),
+}
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_slopes_are_those_of_differences(name: str) -> None:
+    stops = table("clean")
+    believed = replace(BASIS, added=HIDDEN[name])
+    slopes = jacobian(stops, believed)
+    for i in (0, 1, 2, 3, 4):
+        step = 1e-4 * believed.scales[i]
+        free = believed.free.copy()
+        free[i] += step
+        off = (predict(stops, believed.moved(free)) - predict(stops, believed)) / step
+        assert np.max(np.abs(slopes[:, :, i] - off)) < 0.01 * np.max(np.abs(off))
+
+
+def test_fits_to_the_output_let_stops_keep_their_own_friction() -> None:
+    rng = np.random.default_rng(4)
+    stops = table("clean")
+    drag = BASIS.plus(Effect(name="aerodynamic_drag", parameters={"c": 0.05}))
+    share = -np.abs(0.06 * rng.standard_normal(len(stops)))  # all roll until the table ends
+    speed, _ = simulate(stops, drag, stops.held, stops.time, share[:, None])
+    driven = replace(stops, speed=speed, binned=np.einsum("skm,sm->sk", stops.average, speed))
+    noise = Noise(0.003, 0.0, 0.02, 0.002, 0.06 * float(np.median(stops.force)))
+    found = fit(driven, drag, whitener(driven, noise, drag), passes=0)
+    told = own_friction(found) / float(np.median(stops.force))
+    np.testing.assert_allclose(told, share, atol=0.004)
+    usual, _ = simulate(stops, drag, stops.held, stops.time)
+    off = np.abs(as_output(driven, found).speed - speed)
+    assert np.max(off) < 0.15 * np.max(np.abs(usual - speed))

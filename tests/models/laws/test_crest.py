@@ -1,0 +1,74 @@
+"""Load lost over a crest, against free bodies written out here."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from models.laws.crest import kept_force, load_loss
+from models.parameters import Effect
+from models.stops.simulation import Track, simulate_stop
+from tests.models.models_for_tests import BASE
+from tests.models.parity import G, check_parity
+
+
+def test_a_crest_seen_in_a_physics_engine() -> None:
+    """From 1.6° uphill to 12° downhill within 3 m, at 4 m/s: 13 % of the normal load."""
+    bend = np.deg2rad(-12.0 - 1.6) / 3.0
+    assert load_loss(4.0, bend) == pytest.approx(0.13, abs=0.005)
+
+
+@given(radius=st.floats(5.0, 100.0), speed=st.floats(0.5, 6.0))
+def test_on_a_round_hill_the_ground_gives_what_the_circle_takes(
+    radius: float, speed: float
+) -> None:
+    """A point that slides over the top of a circle: its acceleration by differences of its way."""
+    dt = 1e-4
+    angle = speed * np.array([-dt, 0.0, dt]) / radius
+    height = radius * np.cos(angle)
+    falling = (height[0] - 2.0 * height[1] + height[2]) / dt**2
+    pressing = (G + falling) / G
+    assert 1.0 - load_loss(speed, -1.0 / radius) == pytest.approx(pressing, abs=1e-4)
+
+
+@given(bend=st.floats(0.0, 0.2), speed=st.floats(0.0, 6.0), share=st.floats(0.0, 2.0))
+def test_a_hollow_gives_nothing(bend: float, speed: float, share: float) -> None:
+    assert load_loss(speed, bend) == 0.0
+    assert kept_force(speed, bend, share) == 1.0
+
+
+def test_a_vehicle_that_flies_brakes_with_nothing_but_never_pushes() -> None:
+    assert kept_force(6.0, -1.0, 1.0) == 0.0
+
+
+def test_parity() -> None:
+    check_parity(load_loss, speed=(0.0, 5.0), vertical_curvature=(-0.4, 0.1))
+    check_parity(kept_force, speed=(0.0, 5.0), vertical_curvature=(-0.2, 0.05), share=(0.0, 1.5))
+
+
+def test_a_simulated_stop_over_a_crest_is_that_of_the_energy_along_the_way() -> None:
+    """d(v²/2)/ds = −g (F (1 − k v² |κ|/g) + sin θ), θ = κ s: integrated along the way, not time."""
+    k, bend, speed = 0.9, -0.06, 3.5
+    crest = Effect(name="crest_unloading", parameters={"k": k})
+    station, zero = np.linspace(0.0, 9.0, 4), np.zeros(4)
+    track = Track(station, bend * station, zero, zero, zero, zero, zero)
+    onset = 0.3 * speed
+
+    def energy(s: float, e: np.ndarray) -> list[float]:
+        theta, v_sq = bend * s, 2.0 * e[0]
+        force = (-0.03 * speed - 0.35) * theta + 0.015 * speed + 0.40
+        return [-G * (force * (1.0 - k * v_sq * abs(bend) / G) + np.sin(theta))]
+
+    def rest(_: float, e: np.ndarray) -> float:
+        return float(e[0])
+
+    rest.terminal = True  # type: ignore[attr-defined]
+    run = solve_ivp(energy, (onset, 9.0), [0.5 * speed**2], events=rest, rtol=1e-9, atol=1e-10)
+    found = simulate_stop(replace(BASE, effect=(crest,)), track, speed).distance
+    assert found == pytest.approx(float(run.t[-1]), abs=1e-4)
+    assert found > simulate_stop(BASE, track, speed).distance + 0.05

@@ -1,0 +1,103 @@
+import math
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from models.laws import braking, wheel_lockup
+from models.laws.wheel_loads import front_load_share, rear_load_share
+from tests.models.parity import check_parity
+
+LEVEL = {"grade": 0.0, "roll": 0.0}
+angles = st.floats(-0.6, 0.6)
+splits = st.floats(0.0, 1.0)
+frictions = st.floats(0.1, 1.2)
+wheelbases = st.floats(0.5, 4.0)
+positions = st.floats(0.1, 0.9)  # cg_x / L
+heights = st.floats(0.05, 1.0)
+
+
+def test_lockup_by_hand():
+    # L = 1, cg_x = 0.5, cg_z = 0.25, μ = 0.8, μ cg_z = 0.2
+    vehicle = {"sliding_friction": 0.8, "wheelbase": 1.0, "cg_x": 0.5, "cg_z": 0.25, **LEVEL}
+    # half the force in front: front 0.4/0.3 = 1.3333, rear 0.4/0.7 = 0.5714
+    front = wheel_lockup.front_lockup_force_ratio(front_brake_share=0.5, **vehicle)
+    rear = wheel_lockup.rear_lockup_force_ratio(front_brake_share=0.5, **vehicle)
+    assert (front, rear) == pytest.approx((4.0 / 3.0, 4.0 / 7.0))
+    # all of it in front: the front locks at 0.4/0.8
+    assert wheel_lockup.lockup_force_ratio(front_brake_share=1.0, **vehicle) == pytest.approx(0.5)
+
+
+def test_ideal_share_uses_all_friction():
+    # (cg_x + μ cg_z)/L = 0.7, the ideal distribution of brake textbooks: both axles lock at μ
+    vehicle = {"sliding_friction": 0.8, "wheelbase": 1.0, "cg_x": 0.5, "cg_z": 0.25, **LEVEL}
+    front = wheel_lockup.front_lockup_force_ratio(front_brake_share=0.7, **vehicle)
+    rear = wheel_lockup.rear_lockup_force_ratio(front_brake_share=0.7, **vehicle)
+    assert (front, rear) == pytest.approx((0.8, 0.8))
+
+
+@given(angles, angles, splits, frictions, wheelbases, positions, heights)
+def test_at_lockup_the_axle_force_equals_its_friction(
+    grade, roll, split, friction, wheelbase, position, cg_z
+):
+    assume(abs(split * wheelbase - friction * cg_z) > 1e-3)
+    cg_x = position * wheelbase
+    arguments = (grade, roll, split, friction, wheelbase, cg_x, cg_z)
+    rear = wheel_lockup.rear_lockup_force_ratio(*arguments)
+    axle = (wheelbase, cg_x, cg_z)
+    load = rear_load_share(grade, roll, braking.deceleration(rear, grade), *axle) * (1 - position)
+    assert (1.0 - split) * rear == pytest.approx(friction * load, abs=1e-9)
+
+    front = wheel_lockup.front_lockup_force_ratio(*arguments)
+    if split * wheelbase > friction * cg_z:
+        load = front_load_share(grade, roll, braking.deceleration(front, grade), *axle) * position
+        assert split * front == pytest.approx(friction * load, rel=1e-9, abs=1e-9)
+    else:
+        assert front > 1e6
+    assert wheel_lockup.lockup_force_ratio(*arguments) == pytest.approx(min(front, rear))
+
+
+@given(angles, angles, splits, frictions, wheelbases, positions, heights)
+def test_lockup_is_never_above_the_cap(grade, roll, split, friction, wheelbase, position, cg_z):
+    cg_x = position * wheelbase
+    cap = wheel_lockup.friction_cap(grade, roll, friction)
+    first = wheel_lockup.lockup_force_ratio(grade, roll, split, friction, wheelbase, cg_x, cg_z)
+    assert first <= cap * (1.0 + 1e-12)
+    ideal = (cg_x + friction * cg_z) / wheelbase
+    if ideal <= 1.0:
+        first = wheel_lockup.lockup_force_ratio(grade, roll, ideal, friction, wheelbase, cg_x, cg_z)
+        assert first == pytest.approx(cap)
+
+
+def test_friction_cap_by_hand():
+    # cos θ = 0.8, cos φ = 0.6, μ = 0.5
+    found = wheel_lockup.friction_cap(math.asin(-0.6), math.asin(0.8), 0.5)
+    assert found == pytest.approx(0.24)
+
+
+RANGES = {
+    "grade": (-0.4, 0.4),
+    "roll": (-0.4, 0.4),
+    "front_brake_share": (0.5, 0.9),
+    "sliding_friction": (0.3, 0.8),
+    "wheelbase": (1.0, 2.0),
+    "cg_x": (0.3, 0.6),
+    "cg_z": (0.2, 0.4),
+}
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        wheel_lockup.front_lockup_force_ratio,
+        wheel_lockup.rear_lockup_force_ratio,
+        wheel_lockup.lockup_force_ratio,
+    ],
+)
+def test_parity(law):
+    check_parity(law, **RANGES)
+
+
+def test_parity_of_the_cap():
+    names = ("grade", "roll", "sliding_friction")
+    check_parity(wheel_lockup.friction_cap, **{name: RANGES[name] for name in names})

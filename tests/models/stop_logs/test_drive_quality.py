@@ -1,0 +1,120 @@
+"""Faults put into a clean log, and found where they were put."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.stop_logs.drive_quality import Kind, find_suspects, stretches_of, usable
+
+HZ = 50
+
+
+def clean(seed: int = 0, *, noise: float = 0.02) -> dict[str, np.ndarray]:
+    """One minute: hold 2 m/s, stop, hold, stop."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 60.0, 1.0 / HZ)
+    phase = t % 20.0
+    v_cmd = np.where(phase < 12.0, 2.0, 0.0)
+    v = np.where(phase < 12.3, 2.0, np.maximum(2.0 - 4.0 * (phase - 12.3), 0.0))
+    yaw = 0.5 * np.sin(0.3 * t)
+    x = np.cumsum(v) / HZ
+    return {
+        "run": np.full(len(t), "1"), "t": t, "v": v + noise * rng.standard_normal(len(t)),
+        "v_cmd": v_cmd, "pitch": 0.1 * np.sin(0.2 * t) + 0.1 * noise * rng.standard_normal(len(t)),
+        "yaw": yaw, "yaw_rate": np.gradient(yaw, t), "x": x, "y": np.zeros_like(x),
+        "accel_z": 9.81 + noise * rng.standard_normal(len(t)),
+    }  # fmt: skip
+
+
+def found(columns: dict[str, np.ndarray]) -> list[tuple[str, Kind, int, int]]:
+    runs = (slice(0, len(columns["t"])),)
+    return [(s.channel, s.kind, s.start, s.stop) for s in find_suspects(columns, runs)]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.06])
+def test_a_clean_log_is_clean_with_noise_and_without(noise: float) -> None:
+    assert found(clean(noise=noise)) == []
+
+
+def test_frozen_encoder_is_found_where_it_freezes() -> None:
+    log = clean()
+    log["v"][1300:1400] = log["v"][1300]
+    ((channel, kind, start, stop),) = found(log)
+    assert (channel, kind) == ("v", Kind.FROZEN)
+    assert abs(start - 1300) <= 1
+    assert abs(stop - 1400) <= 1
+
+
+def test_speed_that_ignores_the_stop_command_is_frozen_even_without_noise() -> None:
+    log = clean(noise=0.0)
+    log["v"][600:900] = 2.0
+    assert ("v", Kind.FROZEN) in {(channel, kind) for channel, kind, *_ in found(log)}
+
+
+@pytest.mark.parametrize("value", [-1000.0, 999.0, 99.99])
+def test_a_sentinel_within_the_limit_is_far_from_all_else(value: float) -> None:
+    log = clean()
+    rng = np.random.default_rng(1)
+    log["current_left"] = 6.0 + 2.0 * rng.standard_normal(len(log["t"]))
+    log["current_left"][400:420] = value
+    assert found(log) == [("current_left", Kind.SENTINEL, 400, 420)]
+    # A motor that draws that much anyway has measured it.
+    log["current_left"] = 0.6 * abs(value) + 0.2 * abs(value) * np.sin(log["t"])
+    log["current_left"][400] = value
+    assert found(log) == []
+
+
+def test_nan_and_sentinels() -> None:
+    log = clean()
+    log["yaw_rate"][10:20] = np.nan
+    log["v"][700:703] = -1000.0
+    marks = found(log)
+    assert ("yaw_rate", Kind.NOT_FINITE, 10, 20) in marks
+    assert ("v", Kind.SENTINEL, 700, 703) in marks
+
+
+def test_one_wild_sample_is_a_jump() -> None:
+    log = clean()
+    log["v"][555] = 5.0
+    assert ("v", Kind.JUMP, 555, 556) in found(log)
+
+
+def test_gaps_matter_to_every_channel() -> None:
+    log = clean()
+    keep = np.r_[0:1000, 1100:3000]
+    log = {name: values[keep] for name, values in log.items()}
+    stretches = find_suspects(log, (slice(0, len(keep)),))
+    assert [(s.kind, s.start, s.stop) for s in stretches] == [(Kind.GAP, 999, 1001)]
+    assert not usable(len(keep), stretches, ["v"])[999:1001].any()
+    assert usable(len(keep), stretches, ["v"]).sum() == len(keep) - 2
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "words"),
+    [
+        ("pitch", 57.3, "degrees"),
+        ("yaw_rate", 57.3, "degrees per second"),
+        ("v", 1.0 / 0.514444, "knots"),
+        ("v", 3.6, "km/h"),
+        ("accel_z", 1.0 / 9.80665, "g"),
+    ],
+)
+def test_units_are_suspected(channel: str, factor: float, words: str) -> None:
+    log = clean()
+    log[channel] = log[channel] * factor
+    units = [s for s in find_suspects(log, (slice(0, len(log["t"])),)) if s.kind is Kind.UNITS]
+    assert [s.channel for s in units] == [channel]
+    assert words in units[0].reason
+
+
+def test_runs_are_judged_on_their_own() -> None:
+    log = {name: np.concatenate((values, values)) for name, values in clean().items()}
+    n = len(log["t"]) // 2
+    log["t"][n:] += 100.0
+    assert not find_suspects(log, (slice(0, n), slice(n, 2 * n)))
+
+
+def test_stretches_of_a_mask() -> None:
+    assert stretches_of(np.array([1, 1, 0, 1], bool)) == [(0, 2), (3, 4)]
+    assert stretches_of(np.zeros(3, bool)) == []

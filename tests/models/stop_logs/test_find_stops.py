@@ -1,0 +1,107 @@
+"""Stops drawn by hand, each found where it was drawn and judged for what it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.stop_logs.find_stops import StopWindow, Verdict, find_stops
+
+HZ = 50.0
+T = np.arange(-2.0, 5.0, 1.0 / HZ)
+AT = int(np.argmin(np.abs(T)))  # sample of the stop command
+
+
+def speed(dead_time: float = 0.3, deceleration: float = 4.0, held: float = 2.0) -> np.ndarray:
+    fall = np.maximum(T - dead_time, 0.0)
+    v = np.maximum(held - deceleration * fall, 0.0)
+    rest = dead_time + held / deceleration
+    return np.where(rest < T, -0.05 * np.exp(-(T - rest) / 0.1), v)  # rocks back
+
+
+def log(**changes: np.ndarray) -> dict[str, np.ndarray]:
+    return {"t": T + 100.0, "v": speed(), "v_cmd": np.where(T < -1e-9, 2.0, 0.0)} | changes
+
+
+def found(columns: dict[str, np.ndarray], good: np.ndarray | None = None) -> list[StopWindow]:
+    good = np.ones(len(T), bool) if good is None else good
+    return find_stops(columns, slice(0, len(T)), good)
+
+
+def test_a_step_to_zero_is_a_stop_up_to_the_first_crossing() -> None:
+    (stop,) = found(log())
+    assert stop.verdict is Verdict.USABLE
+    assert stop.command == AT
+    assert T[stop.rest] == pytest.approx(0.8, abs=1.5 / HZ)
+    assert stop.held_speed == pytest.approx(2.0)
+    assert T[stop.begin] == pytest.approx(-1.0, abs=1.5 / HZ)
+    assert T[stop.end - 1] == pytest.approx(0.8 + 1.5, abs=2.5 / HZ)
+
+
+def test_a_sensor_that_never_reads_zero_settles() -> None:
+    (stop,) = found(log(v=np.maximum(speed(), 0.02)))
+    assert stop.verdict is Verdict.USABLE
+    assert T[stop.rest] == pytest.approx(0.79, abs=2.0 / HZ)
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict"),
+    [
+        ({"v_cmd": np.where((T < -1e-9) | (T > 0.5), 2.0, 0.0)}, Verdict.ABORTED),
+        ({"v": speed(deceleration=0.2)}, Verdict.UNFINISHED),
+        ({"v_cmd": np.clip(-2.0 * T / 0.8, 0.0, 2.0)}, Verdict.RAMPED),
+        ({"v_cmd": np.where(T < -0.5, 2.0, np.where(T < -1e-9, 0.4, 0.0))}, Verdict.RAMPED),
+        ({"v_cmd": np.where(T < -1e-9, 2.0, -1.0)}, Verdict.REVERSED),
+        ({"yaw_rate": np.full(len(T), 0.6)}, Verdict.TURNING),
+        ({"brake": np.where(T < -1e-9, 0.0, 0.5)}, Verdict.PARTIAL),
+        ({"v": speed(deceleration=40.0)}, Verdict.SPARSE),
+    ],
+)
+def test_what_is_no_full_straight_stop_is_found_and_left_out(
+    changes: dict[str, np.ndarray], verdict: Verdict
+) -> None:
+    (stop,) = found(log(**changes))
+    assert stop.verdict is verdict
+    assert not stop.usable
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        np.where(T < -1e-9, 2.0, 0.0),
+        np.where(T < -1e-9, 1.5, 0.0),  # off by a factor
+        np.clip(-2.0 * T / 0.1, 0.0, 2.0),  # as good as a step
+    ],
+)
+def test_shapes_of_the_command_that_are_steps(command: np.ndarray) -> None:
+    (stop,) = found(log(v_cmd=command))
+    assert stop.verdict is Verdict.USABLE
+
+
+def test_straight_full_and_unmeasured_channels_do_not_disturb() -> None:
+    nothing = np.full(len(T), np.nan)
+    full = {"yaw_rate": np.full(len(T), 0.05), "brake": np.where(T < -1e-9, 0.0, 1.0)}
+    for changes in (full, {"yaw_rate": nothing, "brake": nothing}):
+        assert [s.verdict for s in found(log(**changes))] == [Verdict.USABLE]
+
+
+def test_suspect_samples_spoil_the_stop_they_lie_in() -> None:
+    good = np.ones(len(T), bool)
+    good[AT + 10] = False
+    assert [s.verdict for s in found(log(), good)] == [Verdict.SUSPECT]
+    good[:] = True
+    good[AT - 95 : AT - 80] = False
+    assert [s.verdict for s in found(log(), good)] == [Verdict.USABLE]
+
+
+def test_nothing_to_stop() -> None:
+    assert found(log(v=speed(held=0.2))) == []
+    assert found(log(v_cmd=np.zeros(len(T)))) == []
+
+
+def test_stops_of_a_later_run_keep_their_place() -> None:
+    one = log()
+    two = {name: np.concatenate((values, values)) for name, values in one.items()}
+    n = len(T)
+    (stop,) = find_stops(two, slice(n, 2 * n), np.ones(2 * n, bool))
+    assert stop.command == n + AT

@@ -1,0 +1,180 @@
+"""Stopping paths along varying ground: closed form, march, and an integrator that knows neither."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from planner.bounds.speed_bounds import STOP_GUARD, SpeedBounds, speed_bounds
+from planner.bounds.stopping_path import onset_speed
+from planner.ground.braking_ground import Ground, ground_along
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.terrain_profile import TerrainProfile, terrain_profile
+from planner.limiting import Limiting
+from planner.path import CandidatePath, batch
+from tests.planner.scenes import G, Tables, ground_map, model_of, plane, straight, tables_with
+
+NO_LIMITS = {"speed": 8.0, "min_load": 0.01}
+FAST = {"speed_range": [0.0, 8.0], "grade_range": [-0.5, 0.5]}
+
+
+def hills(x: Any, y: Any) -> Any:
+    return 0.8 * np.sin(x / 4.0) + 0.1 * np.sin(x / 1.1)
+
+
+def stopping_of(
+    tables: Tables,
+    elevation_map: ElevationMap,
+    path: CandidatePath,
+    *,
+    spacing: float = 0.1,
+    marched: bool = False,
+) -> tuple[TerrainProfile, Ground, SpeedBounds]:
+    model = model_of(tables)
+    side = batch([path], spacing)
+    v = model.vehicle
+    profile = terrain_profile(elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width)
+    ground = ground_along(profile, model, elevation_map.class_names)
+    if marched:
+        ground = dataclasses.replace(ground, closed_form=False)
+    return profile, ground, speed_bounds(profile, ground, model, np.array([np.inf]))
+
+
+def stop_by_scipy(profile: TerrainProfile, tables: Tables, k: int, v: float) -> float:
+    """Station at which the vehicle rests: v' = −g (F_b/W + sin θ) with θ linear in station."""
+    b = tables["braking"]
+    station, grade = profile.station[:, 0], profile.grade[:, 0]
+    v_i = max(v, b["speed_range"][0])
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        theta = np.interp(y[0], station, grade)
+        force = (b["m_m"] * v_i + b["b_m"]) * theta + b["m_b"] * v_i + b["b_b"]
+        return [y[1], -G * (force + np.sin(theta))]
+
+    def stands(_: float, y: np.ndarray) -> float:
+        return y[1]
+
+    stands.terminal = True
+    run = solve_ivp(
+        rates, (0.0, 60.0), [station[k] + v * b["dead_time"], v],
+        events=[stands], rtol=1e-10, atol=1e-12, max_step=0.02,
+    )  # fmt: skip
+    assert len(run.t_events[0]) == 1
+    return float(run.y_events[0][0, 0])
+
+
+@pytest.mark.parametrize("marched", [False, True])
+@pytest.mark.parametrize(
+    ("b_m", "m_m", "m_b", "dead_time", "slowest"),
+    [
+        (-0.35, -0.03, 0.015, 0.3, 0.0),
+        (0.1, -0.01, -0.005, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.6, 0.0),
+        (-0.5, 0.06, 0.03, 0.15, 2.5),
+    ],
+)
+def test_stops_on_hills_end_just_before_the_end_of_the_way(
+    b_m: float, m_m: float, m_b: float, dead_time: float, slowest: float, marched: bool
+) -> None:
+    tables = tables_with(
+        limits=NO_LIMITS,
+        braking=FAST | {"b_m": b_m, "m_m": m_m, "m_b": m_b, "dead_time": dead_time,
+                        "speed_range": [slowest, 8.0]},
+    )  # fmt: skip
+    profile, _, bounds = stopping_of(
+        tables, ground_map(hills, resolution=0.1), straight(16.0), spacing=0.05, marched=marched
+    )
+    limited = np.flatnonzero(bounds.limiting[:, 0] == Limiting.STOPPING_PATH)
+    clear = bounds.clear_distance[0] - 0.2
+    checked = 0
+    for k in limited[:: max(len(limited) // 12, 1)]:
+        v = float(np.sqrt(bounds.speed_sq_max[k, 0]))
+        if v == 0.0 or clear - profile.station[k, 0] < 0.3:
+            continue
+        stop = stop_by_scipy(profile, tables, int(k), v)
+        assert stop <= clear - 0.5 * STOP_GUARD
+        # Tight: what is given up are the guard and the chords, millimetres.
+        assert stop >= clear - STOP_GUARD - 0.015
+        checked += 1
+    assert checked >= 5
+
+
+def test_the_bound_converges_with_the_spacing() -> None:
+    """Distance given up shrinks at least with the square of the spacing."""
+    tables = tables_with(limits=NO_LIMITS, braking=FAST)
+    ground = ground_map(hills, resolution=0.05)
+    lost = []
+    for spacing in (0.4, 0.2, 0.1):
+        profile, _, bounds = stopping_of(tables, ground, straight(12.0), spacing=spacing)
+        station = profile.station[:, 0]
+        k = int(np.argmin(np.abs(profile.x[:, 0] - 6.0)))
+        stop = stop_by_scipy(profile, tables, k, float(np.sqrt(bounds.speed_sq_max[k, 0])))
+        lost.append(station[-1] - 0.2 - STOP_GUARD - stop)
+    # Up to rounding never negative, or the guard is eaten.
+    assert min(lost) > -0.5 * STOP_GUARD
+    assert lost[2] < 0.35 * lost[0]
+
+
+@pytest.mark.parametrize("dead_time", [0.0, 0.4])
+@pytest.mark.parametrize("m_b", [-0.02, 0.02])
+def test_closed_form_and_march_agree(dead_time: float, m_b: float) -> None:
+    tables = tables_with(braking={"dead_time": dead_time, "m_b": m_b})
+    ground = ground_map(lambda x, y: 0.3 * np.sin(x / 3.0))
+    _, _, closed = stopping_of(tables, ground, straight(9.0))
+    _, _, marched = stopping_of(tables, ground, straight(9.0), marched=True)
+    difference = np.sqrt(closed.speed_sq_max) - np.sqrt(marched.speed_sq_max)
+    assert np.abs(difference[:-5]).max() < 5e-3
+    np.testing.assert_array_equal(closed.clear_distance, marched.clear_distance)
+
+
+def test_stops_that_never_end_allow_no_speed() -> None:
+    """Friction caps the brakes below the slope: closed form or not, nothing may move."""
+    tables = tables_with(braking={"sliding_friction": 0.15})
+    _, _, bounds = stopping_of(tables, plane(rise=-0.2), straight(20.0))
+    assert np.all(bounds.speed_sq_max == 0.0)
+    _, _, level = stopping_of(tables, plane(), straight(20.0))
+    assert level.speed_sq_max[0, 0] > 1.0
+
+
+def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
+    """Force grows with the speed at onset: fast stops unload the rear, slow ones do not."""
+    tables = tables_with(
+        vehicle={"cg_z": 0.72},
+        braking={"m_b": 0.08, "b_b": 0.42, "m_m": 0.0, "b_m": 0.0, "speed_range": [0.5, 6.0]},
+        limits={"min_load": 0.2, "speed": 6.0},
+    )
+    profile, _, bounds = stopping_of(tables, plane(rise=-0.2), straight(30.0))
+    k = 10
+    assert bounds.limiting[k, 0] == Limiting.TIP_OVER
+    v = float(np.sqrt(bounds.speed_sq_max[k, 0]))
+    # (L − cg_x) cos θ − cg_z (m_b v + b_b) = min_load (L − cg_x)
+    theta = profile.grade[k, 0]
+    exact = ((np.cos(theta) - 0.2) * 0.6 / 0.72 - 0.42) / 0.08
+    assert v == pytest.approx(exact, abs=1e-3)
+    # Uphill of the slope, on level ground, the stop may begin faster: it ends before the slope.
+    brink = ground_map(lambda x, y: -0.2 * np.maximum(x - 15.0, 0.0))
+    _, _, before = stopping_of(tables, brink, straight(30.0))
+    assert before.speed_sq_max[2, 0] > bounds.speed_sq_max[k, 0]
+
+
+@pytest.mark.parametrize(
+    ("speed_part", "rest_part", "slowest", "expected"),
+    [
+        (0.0, 0.0, 1.0, 0.0),
+        (0.0, 2.0 / G, 0.0, 2.0),
+        (0.0, -1.0, 0.0, 0.0),
+        (0.1, -5.0, 1.0, 0.0),
+        # Slower than the slowest: v² = 2 g (slowest * speed_part + rest_part).
+        (0.05, 0.0, 1.0, np.sqrt(2.0 * G * 0.05)),
+        # Faster: v = 2 g speed_part.
+        (0.15, 0.0, 1.0, 2.0 * G * 0.15),
+    ],
+)
+def test_the_speed_at_onset_solves_its_quadratic(
+    speed_part: float, rest_part: float, slowest: float, expected: float
+) -> None:
+    assert onset_speed(speed_part, rest_part, slowest) == pytest.approx(expected, abs=1e-12)

@@ -1,0 +1,416 @@
+"""What is not known makes plans slower, by as much as the quantile asks for and never faster."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from models.errors import ParameterError
+from models.parameters import Effect, Model
+from planner.ground.braking_ground import ground_along
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.terrain_profile import terrain_profile
+from planner.ground.uncertainty import HOUR, Uncertainty
+from planner.path import batch
+from planner.pipeline.candidates import CandidatePlanner
+from planner.plan import SpeedPlan, Status
+from planner.settings import PlannerSettings
+from tests.planner import generated
+from tests.planner.generated import between
+from tests.planner.scenes import (
+    Tables,
+    ground_map,
+    model_of,
+    plane,
+    straight,
+    tables_with,
+)
+
+G = 9.80665
+COVARIANCE = (
+    (4e-5, 1e-5, 0.0, 0.0),
+    (1e-5, 9e-4, 0.0, 2e-5),
+    (0.0, 0.0, 2.5e-5, -4e-5),
+    (0.0, 2e-5, -4e-5, 1.6e-4),
+)
+"""Of m_m, b_m, m_b, b_b: speed and level force are learned against each other."""
+
+EAGER = {"accel": 3.0, "decel": 5.0, "min_load": 0.02}
+"""Limits that leave it to the stopping path how fast a plan is."""
+
+ROUGH = PlannerSettings(smooth=False)
+
+
+def uncertain(**braking: Any) -> Model:
+    """The quad with a covariance."""
+    return model_of(tables_with(braking={"covariance": COVARIANCE, **braking}, limits=EAGER))
+
+
+def hills() -> ElevationMap:
+    return ground_map(lambda x, y: 0.35 * np.sin(x / 3.0) + 0.02 * y)
+
+
+def plan_with(
+    model: Model,
+    uncertainty: Uncertainty | None,
+    ground: ElevationMap | None = None,
+    **options: Any,
+) -> SpeedPlan:
+    planner = CandidatePlanner(model, ROUGH, uncertainty)
+    (plan,) = planner.plan(ground or hills(), [straight(20.0)], **{"clear": 7.0, **options})
+    return plan
+
+
+def forces(model: Model, uncertainty: Uncertainty | None, ground: ElevationMap) -> Any:
+    path = batch([straight(20.0)], 0.25)
+    vehicle = model.vehicle
+    profile = terrain_profile(
+        ground, path.x, path.y, path.count, vehicle.wheelbase, vehicle.track_width
+    )
+    cautious = model if uncertainty is None else uncertainty.cautious(model)
+    return profile, ground_along(profile, cautious, ground.class_names, None, uncertainty)
+
+
+# ------------------------------------------------------------------------------ never faster
+
+DOUBTS = st.fixed_dictionaries(
+    {
+        "quantile": between(0.5, 0.9999),
+        "slope_std": between(0.0, 0.02),
+        "age": between(0.0, 48.0 * HOUR),
+        "drift": between(0.0, 0.02),
+    }
+)
+
+
+@settings(max_examples=40)
+@given(generated.tables(), generated.heights(), DOUBTS, between(3.0, 12.0), st.data())
+def test_no_doubt_makes_a_plan_faster(
+    tables: Tables, height: Any, doubts: dict[str, float], clear: float, data: st.DataObject
+) -> None:
+    scatter = {
+        "force_std": data.draw(between(0.0, 0.03)),
+        "dead_time_std": data.draw(between(0.0, 0.05)),
+    }
+    tables["braking"] |= {"covariance": COVARIANCE}
+    ground = ground_map(height, x=(-4.0, 18.0))
+    model, scattered = model_of(tables), model_of(tables | {"braking": tables["braking"] | scatter})
+    less = {
+        name: value * data.draw(st.sampled_from([0.0, 0.5, 1.0])) for name, value in doubts.items()
+    }
+    less["quantile"] = max(less["quantile"], 0.5)
+    plans = [
+        plan_with(m, u, ground, clear=clear)
+        for m, u in (
+            (model, None),
+            (model, Uncertainty(**less)),
+            (scattered, Uncertainty(**doubts)),
+        )
+    ]
+    for plan, doubtful in pairwise(plans):
+        if Status.INFEASIBLE in (plan.status, doubtful.status):
+            continue
+        if doubtful.status is Status.DEGRADED or plan.status is Status.DEGRADED:
+            assert doubtful.progress <= plan.progress + 1e-6
+            continue
+        # Speeds rather than v²: between stations v² is lowered by its second difference.
+        assert np.all(doubtful.speed <= plan.speed + 0.02), np.max(doubtful.speed - plan.speed)
+        assert doubtful.progress <= plan.progress + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("model", "uncertainty"),
+    [
+        (uncertain(), Uncertainty()),
+        (uncertain(covariance=None, force_std=0.02), Uncertainty()),
+        (uncertain(covariance=None, dead_time_std=0.05), Uncertainty()),
+        (uncertain(covariance=None), Uncertainty(slope_std=0.01)),
+        (uncertain(covariance=None), Uncertainty(age=24 * HOUR)),
+    ],
+)
+def test_every_doubt_costs_time(model: Model, uncertainty: Uncertainty) -> None:
+    sure, doubtful = plan_with(model, None), plan_with(model, uncertainty)
+    assert np.max(sure.speed - doubtful.speed) > 0.02
+    assert np.all(doubtful.speed <= sure.speed + 1e-9)
+    certain = replace(uncertainty, quantile=0.5)
+    assert plan_with(model, certain).speed == pytest.approx(sure.speed, abs=1e-9)
+
+
+def test_the_older_the_slower() -> None:
+    speeds = [
+        plan_with(uncertain(), Uncertainty(age=h * HOUR)).speed.max() for h in (0, 1, 4, 24, 96)
+    ]
+    assert np.all(np.diff(speeds) < 0.0)
+
+
+# --------------------------------------------------------------------- how large the margin is
+
+
+def margins(model: Model, uncertainty: Uncertainty, v: float) -> tuple[Any, Any, Any]:
+    """Grade, and what is given up and added at an onset speed."""
+    profile, sure = forces(model, None, hills())
+    _, wide = forces(model, uncertainty, hills())
+    weak = (sure.weak_speed - wide.weak_speed) * v + sure.weak_rest - wide.weak_rest
+    strong = (wide.strong_speed - sure.strong_speed) * v + wide.strong_rest - sure.strong_rest
+    return profile.grade[:, 0], weak[:, 0], strong[:, 0]
+
+
+def expected(grade: np.ndarray, v: float, z: float) -> np.ndarray:
+    """z √(φᵀ S φ), term by term."""
+    phi = np.stack([grade * v, grade, np.full_like(grade, v), np.ones_like(grade)])
+    return z * np.sqrt(np.einsum("ik,ij,jk->k", phi, np.array(COVARIANCE), phi))
+
+
+@pytest.mark.parametrize("quantile", [0.9, 0.99, 0.999])
+def test_the_margin_is_the_quantile_at_the_ends_and_never_less_between(quantile: float) -> None:
+    model, z = uncertain(), norm.ppf(quantile)
+    for v in (1.0, 4.0):
+        grade, weak, strong = margins(model, Uncertainty(quantile=quantile), v)
+        assert weak == pytest.approx(expected(grade, v, z), abs=1e-12)
+        assert strong == pytest.approx(weak, abs=1e-12)
+    for v in (1.5, 2.0, 3.0, 3.9):
+        grade, weak, _ = margins(model, Uncertainty(quantile=quantile), v)
+        assert np.all(weak >= expected(grade, v, z) - 1e-12)
+        assert np.all(weak <= 2.0 * expected(grade, v, z) + 1e-12)
+
+
+def test_scatter_age_and_covariance_add_as_variances() -> None:
+    model = uncertain(force_std=0.02)
+    uncertainty = Uncertainty(age=9.0 * HOUR, drift=0.01)
+    grade, weak, _ = margins(model, uncertainty, 1.0)
+    z = norm.ppf(0.999)
+    both = np.sqrt(expected(grade, 1.0, z) ** 2 + (z * 0.02) ** 2 + (z * 0.01 * 3.0) ** 2)
+    assert weak == pytest.approx(both, abs=1e-12)
+
+
+def test_an_error_of_the_slope_counts_as_force_and_as_weight() -> None:
+    model = uncertain(covariance=None)
+    _, weak, _ = margins(model, Uncertainty(slope_std=0.01), 4.0)
+    z = norm.ppf(0.999)
+    braking = model.braking
+    wrong = z * 0.01 * abs(1.0 + braking.b_m + braking.m_m * 4.0)
+    assert weak == pytest.approx(np.full_like(weak, wrong), abs=1e-12)
+    uphill = uncertain(covariance=None, uphill={"m_m": 0.0, "b_m": 0.8})
+    _, weak, _ = margins(uphill, Uncertainty(slope_std=0.01), 4.0)
+    assert np.all(weak >= z * 0.01 * 1.8)
+
+
+def test_loads_keep_more_than_any_slope_error_can_take() -> None:
+    model = uncertain(covariance=None)
+    uncertainty = Uncertainty(slope_std=0.01)
+    wanted = uncertainty.cautious(model).limits.min_load
+    assert wanted == model.limits.min_load + uncertainty.load_margin(model)
+    v, error = model.vehicle, norm.ppf(0.999) * 0.01
+    slopes = np.linspace(-0.6, 0.6, 500)
+    for lever in (v.cg_x, v.wheelbase - v.cg_x, 0.5 * v.track_width):
+        for sign in (-1.0, 1.0):
+            share = np.cos(slopes) + sign * v.cg_z / lever * np.sin(slopes)
+            tilted = np.cos(slopes + error) + sign * v.cg_z / lever * np.sin(slopes + error)
+            assert np.all(np.abs(tilted - share) <= uncertainty.load_margin(model))
+
+
+def test_the_dead_time_is_that_of_the_quantile() -> None:
+    _, ground = forces(uncertain(dead_time_std=0.05), Uncertainty(quantile=0.99), plane())
+    assert ground.dead_time == pytest.approx(0.30 + 0.05 * norm.ppf(0.99))
+
+
+# ------------------------------------------------------------------------------- Monte Carlo
+
+
+def stops(
+    plan: SpeedPlan, k: int, m: np.ndarray, dead_time: np.ndarray, slope_error: np.ndarray
+) -> np.ndarray:
+    """Where stops from station k end, one for each row of coefficients: Euler with a fine step."""
+    v_0 = float(plan.speed[k])
+    onset = np.maximum(v_0, 1.0)
+    s = plan.station[k] + v_0 * dead_time
+    energy = np.full(len(m), 0.5 * v_0**2)
+    ds = 0.004
+    while np.any(energy > 0.0) and s.max() < plan.station[-1]:
+        grade = np.interp(s + 0.5 * ds, plan.station, plan.grade) + slope_error
+        force = (m[:, 0] * onset + m[:, 1]) * grade + m[:, 2] * onset + m[:, 3]
+        needed = G * (force + np.sin(grade))
+        way = np.minimum(ds, np.where(needed > 0.0, energy / np.maximum(needed, 1e-9), ds))
+        s = s + np.where(energy > 0.0, way, 0.0)
+        energy = np.where(energy > 0.0, energy - needed * way, 0.0)
+        energy = np.where(energy < 1e-9, 0.0, energy)
+    return s
+
+
+@pytest.mark.parametrize("quantile", [0.9, 0.99, 0.999])
+def test_sampled_vehicles_stop_in_time_as_often_as_was_asked(quantile: float) -> None:
+    model = uncertain(force_std=0.01, dead_time_std=0.02, distance_offset=0.0)
+    uncertainty = Uncertainty(quantile=quantile, slope_std=0.004, age=2.0 * HOUR)
+    plan = plan_with(model, uncertainty)
+    rng = np.random.default_rng(7)
+    samples = 4000
+    b = model.braking
+    mean = [b.m_m, b.b_m, b.m_b, b.b_b]
+    drawn = rng.multivariate_normal(mean, COVARIANCE, samples)
+    drawn[:, 3] += rng.normal(0.0, np.hypot(0.01, 0.01 * np.sqrt(2.0)), samples)
+    dead = np.maximum(rng.normal(b.dead_time, 0.02, samples), 0.0)
+    tilt = rng.normal(0.0, 0.004, samples)
+    tight = plan.clear_distance - plan.station - plan.stop_distance
+    moving = np.flatnonzero(plan.speed > 1.0)
+    for k in moving[np.argsort(tight[moving])[:4]]:
+        assert tight[k] < 0.2
+        late = stops(plan, int(k), drawn, dead, tilt) > plan.clear_distance
+        assert late.mean() <= 1.0 - quantile
+    # The plan of the mean model would be too fast for about half of them.
+    sure = plan_with(model, None)
+    k = int(np.argmax(sure.speed))
+    tight = sure.clear_distance - sure.station - sure.stop_distance
+    k = int(moving[np.argmin(tight[moving])])
+    late = stops(sure, k, drawn, dead, tilt) > sure.clear_distance
+    assert late.mean() > 0.2
+
+
+# ----------------------------------------------------------------------- surfaces and effects
+
+
+def striped(names: tuple[str, ...]) -> ElevationMap:
+    return plane(classes=lambda x, y: (x > 3.0) & (x < 12.0), class_names=names)
+
+
+def test_ground_that_was_never_braked_on_gets_the_prior() -> None:
+    model = uncertain(covariance=None, terrain={"gravel": {"b_b": 0.3}})
+    known, strange = striped(("", "gravel")), striped(("", "moss"))
+    _, on_gravel = forces(model, Uncertainty(quantile=0.5), known)
+    _, on_moss = forces(model, Uncertainty(quantile=0.5), strange)
+    middle = 20
+    assert on_gravel.weak_rest[middle, 0] == pytest.approx(0.3)
+    assert on_moss.weak_rest[middle, 0] == pytest.approx(0.6 * 0.3)
+    assert on_moss.strong_rest[middle, 0] == pytest.approx(0.4)
+    assert on_moss.weak_rest[4, 0] == pytest.approx(0.4)
+    gravel, moss = (plan_with(model, Uncertainty(), ground) for ground in (known, strange))
+    assert moss.speed[middle] < gravel.speed[middle] - 0.1
+
+
+def test_surfaces_of_which_the_model_knows_one_keep_their_own_margin() -> None:
+    model = uncertain(covariance=None, terrain={"gravel": {"force_std": 0.05}})
+    _, ground = forces(model, Uncertainty(), striped(("", "gravel")))
+    assert ground.weak_rest[20, 0] == pytest.approx(0.4 - 0.05 * norm.ppf(0.999))
+    assert ground.weak_rest[4, 0] == pytest.approx(0.4)
+
+
+EFFECTS = [
+    ("aerodynamic_drag", {"c": 0.02}),
+    ("headwind", {"c": 0.01, "wind": 4.0, "direction": 0.0}),
+    ("headwind", {"c": 0.01, "wind": 4.0, "direction": np.pi}),
+    ("viscous_resistance", {"c": 0.01}),
+    ("brake_lag", {"tau": 0.15}),
+    ("brake_fade", {"k": 0.01, "tau": 10.0}),
+    ("wheel_lockup", {"mu": 0.4}),
+    ("grade_asymmetry", {"k": 0.2}),
+    ("grade_nonlinearity", {"k": 0.3}),
+    ("cross_slope", {"k": 0.1}),
+    ("crest_unloading", {"k": 0.8}),
+    ("surface_patch", {"delta": -0.1, "x": 4.0, "y": 0.0, "radius": 2.0}),
+    ("directional_surface", {"k": 0.05, "direction": 0.0}),
+    ("step_change", {"delta": -0.05}),
+]
+
+
+@pytest.mark.parametrize(("name", "parameters"), EFFECTS)
+def test_an_uncertain_effect_makes_no_plan_faster(name: str, parameters: dict[str, float]) -> None:
+    sure = model_of(tables_with((name, parameters), limits=EAGER))
+    spread = np.diag([(0.2 * abs(p) + 1e-3) ** 2 for p in parameters.values()])
+    doubtful = replace(
+        sure,
+        effect=(Effect(name=name, parameters=parameters, covariance=tuple(map(tuple, spread))),),
+    )
+    one, other = (plan_with(model, Uncertainty()) for model in (sure, doubtful))
+    assert np.all(other.speed <= one.speed + 1e-3)
+    assert other.travel_time > one.travel_time
+
+
+def doubtful_effect(name: str, key: str, value: float, std: float, **tables: Any) -> Model:
+    """The quad with one effect that is not known exactly."""
+    effect = Effect(name=name, parameters={key: value}, covariance=((std**2,),))
+    return replace(model_of(tables_with(**tables)), effect=(effect,))
+
+
+def test_uncertain_friction_is_low_for_the_stop_and_high_for_the_rear_axle() -> None:
+    model, z = doubtful_effect("wheel_lockup", "mu", 0.35, 0.01), norm.ppf(0.999)
+    _, ground = forces(model, Uncertainty(), plane())
+    assert ground.weak_rest == pytest.approx(0.35 - z * 0.01)
+    assert ground.strong_rest == pytest.approx(0.35 + z * 0.01)
+    assert not ground.weak_speed.any()
+    assert not ground.strong_speed.any()
+    _, sure = forces(model, None, plane())
+    assert sure.weak_rest == pytest.approx(0.35)
+    assert sure.strong_rest == pytest.approx(0.35)
+
+
+def test_where_more_friction_would_lift_the_rear_axle_the_way_ends() -> None:
+    """Downhill, rear share = cos θ − c_z/(L − c_x) F_b/W, worst at the upper end of friction."""
+    grade, mu, std, z = np.arctan(-0.15), 0.30, 0.02, norm.ppf(0.999)
+    v = model_of(tables_with()).vehicle
+    lever = v.cg_z / (v.wheelbase - v.cg_x)
+    likely, worst = (np.cos(grade) * (1.0 - lever * m) for m in (mu, mu + z * std))
+    limits = {"min_load": float(0.5 * (likely + worst))}
+    model = doubtful_effect("wheel_lockup", "mu", mu, std, limits=limits)
+    slope = plane(rise=-0.15)
+    assert plan_with(model, None, slope).progress > 5.0
+    assert plan_with(model, Uncertainty(), slope).progress == pytest.approx(0.0, abs=1e-9)
+    lower = doubtful_effect("wheel_lockup", "mu", mu, std, limits={"min_load": worst - 0.01})
+    assert plan_with(lower, Uncertainty(), slope).progress > 5.0
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "at_top"),
+    [("aerodynamic_drag", "c", 16.0 / G), ("viscous_resistance", "c", 4.0)],
+)
+def test_uncertain_drag_counts_for_the_rear_axle_with_its_upper_end(
+    name: str, key: str, at_top: float
+) -> None:
+    model, z = doubtful_effect(name, key, 0.02, 0.004, limits={"speed": 4.0}), norm.ppf(0.999)
+    _, ground = forces(model, Uncertainty(), plane())
+    _, sure = forces(model, None, plane())
+    assert getattr(ground.motion, {"aerodynamic_drag": "drag"}.get(name, "viscous")) == (
+        pytest.approx(0.02 - z * 0.004)
+    )
+    assert ground.weak_rest == pytest.approx(sure.weak_rest)
+    # What the motion now lacks to the upper end, at the highest speed that is planned.
+    assert ground.strong_rest - sure.strong_rest == pytest.approx(2.0 * z * 0.004 * at_top)
+
+
+def test_uncertain_turning_resistance_counts_by_the_bend() -> None:
+    z, curvature = norm.ppf(0.999), np.array([[0.0], [0.1], [-0.3]])
+    effect = Effect(name="turning_resistance", parameters={"k": 0.05}, covariance=((1e-4,),))
+    spread = Uncertainty().drag_spread((effect,), curvature, 3.0)
+    assert spread == pytest.approx(2.0 * z * 0.01 * 3.0 * np.abs(curvature))
+
+
+def test_a_vehicle_in_uncertain_wind_stops_in_time_whatever_the_wind() -> None:
+    """From either side: more drag is no help to a vehicle that is pushed."""
+    parameters = {"c": 0.01, "wind": 4.0, "direction": np.pi}
+    spread = tuple(map(tuple, np.diag([0.003**2, 1.0, 0.0])))
+    effect = Effect(name="headwind", parameters=parameters, covariance=spread)
+    model = replace(model_of(tables_with()), effect=(effect,))
+    plan = plan_with(model, Uncertainty(), plane())
+    z = norm.ppf(0.999)
+    for c in (0.01 - z * 0.003, 0.01 + z * 0.003):
+        for wind in (4.0 - z, 4.0 + z):
+            k = int(np.argmax(plan.speed))
+            s, v, dt = plan.station[k] + 0.3 * plan.speed[k], float(plan.speed[k]), 1e-3
+            force = 0.4 + 0.015 * v
+            while v > 0.0:
+                u = v - wind
+                a = G * force + c * (u * abs(u) - v * v)
+                s, v = s + v * dt, v - a * dt
+            assert s <= plan.clear_distance
+
+
+def test_settings_are_validated() -> None:
+    with pytest.raises(ParameterError, match="quantile"):
+        Uncertainty(quantile=0.3)
+    with pytest.raises(ParameterError, match="age"):
+        Uncertainty(age=-1.0)

@@ -1,0 +1,98 @@
+"""Segment limits hold at every speed up to the profile, and labels say what holds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.kernels.limits import Numbers, numbers
+from planner.limiting import Limiting
+from planner.pipeline.labels import labels, segment_limits
+from planner.verify.track import Track
+from tests.planner.scenes import G, model_of, tables_with
+
+N = 40
+SCALARS: Numbers = numbers(model_of(tables_with(limits=tables_with()["limits"] | {"decel": 3.5})))
+
+
+def drawn(seed: int) -> tuple[Track, dict[str, np.ndarray]]:
+    rng = np.random.default_rng(seed)
+    zeros = np.zeros(N)
+    track = Track(
+        np.arange(N) * 0.25, rng.uniform(-0.3, 0.3, N), zeros, zeros, zeros,
+        rng.uniform(-0.03, 0.03, N), rng.uniform(0.1, 0.5, N), zeros, zeros, zeros,
+        np.full(N, rng.uniform(0.0, 1.5)), np.full(N, np.inf),
+    )  # fmt: skip
+    return track, {
+        "speed_sq": rng.uniform(0.0, 16.0, N),
+        "accel_max": rng.uniform(0.0, 1.5, N),
+        "demand": rng.uniform(-0.1, 0.5, N),
+    }
+
+
+def limits_of(track: Track, arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    accel, decel = np.empty((2, N - 1))
+    segment_limits(track, *arrays.values(), track.weak_rest, SCALARS, accel, decel)
+    return accel, decel
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_limits_hold_at_both_ends_at_any_speed_up_to_the_profile(seed: int, share: float) -> None:
+    track, arrays = drawn(seed)
+    accel, decel = limits_of(track, arrays)
+    assert np.all(accel >= 0.0)
+    assert np.all(decel >= 0.0)
+    assert np.all(decel <= SCALARS.decel)
+    speed = share * np.sqrt(arrays["speed_sq"])
+    ends = (slice(None, -1), slice(1, None))
+    # The ground of either end holds on the whole segment, so at the speed of the other end as well.
+    for end, v in ((end, speed[other]) for end in ends for other in ends):
+        assert np.all(accel <= arrays["accel_max"][end])
+        with np.errstate(divide="ignore"):
+            powered = G * (SCALARS.specific_power / v - arrays["demand"][end])
+        assert np.all((accel <= powered + 1e-12) | (accel == 0.0))
+        onset = np.maximum(v, track.slowest[end])
+        force = track.weak_speed[end] * onset + track.weak_rest[end] + np.sin(track.grade[end])
+        assert np.all((decel <= G * force + 1e-12) | (decel == 0.0))
+
+
+def test_limits_are_no_lower_than_need_be() -> None:
+    """On even ground at an even speed they are the law itself."""
+    track, arrays = drawn(0)
+    even = {name: np.full(N, values[0]) for name, values in arrays.items()}
+    even |= {"speed_sq": np.full(N, 9.0), "accel_max": np.full(N, 5.0), "demand": np.full(N, 0.1)}
+    flat = Track(*(np.full(N, values[0]) for values in track))._replace(grade=np.zeros(N))
+    flat = flat._replace(weak_speed=np.full(N, -0.02), weak_rest=np.full(N, 0.3))
+    accel, decel = limits_of(flat, even)
+    np.testing.assert_allclose(accel, G * (SCALARS.specific_power / 3.0 - 0.1))
+    np.testing.assert_allclose(decel, G * (0.3 - 0.06))
+
+
+@pytest.mark.parametrize(
+    ("speed_sq", "accel", "smoothed", "expected"),
+    [
+        (4.0, 0.0, True, Limiting.LATERAL),  # at the bound
+        (1.0, 1.0, True, Limiting.ACCEL),
+        (1.0, -1.5, True, Limiting.DECEL),
+        (1.0, 0.3, True, Limiting.JERK),
+        (1.0, 0.3, False, Limiting.ACCEL),
+        (1.0, -0.3, True, Limiting.JERK),
+    ],
+)
+def test_each_label(speed_sq: float, accel: float, smoothed: bool, expected: Limiting) -> None:
+    found = np.empty(3, np.int64)
+    labels(
+        np.full(3, speed_sq), np.full(3, accel), np.full(3, 4.0),
+        np.full(3, int(Limiting.LATERAL)), np.full(2, 1.0), np.full(2, 1.5), 1.0, smoothed, found,
+    )  # fmt: skip
+    assert set(found) == {int(expected)}
+
+
+def test_weak_drive_is_traction() -> None:
+    found = np.empty(3, np.int64)
+    labels(
+        np.ones(3), np.full(3, 0.4), np.full(3, 4.0), np.zeros(3, np.int64), np.full(2, 0.4),
+        np.full(2, 1.5), 1.0, True, found,
+    )  # fmt: skip
+    assert set(found) == {int(Limiting.TRACTION)}

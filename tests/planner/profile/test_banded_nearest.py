@@ -1,0 +1,155 @@
+"""The nearest point under banded constraints, against closed forms and a general solver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import LinearConstraint, minimize
+
+from planner.profile.banded_nearest import nearest, room
+from planner.profile.osqp_nearest import nearest_by_osqp
+
+Solver = Callable[..., int]
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""First station, coefficients and limit of each row."""
+
+both = pytest.mark.parametrize("solver", [nearest, nearest_by_osqp])
+
+
+def solved(solver: Solver, wanted: np.ndarray, fixed: np.ndarray, rows: Rows) -> np.ndarray | None:
+    """The answer; None if there is none."""
+    return with_force(solver, wanted, fixed, rows)[0]
+
+
+def with_force(
+    solver: Solver, wanted: np.ndarray, fixed: np.ndarray, rows: Rows
+) -> tuple[np.ndarray | None, np.ndarray]:
+    start, coefficients, limit = in_order(rows, len(wanted))
+    x, force = np.empty_like(wanted), np.zeros(len(limit))
+    return x if solver(wanted, fixed, start, coefficients, limit, x, force) > 0 else None, force
+
+
+def in_order(rows: Rows, n: int) -> Rows:
+    """Rows by their first station, as the solvers want them."""
+    first, coefficients, limit = rows
+    order = np.argsort(first, kind="stable")
+    start = np.searchsorted(first[order], np.arange(n - 1))
+    return start, np.ascontiguousarray(coefficients[order]), limit[order]
+
+
+def boxes(upper: np.ndarray) -> Rows:
+    """x <= upper."""
+    n = len(upper)
+    first = np.minimum(np.arange(n), n - 3)
+    rows = np.zeros((n, 3))
+    rows[np.arange(n), np.arange(n) - first] = 1.0
+    return first, rows, upper
+
+
+def bends(n: int, most: float) -> Rows:
+    """|x[k] − 2 x[k+1] + x[k+2]| <= most."""
+    first = np.tile(np.arange(n - 2), 2)
+    rows = np.repeat([[1.0, -2.0, 1.0], [-1.0, 2.0, -1.0]], n - 2, axis=0)
+    return first, rows, np.full(2 * (n - 2), most)
+
+
+def together(*parts: Rows) -> Rows:
+    first, rows, limit = (np.concatenate(list(arrays)) for arrays in zip(*parts, strict=True))
+    return first, rows, limit
+
+
+def free(n: int) -> np.ndarray:
+    return np.zeros(n, np.bool_)
+
+
+def matrix(n: int, rows: Rows) -> np.ndarray:
+    out = np.zeros((len(rows[0]), n))
+    for i, k in enumerate(rows[0]):
+        out[i, k : k + 3] += rows[1][i]
+    return out
+
+
+def test_without_constraints_it_is_the_point_itself() -> None:
+    wanted = np.array([3.0, -1.0, 2.0, 5.0])
+    nothing = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
+    np.testing.assert_array_equal(solved(nearest, wanted, free(4), nothing), wanted)
+
+
+@both
+def test_under_a_box_it_is_the_lower_of_both(solver: Solver) -> None:
+    wanted, upper = np.array([3.0, -1.0, 2.0, 5.0]), np.array([1.0, 1.0, 1.0, 7.0])
+    found = solved(solver, wanted, free(4), boxes(upper))
+    np.testing.assert_allclose(found, np.minimum(wanted, upper), atol=2e-4)
+
+
+@both
+def test_on_one_half_space_it_is_the_projection(solver: Solver) -> None:
+    wanted, normal = np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, -1.0])
+    rows = np.zeros(1, np.int64), normal[None], np.array([-4.0])
+    found, force = with_force(solver, wanted, free(3), rows)
+    by = (normal @ wanted + 4.0) / (normal @ normal)
+    np.testing.assert_allclose(found, wanted - by * normal, atol=2e-4)
+    assert force[0] == pytest.approx(by, abs=2e-4)
+
+
+@both
+def test_fixed_stations_stay(solver: Solver) -> None:
+    wanted = np.array([0.0, 9.0, 9.0, 9.0, 9.0, 0.0])
+    fixed = np.array([True, False, False, False, False, True])
+    found = solved(solver, wanted, fixed, together(boxes(np.full(6, 20.0)), bends(6, 2.0)))
+    assert found is not None
+    assert found[0] == found[-1] == 0.0
+    assert np.abs(np.diff(found, 2)).max() <= 2.0 + 2e-4
+    assert found[2] > 4.0
+
+
+@both
+@settings(max_examples=40, deadline=None)
+@given(st.integers(3, 30), st.integers(0, 10_000))
+def test_it_agrees_with_a_general_solver(solver: Solver, n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    wanted = rng.uniform(0.0, 4.0, n)
+    rows = together(boxes(wanted), bends(n, rng.uniform(0.05, 1.0)))
+    found = solved(solver, wanted, free(n), rows)
+    assert found is not None
+    a = matrix(n, rows)
+    assert np.all(a @ found <= rows[2] + 2e-4)
+    other = minimize(
+        lambda x: 0.5 * np.sum((x - wanted) ** 2), np.zeros(n), jac=lambda x: x - wanted,
+        hess=lambda x: np.eye(n), method="trust-constr",
+        constraints=LinearConstraint(a, -np.inf, rows[2]), options={"gtol": 1e-9, "xtol": 1e-10},
+    )  # fmt: skip
+    mine = 0.5 * np.sum((found - wanted) ** 2)
+    assert mine <= other.fun + 1e-3 * (1.0 + other.fun)
+
+
+def test_multipliers_tell_what_a_little_room_would_gain() -> None:
+    """The derivative of the least distance over a limit is the force of its row."""
+    wanted = np.random.default_rng(4).uniform(2.0, 4.0, 8)
+    rows, fixed = together(boxes(wanted), bends(8, 0.2)), np.arange(8) == 0
+    found, force = with_force(nearest, wanted, fixed, rows)
+    more = rows[0], rows[1], rows[2] + 1e-3
+    freer = solved(nearest, wanted, fixed, more)
+    assert found is not None
+    assert freer is not None
+    gained = 0.5 * np.sum((found - wanted) ** 2) - 0.5 * np.sum((freer - wanted) ** 2)
+    assert 1e-3 * force.sum() == pytest.approx(gained, rel=0.05)
+    start, coefficients, limit = in_order(more, 8)
+    assert room(start, coefficients, limit, force, found) == pytest.approx(gained, rel=0.05)
+
+
+@pytest.mark.parametrize("limit", [-1.0, -1e-2])
+@both
+def test_where_nothing_keeps_the_constraints_it_says_so(solver: Solver, limit: float) -> None:
+    """x <= limit and −x <= limit exclude each other."""
+    first = np.zeros(2, np.int64)
+    rows = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    assert solved(solver, np.ones(3), free(3), (first, rows, np.full(2, limit))) is None
+
+
+def test_numbers_that_are_none_are_no_answer() -> None:
+    assert solved(nearest, np.array([1.0, np.nan, 1.0, 1.0]), free(4), boxes(np.ones(4))) is None

@@ -1,0 +1,213 @@
+"""`slopewise calibrate` from outside, with logs of a plant that shares no code; bad logs named."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.errors import InputError
+from planner.ground.elevation_map import ElevationMap
+from services.cli.commands import calibrate
+from services.io.maps.map_file import write_map_npz
+from services.io.model_file import read_model
+from services.io.table import write_csv
+from tests.models.calibration.plant import Plant, drive
+from tests.services.command_line import here, one_line_of, slopewise
+from tests.services.faults import fault_in
+
+Log = dict[str, np.ndarray]
+
+
+def written(log: Log, path: Path) -> Path:
+    write_csv({n: list(v) if v.dtype.kind == "U" else v for n, v in log.items()}, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return drive(Plant(), 24, 0)[0]
+
+
+@pytest.fixture(scope="module")
+def file(log: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(log, tmp_path_factory.mktemp("drive") / "log.csv")
+
+
+def job(path: Path, **further: object) -> calibrate.CalibrateJob:
+    return calibrate.CalibrateJob([path], "atv", **further)  # type: ignore[arg-type]
+
+
+def test_the_command_writes_model_stops_and_page(file: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="the report extra is not installed")
+    model, stops, page = (tmp_path / n for n in ("m.toml", "stops.csv", "page.html"))
+    result = slopewise(
+        "calibrate", file, "--model", "atv", "--out", model, "--stops", stops, "--report", page
+    )
+    assert result.returncode == 0, result.stderr
+    for words in ("dead time 0.30", "stops found: 24", "distance offset", "mount offset"):
+        assert words in result.stdout
+    learned = read_model(model).braking
+    assert learned.b_b == pytest.approx(0.40, abs=0.02)
+    assert learned.dead_time == pytest.approx(0.3, abs=0.01)
+    assert learned.covariance is not None
+    assert read_model(model).vehicle.mass == 500.0
+    with stops.open() as handle:
+        rows = list(csv.DictReader(handle))
+    assert len(rows) == 24
+    for row in rows:
+        assert row["verdict"] == "usable"
+        assert float(row["predicted_with_offset"]) > float(row["distance"])
+        assert float(row["grade"]) == pytest.approx(float(row["grade"]), abs=0.3)
+    html = page.read_text()
+    assert html.count("data:image/svg+xml") == 4
+    assert "24 of 24 stops" in html
+    assert "http" not in html.split("<body>")[1].replace("http-equiv", "")
+
+
+def test_json_holds_everything_for_machines(file: Path) -> None:
+    data = json.loads(json.dumps(calibrate.as_json(calibrate.run(job(file), quiet=True))))
+    assert data["stops"] == {"found": 24, "usable": 24}
+    (base,) = data["surfaces"]
+    assert base["coefficients"]["b_b"]["std"] > 0.0
+    assert np.array(base["covariance"]).shape == (4, 4)
+    assert base["coverage"] == 1.0
+    assert 0.0 < base["mean_excess"] < 0.2
+    assert data["dead_time"]["value"] == pytest.approx(0.3, abs=0.01)
+
+
+def test_the_learned_model_is_read_back_as_it_was(file: Path, tmp_path: Path) -> None:
+    result = calibrate.run(job(file), quiet=True)
+    calibrate.write_learned_model(result, tmp_path / "m.toml")
+    assert read_model(tmp_path / "m.toml") == result.model
+
+
+def test_a_map_gives_the_grade_of_the_ground(tmp_path: Path) -> None:
+    # An even slope, driven down and up; the body dives and its sensor is askew.
+    plant = Plant(undulation=0.0, dive=np.deg2rad(0.3), mount=np.deg2rad(1.0))
+    log = drive(plant, 40, 2, grades=(-0.12, -0.12), out_and_back=True)[0]
+    log["x"] = log["x"] - 1000.0 * np.round(log["x"] / 1000.0)
+    height = np.tan(-0.12) * np.arange(-40.0, 41.0)
+    ground = ElevationMap(elevation=np.tile(height, (13, 1)), resolution=1.0, origin=(-40.0, -6.0))
+    write_map_npz(ground, tmp_path / "map.npz")
+    path = written(log, tmp_path / "log.csv")
+    result = calibrate.run(job(path, map_file=tmp_path / "map.npz"), quiet=True)
+    c = result.calibration
+    assert c.mount.source == "map"
+    assert np.rad2deg(c.mount.offset) == pytest.approx(1.0, abs=0.1)
+    grades = np.array([r.grade for r in c.surfaces[0].records])
+    np.testing.assert_allclose(np.abs(grades), 0.12, atol=0.01)
+    assert {round(float(np.sign(g))) for g in grades} == {-1, 1}
+    bare = {n: v for n, v in log.items() if n not in ("x", "y", "yaw")}
+    lost = written(bare, tmp_path / "bare.csv")
+    with fault_in(lost, "column x", "expected x and y"):
+        calibrate.run(job(lost, map_file=tmp_path / "map.npz"), quiet=True)
+
+
+# ------------------------------------------------------------------------------------ bad logs
+
+
+def changed(log: Log, channel: str, value: object, part: slice = slice(None)) -> Log:
+    copy = {name: values.copy() for name, values in log.items()}
+    copy[channel][part] = value
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "words"),
+    [("pitch", 1.5, "looks like degrees"), ("pitch", 57.3, "looks like degrees")],
+)
+def test_wrong_units_are_an_error(
+    log: Log, tmp_path: Path, channel: str, factor: float, words: str
+) -> None:
+    steep = 10.0 * factor * log[channel] if factor < 10 else factor * log[channel]
+    path = written(changed(log, channel, np.clip(steep, -90, 90)), tmp_path / "log.csv")
+    with pytest.raises(InputError, match=words):
+        calibrate.run(job(path), quiet=True)
+
+
+def test_speed_in_knots_is_an_error(tmp_path: Path) -> None:
+    log = drive(Plant(), 24, 0, out_and_back=True)[0]
+    path = written(log | {"v": log["v"] / 0.514444}, tmp_path / "log.csv")
+    with fault_in(path, "column v", "looks like knots"):
+        calibrate.run(job(path), quiet=True)
+
+
+def test_accelerations_in_g_are_flagged_and_do_not_stop_it(log: Log, tmp_path: Path) -> None:
+    path = written(log | {"accel_z": np.full(len(log["t"]), 1.0)}, tmp_path / "log.csv")
+    result = calibrate.run(job(path), quiet=True)
+    assert any("looks like g" in s.reason for s in result.calibration.suspects)
+    assert result.calibration.verdicts == {"usable": 24}
+
+
+def stop_of(log: Log, number: int) -> int:
+    """Sample of a stop command."""
+    told = (log["v_cmd"] <= 0.0).astype(int)
+    return int(np.flatnonzero(np.diff(told) == 1)[number]) + 1
+
+
+@pytest.mark.parametrize(
+    ("channel", "value", "length", "words"),
+    [
+        ("v", 2.2, 150, "stays at exactly"),
+        ("v", -1000.0, 5, "stands for no value"),
+        ("v", 9.0, 1, "jumps to"),
+        ("pitch", 0.05, 150, "stays at exactly"),
+    ],
+)
+def test_a_bad_stretch_costs_its_stop_and_no_other(
+    log: Log, tmp_path: Path, channel: str, value: float, length: int, words: str
+) -> None:
+    at = stop_of(log, 5) + 5
+    bad = changed(log, channel, value, slice(at, at + length))
+    result = calibrate.run(job(written(bad, tmp_path / "log.csv")), quiet=True)
+    spoilt = [w for w in result.calibration.windows if not w.usable]
+    assert len(spoilt) <= 1
+    assert any(words in s.reason for s in result.calibration.suspects)
+    assert result.calibration.verdicts["usable"] >= 23
+    assert all(w.command == at - 5 for w in spoilt)
+    b_b = result.model.braking.b_b
+    clean = calibrate.run(job(written(log, tmp_path / "clean.csv")), quiet=True)
+    assert b_b == pytest.approx(clean.model.braking.b_b, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda log: {n: v for n, v in log.items() if n != "v_cmd"}, ("v_cmd", "missing column")),
+        (lambda log: changed(log, "v", np.nan, slice(7, 8)), ("row 9, column v", "finite")),
+        (lambda log: changed(log, "t", 0.0, slice(7, 8)), ("row 9, column t", "after")),
+        (lambda log: changed(log, "t", log["t"][6], slice(7, 8)), ("row 9, column t", "after")),
+        (lambda log: changed(log, "v_cmd", 2.0), ("at least 8 usable stops", "0 found")),
+    ],
+    ids=["missing column", "nan", "unsorted", "duplicate", "no stop"],
+)
+def test_logs_that_cannot_be_used_are_one_line(
+    log: Log, tmp_path: Path, spoil: object, words: tuple[str, ...]
+) -> None:
+    path = written(spoil(log), tmp_path / "bad.csv")  # type: ignore[operator]
+    with pytest.raises(InputError) as error:
+        calibrate.run(job(path), quiet=True)
+    for word in (str(path), *words):
+        assert word in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_faults_leave_by_status_two(log: Log, tmp_path: Path) -> None:
+    path = written(changed(log, "v_cmd", 2.0), tmp_path / "bad.csv")
+    one_line_of(here("calibrate", path, "--model", "atv"), "bad.csv", "stops", "at least 8")
+    with fault_in("--coverage", "", "1.5"):
+        calibrate.run(job(path, coverage=1.5), quiet=True)
+
+
+def test_a_page_without_matplotlib_says_what_to_install(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = calibrate.run(job(file), quiet=True)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with fault_in("report", "", "pip install slopewise[report]"):
+        calibrate.write_page(result, job(file), tmp_path / "page.html")

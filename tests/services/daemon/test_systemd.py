@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import re
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from services.daemon import systemd
+from tests.services.service_process import running
+
+UNIT = Path(__file__).parents[3] / "configs" / "systemd" / "slopewise.service"
+_MOST_EXPOSED = 2.0
+"""Of 10, as `systemd-analyze security` counts."""
+
+
+def listening(address: str) -> socket.socket:
+    heard = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    heard.bind(address)
+    heard.settimeout(5.0)
+    return heard
+
+
+def test_nobody_listens_without_systemd(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    assert not systemd.tell(systemd.READY)
+    monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere/at/all")
+    assert not systemd.tell(systemd.READY)
+
+
+def test_abstract_sockets_are_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    with listening("\0slopewise-test") as heard:
+        monkeypatch.setenv("NOTIFY_SOCKET", "@slopewise-test")
+        assert systemd.tell(systemd.ALIVE)
+        assert heard.recv(100) == b"WATCHDOG=1"
+
+
+def test_a_service_tells_that_it_is_ready_and_lives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address = str(tmp_path / "notify")
+    with listening(address) as heard:
+        monkeypatch.setenv("NOTIFY_SOCKET", address)
+        with running(tmp_path, fresh=True):
+            assert heard.recv(100) in (b"READY=1", b"WATCHDOG=1")
+            told = {heard.recv(100) for _ in range(3)}
+        assert b"WATCHDOG=1" in told
+        while b"STOPPING=1" not in told:
+            told.add(heard.recv(100))
+
+
+@pytest.fixture
+def unit(tmp_path: Path) -> Path:
+    """The unit, with a program that is there."""
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("needs systemd-analyze")
+    text, count = re.subn(r"(?m)^(ExecStart)=\S+", rf"\1={sys.executable}", UNIT.read_text())
+    assert count == 1
+    file = tmp_path / UNIT.name
+    file.write_text(text)
+    return file
+
+
+def test_the_unit_is_understood(unit: Path) -> None:
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(unit)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    mine = [line for line in done.stderr.splitlines() if unit.name in line]
+    assert mine == []
+
+
+def test_the_unit_leaves_little_open(unit: Path) -> None:
+    done = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--no-pager", str(unit)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    told = re.search(r"Overall exposure level[^:]*: ([\d.]+)", done.stdout)
+    assert told is not None, done.stdout + done.stderr
+    assert float(told[1]) <= _MOST_EXPOSED

@@ -1,0 +1,201 @@
+"""Looks at stored stops: what ends badly is said, nothing waits for it, nothing is left behind."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from models.errors import ParameterError
+from services.discovery import investigate, investigator
+from services.discovery.finding import Outcome
+from services.discovery.investigate import as_log
+from services.discovery.investigation_settings import Investigation
+from services.discovery.investigator import Investigator
+from services.discovery.stop_store import StoredStop
+from services.io.model_file import find_model, read_model, write_model
+from tests.services.robot_plant import ASPHALT, Vehicle
+
+FILE = read_model(find_model("atv"))
+
+
+def filled(folder: Path, stops: int = 13, **settings: float) -> Investigator:
+    made = Investigator(
+        Investigation(samples=str(folder), **settings),  # type: ignore[arg-type]
+        "vehicle",
+    )
+    vehicle = Vehicle(seed=3)
+    for _ in range(stops + 1):
+        _, samples = vehicle.stop(ASPHALT, 2.0)
+        made.hear("robot", samples, "", "model")
+    assert made.counters["stops_lost"] == 0
+    return made
+
+
+def outcome_of(made: Investigator, seconds: float = 30.0) -> Outcome:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        begun = time.monotonic()
+        outcome = made.poll()
+        if outcome is not None:
+            return outcome
+        assert time.monotonic() - begun < 0.5, "asking waits for the other process"
+        time.sleep(0.02)
+    raise AssertionError("it did not end")
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
+    place = tmp_path / "tmp"
+    place.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
+    yield
+    assert list(place.iterdir()) == []
+
+
+def test_no_samples_and_too_few_stops_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="samples in the settings"):
+        Investigator(Investigation(), "vehicle").begin(FILE, FILE, FILE, "ann")
+    with pytest.raises(ParameterError, match="at least 12 stored stops, got 5"):
+        filled(tmp_path / "stops", 5).begin(FILE, FILE, FILE, "ann")
+
+
+def test_one_that_takes_too_long_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = filled(tmp_path / "stops", limit=1.0)
+    monkeypatch.setattr(investigator, "_GRACE", 0.0)
+    begun = time.monotonic()
+    # A process that never ends by itself, in place of the one that looks.
+    monkeypatch.setattr(sys, "executable", _script(tmp_path, "while true; do sleep 0.1; done"))
+    made.begin(FILE, FILE, FILE, "ann")
+    with pytest.raises(ParameterError, match="one is"):
+        made.begin(FILE, FILE, FILE, "bob")
+    outcome = outcome_of(made)
+    assert outcome.offer is None
+    assert "within 1 s" in outcome.reason
+    assert time.monotonic() - begun < 5.0
+    assert not made.running
+    assert made.told()["looks_failed"] == 1
+
+
+def test_one_that_breaks_is_said_and_the_next_may_begin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = filled(tmp_path / "stops")
+    monkeypatch.setattr(sys, "executable", _script(tmp_path, "exit 3"))
+    for _ in range(2):
+        made.begin(FILE, FILE, FILE, "ann")
+        assert "status 3" in outcome_of(made).reason
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "nowhere"))
+    with pytest.raises(ParameterError, match="a process to look with"):
+        made.begin(FILE, FILE, FILE, "ann")
+    assert not made.running
+
+
+def test_damaged_stops_are_left_out_put_aside_and_counted(tmp_path: Path) -> None:
+    made = filled(tmp_path / "stops", 12)
+    victim = sorted((tmp_path / "stops").iterdir())[4]
+    victim.write_bytes(victim.read_bytes()[:-8])
+    made.begin(FILE, FILE, FILE, "ann")
+    outcome = outcome_of(made, 60.0)
+    assert outcome.damaged == [victim.name]
+    assert "at least 12 usable stops, got 11" in outcome.reason
+    assert made.told()["stops_damaged"] == 1
+    assert not victim.exists()
+    with pytest.raises(ParameterError, match="at least 12 stored stops, got 11"):
+        made.begin(FILE, FILE, FILE, "ann")
+
+
+def test_stops_that_cannot_be_written_are_counted_and_flagged(tmp_path: Path) -> None:
+    made = filled(tmp_path / "stops", 2)
+    for path in (tmp_path / "stops").iterdir():
+        path.unlink()
+    (tmp_path / "stops").rmdir()
+    vehicle = Vehicle(seed=4)
+    for _ in range(3):
+        _, samples = vehicle.stop(ASPHALT, 2.0)
+        made.hear("other", samples, "", "model")
+    assert made.told()["stops_lost"] == 2
+    assert any("stops are not kept" in flag for flag in made.flags())
+
+
+def test_closing_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = filled(tmp_path / "stops")
+    monkeypatch.setattr(sys, "executable", _script(tmp_path, "while true; do sleep 0.1; done"))
+    made.begin(FILE, FILE, FILE, "ann")
+    made.close()
+    assert not made.running
+
+
+def test_it_looks_by_itself_only_when_it_may_and_there_is_news(tmp_path: Path) -> None:
+    assert not filled(tmp_path / "a", fresh=5).due()
+    made = filled(tmp_path / "b", fresh=5, every=0.3)
+    assert not made.due()
+    time.sleep(0.35)
+    assert made.due()
+    few = filled(tmp_path / "c", fresh=500, every=0.01)
+    time.sleep(0.05)
+    assert not few.due()
+
+
+def test_the_process_is_humble_and_leaves_with_the_service(tmp_path: Path) -> None:
+    folder = tmp_path / "job"
+    folder.mkdir()
+    for name in (investigate.FILE, investigate.BASE, investigate.IN_USE):
+        write_model(FILE, folder / name)
+    job = investigate.Job(room=str(tmp_path), names=[], vehicle="v", cause="test", limit=20.0)
+    (folder / investigate.JOB).write_bytes(msgspec.json.encode(job))
+    waits = (
+        "import sys, time; from pathlib import Path; from services import investigate as i\n"
+        "i._look = lambda *_: (print('here', flush=True), time.sleep(20))\n"
+        f"i.main(Path({str(folder)!r}))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", waits], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdin is not None
+    assert process.stdout.readline() == "here\n"
+    assert os.getpriority(os.PRIO_PROCESS, process.pid) == 19
+    process.stdin.close()
+    assert process.wait(5.0) == 1
+    process.stdout.close()
+
+
+def test_stops_become_a_log_on_one_clock() -> None:
+    def stop(source: str, begin: float, at: float, **more: float) -> StoredStop:
+        t = begin + np.linspace(0.0, 2.0, 21)
+        columns = {"t": t, "v": 0.0 * t, "v_cmd": 0.0 * t, "pitch": 0.0 * t}
+        columns |= {name: 0.0 * t + value for name, value in more.items()}
+        return StoredStop(
+            source=source, surface="ice", at=at, vehicle="v", model="m", columns=list(columns),
+            values=np.stack(list(columns.values())),
+        )  # fmt: skip
+
+    stops = [
+        stop("a", 500.0, 1000.0, grade=0.1), stop("a", 510.0, 1001.0), stop("b", 3.0, 1031.0),
+        stop("b", 1.0, 900.0),
+    ]  # fmt: skip
+    columns, runs, ground = as_log(stops)
+    begins = [float(columns["t"][run.start]) for run in runs]
+    # Its own clock, the clock of the day, and a minute where that went back.
+    assert begins == pytest.approx([0.0, 10.0, 12.0 + 28.0, 42.0 + 60.0])
+    assert np.all(np.diff(columns["t"]) > 0.0)
+    assert list(dict.fromkeys(columns["run"])) == ["0", "1", "2", "3"]
+    assert set(columns["terrain"]) == {"ice"}
+    assert ground is not None
+    assert "grade" not in columns
+    assert np.isfinite(ground).sum() == 21
+
+
+def _script(folder: Path, words: str) -> str:
+    path = folder / "python"
+    path.write_text(f"#!/bin/sh\n{words}\n")
+    path.chmod(0o755)
+    return str(path)

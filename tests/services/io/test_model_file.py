@@ -1,0 +1,484 @@
+from __future__ import annotations
+
+import copy
+import dataclasses
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models.effects.registry import LAWS
+from models.errors import InputError
+from models.parameters import (
+    Braking,
+    Effect,
+    Limits,
+    Model,
+    SurfaceBraking,
+    Terrain,
+    UphillBraking,
+)
+from models.vehicle import Vehicle
+from services.io.model_file import (
+    find_model,
+    model_from_dict,
+    model_to_dict,
+    read_model,
+    shipped_models,
+    write_model,
+)
+from tests.services.faults import fault_in
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def tables() -> dict[str, Any]:
+    return tomllib.loads(find_model("atv").read_text())
+
+
+def put(tables: dict[str, Any], where: str, value: object) -> dict[str, Any]:
+    *path, last = where.split(".")
+    table = tables
+    for name in path:
+        table = table.setdefault(name, {})
+    table[last] = value
+    return tables
+
+
+def test_the_example_of_the_format_is_the_shipped_atv() -> None:
+    model = read_model(find_model("atv"))
+    assert model.name == "atv"
+    assert model.vehicle.mass == 500.0
+    assert model.braking.b_b == 0.40
+    assert model.braking.speed_range == (1.0, 4.0)
+    assert model.terrain.slip_track == 1.15
+    assert model.limits.min_load == 0.10
+    assert model.effect == ()
+
+
+@pytest.mark.parametrize("name", ["atv", "husky", "ugv"])
+def test_shipped_vehicles_stop_on_every_trained_grade(name: str) -> None:
+    model = read_model(find_model(name))
+    assert model.name == name
+    for surface in ("", *model.braking.terrain):
+        braking = model.braking.on(surface)
+        for grade in (*braking.grade_range, 0.0):
+            for speed in braking.speed_range:
+                slope, level = braking.m_m * speed + braking.b_m, braking.m_b * speed + braking.b_b
+                force = slope * grade + level
+                if braking.sliding_friction is not None:
+                    force = min(force, braking.sliding_friction * np.cos(grade))
+                assert force + np.sin(grade) > 0.03
+
+
+def test_slip_table_1_and_2_are_the_huskys() -> None:
+    model = read_model(find_model("husky"))
+    vehicle = model.vehicle
+    assert vehicle.mass * 9.81 == pytest.approx(294.3)
+    assert (vehicle.track_width, vehicle.wheelbase) == (0.6, 0.55)
+    assert 2 * vehicle.wheel_radius == 0.26
+    assert (vehicle.motor_torque_constant, vehicle.gear_ratio) == (0.044, 78.71)
+    terrain = model.terrain
+    assert terrain.motion_resistance == 0.13
+    assert terrain.lateral_resistance == 0.20
+    assert terrain.slip_track == 1.15
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "field", "words"),
+    [
+        ("vehicle.mass", -5.0, "vehicle.mass", "expected a finite number > 0 [kg], got -5.0"),
+        ("vehicle.mass", 0, "vehicle.mass", "got 0.0"),
+        ("vehicle.mass", float("nan"), "vehicle.mass", "got nan"),
+        ("vehicle.mass", float("inf"), "vehicle.mass", "got inf"),
+        ("vehicle.mass", 10**400, "vehicle.mass", "got a huge one"),
+        ("vehicle.mass", True, "vehicle.mass", "expected a finite number > 0 [kg], got True"),
+        ("vehicle.mass", "500 kg", "vehicle.mass", "got '500 kg'"),
+        ("vehicle.mass", [500.0], "vehicle.mass", "got a list of 1"),
+        ("vehicle.mas", 1.0, "vehicle.mas", "unknown key, did you mean mass?"),
+        ("vehicle.colour", 1.0, "vehicle.colour", "unknown key, expected one of mass, wheelbase"),
+        ("vehicle.a\nb", 1.0, 'vehicle."a\\nb"', "unknown key"),
+        ("breaking", {}, "breaking", "unknown key, did you mean braking?"),
+        ("vehicle.drive", "tracks", "vehicle.drive", "one of 'skid_steer', 'ackermann'"),
+        ("vehicle.cg_x", 2.0, "vehicle.cg_x", "less than the wheelbase"),
+        ("vehicle", 3, "vehicle", "expected a table, got 3"),
+        ("name", 3, "name", "expected text, got 3"),
+        ("braking.extrapolate", 1, "braking.extrapolate", "expected true or false, got 1"),
+        ("braking.speed_range", [1.0], "braking.speed_range", "a list of 2 numbers"),
+        ("braking.speed_range", [4.0, 1.0], "braking.speed_range", "low < high"),
+        ("braking.speed_range", [1.0, "4"], "braking.speed_range[1]", "expected a number, got '4'"),
+        ("braking.grade_range", [0.0, float("nan")], "braking.grade_range", "finite"),
+        ("braking.dead_time", -0.1, "braking.dead_time", ">= 0"),
+        ("braking.b_b", -1.0, "braking.b_b", "brakes that slow the vehicle"),
+        ("braking.covariance", [[1.0]], "braking.covariance", "a 4 x 4 matrix"),
+        ("braking.covariance", [], "braking.covariance", "rows of numbers, got a list of 0"),
+        ("braking.covariance", [[]], "braking.covariance[0]", "numbers, got a list of 0"),
+        ("braking.covariance", [["a"]], "braking.covariance[0][0]", "expected a number, got 'a'"),
+        (
+            "braking.covariance",
+            np.diag([1.0, 1.0, 1.0, -1.0]).tolist(),
+            "braking.covariance",
+            "positive semidefinite matrix, got a negative eigenvalue",
+        ),
+        (
+            "braking.covariance",
+            np.full((4, 4), float("inf")).tolist(),
+            "braking.covariance",
+            "finite symmetric",
+        ),
+        ("braking.uphill", {"m_m": 0.0}, "braking.uphill.b_m", "missing key"),
+        (
+            "braking.terrain.sand",
+            {"dead_tme": 1},
+            "braking.terrain.sand.dead_tme",
+            "mean dead_time?",
+        ),
+        ("braking.terrain.sand", {"b_b": -1}, "braking.terrain.sand.b_b", "slow the vehicle"),
+        (
+            "braking.terrain.sand",
+            {"dead_time": -1},
+            "braking.terrain.sand.dead_time",
+            "expected a finite number >= 0 [s], got -1.0",
+        ),
+        (
+            "braking.terrain.sand",
+            {"dead_time": 11},
+            "braking.terrain.sand.dead_time",
+            "<= 10",
+        ),
+        (
+            "braking.terrain.sand",
+            {"class_id": 1.0},
+            "braking.terrain.sand.class_id",
+            "expected a whole number, got 1.0",
+        ),
+        (
+            "braking.terrain.wet grass",
+            {"b_b": "x"},
+            'braking.terrain."wet grass".b_b',
+            "expected a finite number [1], got 'x'",
+        ),
+        ("braking.terrain", {"#1": {}}, 'braking.terrain."#1"', "begins without #"),
+        ("braking.terrain", {"": {}}, 'braking.terrain.""', "not empty"),
+        (
+            "braking.terrain",
+            {"a": {"class_id": 1}, "b": {"class_id": 1}},
+            "braking.terrain.b.class_id",
+            "a number of its own, got that of a",
+        ),
+        (
+            "braking.terrain",
+            {f"s{i}": {} for i in range(62)},
+            "braking.terrain",
+            "at most 61 surfaces",
+        ),
+        ("terrain.slip_track", 0.5, "terrain.slip_track", "at least the track width of 1 m"),
+        ("limits.min_load", 0.95, "limits.min_load", "<= 0.9"),
+        ("effect", {}, "effect", "expected a list of tables, got a table"),
+        ("effect", [3], "effect[0]", "expected a table, got 3"),
+        ("effect", [{"name": "x"}], "effect[0].parameters", "missing key"),
+        ("effect", [{"name": "x", "parameters": {}}], "effect[0].name", "one of aerodynamic_drag"),
+        (
+            "effect",
+            [{"name": "brake_lag", "parameters": {"tau": -0.3}}],
+            "effect[0].parameters.tau",
+            "expected a number in [0, inf] [s], got -0.3",
+        ),
+        (
+            "effect",
+            [{"name": "brake_lag", "parameters": {"tau": "0.3"}}],
+            "effect[0].parameters.tau",
+            "expected a number, got '0.3'",
+        ),
+        (
+            "effect",
+            [
+                {"name": "cross_slope", "parameters": {"k": 0.1}},
+                {"name": "brake_lag", "parameters": {"tau": 0.3, "t": 1}},
+            ],
+            "effect[1].parameters.t",
+            "only tau",
+        ),
+        (
+            "effect",
+            [{"name": "brake_lag", "parameters": {"tau": 0.3}}] * 2,
+            "effect[1].name",
+            "brake_lag at most once",
+        ),
+        (
+            "effect",
+            [{"name": "brake_lag", "parameters": {"tau": 0.3}, "covariance": [[-1.0]]}],
+            "effect[0].covariance",
+            "positive semidefinite",
+        ),
+        (
+            "effect",
+            [{"name": "step_change", "parameters": {}, "covariance": []}],
+            "effect[0].covariance",
+            "got a list of 0",
+        ),
+    ],
+)
+def test_a_mistake_is_named_by_its_dotted_key(
+    tables: dict[str, Any], where: str, value: object, field: str, words: str
+) -> None:
+    with fault_in("m.toml", field, words):
+        model_from_dict(put(tables, where, value), "m.toml")
+
+
+def test_every_required_key_is_missed_by_name(tables: dict[str, Any]) -> None:
+    optional = {"distance_offset", "covariance"}
+    for table in ("vehicle", "braking", "terrain", "limits"):
+        with fault_in("m.toml", table, "missing key, expected a table"):
+            model_from_dict({k: v for k, v in tables.items() if k != table}, "m.toml")
+        for key in tables[table]:
+            changed = copy.deepcopy(tables)
+            del changed[table][key]
+            if key in optional:
+                model_from_dict(changed, "m.toml")
+                continue
+            with fault_in("m.toml", f"{table}.{key}", "missing key, expected "):
+                model_from_dict(changed, "m.toml")
+
+
+def test_whole_numbers_are_floats(tables: dict[str, Any]) -> None:
+    model = model_from_dict(put(tables, "vehicle.mass", 500), "m.toml")
+    assert type(model.vehicle.mass) is float
+
+
+@pytest.mark.parametrize(
+    ("content", "field", "words"),
+    [
+        (b'name = "a"\n[vehicle\n', "line 2, column 9", "expected TOML, got: Expected ']'"),
+        (b"name = ", "end of document", "expected TOML"),
+        (b"a = 1\na = 2\n", "line 2, column 6", "Cannot overwrite a value"),
+        (b"\xff\xfe", "byte 0", "UTF-8"),
+        (b"a = " + b"[" * 5000, "", "expected TOML"),
+        (b"", "name", "missing key, expected text"),
+        (b"name = \x00", "line 1, column 8", "expected TOML"),
+    ],
+)
+def test_a_file_that_is_no_model(tmp_path: Path, content: bytes, field: str, words: str) -> None:
+    path = tmp_path / "m.toml"
+    path.write_bytes(content)
+    with fault_in(path, field, words):
+        read_model(path)
+
+
+def test_missing_file_and_directory(tmp_path: Path) -> None:
+    with fault_in(tmp_path / "none.toml", "", "expected an existing file"):
+        read_model(tmp_path / "none.toml")
+    with fault_in(tmp_path, "", "expected a file, got a directory"):
+        read_model(tmp_path)
+    with fault_in("a\\x00b", ""):
+        read_model(Path("a\0b"))
+
+
+def test_find_model(tmp_path: Path) -> None:
+    assert find_model("husky") == shipped_models()["husky"]
+    path = tmp_path / "own.toml"
+    shutil.copy(find_model("atv"), path)
+    assert find_model(path) == path
+    assert find_model(str(path)) == path
+    for unknown in ("hsky", "../vehicles/atv", str(tmp_path)):
+        with fault_in(unknown, "", "a model file or one of atv, husky, ugv"):
+            find_model(unknown)
+
+
+def test_shipped_vehicles_are_found_after_an_installation(tmp_path: Path) -> None:
+    for package in ("models", "services", "configs"):
+        ignore = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=ignore)
+    script = (
+        "import sys; from services.io import model_file as m;"
+        "heavy = {'rasterio', 'polars', 'numba', 'scipy', 'msgspec'} & set(sys.modules);"
+        "print(m.read_model(m.find_model('ugv')).name, m.find_model('ugv'), heavy or 'light')"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", script],
+        cwd=tmp_path.parent, env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    place = tmp_path / "configs" / "vehicles" / "ugv.toml"
+    assert done.stdout.split() == ["ugv", str(place), "light"]
+
+
+def test_writing_is_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = read_model(find_model("atv"))
+    path = tmp_path / "m.toml"
+    path.write_text("old")
+    path.chmod(0o640)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("services.io.access.os.fsync", full)
+        with fault_in(path, "", "expected a writable file, got: No space left on device"):
+            write_model(model, path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+    link = tmp_path / "link.toml"
+    link.symlink_to(path)
+    write_model(model, link)
+    assert link.is_symlink()
+    assert read_model(path) == model
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert sorted(tmp_path.iterdir()) == [link, path]
+
+
+def test_writing_where_nothing_can_be_written(tmp_path: Path) -> None:
+    model = read_model(find_model("atv"))
+    for path in (tmp_path / "none" / "m.toml", tmp_path):
+        with fault_in(path, "", "expected a writable file"):
+            write_model(model, path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def between(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high, allow_nan=False, allow_infinity=False)
+
+
+NUMBERS = between(-1e6, 1e6)
+POSITIVE = between(1e-6, 1e6)
+NOT_NEGATIVE = between(0.0, 1e6)
+
+
+def maybe(strategy: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    return st.none() | strategy
+
+
+@st.composite
+def covariances(draw: st.DrawFn, size: int) -> tuple[tuple[float, ...], ...]:
+    factor = np.array(draw(st.lists(between(-10, 10), min_size=size**2, max_size=size**2)))
+    factor = factor.reshape(size, size)
+    product = factor @ factor.T
+    return tuple(map(tuple, (0.5 * (product + product.T)).tolist()))
+
+
+def ranges(low: float, high: float) -> st.SearchStrategy[tuple[float, float]]:
+    pairs = st.tuples(between(low, high), between(low, high)).map(sorted).map(tuple)
+    return pairs.filter(lambda pair: pair[0] < pair[1])
+
+
+UPHILL = st.builds(UphillBraking, m_m=NUMBERS, b_m=NUMBERS)
+NAMES = st.text(min_size=1, max_size=8).filter(lambda name: not name.startswith("#"))
+SURFACES = st.builds(
+    SurfaceBraking,
+    m_m=maybe(NUMBERS),
+    b_m=maybe(NUMBERS),
+    b_b=maybe(POSITIVE),
+    dead_time=maybe(between(0, 10)),
+    covariance=maybe(covariances(4)),
+    speed_range=maybe(ranges(0, 20)),
+    sliding_friction=maybe(POSITIVE),
+    uphill=maybe(UPHILL),
+)
+
+
+@st.composite
+def some_effects(draw: st.DrawFn) -> tuple[Effect, ...]:
+    effects = []
+    for name in draw(st.lists(st.sampled_from(sorted(LAWS)), max_size=3, unique=True)):
+        bounds = {key: (max(low, -1e6), 1e6) for key, (_, low, _) in LAWS[name].parameters.items()}
+        parameters = {key: draw(between(*bound)) for key, bound in bounds.items()}
+        covariance = draw(maybe(covariances(len(parameters))))
+        source = draw(st.text(max_size=10))
+        effects.append(
+            Effect(name=name, parameters=parameters, covariance=covariance, source=source)
+        )
+    return tuple(effects)
+
+
+@st.composite
+def models(draw: st.DrawFn) -> Model:
+    wheelbase, track = draw(between(0.1, 10)), draw(between(0.1, 10))
+    vehicle = Vehicle(
+        mass=draw(POSITIVE),
+        wheelbase=wheelbase,
+        track_width=track,
+        cg_x=draw(between(0.01, 0.99)) * wheelbase,
+        cg_z=draw(POSITIVE),
+        wheel_radius=draw(POSITIVE),
+        drive=draw(st.sampled_from(["skid_steer", "ackermann"])),
+        max_wheel_speed=draw(POSITIVE),
+        max_drive_force=draw(POSITIVE),
+        max_drive_power=draw(POSITIVE),
+        gear_ratio=draw(maybe(POSITIVE)),
+        idle_current=draw(maybe(NOT_NEGATIVE)),
+    )
+    braking = Braking(
+        m_m=draw(NUMBERS),
+        b_m=draw(NUMBERS),
+        m_b=draw(NOT_NEGATIVE),
+        b_b=draw(POSITIVE),
+        dead_time=draw(between(0, 10)),
+        distance_offset=draw(NOT_NEGATIVE),
+        speed_range=draw(ranges(0, 20)),
+        grade_range=draw(ranges(-1, 1)),
+        covariance=draw(maybe(covariances(4))),
+        sliding_friction=draw(maybe(POSITIVE)),
+        level=draw(between(0.01, 1)),
+        uphill=draw(maybe(UPHILL)),
+        extrapolate=draw(st.booleans()),
+        terrain=draw(st.dictionaries(NAMES, SURFACES, max_size=3)),
+    )
+    terrain = Terrain(
+        motion_resistance=draw(NOT_NEGATIVE),
+        lateral_resistance=draw(NOT_NEGATIVE),
+        slip_track=track + draw(NOT_NEGATIVE),
+    )
+    fields = [field.name for field in dataclasses.fields(Limits)]
+    limits = Limits(**{name: draw(between(1e-6, 0.9)) for name in fields})
+    return Model(
+        name=draw(st.text(max_size=10)),
+        vehicle=vehicle,
+        braking=braking,
+        terrain=terrain,
+        limits=limits,
+        effect=draw(some_effects()),
+    )
+
+
+@settings(deadline=None)
+@given(model=models())
+def test_what_is_written_is_read_again(tmp_path_factory: Any, model: Model) -> None:
+    path = tmp_path_factory.mktemp("model") / "m.toml"
+    write_model(model, path)
+    assert read_model(path) == model
+    assert model_from_dict(model_to_dict(model), "message") == model
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=5) | st.dictionaries(st.text(max_size=5), inner),
+    max_leaves=6,
+)
+
+
+@settings(deadline=None)
+@given(data=st.data())
+def test_whatever_a_key_holds_it_is_a_model_or_one_line(data: st.DataObject) -> None:
+    tables = tomllib.loads(find_model("ugv").read_text())
+    tables["effect"] = [{"name": "brake_lag", "parameters": {"tau": 0.3}, "covariance": [[0.1]]}]
+    holder: Any = tables
+    while True:
+        keys = list(holder) if isinstance(holder, dict) else range(len(holder))
+        key = data.draw(st.sampled_from(list(keys)))
+        if not isinstance(holder[key], dict | list) or data.draw(st.booleans()):
+            break
+        holder = holder[key]
+    holder[key] = data.draw(JSON)
+    try:
+        assert isinstance(model_from_dict(tables, "m.toml"), Model)
+    except InputError as error:
+        assert str(error).isprintable()  # noqa: PT017  either outcome is right

@@ -1,0 +1,301 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models.errors import InputError
+from planner.path import CandidatePath
+from services.io.maps.map_file import map_info
+from services.io.path_file import check_paths_on_map, read_paths, write_paths_csv
+from tests.services.faults import fault_in, real_data
+
+LINE = [[0.0, 1.0], [2.0, 3.0], [4.0, 5.5]]
+
+
+def written(path: Path, content: str | bytes | dict[str, Any]) -> Path:
+    if isinstance(content, dict):
+        content = json.dumps(content)
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def same(a: CandidatePath, b: CandidatePath) -> bool:
+    def equal(one: Any, other: Any) -> bool:
+        return (one is None) == (other is None) and (one is None or np.array_equal(one, other))
+
+    pairs = ((a.points, b.points), (a.speed_limit, b.speed_limit), (a.yaw, b.yaw))
+    return a.name == b.name and all(equal(*pair) for pair in pairs)
+
+
+# CSV
+
+
+def test_one_candidate_is_called_as_the_file(tmp_path: Path) -> None:
+    (path,) = read_paths(written(tmp_path / "north.csv", "x,y\n0,1\n2,3\n4,5.5\n\n"))
+    assert path.name == "north"
+    assert path.points.tolist() == LINE
+    assert path.speed_limit is None
+    assert path.yaw is None
+
+
+def test_several_candidates_in_the_order_of_their_first_row(tmp_path: Path) -> None:
+    text = (
+        "\ufeff y ,x,note,candidate,speed_limit,yaw\r\n"
+        '1,0,"a, b",right,,\r\n'
+        "1,0,,left,2.5,0.1\r\n"
+        "2,1,,right,,\r\n"
+        "3,1,,left,0,0.2\r\n"
+    )
+    right, left = read_paths(written(tmp_path / "p.csv", text))
+    assert (right.name, left.name) == ("right", "left")
+    assert right.points.tolist() == [[0.0, 1.0], [1.0, 2.0]]
+    assert right.speed_limit is None
+    assert left.speed_limit is not None
+    assert left.yaw is not None
+    assert left.speed_limit.tolist() == [2.5, 0.0]
+    assert left.yaw.tolist() == [0.1, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "words"),
+    [
+        ("", "row 1", "expected a header, got an empty file"),
+        ("\n\n", "row 1", "got an empty file"),
+        ("x,y\n", "row 2", "expected at least one row, got the header only"),
+        ("x,y\n0,0\n1,nan\n", "row 3, column y", "expected a finite number [m], got 'nan'"),
+        ("x,y\n0,0\n\ninf,1\n", "row 4, column x", "expected a finite number [m], got 'inf'"),
+        ("x,y\n0,0\n1,\n", "row 3, column y", "expected a finite number [m], got nothing"),
+        ("x,y\n0,0\n 1,2 m\n", "row 3, column y", "got '2 m'"),
+        ("x,y\n0,0\n1_000,2\n", "row 3, column x", "got '1_000'"),
+        ("x,y\n0,0\n1,5,2\n", "row 3", "expected 2 columns as in the header, got 3"),
+        ("x,y\n0,0\n1\n", "row 3", "expected 2 columns as in the header, got 1"),
+        ("x;y\n0;0\n", "column x", "missing column, got the header x;y; expected commas"),
+        ("0,0\n1,1\n", "column 0", "expected each column once, got it twice"),
+        ("0,1\n1,1\n", "column x", "got the header 0,1; expected names in the first row"),
+        ("x,z\n1,1\n", "column y", "missing column, got the header x,z"),
+        ("X,Y\n1,1\n", "column x", "is it x?"),
+        ("x,y,x\n1,1,1\n", "column x", "expected each column once, got it twice"),
+        ("x,y\n1,1\n", "candidate p", "expected at least 2 points, got 1 (row 2)"),
+        ("x,y,candidate\n1,1,a\n1,1,b\n2,2,a\n", "candidate b", "at least 2 points, got 1 (row 3)"),
+        ("x,y,candidate\n1,1,a\n1,2, \n", "row 3, column candidate", "expected a name"),
+        ("x,y,speed_limit\n1,1,2\n1,2,-1\n", "row 3, column speed_limit", "got -1"),
+        ("x,y,speed_limit\n1,1,nan\n1,2,nan\n", "row 2, column speed_limit", "got nan"),
+        ("x,y,speed_limit\n1,1,\n1,2,inf\n", "row 3, column speed_limit", "got 'inf'"),
+        ("x,y,speed_limit\n1,1,2\n1,2,\n", "row 3, column speed_limit", "in every row of p"),
+        ("x,y,yaw\n1,1,north\n1,2,\n", "row 2, column yaw", "finite number [rad], got 'north'"),
+        ('x,y\n1,1\n1,"2\n', "row 3", "expected CSV"),
+        (b"x,y\n\xff\xff", "byte 4", "UTF-8"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "byte 0", "UTF-8"),
+    ],
+)
+def test_csv_that_cannot_be_used(tmp_path: Path, text: str | bytes, field: str, words: str) -> None:
+    path = written(tmp_path / "p.csv", text)
+    with fault_in(path, field, words):
+        read_paths(path)
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    for name in ("none.csv", "none.geojson"):
+        with fault_in(tmp_path / name, "", "expected an existing file"):
+            read_paths(tmp_path / name)
+
+
+def test_a_name_of_several_lines_makes_an_error_of_one(tmp_path: Path) -> None:
+    path = written(tmp_path / "p.csv", 'x,y,candidate\n1,1,"a\nb"\n2,2,c\n')
+    with fault_in(path, "candidate a\\nb", "got 1 (row 3)"):
+        read_paths(path)
+
+
+NUMBERS = st.floats(-1e9, 1e9, allow_nan=False, allow_infinity=False)
+LIMITS = st.floats(0, 1e3, allow_nan=False, allow_infinity=False)
+
+
+@st.composite
+def candidates(draw: st.DrawFn) -> list[CandidatePath]:
+    names = draw(st.lists(st.text(min_size=1, max_size=6), min_size=1, max_size=3, unique=True))
+    paths = []
+    for name in (name for name in names if name.strip()):
+        count = draw(st.integers(2, 5))
+        column = lambda cells, n=count: st.lists(cells, min_size=n, max_size=n)  # noqa: E731
+        points = draw(column(st.tuples(NUMBERS, NUMBERS)))
+        limit, yaw = draw(st.none() | column(LIMITS)), draw(st.none() | column(NUMBERS))
+        arrays = [None if given is None else np.array(given) for given in (limit, yaw)]
+        paths.append(CandidatePath(name, np.array(points), *arrays))
+    return paths
+
+
+@settings(deadline=None)
+@given(paths=candidates().filter(bool))
+def test_what_is_written_is_read_again(tmp_path_factory: Any, paths: list[CandidatePath]) -> None:
+    path = tmp_path_factory.mktemp("paths") / "p.csv"
+    write_paths_csv(paths, path)
+    read = read_paths(path)
+    assert len(read) == len(paths)
+    assert all(same(a, b) for a, b in zip(read, paths, strict=True))
+
+
+@settings(deadline=None)
+@given(content=st.binary(max_size=40) | st.text(alphabet='x,y\n"1.e-;', max_size=40))
+def test_any_bytes_are_paths_or_one_line(tmp_path_factory: Any, content: str | bytes) -> None:
+    folder = tmp_path_factory.mktemp("paths")
+    for name in ("p.csv", "p.geojson"):
+        try:
+            assert read_paths(written(folder / name, content))
+        except InputError as error:
+            assert str(error).isprintable()  # noqa: PT017  either outcome is right
+
+
+# GeoJSON
+
+
+def feature(geometry: Any = None, **more: Any) -> dict[str, Any]:
+    geometry = {"type": "LineString", "coordinates": LINE} if geometry is None else geometry
+    return {"type": "Feature", "geometry": geometry, "properties": None} | more
+
+
+def collection(*features: Any, **more: Any) -> dict[str, Any]:
+    return {"type": "FeatureCollection", "features": list(features)} | more
+
+
+def test_geojson_names_and_limits(tmp_path: Path) -> None:
+    three_dimensional = {"type": "LineString", "coordinates": [[*p, 7.0] for p in LINE]}
+    parts = {"type": "MultiLineString", "coordinates": [LINE, LINE[::-1]]}
+    data = collection(
+        feature(properties={"candidate": "a", "name": "b", "speed_limit": 2}),
+        feature(properties={"name": "c"}),
+        feature(three_dimensional, id=17),
+        feature(),
+        feature(parts, properties={"name": "d"}),
+    )
+    paths = read_paths(written(tmp_path / "p.geojson", data))
+    assert [path.name for path in paths] == ["a", "c", "17", "3", "d-1", "d-2"]
+    assert paths[0].speed_limit is not None
+    assert paths[0].speed_limit.tolist() == [2.0] * 3
+    assert paths[1].speed_limit is None
+    assert all(path.points.tolist() == LINE for path in paths[:-1])
+    assert paths[-1].points.tolist() == LINE[::-1]
+
+
+def test_a_geojson_feature_or_geometry_alone(tmp_path: Path) -> None:
+    for data in (feature(), feature()["geometry"]):
+        (path,) = read_paths(written(tmp_path / "p.json", data))
+        assert path.name == "0"
+        assert path.points.tolist() == LINE
+
+
+def line(*points: Any) -> dict[str, Any]:
+    return {"type": "LineString", "coordinates": list(points)}
+
+
+CRS84 = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
+
+
+@pytest.mark.parametrize(
+    ("data", "field", "words"),
+    [
+        ("", "line 1, column 1", "expected JSON"),
+        ('{"type": "Feature",', "line 1, column 20", "expected JSON"),
+        ("[" * 100_000, "", "expected JSON"),
+        ("[1]", "type", "expected a GeoJSON object, got a list of 1"),
+        ({"type": 3}, "type", "got 3"),
+        ({}, "type", "expected a GeoJSON object"),
+        (collection(), "features", "at least one LineString, got none"),
+        ({"type": "FeatureCollection"}, "features", "expected a list, got None"),
+        (collection(3), "features[0]", "expected a table, got 3"),
+        (collection(feature(3)), "features[0]", "expected a geometry"),
+        (
+            collection(feature({"type": "Point", "coordinates": [1, 2]})),
+            "features[0].geometry.type",
+            "expected LineString or MultiLineString, got 'Point'",
+        ),
+        (
+            collection(feature(line([1, 2]))),
+            "features[0], candidate 0",
+            "expected at least 2 points, got 1",
+        ),
+        (
+            collection(feature(), feature(line([1, 2], [3, None]), id="b")),
+            "features[1], candidate b, point 2",
+            "expected finite coordinates [x, y] in metres, got [3, null]",
+        ),
+        (collection(feature(line([1, 2], [3]))), "features[0], candidate 0, point 2", "got [3]"),
+        (collection(feature(line([1, 2], [3, True]))), "features[0], candidate 0, point 2", "true"),
+        (
+            collection(feature(line([1, 2], [3, float("nan")]))),
+            "features[0], candidate 0, point 2",
+            "NaN",
+        ),
+        (
+            collection(feature(line([1, 2], [3, float("inf")]))),
+            "features[0], candidate 0, point 2",
+            "Infinity",
+        ),
+        (
+            collection(feature(line([1, 2], [3, 10**400]))),
+            "features[0], candidate 0, point 2",
+            "[3",
+        ),
+        (
+            collection(feature(properties={"speed_limit": -1})),
+            "features[0].properties.speed_limit",
+            "expected a speed >= 0 [m/s], got -1",
+        ),
+        (
+            collection(feature(properties={"speed_limit": "2"})),
+            "features[0].properties.speed_limit",
+            "got '2'",
+        ),
+        (collection(feature(id="a"), feature(id="a")), "features[1]", "got 'a' again"),
+        (collection(feature(), crs=CRS84), "crs", "map coordinates in metres, got degrees"),
+    ],
+)
+def test_geojson_that_cannot_be_used(
+    tmp_path: Path, data: str | dict[str, Any], field: str, words: str
+) -> None:
+    path = written(tmp_path / "p.geojson", data)
+    with fault_in(path, field, words):
+        read_paths(path)
+
+
+# On the map
+
+EXTENT = (429_252.8, 429_651.8, 5_150_485.9, 5_150_884.9)
+
+
+def test_a_path_has_to_begin_on_the_map() -> None:
+    on = CandidatePath("on", np.array([[429_300.0, 5_150_500.0], [0.0, 0.0]]))
+    off = CandidatePath("off", np.array([[429_300.0, 5_150_400.25], [429_300.0, 5_150_500.0]]))
+    check_paths_on_map([on], EXTENT, "p.csv", "m.tif")
+    with fault_in(
+        "p.csv",
+        "candidate off, point 1",
+        "expected a point on the map m.tif (x 429252.8 … 429651.8, y 5150485.9 … 5150884.9 m)",
+        "got x 429300, y 5150400.25",
+    ):
+        check_paths_on_map([on, off], EXTENT, "p.csv", "m.tif")
+
+
+def test_degrees_are_recognised() -> None:
+    path = CandidatePath("a", np.array([[-93.92, 46.5], [-93.91, 46.5]]))
+    with fault_in("p.csv", "candidate a, point 1", "that looks like degrees"):
+        check_paths_on_map([path], EXTENT, "p.csv", "m.tif")
+    with pytest.raises(InputError) as caught:
+        check_paths_on_map([path], (0.0, 50.0, 0.0, 50.0), "p.csv", "m.npz")
+    assert "degrees" not in str(caught.value)
+
+
+def test_a_path_off_a_real_map() -> None:
+    source = real_data("dem/giswqs_dem.tif")
+    info = map_info(source)
+    x_min, x_max, y_min, y_max = info.extent
+    inside = np.array([[x_min, y_max], [x_max, y_min]])
+    check_paths_on_map([CandidatePath("a", inside)], info.extent, "p.csv", str(source))
+    beside = inside - np.array([1.0, 0.0])
+    with fault_in("p.csv", "candidate b, point 1", str(source)):
+        check_paths_on_map([CandidatePath("b", beside)], info.extent, "p.csv", str(source))

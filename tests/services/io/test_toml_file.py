@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from services.io.toml_file import beside, read_toml
+from tests.services.faults import fault_in
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("a = 1\n[b\n", "line 2, column 3", "expected TOML, got: Expected ']'"),
+        ("a = ", "end of document", "expected TOML"),
+        ("a = 1\na = 2\n", "line 2, column 6", "Cannot overwrite"),
+        ("a = " + "[" * 5000, "", "expected TOML"),
+    ],
+)
+def test_the_line_that_is_wrong_is_named(tmp_path: Path, text: str, place: str, words: str) -> None:
+    file = tmp_path / "a.toml"
+    file.write_text(text)
+    with fault_in(file, place, words):
+        read_toml(file)
+
+
+def test_files_are_beside_the_settings_and_other_names_stay(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("")
+    (tmp_path / "folder").mkdir()
+    data: dict[str, Any] = {
+        "model": "mine.toml", "map": "", "zenoh": {"config": "gone.json5"}, "ros": 3,
+        "learning": {"terrains": "folder"}, "service": {"config": ["mine.toml"]},
+        "store": {"path": "new.sqlite"},
+    }  # fmt: skip
+    keys = ("model", "map", "zenoh.config", "ros.config", "learning.terrains", "service.config")
+    settings = tmp_path / "service.toml"
+    beside(settings, data, *keys, "none.config")
+    beside(settings, data, "store.path", "ros.path", exists=False)
+    assert data == {
+        "model": str(tmp_path / "mine.toml"), "map": "", "zenoh": {"config": "gone.json5"},
+        "ros": 3, "learning": {"terrains": "folder"}, "service": {"config": ["mine.toml"]},
+        "store": {"path": str(tmp_path / "new.sqlite")},
+    }  # fmt: skip

@@ -1,0 +1,308 @@
+"""Findings adopted and taken back: what is planned with then, and what is learned on top of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.errors import ParameterError
+from models.parameters import Effect, Model
+from services.config import ServiceConfig
+from services.discovery.finding import Offer, Outcome, Shift, is_valid
+from services.discovery.investigation_settings import Investigation
+from services.io.model_file import find_model, model_to_dict, read_model
+from services.parameters.learning_settings import StoreSettings
+from services.parameters.parameter_service import ParameterService
+from services.parameters.stops_compared import cautious, compared
+from services.wire.observations import StopObservation
+
+G = 9.80665
+FILE = read_model(find_model("atv"))
+LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
+WEAKER = Effect(name="step_change", parameters={"scale": 0.7}, covariance=((0.01**2,),))
+DRAG = Effect(name="aerodynamic_drag", parameters={"c": 0.05}, covariance=((0.002**2,),))
+
+
+def with_effects(*effects: Effect, **braking: float) -> Model:
+    return dataclasses.replace(
+        FILE, braking=dataclasses.replace(FILE.braking, **braking), effect=effects
+    )
+
+
+def offer_of(model: Model, *, valid: bool = True, in_use: Model = FILE) -> Offer:
+    shifts = [compared(cautious(model, FILE), other) for other in (FILE, in_use)]
+    by = [Shift(least=s.least, most=s.most, where=s.where) for s in shifts]
+    return Offer(
+        id=f"{len(model.effect)}-{model.braking.b_b:g}-{valid}", at=time.time(), cause="test",
+        verdict="missing_effect" if valid else "ambiguous", summary="", findings={"effects": []},
+        data="0", stops=20, beside_file=by[0], beside_use=by[1], valid=valid, changes=True,
+        notes=[], model=model_to_dict(model),
+    )  # fmt: skip
+
+
+Make = Callable[..., ParameterService]
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Make:
+    def service(file: Model = FILE, **settings: Any) -> ParameterService:
+        config = ServiceConfig(
+            model="atv", store=StoreSettings(path=str(tmp_path / "p.sqlite")),
+            discrepancy=Investigation(**settings),
+        )  # fmt: skip
+        return ParameterService(config, file)
+
+    return service
+
+
+def stop(service: ParameterService, force: float, number: int, surface: str = "") -> str:
+    one = StopObservation(
+        source="robot", sequence=number, time=time.monotonic(), speed=2.0, grade=0.0,
+        deceleration=force * G, deceleration_std=0.02, dead_time=0.3, surface=surface,
+    )  # fmt: skip
+    return service.observe("stop", one, "obs/stop", time.monotonic()).reason
+
+
+def level(service: ParameterService, speed: float = 2.0) -> float:
+    return service.in_use.model.braking.level_force(speed)
+
+
+def test_distances_are_those_of_the_closed_form() -> None:
+    weaker = with_effects(b_b=0.30)
+    by = compared(weaker, FILE)
+    lengths = []
+    low, high = FILE.braking.speed_range
+    for v in np.linspace(0.5 * low, high, 4):
+        # Below the trained speeds the coefficients of the lowest one hold.
+        c = max(v, low)
+        for theta in np.linspace(*FILE.braking.grade_range, 5):
+            a, b = (
+                G * ((-0.03 * c - 0.35) * theta + 0.015 * c + base + np.sin(theta))
+                for base in (0.30, 0.40)
+            )
+            lengths.append(0.5 * v * v * (1.0 / a - 1.0 / b))
+    assert by.least == pytest.approx(min(lengths), rel=1e-3)
+    assert by.most == pytest.approx(max(lengths), rel=1e-3)
+    other = compared(FILE, weaker)
+    assert (other.least, other.most) == pytest.approx((-by.most, -by.least))
+
+
+@pytest.mark.parametrize(
+    ("effect", "sign"),
+    [
+        (LAG, 1.0), (WEAKER, 1.0), (DRAG, -1.0),
+        (Effect(name="cross_slope", parameters={"k": -0.5}), 0.0),
+        (Effect(name="surface_patch", parameters={"delta": 0.1, "x": 5.0, "y": 5.0, "radius": 2.0}),
+         None),
+        (Effect(name="directional_surface", parameters={"k": 0.05, "direction": 1.0}), None),
+        (Effect(name="session_drift", parameters={"k": 1e-5}), None),
+    ],
+)  # fmt: skip
+def test_effects_that_only_take_make_no_stop_shorter_and_others_do(
+    effect: Effect, sign: float | None
+) -> None:
+    by = compared(with_effects(effect), FILE)
+    if sign == 1.0:
+        assert by.least > 0.004
+    elif sign == 0.0:
+        assert by.least == pytest.approx(0.0, abs=1e-6)
+        assert by.most > 0.01
+    else:
+        assert by.least < -0.005
+
+
+def test_a_finding_is_as_unsure_as_it_and_the_model_file_together() -> None:
+    sure = tuple(tuple(row) for row in (1e-8 * np.eye(4)).tolist())
+    found = with_effects(LAG, b_b=0.39, dead_time=0.2, force_std=0.0)
+    found = dataclasses.replace(found, braking=dataclasses.replace(found.braking, covariance=sure))
+    both = cautious(found, FILE).braking
+    assert FILE.braking.covariance is not None
+    more = np.array(both.covariance) - np.array(FILE.braking.covariance)
+    assert np.linalg.eigvalsh(more)[0] >= 0.0
+    assert both.dead_time == FILE.braking.dead_time
+    assert both.distance_offset >= FILE.braking.distance_offset
+    assert both.b_b == 0.39
+
+
+def test_an_offer_changes_no_plan_until_it_is_adopted_and_outlives_the_process(make: Make) -> None:
+    service = make()
+    offer = offer_of(with_effects(LAG))
+    service.learner.effects.offered(offer)
+    service._commit({"effects"}, "offered", "test")
+    assert service.in_use.model == FILE
+    service.adopt(offer.id, "ann")
+    assert service.in_use.model.effect == (LAG,)
+    version = service.log.version
+    with pytest.raises(ParameterError, match="not adopted yet"):
+        service.adopt(offer.id, "ann")
+    service.close()
+    again = make()
+    assert again.in_use.model.effect == (LAG,)
+    assert again.learner.effects.offer == offer
+    assert again.in_use.version == version
+    again.roll_back(1, "effects", "ann")
+    assert again.in_use.model.effect == ()
+    again.close()
+    assert make().in_use.model.effect == ()
+
+
+def test_a_finding_of_another_model_file_is_not_used_and_that_is_said(make: Make) -> None:
+    service = make()
+    service.learner.effects.offered(offer_of(with_effects(LAG)))
+    service.adopt("1-0.4-True", "ann")
+    service.close()
+    other = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.38))
+    again = make(other)
+    assert again.in_use.model.effect == ()
+    assert any("effects" in flag for flag in again.flags())
+
+
+def test_nobody_plans_faster_than_the_model_file_by_oversight(make: Make) -> None:
+    service = make()
+    effects = service.learner.effects
+    drag = offer_of(with_effects(DRAG))
+    assert not drag.slower
+    effects.offered(drag)
+    with pytest.raises(ParameterError, match=r"faster: expected faster to be said: stops \d"):
+        service.adopt(drag.id, "ann")
+    assert service.in_use.model.effect == ()
+    unsure = offer_of(with_effects(DRAG), valid=False)
+    effects.offered(unsure)
+    with pytest.raises(ParameterError, match="sure enough"):
+        service.adopt(unsure.id, "ann", faster=True)
+    with pytest.raises(ParameterError, match="the one that there is"):
+        service.adopt(drag.id, "ann", faster=True)
+    assert service.in_use.model.effect == ()
+    effects.offered(drag)
+    service.adopt(drag.id, "ann", faster=True)
+    assert service.in_use.model.effect == (DRAG,)
+    assert "the adopted finding has the effect aerodynamic_drag" in stop(service, 0.4, 1)
+    with pytest.raises(ParameterError, match="not set one by one"):
+        service.set_values("effects", {"aerodynamic_drag.c": 1.0}, "ann")
+    # One that is not sure may still slow plans down.
+    slow = offer_of(with_effects(LAG), valid=False)
+    effects.offered(slow)
+    service.adopt(slow.id, "ann")
+    assert service.in_use.model.effect == (LAG,)
+
+
+def test_what_stops_taught_goes_into_the_finding_and_comes_back_without_it(make: Make) -> None:
+    service = make()
+    for number in range(1, 6):
+        stop(service, 0.30, number)
+    learned = level(service)
+    assert learned == pytest.approx(0.30, abs=0.02)
+    offer = offer_of(with_effects(WEAKER))
+    service.learner.effects.offered(offer)
+    service.adopt(offer.id, "ann")
+    # Its 0.7 of the file's force, and not 0.7 of what was learned of the same stops.
+    assert level(service) == pytest.approx(FILE.braking.level_force(2.0))
+    version = service.log.version
+    assert "not learned" in stop(service, 0.6, 6)
+    service.roll_back(1, "effects", "ann")
+    assert level(service) <= learned + 1e-9
+    assert level(service) == pytest.approx(learned, abs=0.03)
+    assert "not learned" not in stop(service, 0.30, 7)
+    service.roll_back(version, "effects", "ann")
+    assert service.in_use.model.effect == (WEAKER,)
+    service.close()
+    again = make()
+    assert again.in_use.model.effect == (WEAKER,)
+    assert level(again) == pytest.approx(FILE.braking.level_force(2.0))
+    again.roll_back(1, "effects", "ann")
+    assert level(again) <= learned + 1e-9
+
+
+def test_braking_goes_on_being_learned_on_top_of_effects_that_only_take(make: Make) -> None:
+    service = make()
+    offer = offer_of(with_effects(LAG))
+    service.learner.effects.offered(offer)
+    service.adopt(offer.id, "ann")
+    for number in range(1, 5):
+        assert "not learned" not in stop(service, 0.25, number)
+    assert level(service) < 0.30
+    assert service.in_use.model.effect == (LAG,)
+
+
+def test_ground_that_stops_taught_stays_weak_and_is_never_counted_twice(make: Make) -> None:
+    service = make()
+    for number in range(1, 6):
+        stop(service, 0.12, number, "ice")
+    ice = service.in_use.model.braking.on("ice").level_force(2.0)
+    assert ice < 0.2
+    drag, weaker = offer_of(with_effects(DRAG)), offer_of(with_effects(WEAKER))
+    service.learner.effects.offered(drag)
+    with pytest.raises(ParameterError, match=r"would count twice: braking\.ice"):
+        service.adopt(drag.id, "ann", faster=True)
+    assert service.in_use.model.effect == ()
+    taught = service.log.version
+    service.roll_back(1, "braking.ice", "ann")
+    service.adopt(drag.id, "ann", faster=True)
+    service.roll_back(taught, "braking.ice", "ann")
+    assert "ice" not in service.in_use.model.braking.terrain
+    service.roll_back(taught, "", "ann")
+    assert service.in_use.model.effect == ()
+    assert service.in_use.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
+    service.learner.effects.offered(weaker)
+    service.adopt(weaker.id, "ann")
+    assert service.in_use.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
+    service.close()
+    again = make()
+    assert again.in_use.model.effect == (WEAKER,)
+    assert again.in_use.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("effect", "valid", "allowed", "adopted"),
+    [
+        (LAG, True, True, True), (LAG, True, False, False), (LAG, False, True, False),
+        (DRAG, True, True, False),
+    ],
+)  # fmt: skip
+def test_only_valid_findings_that_slow_plans_are_adopted_by_themselves(
+    make: Make, monkeypatch: pytest.MonkeyPatch, effect: Effect, valid: bool, allowed: bool,
+    adopted: bool,
+) -> None:  # fmt: skip
+    service = make(adopt_slower=allowed)
+    outcome = Outcome(reason="", damaged=[], offer=offer_of(with_effects(effect), valid=valid))
+    outcomes = iter([outcome])
+    monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
+    service.tick()
+    assert service.learner.effects.offer == outcome.offer
+    assert (service.in_use.model.effect == (effect,)) is adopted
+    last = service.log.last["effects"]
+    assert last.who == ("service, as the settings allow" if adopted else "test")
+
+
+def test_nothing_is_adopted_by_itself_that_is_faster_than_what_stops_taught(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = make(adopt_slower=True)
+    weak = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.15))
+    offer = offer_of(with_effects(LAG), in_use=weak)
+    assert offer.slower
+    outcomes = iter([Outcome(reason="", damaged=[], offer=offer)])
+    monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
+    service.tick()
+    assert service.learner.effects.offer == offer
+    assert service.in_use.model.effect == ()
+
+
+@pytest.mark.parametrize(
+    ("verdict", "interval", "valid"),
+    [
+        ("missing_effect", [0.5, 0.9], True), ("parameter_drift", [0.1, 0.9], True),
+        ("missing_effect", [-0.1, 0.9], False), ("missing_effect", None, False),
+        ("ambiguous", [0.5, 0.9], False), ("none", None, False),
+    ],
+)  # fmt: skip
+def test_valid_is_what_closes_the_gap_for_sure(
+    verdict: str, interval: list[float] | None, valid: bool
+) -> None:
+    assert is_valid({"verdict": verdict, "gap": {"ci95": interval}}) is valid

@@ -1,0 +1,214 @@
+"""Versions, store and restart of the parameters of one vehicle, without a wire."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import os
+import sqlite3
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from models.errors import ParameterError
+from models.parameters import Model
+from services.config import ServiceConfig
+from services.io.model_file import find_model, read_model
+from services.parameters.learning_settings import Learning, StoreSettings
+from services.parameters.parameter_service import ParameterService
+from services.parameters.parameters_in_use import ParametersInUse
+from services.parameters.store import Store, StoreError
+from services.wire.observations import Receipt, StopObservation
+from tests.services.robot_plant import G
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    return tmp_path / "p.sqlite"
+
+
+def atv() -> Model:
+    return read_model(find_model("atv"))
+
+
+def started(store: Path | str, model: Model | None = None, **learning: Any) -> ParameterService:
+    config = ServiceConfig(
+        model="atv", learning=Learning(**learning),
+        store=StoreSettings(path=str(store), retry=0.05),
+    )  # fmt: skip
+    return ParameterService(config, model or atv())
+
+
+def stopped(service: ParameterService, sequence: int, force: float, **more: Any) -> Receipt:
+    stop = StopObservation(
+        source="robot", sequence=sequence, time=float(sequence), speed=2.0, grade=0.0,
+        deceleration=force * G, **more,
+    )  # fmt: skip
+    return service.observe("stop", stop, "obs/stop", float(sequence))
+
+
+def level_force(service: ParameterService) -> float:
+    return service.in_use.model.braking.level_force(2.0)
+
+
+@contextlib.contextmanager
+def raw(store: Path) -> Iterator[sqlite3.Connection]:
+    """The store's tables past its own code."""
+    with contextlib.closing(sqlite3.connect(store)) as connection, connection:
+        yield connection
+
+
+def forge(tables: sqlite3.Connection, version: int, state: bytes) -> None:
+    """Another state with a checksum that fits."""
+    query = "UPDATE change SET state = ?, crc = ? WHERE version = ?"
+    tables.execute(query, (state, zlib.crc32(state), version))
+
+
+def test_what_was_acknowledged_is_there_after_a_restart(store: Path) -> None:
+    first = started(store)
+    for n in range(1, 5):
+        assert stopped(first, n, 0.12).durable
+    version, force = first.in_use.version, level_force(first)
+    first.close()
+    again = started(store)
+    assert again.in_use.version == version
+    assert level_force(again) == pytest.approx(force, rel=1e-3)
+    assert level_force(again) <= force + 1e-9, "older by now"
+    assert stopped(again, 4, 0.12).status == "ignored"
+    assert stopped(again, 5, 0.12).version == version + 1
+    again.close()
+
+
+def test_without_a_store_it_learns_and_says_that_nothing_is_kept() -> None:
+    service = started("")
+    receipt = stopped(service, 1, 0.42)
+    assert receipt.status == "taken"
+    assert not receipt.durable
+    assert service.flags() == []
+    with pytest.raises(StoreError):
+        service.roll_back(1, "", "me")
+
+
+@pytest.mark.parametrize("how", ["noise", "insane", "not JSON", "another vehicle"])
+def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path, how: str) -> None:
+    first = started(store)
+    for n in range(1, 4):
+        stopped(first, n, 0.12)
+    older = level_force(first)
+    stopped(first, 4, 0.11)
+    first.close()
+    model = atv()
+    if how == "noise":
+        store.write_bytes(os.urandom(20_000))
+    elif how == "another vehicle":
+        vehicle = dataclasses.replace(model.vehicle, mass=600.0)
+        model = dataclasses.replace(model, vehicle=vehicle)
+    else:
+        with raw(store) as tables:
+            query = "SELECT version, state FROM change ORDER BY version DESC LIMIT 1"
+            version, state = tables.execute(query).fetchone()
+            told = json.loads(state)
+            told["learned"]["published"] = [0.0, 0.0, 0.0, 9.0]
+            forge(tables, version, json.dumps(told).encode() if how == "insane" else b"{")
+    again = started(store, model)
+    words = {"noise": "corrupt-1", "insane": "older ones are: braking",
+             "another vehicle": "of another vehicle"}  # fmt: skip
+    if how in words:
+        assert any(words[how] in flag for flag in again.flags())
+    if how in ("insane", "not JSON"):
+        assert level_force(again) == pytest.approx(older, abs=1e-3)
+    else:
+        assert again.in_use.model == model
+    receipt = stopped(again, 9, 0.42)
+    assert receipt.durable
+    if how == "another vehicle":
+        assert receipt.version == 6, "versions go on"
+        with pytest.raises(ParameterError, match="version"):
+            again.roll_back(3, "", "me")
+    again.close()
+
+
+def test_a_roll_back_that_cannot_be_used_changes_nothing(store: Path) -> None:
+    service = started(store)
+    for n in range(1, 4):
+        stopped(service, n, 0.12)
+    before = service.in_use.model
+    service.close()
+    with raw(store) as tables:
+        data = json.dumps({"learned": {"estimate": []}, "prior": "", "dead_times": []})
+        forge(tables, 2, data.encode())
+    again = started(store)
+    with pytest.raises(ParameterError, match="can be used"):
+        again.roll_back(2, "", "me")
+    assert again.in_use.model.braking.b_b == pytest.approx(before.braking.b_b, rel=1e-3)
+    again.close()
+
+
+def test_a_store_that_fails_is_written_later(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    service = started(store)
+    heard: list[ParametersInUse] = []
+    service._apply = heard.append
+    write = Store.write
+
+    def fail(*_: Any) -> None:
+        # What is slower is planned with before the disk is asked.
+        assert heard[-1].version == service.log.version
+        raise StoreError("the disk is gone")
+
+    monkeypatch.setattr(Store, "write", fail)
+    receipts = [stopped(service, n, 0.12) for n in range(1, 4)]
+    assert [r.durable for r in receipts] == [False] * 3
+    assert "parameters are not kept: the disk is gone" in heard[-1].flags
+    assert level_force(service) == pytest.approx(0.12, abs=0.01)
+    monkeypatch.setattr(Store, "write", write)
+    service.log._tried = 0.0
+    service.tick()
+    assert service.log.durable
+    assert heard[-1].flags == ()
+    service.close()
+    again = started(store)
+    assert again.in_use.version == receipts[-1].version
+    assert stopped(again, 3, 0.12).status == "ignored"
+    again.close()
+
+
+def test_with_age_uncertainty_grows_and_the_plan_service_is_told(store: Path) -> None:
+    service = started(store)
+    for n in range(1, 4):
+        stopped(service, n, 0.3)
+    service.close()
+    with raw(store) as tables:
+        tables.execute("UPDATE change SET uptime = uptime - 7200, at = at - 7200")
+    again = started(store)
+    assert again.in_use.uncertainty is not None
+    assert again.in_use.uncertainty.age == pytest.approx(7200.0, abs=5.0)
+    assert again.in_use.message().age == pytest.approx(7200.0, abs=5.0)
+    assert level_force(again) <= 0.31
+    again.close()
+    with raw(store) as tables:
+        tables.execute("UPDATE change SET boot = 'another', at = at + 1e9")
+    lost = started(store)
+    assert lost.in_use.uncertainty is not None
+    assert lost.in_use.uncertainty.age == 14_400.0, "a clock that went back tells nothing"
+    lost.close()
+
+
+def test_surfaces_of_different_age_carry_their_own_scatter() -> None:
+    service = started("")
+    for n in range(1, 4):
+        stopped(service, n, 0.3, surface="sand")
+    for n in range(4, 7):
+        stopped(service, n, 0.3)
+    learner = service.learner
+    assert learner.in_use()[1] < 1.0
+    braking = learner.group("braking")
+    braking._taught["sand"] -= 3600.0  # type: ignore[attr-defined]
+    model, common, oldest = learner.in_use()
+    assert common < 1.0
+    assert oldest == pytest.approx(3600.0, abs=5.0)
+    fresh, old = model.braking.force_std, model.braking.on("sand").force_std
+    assert old == pytest.approx((fresh**2 + 0.01**2) ** 0.5, rel=1e-2)

@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from services.parameters.change import Change, Moment
+from services.parameters.store import Store, StoreError
+
+ANY_TIME = Moment(1e9, "boot", 50.0)
+
+
+def change(version: int, group: str = "braking", **more: object) -> Change:
+    fields: dict[str, object] = {
+        "version": version, "group": group, "fingerprint": "f", "cause": f"stop {version}",
+        "who": "robot", "moment": ANY_TIME, "state": f"state {version}".encode(),
+    }  # fmt: skip
+    return Change(**(fields | more))  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "folder" / "parameters.sqlite"
+
+
+def test_what_was_written_is_there_again(path: Path) -> None:
+    store = Store(path)
+    store.write([change(1), change(1, "terrain")], {"stop:robot": 7})
+    store.write([change(2, cause="operator", learned=False)])
+    store.close()
+    again = Store(path)
+    assert again.notes == []
+    assert again.last_version() == 2
+    assert again.seen() == {"stop:robot": 7}
+    assert next(iter(again.newest("f", "braking"))) == change(2, cause="operator", learned=False)
+    assert [c.version for c in again.newest("f", "braking", up_to=1)] == [1]
+    assert [c.version for c in again.history("braking")] == [2, 1]
+    assert again.groups("another vehicle") == []
+    assert again.groups("f") == ["braking", "terrain"]
+    assert again.has("f", 1)
+    assert not again.has("f", 3)
+    again.close()
+
+
+def test_a_change_is_kept_whole_or_not_at_all(path: Path) -> None:
+    store = Store(path)
+    store.write([change(1)])
+    with pytest.raises(StoreError, match="UNIQUE"):
+        store.write([change(2), change(1)], {"stop:robot": 9})
+    assert store.last_version() == 1
+    assert store.seen() == {}
+    store.write([change(2)])
+    assert store.last_version() == 2
+
+
+def test_a_second_process_is_refused_and_a_killed_one_lets_go(path: Path) -> None:
+    Store(path).close()
+    code = (
+        "import sys, time; from pathlib import Path; from services.parameters.store import Store;"
+        f"s = Store(Path({str(path)!r})); print('open', flush=True); time.sleep(60)"
+    )
+    other = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    try:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "open\n"
+        with pytest.raises(StoreError, match="locked"):
+            Store(path)
+    finally:
+        other.kill()
+        other.wait()
+    Store(path).close()
+
+
+@pytest.mark.parametrize("where", ["header", "middle", "short"])
+def test_a_file_that_is_none_is_put_aside(path: Path, where: str) -> None:
+    store = Store(path)
+    for version in range(1, 200):
+        store.write([change(version, state=bytes(500))])
+    store.close()
+    content = bytearray(path.read_bytes())
+    if where == "header":
+        content[:100] = b"x" * 100
+    elif where == "middle":
+        content[4096 : len(content)] = b"x" * (len(content) - 4096)
+    else:
+        del content[len(content) // 2 :]
+    path.write_bytes(bytes(content))
+    again = Store(path)
+    assert again.last_version() == 0
+    assert "corrupt-1" in again.notes[0]
+    assert path.with_name("parameters.sqlite.corrupt-1").read_bytes() == bytes(content)
+    again.write([change(1)])
+    again.close()
+
+
+def test_corrupt_files_do_not_pile_up(path: Path) -> None:
+    path.parent.mkdir()
+    for n in range(5):
+        path.write_bytes(f"nonsense {n}".encode() * 100)
+        Store(path).close()
+    assert len(list(path.parent.glob("*corrupt*"))) == 3
+
+
+def test_a_row_that_changed_on_disk_is_left_out(path: Path) -> None:
+    store = Store(path)
+    store.write([change(1)])
+    store.write([change(2)])
+    store.close()
+    with sqlite3.connect(path) as raw:
+        raw.execute("UPDATE change SET state = ? WHERE version = 2", (b"statf 2",))
+    raw.close()
+    assert [c.version for c in Store(path).newest("f", "braking")] == [1]
+
+
+def test_old_changes_make_room_and_the_newest_of_each_vehicle_stays(path: Path) -> None:
+    store = Store(path, most_changes=40)
+    store.write([change(1, fingerprint="other")])
+    store.write([change(2, learned=False)])
+    for version in range(3, 120):
+        store.write([change(version)])
+    kept = store.history("braking", 1000)
+    assert len(kept) <= 40
+    assert {1, 2, 119} <= {c.version for c in kept}
+
+
+def test_the_file_stays_within_its_size(path: Path) -> None:
+    store = Store(path, most_bytes=1_000_000)
+    for version in range(1, 650):
+        store.write([change(version, state=bytes(2000))])
+    store.close()
+    assert path.stat().st_size <= 1_000_000
+    assert Store(path).last_version() == 649
+
+
+def test_no_room_is_said_and_nothing_is_lost(path: Path) -> None:
+    store = Store(path, most_bytes=300_000)
+    store.write([change(1)])
+    with pytest.raises(StoreError, match="full"):
+        store.write([change(2, state=bytes(10_000_000))])
+    store.write([change(3)])
+    store.close()
+    assert [c.version for c in Store(path).newest("f", "braking")] == [3, 1]
+
+
+def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(StoreError, match="cannot be opened"):
+        Store(tmp_path / "file" / "parameters.sqlite")
+
+
+def test_ages_survive_clocks_that_jump() -> None:
+    now = Moment.now()
+    earlier = replace(now, at=now.at - 60.0, uptime=now.uptime - 60.0)
+    for jump in (0.0, 3600.0, -3600.0):
+        assert earlier.age(replace(now, at=now.at + jump), 1e9) == pytest.approx(60.0)
+    assert replace(now, uptime=now.uptime + 5.0).age(now, 1e9) == 0.0
+    # Over a boot only the clock of the day tells, and going back it tells nothing.
+    later = Moment(now.at + 100.0, "next boot", 20.0)
+    assert now.age(later, 1e9) == pytest.approx(100.0)
+    assert now.age(replace(later, at=now.at + 5.0), 1e9) == 20.0
+    assert now.age(replace(later, at=now.at - 5.0), 777.0) == 777.0
+    assert now.age(later, 30.0) == 30.0
+    assert time.time() - now.at < 10.0

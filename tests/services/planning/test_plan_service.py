@@ -1,0 +1,359 @@
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import zenoh
+
+from models.errors import InputError
+from services.client import PlanClient
+from services.planning.map_store import MapStore
+from services.wire import codec
+from services.wire.codec import Format
+from services.wire.messages import Path as Candidate
+from services.wire.messages import PlanReply, PlanRequest, Status
+from tests.services.service_process import Running, fan, flat, running
+
+LARGEST = 10**8
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with running(tmp_path_factory.mktemp("service")) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def session(service: Running) -> Iterator[zenoh.Session]:
+    with service.session() as opened:
+        yield opened
+
+
+@pytest.fixture
+def client(service: Running, session: zenoh.Session) -> Iterator[PlanClient]:
+    with PlanClient(session, namespace=service.namespace, timeout=5.0) as asking:
+        yield asking
+
+
+def send_map(session: zenoh.Session, service: Running, update: object) -> None:
+    payload = codec.encode(update, Format.MESSAGEPACK)  # type: ignore[arg-type]
+    encoding = codec.encoding_of(type(update), Format.MESSAGEPACK)  # type: ignore[arg-type]
+    session.put(service.key("map"), payload, encoding=encoding)
+
+
+def ask(
+    session: zenoh.Session, service: Running, payload: bytes, encoding: str, query: str = ""
+) -> PlanReply:
+    replies = list(
+        session.get(service.key("plan") + query, payload=payload, encoding=encoding, timeout=5.0)
+    )
+    (reply,) = replies
+    assert reply.ok is not None
+    told = str(reply.ok.encoding)
+    return codec.decode(PlanReply, reply.ok.payload, told, "reply", LARGEST)
+
+
+def counters(session: zenoh.Session, service: Running) -> Status:
+    heard: list[zenoh.Sample] = []
+    with session.declare_subscriber(service.key("status"), heard.append):
+        until = time.monotonic() + 5.0
+        while len(heard) < 2 and time.monotonic() < until:
+            time.sleep(0.02)
+    last = heard[-1]
+    return codec.decode(Status, last.payload, str(last.encoding), "status", LARGEST)
+
+
+def mapped(client: PlanClient, session: zenoh.Session, service: Running, **changes: object) -> int:
+    """Put a whole map in, as a new sender; the version that it became."""
+    before = client.plan(0.0, []).reply
+    assert before is not None
+    send_map(session, service, flat(source=f"test-{time.monotonic_ns()}", **changes))
+    until = time.monotonic() + 5.0
+    while time.monotonic() < until:
+        after = client.plan(0.0, []).reply
+        assert after is not None
+        if after.map_version > before.map_version:
+            return after.map_version
+        time.sleep(0.01)
+    raise AssertionError("the map did not arrive")
+
+
+def test_without_ground_it_brakes(tmp_path: Path) -> None:
+    with (
+        running(tmp_path) as started,
+        started.session() as opened,
+        PlanClient(opened, namespace=started.namespace, timeout=5.0) as asking,
+    ):
+        reply = asking.plan(1.0, fan()).reply
+    assert reply is not None
+    assert reply.status == "degraded"
+    assert reply.command is not None
+    assert reply.command.stop
+    assert reply.flags == ["no map"]
+    assert reply.plans == []
+
+
+def test_many_candidates_in_one_question(
+    client: PlanClient, session: zenoh.Session, service: Running
+) -> None:
+    version = mapped(client, session, service)
+    reply = client.plan(1.0, fan(20), clear=20.0).reply
+    assert reply is not None
+    assert reply.status == "blocked"
+    assert len(reply.plans) == len(reply.ranking) == 20
+    assert reply.map_version == version
+    assert reply.parameters is not None
+    assert reply.parameters.version == 1
+    assert {"queued", "decode", "planner"} <= set(reply.seconds)
+    for plan in reply.plans:
+        speed, station = plan.column("speed"), plan.column("station")
+        assert speed[0] == 1.0
+        assert speed.max() > 2.0
+        moving = speed > 0.0
+        stops = station + plan.column("stop_distance")
+        assert np.all(stops[moving] <= plan.clear_distance + 1e-9)
+        assert plan.limits[0].first == 0
+        assert plan.least_margin is not None
+
+
+def test_an_unknown_stretch_stops_the_plan_before_it(
+    client: PlanClient, session: zenoh.Session, service: Running
+) -> None:
+    heights = np.zeros((49, 193))
+    heights[:, 80:] = np.nan
+    mapped(client, session, service, elevation=heights)
+    reply = client.plan(1.0, fan(1)).reply
+    assert reply is not None
+    assert reply.status == "blocked"
+    assert reply.plans[0].clear_distance < 17.0
+    assert "unknown_terrain" in {limit.name for limit in reply.plans[0].limits}
+
+
+def test_one_bad_candidate_is_refused_and_the_others_planned(
+    client: PlanClient, session: zenoh.Session, service: Running
+) -> None:
+    mapped(client, session, service)
+    good = fan(1)[0].points
+    nan = good.copy()
+    nan[5, 1] = np.nan
+    cusp = np.array([[0.0, 0.0], [5.0, 0.0], [0.5, 0.01]])
+    bad = {
+        "nan": (nan, "finite"),
+        "inf": (np.where(np.isnan(nan), np.inf, nan), "finite"),
+        "few": (good[:2], "points"),
+        "none": (np.empty((0, 2)), "points"),
+        "flat": (good.ravel(), "shape"),
+        "wide": (np.hstack([good, good]), "shape"),
+        "same": (good[[0, 1, 1, 2]], "grow"),
+        "cusp": (cusp, "cusps"),
+        "huge": (good * 1e200, "finite"),
+        "long": (good * 1e5, "at most"),
+    }
+    paths = [Candidate(name=name, points=points) for name, (points, _) in bad.items()]
+    paths.append(Candidate(name="limit", points=good, speed_limit=np.full(len(good), -1.0)))
+    paths.append(Candidate(name="clear", points=good, clear=float("nan")))
+    paths.append(Candidate(name="good", points=good))
+    paths.append(Candidate(name="good", points=good))
+    outcome = client.plan(1.0, paths)
+    reply = outcome.reply
+    assert reply is not None, outcome.stop
+    assert reply.status == "ok"
+    assert [plan.candidate for plan in reply.plans] == ["good"]
+    reasons = {c.name: c.reason for c in reply.ranking if not c.usable}
+    assert set(reasons) == {*bad, "limit", "clear", "good"}
+    for name, (_, words) in bad.items():
+        assert words in reasons[name], (name, reasons[name])
+
+
+def test_only_bad_candidates_mean_full_braking(client: PlanClient) -> None:
+    reply = client.plan(1.0, [Candidate(name="a", points=np.full((3, 2), np.nan))]).reply
+    assert reply is not None
+    assert reply.status == "degraded"
+    assert reply.command is not None
+    assert reply.command.stop
+
+
+def test_a_named_client_drives_on_what_it_drives(
+    client: PlanClient, session: zenoh.Session, service: Running
+) -> None:
+    mapped(client, session, service)
+    with PlanClient(session, namespace=service.namespace, name="robot", timeout=5.0) as robot:
+        first = robot.plan(1.0, fan(3), pose=(0.0, 0.0, 0.0)).reply
+        assert first is not None
+        assert first.command is not None
+        assert not first.command.stop
+        period = 0.1
+        moved = 1.0 * period + 0.5 * first.command.accel * period**2
+        along = np.linspace(moved, 25.0, 100)
+        later = [Candidate(name=p.name, points=p.points) for p in fan(3)]
+        second = robot.plan(first.command.speed, later, pose=(float(along[0]), 0.0, 0.0)).reply
+        assert second is not None
+        assert second.chosen == first.chosen
+        beside = robot.plan(1.0, fan(3), pose=(0.0, 4.0, 0.0)).reply
+    assert beside is not None
+    assert {c.usable for c in beside.ranking} == {False}
+    assert "beside the vehicle" in beside.ranking[0].reason
+    assert beside.command is not None
+    assert beside.command.stop
+
+
+def test_people_are_answered_in_json(
+    client: PlanClient, session: zenoh.Session, service: Running
+) -> None:
+    mapped(client, session, service)
+    payload = {"speed": 1, "paths": [{"name": "a", "points": [[0, 0], [5, 0], [10, 0]]}]}
+    raw = list(
+        session.get(
+            service.key("plan"), payload=json.dumps(payload).encode(),
+            encoding="application/json", timeout=5.0,
+        )
+    )  # fmt: skip
+    assert raw[0].ok is not None
+    assert str(raw[0].ok.encoding) == "application/json;slopewise.plan_reply.v1"
+    reply = json.loads(raw[0].ok.payload.to_bytes())
+    assert reply["status"] == "ok"
+    assert reply["plans"][0]["values"][8 - 1][0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("payload", "words"),
+    [
+        (b"", "expected slopewise.plan_request.v1"),
+        (b"\xff" * 100, "expected object"),
+        (b"\0" * 4_000_001, "at most 4000000 bytes"),
+        (msgspec.msgpack.encode({"speed": float("nan"), "paths": []}), "speed"),
+        (msgspec.msgpack.encode({"speed": -1.0, "paths": []}), "speed"),
+        (msgspec.msgpack.encode({"speed": 1.0, "paths": [], "client": "a"}), "pose"),
+        (msgspec.msgpack.encode({"speed": 1.0, "paths": [], "x": 1}), "x: unknown field"),
+    ],
+    ids=["empty", "noise", "oversize", "nan", "backwards", "nowhere", "unknown"],
+)
+def test_bad_questions_get_an_answer_that_says_why(
+    session: zenoh.Session, service: Running, payload: bytes, words: str
+) -> None:
+    told = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
+    before = counters(session, service).counters.get("refused", 0)
+    reply = ask(session, service, payload, told)
+    assert reply.status == "error"
+    assert words in reply.reason
+    assert reply.plans == []
+    assert reply.command is None
+    assert counters(session, service).counters["refused"] == before + 1
+
+
+def test_a_question_without_payload_gets_an_answer(
+    session: zenoh.Session, service: Running
+) -> None:
+    (reply,) = session.get(service.key("plan"), timeout=5.0)
+    assert reply.ok is not None
+    got = codec.decode(PlanReply, reply.ok.payload, str(reply.ok.encoding), "reply", LARGEST)
+    assert got.status == "error"
+    assert "encoding" in got.reason
+
+
+def test_bad_and_old_maps_are_counted_and_change_nothing(
+    client: PlanClient, session: zenoh.Session, service: Running
+) -> None:
+    mapped(client, session, service)
+    send_map(session, service, flat(source="s", sequence=5))
+    before = counters(session, service)
+    for sequence in (5, 4, 1):
+        send_map(session, service, flat(source="s", sequence=sequence))
+    send_map(session, service, flat(source="bad", elevation=np.full((3, 3), np.nan)))
+    send_map(session, service, flat(source="bad", elevation=np.zeros(9)))
+    send_map(session, service, flat(source="bad", origin=(float("nan"), 0.0)))
+    send_map(session, service, flat(source="bad", patch=True, origin=(1e6, 0.0)))
+    session.put(service.key("map"), b"\xff", encoding="nonsense")
+    after = counters(session, service)
+    assert after.map_version == before.map_version
+    gained = {k: after.counters.get(k, 0) - before.counters.get(k, 0) for k in after.counters}
+    assert gained["map_updates_ignored"] == 3
+    assert gained["map_updates_refused"] == 5
+
+
+def test_busy_comes_before_the_deadline_and_the_service_recovers(tmp_path: Path) -> None:
+    settings = "workers = 1\nqueue = 2"
+    with (
+        running(tmp_path, planning=settings) as started,
+        started.session() as opened,
+        PlanClient(opened, namespace=started.namespace, timeout=5.0) as asking,
+    ):
+        mapped(asking, opened, started)
+        request = PlanRequest(speed=1.0, paths=fan(200))
+        payload = codec.encode(request, Format.MESSAGEPACK)
+        told = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
+        deadline = 0.3
+        begun = time.monotonic()
+        open_queries = [
+            opened.get(
+                f"{started.key('plan')}?deadline={deadline}", payload=payload, encoding=told,
+                timeout=5.0,
+            )
+            for _ in range(30)
+        ]  # fmt: skip
+        statuses = []
+        for query in open_queries:
+            (reply,) = list(query)
+            assert reply.ok is not None
+            told_back = str(reply.ok.encoding)
+            got = codec.decode(PlanReply, reply.ok.payload, told_back, "reply", LARGEST)
+            statuses.append(got.status)
+        took = time.monotonic() - begun
+        assert statuses.count("busy") >= 20
+        assert took < 3.0
+        assert asking.plan(1.0, fan(2)).reply is not None
+        told_by = counters(opened, started)
+        assert told_by.counters["busy"] == statuses.count("busy")
+
+
+def test_alive_while_it_lives(tmp_path: Path) -> None:
+    with running(tmp_path) as started, started.peer() as opened:
+        key = started.key("alive/*")
+        gone: list[zenoh.Sample] = []
+        (token,) = opened.liveliness().get(key, timeout=2.0)
+        assert token.ok is not None
+        assert str(token.ok.key_expr) == started.key("alive/planner")
+        with opened.liveliness().declare_subscriber(key, gone.append):
+            started.process.kill()
+            started.process.wait()
+            until = time.monotonic() + 3.0
+            while not gone and time.monotonic() < until:
+                time.sleep(0.01)
+        assert [s.kind for s in gone] == [zenoh.SampleKind.DELETE]
+
+
+def test_patches_change_their_cells_only() -> None:
+    store = MapStore()
+    with pytest.raises(InputError, match="whole map first"):
+        store.take(flat(patch=True), "map")
+    assert store.take(flat(1), "map")
+    patch = flat(2, patch=True, elevation=np.full((2, 3), 7.0), origin=(-2.5, -5.75))
+    assert store.take(patch, "map")
+    assert store.ground is not None
+    expected = np.zeros((49, 193))
+    expected[1:3, 2:5] = 7.0
+    np.testing.assert_array_equal(store.ground.elevation_map.elevation, expected)
+    assert not store.ground.incomplete
+    with pytest.raises(InputError, match="origin"):
+        store.take(flat(3, patch=True, elevation=np.ones((2, 2)), origin=(-2.4, -5.75)), "map")
+    with pytest.raises(InputError, match="resolution"):
+        store.take(flat(3, patch=True, elevation=np.ones((2, 2)), resolution=0.5), "map")
+
+
+def test_a_lost_patch_is_flagged_until_a_whole_map_comes() -> None:
+    store = MapStore()
+    patch = {"patch": True, "elevation": np.zeros((2, 2)), "origin": (-3.0, -6.0)}
+    store.take(flat(1), "map")
+    store.take(flat(3, **patch), "map")
+    assert store.ground is not None
+    assert store.ground.incomplete
+    assert not store.take(flat(2, **patch), "map")
+    store.take(flat(4, **patch), "map")
+    assert store.ground.incomplete
+    store.take(flat(5), "map")
+    assert not store.ground.incomplete

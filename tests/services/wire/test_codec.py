@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.errors import InputError
+from services.wire import codec
+from services.wire.codec import Format
+from services.wire.messages import MapUpdate, Path, PlanRequest
+from tests.services.faults import fault_in
+
+KEY = "robot/v1/plan"
+MOST = 1_000_000
+
+
+def request(**changes: object) -> PlanRequest:
+    points = np.array([[0.0, 0.0], [1.0, 0.25], [2.0, 1.0]])
+    fields: dict[str, object] = {"speed": 1.5, "paths": [Path(name="a", points=points)]}
+    return PlanRequest(**(fields | changes))  # type: ignore[arg-type]
+
+
+def read(payload: bytes, encoding: str | None = None, most: int = MOST) -> PlanRequest:
+    told = codec.encoding_of(PlanRequest, Format.MESSAGEPACK) if encoding is None else encoding
+    return codec.decode(PlanRequest, payload, told, KEY, most)
+
+
+@pytest.mark.parametrize("written", Format)
+def test_every_number_survives_the_way(written: Format) -> None:
+    points = np.random.default_rng(1).normal(size=(100, 2))
+    sent = request(paths=[Path(name="a", points=points, speed_limit=points[:, 0] ** 2)])
+    got = read(codec.encode(sent, written), codec.encoding_of(PlanRequest, written))
+    np.testing.assert_array_equal(got.paths[0].points, points)
+    np.testing.assert_array_equal(got.paths[0].speed_limit, points[:, 0] ** 2)
+    assert got.speed == 1.5
+    assert not got.paths[0].points.flags.writeable or written is Format.JSON
+
+
+def test_blocks_are_little_endian_float64_as_anybody_reads_them() -> None:
+    raw = msgspec.msgpack.decode(codec.encode(request(), Format.MESSAGEPACK))
+    block = raw["paths"][0]["points"]
+    assert block["shape"] == [3, 2]
+    assert list(np.frombuffer(block["data"], "<f8")) == [0.0, 0.0, 1.0, 0.25, 2.0, 1.0]
+    big_endian = request(paths=[Path(name="a", points=np.arange(6.0).reshape(3, 2).astype(">f8"))])
+    got = read(codec.encode(big_endian, Format.MESSAGEPACK))
+    np.testing.assert_array_equal(got.paths[0].points, np.arange(6.0).reshape(3, 2))
+
+
+def test_unknown_ground_is_null_for_people() -> None:
+    heights = np.array([[0.0, np.nan], [1.0, 2.0]])
+    sent = MapUpdate(source="s", sequence=1, elevation=heights, resolution=1.0, origin=(0.0, 0.0))
+    payload = codec.encode(sent, Format.JSON)
+    assert b"[[0.0,null],[1.0,2.0]]" in payload
+    got = codec.decode(MapUpdate, payload, "application/json", "m", MOST)
+    np.testing.assert_array_equal(got.elevation, heights)
+
+
+def mutated(**changes: object) -> bytes:
+    raw = msgspec.msgpack.decode(codec.encode(request(), Format.MESSAGEPACK))
+    return msgspec.msgpack.encode(raw | changes)
+
+
+def points(value: object) -> bytes:
+    return mutated(paths=[{"name": "a", "points": value}])
+
+
+@pytest.mark.parametrize(
+    ("payload", "field", "words"),
+    [
+        (b"", "", "expected slopewise.plan_request.v1"),
+        (b"\xc1", "", "expected slopewise.plan_request.v1"),
+        (b"\x93\x01\x02\x03", "", "object"),
+        (mutated(speed="fast"), "speed", "float"),
+        (mutated(speed=float("nan")), "speed", "finite"),
+        (mutated(pose=[0.0, float("inf"), 0.0]), "pose[1]", "finite"),
+        (mutated(clear=-1.0), "clear", ">= 0"),
+        (mutated(sequence=-1), "sequence", ">= 0"),
+        (mutated(sequence=2**63), "sequence", "int"),
+        (mutated(colour=1), "colour", "unknown field"),
+        (mutated(client="x" * 121), "client", "<= 120"),
+        (mutated(paths=[{"name": "a"}]), "paths[0].points", "got none"),
+        (points({"shape": [3, 2], "data": b"\0" * 40}), "paths[0].points", "got 40 bytes"),
+        (points({"shape": [2**40, 2**40], "data": b""}), "paths[0].points", "shape"),
+        (points({"shape": [-1, 2], "data": b""}), "paths[0].points", "shape"),
+        (points({"shape": [1, 1, 1], "data": b"\0" * 8}), "paths[0].points", "shape"),
+        (points({"data": b"\0" * 8}), "paths[0].points", "array"),
+        (points([[1.0, 2.0], [3.0]]), "paths[0].points", "one length"),
+        (points([["1", "2"]]), "paths[0].points", "str"),
+    ],
+)
+def test_what_is_wrong_is_named(payload: bytes, field: str, words: str) -> None:
+    with fault_in(KEY, field, words):
+        read(payload)
+
+
+@pytest.mark.parametrize("encoding", ["", "text/plain", "application/msgpack", "zenoh/bytes"])
+def test_format_and_schema_have_to_be_told(encoding: str) -> None:
+    with fault_in(KEY, "encoding", "expected"):
+        read(codec.encode(request(), Format.MESSAGEPACK), encoding)
+
+
+def test_other_major_versions_are_refused() -> None:
+    encoding = "application/msgpack;slopewise.plan_request.v2"
+    with fault_in(KEY, "encoding", "slopewise.plan_request.v1", "v2"):
+        read(codec.encode(request(), Format.MESSAGEPACK), encoding)
+
+
+def test_people_may_leave_the_schema_out() -> None:
+    assert read(codec.encode(request(), Format.JSON), "application/json").speed == 1.5
+
+
+def test_what_is_too_large_is_not_looked_at() -> None:
+    class Heavy:
+        def __len__(self) -> int:
+            return 10**12
+
+    with fault_in(KEY, "", "at most 1000000 bytes"):
+        read(Heavy())  # type: ignore[arg-type]
+
+
+def test_deep_nesting_is_an_error_and_no_crash() -> None:
+    with pytest.raises(InputError):
+        read(b'{"speed":' + b"[" * 200_000, "application/json")
+
+
+@given(st.binary(max_size=200), st.sampled_from(Format))
+def test_no_bytes_are_more_than_an_error(payload: bytes, written: Format) -> None:
+    with pytest.raises(InputError):
+        read(payload, codec.encoding_of(PlanRequest, written))
+
+
+@given(st.data())
+def test_no_change_of_a_byte_is_more_than_an_error(data: st.DataObject) -> None:
+    payload = bytearray(codec.encode(request(), Format.MESSAGEPACK))
+    for _ in range(data.draw(st.integers(1, 4))):
+        payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        got = read(bytes(payload))
+    except InputError:
+        return
+    else:
+        assert np.isfinite(got.speed)

@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from models.errors import InputError
+from services.config import ServiceConfig, ZenohSettings
+from services.wire.connect import client_session, options, words_of
+from tests.services.service_process import free_port, running
+
+
+def test_nobody_there_is_said() -> None:
+    with pytest.raises(InputError, match="--connect: expected a service at tcp"):
+        client_session(f"tcp/127.0.0.1:{free_port()}")
+
+
+def test_places_in_the_source_of_zenoh_are_left_out() -> None:
+    error = zenoh.ZError("No way [in use at /src/x/tcp.rs:61.] at /src/y/unicast.rs:338.")
+    assert words_of(error) == "No way [in use]"
+
+
+def test_an_address_in_use_is_one_line(tmp_path: Path) -> None:
+    with running(tmp_path) as started:
+        settings = tmp_path / "second.toml"
+        settings.write_text(f'model = "atv"\n[zenoh]\nlisten = ["{started.endpoint}"]\n')
+        done = subprocess.run(
+            [sys.executable, "-m", "services.cli", "serve", "--config", str(settings)],
+            capture_output=True, text=True, timeout=120, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert "in use" in done.stderr
+    assert ".rs" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("namespace", "settings", "words"),
+    [
+        ("slopewise/robot", {}, ""),
+        ("slopewise/robot", {"listen": ("tcp/0.0.0.0:7447",)}, ""),
+        ("farm/atv-3", {"listen": ("tcp/10.0.0.7:7447",)},
+         "--connect tcp/10.0.0.7:7447 --namespace farm/atv-3"),
+        ("slopewise/robot", {"listen": ("tls/[::]:7443",)},
+         "--connect tls/[::1]:7443 --zenoh FILE"),
+        ("slopewise/robot", {"mode": "client", "connect": ("tcp/router:7447",)},
+         "--connect tcp/router:7447"),
+    ],
+)  # fmt: skip
+def test_options_say_where_the_service_is(
+    namespace: str, settings: dict[str, Any], words: str
+) -> None:
+    config = ServiceConfig(model="atv", namespace=namespace, zenoh=ZenohSettings(**settings))
+    assert " ".join(options(config)) == words
