@@ -8,7 +8,7 @@ from planner.kernels.compiled import Floats
 from planner.plan import motion_of
 from planner.profile.smoothing import SmoothingProblem
 
-_REST = 1e-6
+_INTERCEPT = 1e-6
 """Below this v² nothing is asked any more [m²/s²]."""
 
 
@@ -27,7 +27,7 @@ def excess(
         accel, decel: (N − 1,) limits on each segment [m/s²].
     """
     gained = np.diff(speed_sq) / (2.0 * np.diff(station))
-    moving = np.maximum(speed_sq[:-1], speed_sq[1:]) > _REST
+    moving = np.maximum(speed_sq[:-1], speed_sq[1:]) > _INTERCEPT
     breaches = (
         (np.sqrt(np.maximum(speed_sq, 0.0)) - np.sqrt(np.maximum(speed_sq_max, 0.0))).max()
         / np.sqrt(speed_sq_max.max()),
@@ -43,7 +43,7 @@ def smooth_excess(problem: SmoothingProblem, speed_sq: Floats) -> float:
     plain = excess(station, speed_sq, problem.speed_sq_max, problem.accel_max, problem.decel_max)
     speed = np.sqrt(np.maximum(speed_sq, 0.0))
     both = speed[1:] + speed[:-1]
-    moving = np.maximum(problem.speed_sq_max[:-1], problem.speed_sq_max[1:]) > _REST
+    moving = np.maximum(problem.speed_sq_max[:-1], problem.speed_sq_max[1:]) > _INTERCEPT
     time = np.divide(2.0 * problem.ds, both, out=np.full_like(both, np.inf), where=both > 0.0)
     change = np.abs(np.diff(np.diff(speed_sq) / (2.0 * problem.ds)))
     jerk = change / (0.5 * (time[:-1] + time[1:]))

@@ -34,8 +34,8 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
 
     def fastest(decel: float) -> object:
         return time_optimal_profile(
-            profile.station, bounds.speed_sq_max, profile.sin_grade, ground.weak_speed,
-            ground.braking_rest, ground.slowest, bounds.accel_max, bounds.demand,
+            profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
+            ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
             start, scalars, decel=decel,
         )  # fmt: skip
 

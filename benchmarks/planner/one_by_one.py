@@ -75,10 +75,19 @@ def planner_alone(scene: Scene, task: Task) -> Callable[[], Floats]:
         return np.ascontiguousarray(values[:, None])
 
     station, bound, sine = column(p.station), column(p.speed_sq_max), column(p.sin_grade)
-    weak_speed, weak_rest = column(p.weak_speed), column(p.weak_rest)
+    lower_slope, lower_intercept = column(p.lower_slope), column(p.lower_intercept)
     slowest, accel_max, demand = column(p.slowest), column(p.accel_max), column(p.demand)
     return lambda: time_optimal_profile(
-        station, bound, sine, weak_speed, weak_rest, slowest, accel_max, demand, start, scalars
+        station,
+        bound,
+        sine,
+        lower_slope,
+        lower_intercept,
+        slowest,
+        accel_max,
+        demand,
+        start,
+        scalars,
     )[0][:, 0]
 
 
@@ -108,8 +117,8 @@ def smoothing_problem(scene: Scene, task: Task) -> SmoothingProblem:
     hold = GRAVITY * np.maximum(p.demand[:-1], p.demand[1:])
     powered = GRAVITY * p.specific_power / np.maximum(fast[:-1], fast[1:]) - hold
     accel = np.minimum(np.minimum(p.accel_max[:-1], p.accel_max[1:]), powered)
-    force = np.minimum(p.slowest * p.weak_speed, np.maximum(fast, p.slowest) * p.weak_speed)
-    braking = GRAVITY * (force + p.weak_rest + p.sin_grade)
+    force = np.minimum(p.slowest * p.lower_slope, np.maximum(fast, p.slowest) * p.lower_slope)
+    braking = GRAVITY * (force + p.lower_intercept + p.sin_grade)
     decel = np.minimum(np.minimum(braking[:-1], braking[1:]), limits.decel)
     return SmoothingProblem(
         np.diff(p.station), speed_sq, np.maximum(accel, 0.0), np.maximum(decel, 0.0), limits.jerk

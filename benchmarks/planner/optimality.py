@@ -25,7 +25,7 @@ from planner.bounds.speed_bounds import numbers
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import Floats
 from planner.pipeline.candidates import time_optimal_batch
-from planner.pipeline.plan_finalizer import Emission
+from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.profile.reference import JerkLimitedReference
 from planner.profile.smoothing import SmoothingProblem, smooth
 
@@ -150,12 +150,12 @@ def _draw(rng: np.random.Generator, grounds: list[ElevationMap]) -> Instance | N
     # A start that is too fast for service braking is not for smoothing.
     if solved.speed_sq[:, 0].max() < 0.25 or solved.reachable_start_sq[0] < start**2:
         return None
-    emission = Emission(
+    finalizer = PlanFinalizer(
         model, numbers(model), solved.profile, solved.ground, solved.bounds, 0,
         np.array([start**2]),
     )  # fmt: skip
     top = np.ascontiguousarray(solved.speed_sq[:, 0])
-    accel, decel = emission.segment_limits(top)
+    accel, decel = finalizer.segment_limits(top)
     before = float(rng.uniform(-0.5 * decel[0], 0.5 * accel[0])) if start > 0.0 else None
     limits = model.limits
     name = (

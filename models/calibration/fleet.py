@@ -52,7 +52,7 @@ class FleetStop:
     force_ratio: float
     force_std: float
     distance: float
-    rest_time: float
+    standstill_time: float
     station: Floats
     ground: Floats
 
@@ -83,7 +83,7 @@ class FleetCalibration:
     Attributes:
         braking: by vehicle, ready for its model file.
         surfaces: hierarchy of each surface, "" for the base.
-        dead_time: of the fleet [s]; its jitter is the difference from vehicle to vehicle.
+        dead_time: of the fleet [s]; its scatter is the difference from vehicle to vehicle.
     """
 
     braking: dict[str, Braking]
@@ -101,7 +101,7 @@ def vehicle_stops(name: str, log: MeasuredLog, mapped: bool) -> VehicleStops:
         stops.append(
             FleetStop(
                 s.terrain, s.window.held_speed, r.onset_speed, r.grade, r.force_ratio, r.force_std,
-                s.distance, s.rest_time, s.station[along] - s.station[s.at_command],
+                s.distance, s.standstill_time, s.station[along] - s.station[s.at_command],
                 r.ground[along],
             )
         )  # fmt: skip
@@ -195,7 +195,7 @@ def _surface(
         without = fit.coefficients[i] - gain * off / (1.0 - min(float(x[j] @ gain), 0.99))
         way = stopping_distance(stop.held_speed, dead[i], without, stop.station, stop.ground)
         short[j] = stop.distance - way
-        late[j] = stop.rest_time - stopping_time(stop.held_speed, dead[i], way)
+        late[j] = stop.standstill_time - stopping_time(stop.held_speed, dead[i], way)
     kept = fit.kept
     time_offset = offset_for(settings.coverage, late[np.isfinite(late)])
     tables = []

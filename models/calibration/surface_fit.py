@@ -135,7 +135,7 @@ def _surface(
     fit = fit_records(records, measured, on)
     seen = _predicted(records, fit, measured.dead_time.value)
     kept = [r for r in seen if r.kept]
-    time = np.array([r.samples.rest_time - r.predicted_time for r in kept])
+    time = np.array([r.samples.standstill_time - r.predicted_time for r in kept])
     time = time[np.isfinite(time)]
     mount_std = mount.std if from_pitch else 0.0
     speeds = [r.onset_speed for r in kept]

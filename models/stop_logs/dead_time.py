@@ -1,6 +1,7 @@
 """The dead time of the brakes out of the onsets of all stops.
 
-It is a property of the hardware, so all stops share it up to a jitter from stop to stop. Knowing it
+It is a property of the hardware, so all stops share it up to a scatter from stop to stop. Knowing
+it
 sharpens each single stop: onset and force of a knee are correlated, and an onset pulled towards the
 common dead time takes its force along.
 
@@ -26,11 +27,11 @@ _NO_IDEA = 1.0  # [s] prior standard deviation around nothing in particular
 
 @dataclass(frozen=True, slots=True)
 class DeadTime:
-    """t_delay [s], its standard deviation, and the jitter from stop to stop."""
+    """t_delay [s], its standard deviation, and its scatter from stop to stop."""
 
     value: float
     std: float
-    jitter: float
+    between_stops: float
 
 
 def dead_time(knees: Sequence[Knee], noise: Floats) -> DeadTime:
@@ -71,7 +72,7 @@ def sharpen(knees: Sequence[Knee], noise: Floats, common: DeadTime) -> Sharpened
     onset = np.array([knee.onset_time for knee in knees])
     speed = np.array([knee.onset_speed for knee in knees])
     force = np.array([knee.force_ratio for knee in knees])
-    spread = covariance[:, 1, 1] + common.jitter**2
+    spread = covariance[:, 1, 1] + common.between_stops**2
     off = common.value - onset
     # An onset far from all others is one of a kind: its own stop knows better.
     believed = np.abs(off) <= 5.0 * np.sqrt(spread)

@@ -42,14 +42,14 @@ class StopPitch:
     Attributes:
         time: (n,) since the stop command [s], from before it to some time after standstill.
         station: (n,) way since the first sample [m]. pitch: (n,) [rad], nose down positive.
-        onset_time, rest_time: of the braking [s]. deceleration: its mean [m/s²].
+        onset_time, standstill_time: of the braking [s]. deceleration: its mean [m/s²].
     """
 
     time: Floats
     station: Floats
     pitch: Floats
     onset_time: float
-    rest_time: float
+    standstill_time: float
     deceleration: float
 
 
@@ -72,23 +72,23 @@ class Dive:
         return 1.0 + GRAVITY * self.per_deceleration
 
     def pitch(
-        self, time: Floats, onset_time: float, rest_time: float, deceleration: float
+        self, time: Floats, onset_time: float, standstill_time: float, deceleration: float
     ) -> Floats:
         """(n,) pitch by the deceleration at times since the stop command [rad]."""
         return self.per_deceleration * felt_deceleration(
-            time, onset_time, rest_time, deceleration, self.settling
+            time, onset_time, standstill_time, deceleration, self.settling
         )
 
 
 def felt_deceleration(
-    time: Floats, onset_time: float, rest_time: float, deceleration: float, settling: float
+    time: Floats, onset_time: float, standstill_time: float, deceleration: float, settling: float
 ) -> Floats:
     """(n,) deceleration from onset to standstill as the body follows it, first order [m/s²]."""
     since_onset = np.maximum(time - onset_time, 0.0)
-    since_rest = np.maximum(time - rest_time, 0.0)
+    since_rest = np.maximum(time - standstill_time, 0.0)
     if settling <= 0.0:
-        return np.where((time > onset_time) & (time <= rest_time), deceleration, 0.0)
-    built = -np.expm1(-np.minimum(since_onset, rest_time - onset_time) / settling)
+        return np.where((time > onset_time) & (time <= standstill_time), deceleration, 0.0)
+    built = -np.expm1(-np.minimum(since_onset, standstill_time - onset_time) / settling)
     return deceleration * built * np.exp(-since_rest / settling)
 
 
@@ -98,7 +98,7 @@ def estimate_dive(stops: Sequence[StopPitch]) -> Dive:
     In each stop the ground is a parabola over the way; what is left of the pitch follows the
     deceleration. Stops are weighed by what they tell, odd ones left out.
     """
-    usable = [s for s in stops if len(s.time) >= _FEWEST and s.rest_time > s.onset_time]
+    usable = [s for s in stops if len(s.time) >= _FEWEST and s.standstill_time > s.onset_time]
     if not usable:
         return Dive()
     trials = [_estimate(usable, settling) for settling in _SETTLING]
@@ -109,7 +109,7 @@ def _estimate(stops: Sequence[StopPitch], settling: float) -> tuple[float, Dive]
     single, information, remains, counts = [], [], [], []
     for stop in stops:
         shape = felt_deceleration(
-            stop.time, stop.onset_time, stop.rest_time, stop.deceleration, settling
+            stop.time, stop.onset_time, stop.standstill_time, stop.deceleration, settling
         )
         x = stop.station / max(float(np.ptp(stop.station)), 1e-6)
         ground, _ = np.linalg.qr(np.column_stack((np.ones_like(x), x, x * x)))

@@ -121,12 +121,12 @@ def speed_noise(knees: Sequence[Knee]) -> Floats:
 def _dive(stops: Sequence[StopSamples], knees: Sequence[Knee | None]) -> Dive:
     pitches = []
     for stop, knee in zip(stops, knees, strict=True):
-        still = float(stop.time[-1]) - stop.rest_time
+        still = float(stop.time[-1]) - stop.standstill_time
         if knee is None or still < _FEWEST_AFTER or not np.isfinite(stop.pitch).all():
             continue
         pitches.append(
             StopPitch(
-                stop.time, stop.station, stop.pitch, knee.onset_time, stop.rest_time,
+                stop.time, stop.station, stop.pitch, knee.onset_time, stop.standstill_time,
                 _mean_deceleration(stop, knee),
             )
         )  # fmt: skip
@@ -135,11 +135,13 @@ def _dive(stops: Sequence[StopSamples], knees: Sequence[Knee | None]) -> Dive:
 
 def dive_pitch(stop: StopSamples, knee: Knee, dive: Dive) -> Floats:
     """(n,) pitch of the body by its dive, at the samples of a stop [rad]."""
-    return dive.pitch(stop.time, knee.onset_time, stop.rest_time, _mean_deceleration(stop, knee))
+    return dive.pitch(
+        stop.time, knee.onset_time, stop.standstill_time, _mean_deceleration(stop, knee)
+    )
 
 
 def _mean_deceleration(stop: StopSamples, knee: Knee) -> float:
-    return knee.onset_speed / max(stop.rest_time - knee.onset_time, 1e-3)
+    return knee.onset_speed / max(stop.standstill_time - knee.onset_time, 1e-3)
 
 
 def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> Floats:
@@ -154,4 +156,4 @@ def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> F
 
 def _knee(stop: StopSamples, ground: Floats, slope: Slope, held: float = HELD) -> Knee | None:
     slope_here = slope(stop.window.held_speed)
-    return fit_knee(stop.time, stop.speed, ground, stop.rest_time, slope_here, held)
+    return fit_knee(stop.time, stop.speed, ground, stop.standstill_time, slope_here, held)

@@ -61,7 +61,7 @@ def fit_knee(
     time: Floats,
     speed: Floats,
     grade: Floats,
-    rest_time: float,
+    standstill_time: float,
     slope: float = 0.0,
     held_weight: float = HELD,
 ) -> Knee | None:
@@ -70,7 +70,7 @@ def fit_knee(
     Args:
         time: (n,) since the stop command [s], increasing, from before it to standstill or after.
         speed: (n,) [m/s]. grade: (n,) θ of the ground [rad], uphill positive.
-        rest_time: of the first zero crossing since the command [s].
+        standstill_time: of the first zero crossing since the command [s].
         slope: change of F_b/W with grade, m v_i + b, as far as it is known; it matters where the
             grade varies along the stop.
         held_weight: of the evidence that held speeds are held: (speed noise over the standard
@@ -80,18 +80,18 @@ def fit_knee(
         None where there are too few samples or the speed does not fall.
     """
     level = float(np.mean(speed[time <= 0.0])) if (time <= 0.0).any() else float(speed[0])
-    fast = np.flatnonzero((time <= rest_time) & (speed >= _STILL_FAST * level))
-    latest = min(0.9 * rest_time, float(time[fast[-1]]) if len(fast) else 0.0)
+    fast = np.flatnonzero((time <= standstill_time) & (speed >= _STILL_FAST * level))
+    latest = min(0.9 * standstill_time, float(time[fast[-1]]) if len(fast) else 0.0)
     pull = _Pull(time, grade, slope, held_weight)
     # Which samples belong to the fall must not depend on their own noise: the first cut is by the
     # crossing, the second by the first fit.
-    t, v = _until(time, speed, (1.0 - _LOW) * rest_time)
+    t, v = _until(time, speed, (1.0 - _LOW) * standstill_time)
     if len(t) < _FEWEST + 2 or latest <= 0.0:
         return None
-    onset = _best_onset(t, v, pull, rest_time, _EARLIEST, latest, _COARSE)
-    first = _solve(t, v, pull, np.array([onset]), rest_time).solution[0]
-    fall = _fall_time(first, pull, onset, rest_time)
-    t, v = _until(time, speed, min(onset + (1.0 - _LOW) * fall, rest_time + _EARLY))
+    onset = _best_onset(t, v, pull, standstill_time, _EARLIEST, latest, _COARSE)
+    first = _solve(t, v, pull, np.array([onset]), standstill_time).solution[0]
+    fall = _fall_time(first, pull, onset, standstill_time)
+    t, v = _until(time, speed, min(onset + (1.0 - _LOW) * fall, standstill_time + _EARLY))
     if len(t) < _FEWEST + 2:
         return None
     near = 2.0 * (latest - _EARLIEST) / _COARSE
@@ -108,20 +108,20 @@ def _until(time: Floats, speed: Floats, end: float) -> tuple[Floats, Floats]:
     return time[:stop], speed[:stop]
 
 
-def _fall_time(solution: Floats, pull: _Pull, onset: float, rest_time: float) -> float:
+def _fall_time(solution: Floats, pull: _Pull, onset: float, standstill_time: float) -> float:
     """From onset to standstill by a fit; no more than half as long again as was measured."""
-    sine = float(np.sin(pull.mean_grade(onset, rest_time)))
+    sine = float(np.sin(pull.mean_grade(onset, standstill_time)))
     deceleration = GRAVITY * (float(solution[2]) + sine)
-    longest = 1.5 * (rest_time - onset)
+    longest = 1.5 * (standstill_time - onset)
     return min(float(solution[0]) / deceleration, longest) if deceleration > 0.0 else longest
 
 
 def _best_onset(
-    t: Floats, v: Floats, pull: _Pull, rest_time: float, low: float, high: float, count: int
+    t: Floats, v: Floats, pull: _Pull, standstill_time: float, low: float, high: float, count: int
 ) -> float:
     """The onset of least squares between two times: tried ones, then the vertex of a parabola."""
     onsets = np.linspace(low, high, count)
-    cost = _solve(t, v, pull, onsets, rest_time).cost
+    cost = _solve(t, v, pull, onsets, standstill_time).cost
     k = int(np.clip(np.argmin(cost), 1, count - 2))
     before, here, after = cost[k - 1 : k + 2]
     bend = before - 2.0 * here + after
@@ -175,11 +175,11 @@ class _Solved(NamedTuple):
     cost: Floats
 
 
-def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, rest_time: float) -> _Solved:
+def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, standstill_time: float) -> _Solved:
     since = t - onset[:, None]
     fall = -GRAVITY * np.maximum(since, 0.0)
     design = np.stack((np.ones_like(since), np.minimum(since, 0.0), fall), axis=2)
-    wanted = v + GRAVITY * pull.after(onset, rest_time, t)
+    wanted = v + GRAVITY * pull.after(onset, standstill_time, t)
     normal = design.transpose(0, 2, 1) @ design
     # Held speeds are held: the creep needs evidence.
     normal[:, 1, 1] += pull.held
@@ -191,7 +191,7 @@ def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, rest_time: float) -
     return _Solved(design, solution, residual, cost)
 
 
-def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, rest_time: float) -> Knee:
+def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, standstill_time: float) -> Knee:
     design, residual = solved.design[0], solved.residual[0]
     speed, creep, force = (float(x) for x in solved.solution[0])
     braking = t > onset
@@ -208,6 +208,6 @@ def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, rest_time: floa
     correlation = float(residual[1:] @ residual[:-1]) / max(sum_sq, 1e-300)
     return Knee(
         speed, onset, force, covariance[np.ix_(order, order)], float(np.sqrt(sum_sq / freedom)),
-        correlation, len(t), float(pull.mean_grade(onset, rest_time)), creep,
+        correlation, len(t), float(pull.mean_grade(onset, standstill_time)), creep,
         float(covariance[1, 1]),
     )  # fmt: skip

@@ -24,7 +24,7 @@ class StopSamples:
         time: since the stop command [s]. speed: [m/s]. pitch: of the body [rad], nose down
             positive. grade: known from a map [rad], NaN where it is not, None without a map.
         station: way since the first sample, forward only [m].
-        rest_time: of the first zero crossing since the command [s].
+        standstill_time: of the first zero crossing since the command [s].
         distance: way from the command to standstill [m].
         clock: of the stop command in the log [s].
     """
@@ -37,7 +37,7 @@ class StopSamples:
     pitch: Floats
     grade: Floats | None
     station: Floats
-    rest_time: float
+    standstill_time: float
     distance: float
     clock: float
 
@@ -97,16 +97,16 @@ def cut(
     steps = 0.5 * (forward[1:] + forward[:-1]) * np.diff(time)
     station = np.concatenate(([0.0], np.cumsum(steps)))
     k = window.rest - window.begin
-    rest_time = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
+    standstill_time = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
     # The last step ends at the crossing and not at the sample behind it.
-    station[k:] += 0.5 * speed[k - 1] * (rest_time - time[k])
+    station[k:] += 0.5 * speed[k - 1] * (standstill_time - time[k])
     at_command = window.command - window.begin
     return StopSamples(
         window,
         str(columns["run"][window.command]) if "run" in columns else "",
         str(columns["terrain"][window.command]) if "terrain" in columns else "",
         time, speed, columns["pitch"][part], None if grade is None else grade[part], station,
-        rest_time, float(station[k] - station[at_command]), clock,
+        standstill_time, float(station[k] - station[at_command]), clock,
     )  # fmt: skip
 
 

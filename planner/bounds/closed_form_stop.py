@@ -30,14 +30,14 @@ _CLEARLY = 1.0 + 1e-6
 # Rows of the queue: what is known of the segment in which the onset lies.
 (
     _HERE, _DEAD, _LEFT, _RIGHT, _R_LEFT, _R_RIGHT, _START, _PER_LENGTH, _SPEED, _SPEED_RISE,
-    _REST, _REST_RISE, _SPEED_SUM, _REST_SUM, _SLOWEST, _COLUMNS,
+    _INTERCEPT, _INTERCEPT_RISE, _SPEED_SUM, _INTERCEPT_SUM, _SLOWEST, _COLUMNS,
 ) = range(16)  # fmt: skip
 
 
 @kernel
 def stopping_bound(
     station: Floats, grade: Floats, sin_grade: Floats, known: Bools, count: Ints,
-    weak_speed: Floats, weak_rest: Floats, dead_time: Floats, slowest: Floats,
+    lower_slope: Floats, lower_intercept: Floats, dead_time: Floats, slowest: Floats,
     target: Floats, barrier: Ints, barrier_station: Ints, fastest: float, longest: float,
     speed_sq_max: Floats, limiting: Ints,
 ) -> None:  # fmt: skip
@@ -45,7 +45,7 @@ def stopping_bound(
 
     Args:
         station, grade, sin_grade, known: (N, M) terrain; count: (M,) stations.
-        weak_speed, weak_rest, dead_time, slowest: (N, M) ground.
+        lower_slope, lower_intercept, dead_time, slowest: (N, M) ground.
         target: (M,) the vehicle must stand here [m].
         barrier, barrier_station: (M,) what bars the way, and the index of its first station.
         fastest: no bound is above this speed [m/s]; longest: nor any dead time above this [s].
@@ -63,7 +63,7 @@ def stopping_bound(
     place = np.empty((2, _QUEUE + _BLOCK), np.int64)
     for first in range(0, candidates, _BLOCK):
         end = min(first + _BLOCK, candidates)
-        speed_sum, rest_sum, onset = sums[0], sums[1], sums[2]
+        speed_sum, intercept_sum, onset = sums[0], sums[1], sums[2]
         # 1. From the last station before the target on.
         for j in range(first, end):
             t = j - first
@@ -71,7 +71,7 @@ def stopping_bound(
             pointer[t] = last[t]
             first_sums[0, t], first_sums[1, t] = _to_target(
                 j, last[t], target[j], count[j], station, grade, sin_grade, known,
-                weak_speed, weak_rest,
+                lower_slope, lower_intercept,
             )  # fmt: skip
         # 2. From every station before that; those before ``first_tight`` are free.
         first_tight = stations
@@ -80,11 +80,11 @@ def stopping_bound(
             tight = _sum_up(
                 k, last, first_sums[0], first_sums[1],
                 station[k, first:end], grade[k, first:end], sin_grade[k, first:end],
-                weak_speed[k, first:end], weak_rest[k, first:end],
+                lower_slope[k, first:end], lower_intercept[k, first:end],
                 station[after, first:end], grade[after, first:end], sin_grade[after, first:end],
-                weak_speed[after, first:end], weak_rest[after, first:end],
-                slowest[k, first:end], fastest, speed_sum[after], rest_sum[after],
-                speed_sum[k], rest_sum[k],
+                lower_slope[after, first:end], lower_intercept[after, first:end],
+                slowest[k, first:end], fastest, speed_sum[after], intercept_sum[after],
+                speed_sum[k], intercept_sum[k],
             )  # fmt: skip
             first_tight = k if tight > 0 else first_tight
         # 3. A dead time earlier, as long as the way driven in it reaches rows that are not free.
@@ -100,7 +100,7 @@ def stopping_bound(
             if reach < first_tight:
                 break
             rises = _onsets(
-                k, last, speed_sum[k], rest_sum[k], slowest[k, first:end],
+                k, last, speed_sum[k], intercept_sum[k], slowest[k, first:end],
                 onset[min(k + 1, stations - 1)], onset[k],
             )  # fmt: skip
             rise = k if rises > 0 else rise
@@ -119,8 +119,8 @@ def stopping_bound(
                 if near[t] != 0:
                     _enqueue(
                         waiting, k, first + t, t, last[t], target[first + t], count[first + t],
-                        station, sin_grade, known, weak_speed, weak_rest, dead_time, slowest,
-                        speed_sum, rest_sum, onset, pointer, queue,
+                        station, sin_grade, known, lower_slope, lower_intercept, dead_time, slowest,
+                        speed_sum, intercept_sum, onset, pointer, queue,
                     )  # fmt: skip
                     place[0, waiting], place[1, waiting] = k, first + t
                     waiting += 1
@@ -142,7 +142,7 @@ def _last_before(target: float, barred: int, count: int, station: Floats, j: int
 @inlined
 def _to_target(
     j: int, k: int, target: float, count: int, station: Floats, grade: Floats, sin_grade: Floats,
-    known: Bools, weak_speed: Floats, weak_rest: Floats,
+    known: Bools, lower_slope: Floats, lower_intercept: Floats,
 ) -> tuple[float, float]:  # fmt: skip
     """Sums over the segment in which the target lies, from its station k."""
     ds = max(min(target - station[k, j], 1e9), 0.0)
@@ -151,21 +151,21 @@ def _to_target(
     u = min(ds / length, 1.0) if length > 0.0 else 0.0
     seen = u if known[nxt, j] else 0.0
     turn = u * (grade[nxt, j] - grade[k, j])
-    speed, rest, sine = weak_speed[k, j], weak_rest[k, j], sin_grade[k, j]
+    speed, rest, sine = lower_slope[k, j], lower_intercept[k, j], sin_grade[k, j]
     half = 0.5 * ds
-    speed_sum = half * (2.0 * speed + seen * (weak_speed[nxt, j] - speed))
-    rest_sum = half * (2.0 * rest + seen * (weak_rest[nxt, j] - rest))
+    speed_sum = half * (2.0 * speed + seen * (lower_slope[nxt, j] - speed))
+    intercept_sum = half * (2.0 * rest + seen * (lower_intercept[nxt, j] - rest))
     sine_sum = half * (2.0 * sine + seen * (sin_grade[nxt, j] - sine))
-    return speed_sum, rest_sum + sine_sum * (1.0 + turn * turn / 12.0)
+    return speed_sum, intercept_sum + sine_sum * (1.0 + turn * turn / 12.0)
 
 
 @row_pass
 def _sum_up(
-    k: int, last: Ints, first_speed: Floats, first_rest: Floats,
-    station: Floats, grade: Floats, sin_grade: Floats, weak_speed: Floats, weak_rest: Floats,
-    station_2: Floats, grade_2: Floats, sin_grade_2: Floats, weak_speed_2: Floats,
-    weak_rest_2: Floats, slowest: Floats, fastest: float, speed_ahead: Floats, rest_ahead: Floats,
-    speed_sum: Floats, rest_sum: Floats,
+    k: int, last: Ints, first_speed: Floats, first_intercept: Floats, station: Floats, grade:
+    Floats, sin_grade: Floats, lower_slope: Floats, lower_intercept: Floats, station_2: Floats,
+    grade_2: Floats, sin_grade_2: Floats, lower_slope_2: Floats, lower_intercept_2: Floats, slowest:
+    Floats, fastest: float, speed_ahead: Floats, intercept_ahead: Floats, speed_sum: Floats,
+    intercept_sum: Floats,
 ) -> int:  # fmt: skip
     """What the brakes take out from this row to the target.
 
@@ -177,12 +177,12 @@ def _sum_up(
         turn = grade_2[t] - grade[t]
         # sin of a linear grade: trapezoid, with the next term of its expansion.
         sine = half * (sin_grade[t] + sin_grade_2[t]) * (1.0 + turn * turn * (1.0 / 12.0))
-        speed = speed_ahead[t] + half * (weak_speed[t] + weak_speed_2[t])
-        rest = rest_ahead[t] + half * (weak_rest[t] + weak_rest_2[t]) + sine
+        speed = speed_ahead[t] + half * (lower_slope[t] + lower_slope_2[t])
+        rest = intercept_ahead[t] + half * (lower_intercept[t] + lower_intercept_2[t]) + sine
         speed = speed if k < last[t] else first_speed[t]
-        rest = rest if k < last[t] else first_rest[t]
+        rest = rest if k < last[t] else first_intercept[t]
         speed_sum[t] = speed
-        rest_sum[t] = rest
+        intercept_sum[t] = rest
         enough = 2.0 * GRAVITY * (max(fastest, slowest[t]) * speed + rest)
         tight += 1 if (enough < _CLEARLY * fastest * fastest) | (k >= last[t]) else 0
     return tight
@@ -190,13 +190,13 @@ def _sum_up(
 
 @row_pass
 def _onsets(
-    k: int, last: Ints, speed_sum: Floats, rest_sum: Floats, slowest: Floats,
+    k: int, last: Ints, speed_sum: Floats, intercept_sum: Floats, slowest: Floats,
     onset_ahead: Floats, onset: Floats,
 ) -> int:  # fmt: skip
     """Speed at onset in this row; returns for how many candidates it is higher in the row ahead."""
     rises = 0
     for t in range(onset.shape[0]):
-        v = onset_speed(speed_sum[t], rest_sum[t], slowest[t])
+        v = onset_speed(speed_sum[t], intercept_sum[t], slowest[t])
         v = v if k <= last[t] else 0.0
         rises += 1 if v < onset_ahead[t] else 0
         onset[t] = v
@@ -250,8 +250,8 @@ def _sort_out(
 @inlined
 def _enqueue(
     q: int, k: int, j: int, t: int, last: int, target: float, count: int,
-    station: Floats, sin_grade: Floats, known: Bools, weak_speed: Floats, weak_rest: Floats,
-    dead_time: Floats, slowest: Floats, speed_sum: Floats, rest_sum: Floats, onset: Floats,
+    station: Floats, sin_grade: Floats, known: Bools, lower_slope: Floats, lower_intercept: Floats,
+    dead_time: Floats, slowest: Floats, speed_sum: Floats, intercept_sum: Floats, onset: Floats,
     pointer: Ints, queue: Floats,
 ) -> None:  # fmt: skip
     """Find the segment [i, i + 1] in which the onset lies, and note what is needed of it."""
@@ -268,7 +268,7 @@ def _enqueue(
         right, fast_right = station[i + 1, j], onset[i + 1, t]
     nxt = min(i + 1, count - 1)
     length = station[nxt, j] - left
-    rest = weak_rest[i, j] + sin_grade[i, j]
+    rest = lower_intercept[i, j] + sin_grade[i, j]
     seen = known[nxt, j]
     queue[_HERE, q] = here
     queue[_DEAD, q] = dead
@@ -278,12 +278,12 @@ def _enqueue(
     queue[_R_RIGHT, q] = here + dead * fast_right - right
     queue[_START, q] = left
     queue[_PER_LENGTH, q] = 1.0 / length if length > 0.0 else 0.0
-    queue[_SPEED, q] = weak_speed[i, j]
-    queue[_SPEED_RISE, q] = weak_speed[nxt, j] - weak_speed[i, j] if seen else 0.0
-    queue[_REST, q] = rest
-    queue[_REST_RISE, q] = weak_rest[nxt, j] + sin_grade[nxt, j] - rest if seen else 0.0
+    queue[_SPEED, q] = lower_slope[i, j]
+    queue[_SPEED_RISE, q] = lower_slope[nxt, j] - lower_slope[i, j] if seen else 0.0
+    queue[_INTERCEPT, q] = rest
+    queue[_INTERCEPT_RISE, q] = lower_intercept[nxt, j] + sin_grade[nxt, j] - rest if seen else 0.0
     queue[_SPEED_SUM, q] = speed_sum[i, t]
-    queue[_REST_SUM, q] = rest_sum[i, t]
+    queue[_INTERCEPT_SUM, q] = intercept_sum[i, t]
     queue[_SLOWEST, q] = slowest[i, j]
 
 
@@ -306,8 +306,8 @@ def _onset_speeds(queue: Floats, speed: Floats) -> None:
     left, right, r_left, r_right = queue[_LEFT], queue[_RIGHT], queue[_R_LEFT], queue[_R_RIGHT]
     start, per_length = queue[_START], queue[_PER_LENGTH]
     speed_part, speed_rise = queue[_SPEED], queue[_SPEED_RISE]
-    rest_part, rest_rise = queue[_REST], queue[_REST_RISE]
-    speed_sum, rest_sum, slowest = queue[_SPEED_SUM], queue[_REST_SUM], queue[_SLOWEST]
+    intercept_part, intercept_rise = queue[_INTERCEPT], queue[_INTERCEPT_RISE]
+    speed_sum, intercept_sum, slowest = queue[_SPEED_SUM], queue[_INTERCEPT_SUM], queue[_SLOWEST]
     for q in range(speed.shape[0]):
         a, b, ra, rb = left[q], right[q], r_left[q], r_right[q]
         best = 0.0
@@ -318,7 +318,7 @@ def _onset_speeds(queue: Floats, speed: Floats) -> None:
             w = back * per_length[q]
             v = onset_speed(
                 speed_sum[q] - 0.5 * back * (2.0 * speed_part[q] + w * speed_rise[q]),
-                rest_sum[q] - 0.5 * back * (2.0 * rest_part[q] + w * rest_rise[q]),
+                intercept_sum[q] - 0.5 * back * (2.0 * intercept_part[q] + w * intercept_rise[q]),
                 slowest[q],
             )
             best = max(best, min(v, (p - here[q]) / dead[q]))

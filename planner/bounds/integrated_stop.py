@@ -15,10 +15,10 @@ from planner.bounds.stopping_path import (
     SIDE_LOAD,
     STOPPED,
     StopPath,
-    march_stop,
+    integrate_stop,
 )
 from planner.kernels.compiled import Floats, Ints, inlined, kernel
-from planner.kernels.limits import Numbers
+from planner.kernels.limits import PlanningLimits
 from planner.limiting import Limiting
 
 _TRIALS = 40
@@ -37,21 +37,22 @@ _ROLLOVER = int(Limiting.ROLLOVER)
 
 
 @kernel
-def marched_bound(
+def integrated_bound(
     chosen: Ints, target: Floats, count: Ints,
     station: Floats, grade: Floats, sin_grade: Floats, sin_roll: Floats, curvature: Floats,
     heading_x: Floats, heading_y: Floats,
-    weak_speed: Floats, weak_rest: Floats, strong_speed: Floats, strong_rest: Floats,
-    slowest: Floats, dead_time: Floats, motion: Motion, n: Numbers,
+    lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats,
+    slowest: Floats, dead_time: Floats, motion: Motion, n: PlanningLimits,
     speed_sq_max: Floats, limiting: Ints,
 ) -> None:  # fmt: skip
-    """Lower ``speed_sq_max`` to speeds whose marched stop ends before the target, loads kept.
+    """Lower ``speed_sq_max`` to speeds whose integrated stop ends before the target, loads kept.
 
     Args:
         chosen: indices of the candidates that need it.
         target: (M,) the vehicle must stand here [m]; count: (M,) stations.
         station, grade, sin_grade, sin_roll, curvature, heading_x, heading_y: (N, M) terrain.
-        weak_speed, weak_rest, strong_speed, strong_rest, slowest, dead_time: (N, M) ground.
+        lower_slope, lower_intercept, upper_slope, upper_intercept, slowest, dead_time: (N, M)
+            ground.
         motion: effects; n: the model.
         speed_sq_max, limiting: (N, M) bounds so far, lowered in place; those <= 0 stay.
     """
@@ -70,10 +71,10 @@ def marched_bound(
             path.station[k] = station[k, j]
             path.grade[k] = grade[k, j]
             path.sin_grade[k] = sin_grade[k, j]
-            path.weak_speed[k] = weak_speed[k, j]
-            path.weak_rest[k] = weak_rest[k, j]
-            path.strong_speed[k] = strong_speed[k, j]
-            path.strong_rest[k] = strong_rest[k, j]
+            path.lower_slope[k] = lower_slope[k, j]
+            path.lower_intercept[k] = lower_intercept[k, j]
+            path.upper_slope[k] = upper_slope[k, j]
+            path.upper_intercept[k] = upper_intercept[k, j]
             path.upright[k] = cosine * cos_lean
             path.side_speed_sq[k] = reach / bend if bend > 0.0 else np.inf
             path.bend[k] = bend
@@ -106,14 +107,14 @@ def _label(ending: int) -> int:
 @inlined
 def _highest_stop(
     k: int, high: float, target: float, count: int, path: StopPath, slowest: float,
-    dead_time: float, motion: Motion, n: Numbers,
+    dead_time: float, motion: Motion, n: PlanningLimits,
 ) -> tuple[float, int]:  # fmt: skip
     """Highest speed up to ``high`` whose stop ends well, and how those from above it end."""
     low, why = 0.0, STOPPED
     before, beyond_before = 0.0, path.station[k] - target
     trial = high
     for step in range(_TRIALS):
-        how, where, _ = march_stop(
+        how, where, _ = integrate_stop(
             k, trial, target, count, path, slowest, dead_time, motion, n.rear_lever, n.min_load
         )
         beyond = where - target

@@ -11,7 +11,7 @@ import numpy as np
 
 from models.quantity import GRAVITY
 from planner.kernels.compiled import Bools, Floats, Ints, kernel, row_pass
-from planner.kernels.limits import Numbers
+from planner.kernels.limits import PlanningLimits
 from planner.limiting import Limiting
 
 HOLDING = 0.02
@@ -30,10 +30,10 @@ _MODEL_VALIDITY = int(Limiting.MODEL_VALIDITY)
 
 
 @kernel
-def standing_bounds(
+def pointwise_bounds(
     sin_grade: Floats, sin_roll: Floats, curvature: Floats, known: Bools, count: Ints,
-    weak_speed: Floats, weak_rest: Floats, strong_speed: Floats, strong_rest: Floats,
-    slowest: Floats, fastest: Floats, trained: Bools, speed_limit: Floats, n: Numbers,
+    lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats,
+    slowest: Floats, fastest: Floats, trained: Bools, speed_limit: Floats, n: PlanningLimits,
     speed_sq_max: Floats, limiting: Ints, accel_max: Floats, demand: Floats,
     barrier: Ints, barrier_station: Ints, loads_at_risk: Ints,
 ) -> None:  # fmt: skip
@@ -41,7 +41,8 @@ def standing_bounds(
 
     Args:
         sin_grade, sin_roll, curvature, known: (N, M) terrain; count: (M,) stations.
-        weak_speed, weak_rest, strong_speed, strong_rest, slowest, fastest, trained: (N, M) ground.
+        lower_slope, lower_intercept, upper_slope, upper_intercept, slowest, fastest, trained: (N,
+            M) ground.
         speed_limit: (N, M) limits of the path itself [m/s], or (0, 0).
         n: the model.
         speed_sq_max, limiting, accel_max, demand, barrier, barrier_station: out, as in
@@ -62,8 +63,8 @@ def standing_bounds(
         _drive(sin_grade[k], cosine, cos_lean, curvature[k], n, accel_max[k], demand[k])
         _bars(
             sin_grade[k], sin_roll[k], cosine, cos_lean, demand[k], known[k], trained[k], limit,
-            fastest[k], slowest[k], weak_speed[k], weak_rest[k], strong_speed[k], strong_rest[k],
-            n, barred,
+            fastest[k], slowest[k], lower_slope[k], lower_intercept[k], upper_slope[k],
+            upper_intercept[k], n, barred,
         )  # fmt: skip
         _speeds(
             sin_roll[k], cosine, cos_lean, curvature[k], demand[k], limit, fastest[k], n,
@@ -75,7 +76,7 @@ def standing_bounds(
         )  # fmt: skip
         _risks(
             k, sin_roll[k], cosine, cos_lean, curvature[k], limit, fastest[k], slowest[k],
-            strong_speed[k], strong_rest[k], barrier_station, n, loads_at_risk,
+            upper_slope[k], upper_intercept[k], barrier_station, n, loads_at_risk,
         )  # fmt: skip
     before, label_before = speed_sq_max[0].copy(), limiting[0].copy()
     for k in range(stations - 1):
@@ -118,7 +119,7 @@ def _cosines(sin_grade: Floats, sin_roll: Floats, cosine: Floats, cos_lean: Floa
 
 @row_pass
 def _drive(
-    sin_grade: Floats, cosine: Floats, cos_lean: Floats, curvature: Floats, n: Numbers,
+    sin_grade: Floats, cosine: Floats, cos_lean: Floats, curvature: Floats, n: PlanningLimits,
     accel_max: Floats, demand: Floats,
 ) -> None:  # fmt: skip
     """Thrust that holds the speed, and acceleration that thrust and front axle allow."""
@@ -136,16 +137,16 @@ def _drive(
 def _bars(
     sin_grade: Floats, sin_roll: Floats, cosine: Floats, cos_lean: Floats, demand: Floats,
     known: Bools, trained: Bools, limit: Floats, fastest: Floats, slowest: Floats,
-    weak_speed: Floats, weak_rest: Floats, strong_speed: Floats, strong_rest: Floats,
-    n: Numbers, barred: Ints,
+    lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats,
+    n: PlanningLimits, barred: Ints,
 ) -> None:  # fmt: skip
     """Why the vehicle must not even stand there; of several reasons the last one below counts."""
     for j in range(sin_grade.shape[0]):
         sine, upright = sin_grade[j], cosine[j] * cos_lean[j]
         slow = slowest[j]
         fast = max(min(min(n.speed, limit[j]), fastest[j]), slow)
-        least = weak_rest[j] + min(slow * weak_speed[j], fast * weak_speed[j])
-        strong = strong_rest[j] + slow * strong_speed[j]
+        least = lower_intercept[j] + min(slow * lower_slope[j], fast * lower_slope[j])
+        strong = upper_intercept[j] + slow * upper_slope[j]
         rear = upright + n.rear_lever * min(sine, -strong)
         front = upright - n.front_lever * sine
         side = upright - n.side_lever * abs(cosine[j] * sin_roll[j])
@@ -161,7 +162,7 @@ def _bars(
 @row_pass
 def _speeds(
     sin_roll: Floats, cosine: Floats, cos_lean: Floats, curvature: Floats, demand: Floats,
-    limit: Floats, fastest: Floats, n: Numbers, speed_sq_max: Floats, limiting: Ints,
+    limit: Floats, fastest: Floats, n: PlanningLimits, speed_sq_max: Floats, limiting: Ints,
 ) -> None:  # fmt: skip
     """Lowest of the speeds by limits, curvature, wheels and power; earlier names win ties."""
     for j in range(sin_roll.shape[0]):
@@ -189,7 +190,7 @@ def _speeds(
 
 @row_pass
 def side_reach(
-    curvature: float, sin_roll: float, cosine: float, cos_lean: float, n: Numbers
+    curvature: float, sin_roll: float, cosine: float, cos_lean: float, n: PlanningLimits
 ) -> float:
     """Highest v² |κ| that keeps both sides loaded [m/s²]."""
     outward = cosine * sin_roll if curvature > 0.0 else -cosine * sin_roll
@@ -200,8 +201,8 @@ def side_reach(
 @row_pass
 def _risks(
     k: int, sin_roll: Floats, cosine: Floats, cos_lean: Floats, curvature: Floats, limit: Floats,
-    fastest: Floats, slowest: Floats, strong_speed: Floats, strong_rest: Floats,
-    barrier_station: Ints, n: Numbers, loads_at_risk: Ints,
+    fastest: Floats, slowest: Floats, upper_slope: Floats, upper_intercept: Floats,
+    barrier_station: Ints, n: PlanningLimits, loads_at_risk: Ints,
 ) -> None:  # fmt: skip
     """Could the loads run short at the highest speed that any candidate has here?"""
     for j in range(sin_roll.shape[0]):
@@ -209,7 +210,7 @@ def _risks(
         cap = min(min(n.speed, limit[j]), fastest[j])
         reach = side_reach(curvature[j], sin_roll[j], cosine[j], cos_lean[j], n)
         fast = max(cap, slow)
-        strong = strong_rest[j] + max(slow * strong_speed[j], fast * strong_speed[j])
+        strong = upper_intercept[j] + max(slow * upper_slope[j], fast * upper_slope[j])
         rear = cosine[j] * cos_lean[j] - n.rear_lever * strong
         risk = (reach < cap * cap * abs(curvature[j])) | (rear < n.min_load)
         loads_at_risk[j] |= 1 if risk & (k < barrier_station[j]) else 0

@@ -18,13 +18,13 @@ import numpy as np
 
 from models.parameters import Model
 from planner.bounds.closed_form_stop import stopping_bound
-from planner.bounds.integrated_stop import marched_bound
+from planner.bounds.integrated_stop import integrated_bound
 from planner.bounds.pointwise import HOLDING as HOLDING
-from planner.bounds.pointwise import standing_bounds
+from planner.bounds.pointwise import pointwise_bounds
 from planner.ground.braking_ground import Ground
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Floats, Ints, inlined, kernel, row_pass
-from planner.kernels.limits import Numbers as Numbers
+from planner.kernels.limits import PlanningLimits as PlanningLimits
 from planner.kernels.limits import numbers as numbers
 from planner.kernels.workspace import empty
 from planner.limiting import Limiting
@@ -89,9 +89,9 @@ def speed_bounds(
     limiting = codes.view(np.int64)
     barrier, barrier_station, loads_at_risk = (np.empty(shape[1], np.int64) for _ in range(3))
     scalars = numbers(model)
-    standing_bounds(
+    pointwise_bounds(
         profile.sin_grade, profile.sin_roll, profile.curvature, profile.known, profile.count,
-        ground.weak_speed, ground.weak_rest, ground.strong_speed, ground.strong_rest,
+        ground.lower_slope, ground.lower_intercept, ground.upper_slope, ground.upper_intercept,
         ground.slowest, ground.fastest, ground.trained,
         np.empty((0, 0)) if speed_limit is None else speed_limit, scalars,
         speed_sq_max, limiting, accel_max, demand, barrier, barrier_station, loads_at_risk,
@@ -103,18 +103,18 @@ def speed_bounds(
     tried = (limiting.copy(), speed_sq_max.copy()) if drags + ground.motion.wind_drag > 0.0 else ()
     stopping_bound(
         profile.station, profile.grade, profile.sin_grade, profile.known, profile.count,
-        ground.weak_speed, ground.weak_rest, ground.dead_time, ground.slowest,
+        ground.lower_slope, ground.lower_intercept, ground.dead_time, ground.slowest,
         target, barrier, barrier_station, scalars.speed, float(ground.dead_time.max()),
         speed_sq_max, limiting,
     )  # fmt: skip
-    marched = np.flatnonzero(loads_at_risk if ground.closed_form else np.ones(shape[1]))
-    if len(marched) > 0:
+    integrated = np.flatnonzero(loads_at_risk if ground.closed_form else np.ones(shape[1]))
+    if len(integrated) > 0:
         for array, standing in zip((limiting, speed_sq_max), tried, strict=False):
             np.copyto(array, standing, where=speed_sq_max > 0.0)
-        marched_bound(
-            marched, target, profile.count, profile.station, profile.grade, profile.sin_grade,
+        integrated_bound(
+            integrated, target, profile.count, profile.station, profile.grade, profile.sin_grade,
             profile.sin_roll, profile.curvature, profile.heading_x, profile.heading_y,
-            ground.weak_speed, ground.weak_rest, ground.strong_speed, ground.strong_rest,
+            ground.lower_slope, ground.lower_intercept, ground.upper_slope, ground.upper_intercept,
             ground.slowest, ground.dead_time, ground.motion, scalars, speed_sq_max, limiting,
         )  # fmt: skip
     _keep_chords_below(speed_sq_max, limiting, barrier)

@@ -3,7 +3,7 @@
 Two ways to the same answer. Where nothing but the grade acts, the energy that the brakes take out
 from onset to the target is an integral that is summed once along the path, and the speed follows
 from a quadratic. Where an effect acts on the motion itself, or a load may run short on the way, a
-stop is marched along the path, and :mod:`planner.bounds.integrated_stop` tries for the speed.
+stop is integrated along the path, and :mod:`planner.bounds.integrated_stop` tries for the speed.
 
 Source: Braking (7), (8), (12), with v dv = −a(θ(s), v_i) ds along the varying slope; the dead time
 at held speed comes first.
@@ -21,39 +21,40 @@ from models.quantity import GRAVITY
 from planner.kernels.compiled import Floats, inlined
 
 STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)
-"""How a marched stop ends."""
+"""How a integrated stop ends."""
 
 _SUBSTEPS = 2
 _motion_deceleration = inlined(registry.motion_deceleration)
 
 
 @inlined
-def onset_speed(speed_part: float, rest_part: float, slowest: float) -> float:
+def onset_speed(speed_part: float, intercept_part: float, slowest: float) -> float:
     """Highest speed at onset that the brakes take out over a stretch.
 
     Args:
         speed_part: integral of the part of F_b/W that grows with v_i, over the stretch [s].
-        rest_part: integral of the other part plus sin θ [m].
+        intercept_part: integral of the other part plus sin θ [m].
         slowest: below it the coefficients no longer change [m/s].
 
     Returns:
-        v with v²/2 = g (max(v, slowest) * speed_part + rest_part), 0 where there is none [m/s].
+        v with v²/2 = g (max(v, slowest) * speed_part + intercept_part), 0 where there is none
+        [m/s].
     """
     half = GRAVITY * speed_part
-    root = half * half + 2.0 * GRAVITY * rest_part
+    root = half * half + 2.0 * GRAVITY * intercept_part
     speed = half + np.sqrt(root) if root > 0.0 else 0.0
     if speed < slowest:
-        energy = 2.0 * GRAVITY * (slowest * speed_part + rest_part)
+        energy = 2.0 * GRAVITY * (slowest * speed_part + intercept_part)
         speed = min(np.sqrt(energy), slowest) if energy > 0.0 else 0.0
     return float(speed)
 
 
 class StopPath(NamedTuple):
-    """One path as a stop is marched along it; arrays are (N,).
+    """One path as a stop is integrated along it; arrays are (N,).
 
     Attributes:
         station, grade, sin_grade: terrain.
-        weak_speed, weak_rest, strong_speed, strong_rest: parts of both forces.
+        lower_slope, lower_intercept, upper_slope, upper_intercept: parts of both forces.
         upright: cos(roll) cos(grade).
         side_speed_sq: highest v² that keeps both sides loaded.
         bend: |curvature| [1/m].
@@ -63,10 +64,10 @@ class StopPath(NamedTuple):
     station: Floats
     grade: Floats
     sin_grade: Floats
-    weak_speed: Floats
-    weak_rest: Floats
-    strong_speed: Floats
-    strong_rest: Floats
+    lower_slope: Floats
+    lower_intercept: Floats
+    upper_slope: Floats
+    upper_intercept: Floats
     upright: Floats
     side_speed_sq: Floats
     bend: Floats
@@ -74,7 +75,7 @@ class StopPath(NamedTuple):
 
 
 @inlined
-def march_stop(
+def integrate_stop(
     k: int, speed: float, target: float, count: int, path: StopPath, slowest: float,
     dead_time: float, motion: Motion, rear_lever: float, min_load: float,
 ) -> tuple[int, float, float]:  # fmt: skip
@@ -100,8 +101,8 @@ def march_stop(
         extrapolated from the first station behind the target.
     """
     station, grade, sin_grade, upright = path.station, path.grade, path.sin_grade, path.upright
-    weak_speed, weak_rest = path.weak_speed, path.weak_rest
-    strong_speed, strong_rest = path.strong_speed, path.strong_rest
+    lower_slope, lower_intercept = path.lower_slope, path.lower_intercept
+    upper_slope, upper_intercept = path.upper_slope, path.upper_intercept
     side_speed_sq = path.side_speed_sq
     onset = station[k] + speed * dead_time
     v_i = max(speed, slowest)
@@ -130,8 +131,8 @@ def march_stop(
                 piece = min(piece, max(0.2 * motion.lag * np.sqrt(energy), 1e-3))
             u = (s + 0.5 * piece - station[i]) / length
             w = 1.0 - u
-            wanted = v_i * (w * weak_speed[i] + u * weak_speed[i + 1])
-            wanted += w * weak_rest[i] + u * weak_rest[i + 1]
+            wanted = v_i * (w * lower_slope[i] + u * lower_slope[i + 1])
+            wanted += w * lower_intercept[i] + u * lower_intercept[i + 1]
             sine = (w * sin_grade[i] + u * sin_grade[i + 1]) * (1.0 + 0.5 * u * w * turn * turn)
             up = w * upright[i] + u * upright[i + 1]
             middle_sq = max(energy - previous * piece, 0.0)
@@ -150,8 +151,8 @@ def march_stop(
                     seconds / motion.fade_tau, 1.0
                 )
             a = GRAVITY * (applied + sine)
-            strong = v_i * (w * strong_speed[i] + u * strong_speed[i + 1])
-            strong += w * strong_rest[i] + u * strong_rest[i + 1]
+            strong = v_i * (w * upper_slope[i] + u * upper_slope[i + 1])
+            strong += w * upper_intercept[i] + u * upper_intercept[i + 1]
             strong = min(strong, motion.friction * up)
             if moved:
                 bend = w * path.bend[i] + u * path.bend[i + 1]

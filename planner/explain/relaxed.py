@@ -33,8 +33,8 @@ def without(bound: Limiting, question: Question) -> Question:
         case Limiting.MODEL_VALIDITY:
             return replace(question, model=trained_for(question.model, grades=True, speeds=True))
         case Limiting.SPEED_LIMIT:
-            return replace(question, path_limits=False, lift=_as_fast_as_trained)
-    return replace(question, lift=_LIFTS[bound])
+            return replace(question, path_limits=False, relax=_as_fast_as_trained)
+    return replace(question, relax=_LIFTS[bound])
 
 
 def trained_for(model: Model, *, grades: bool = False, speeds: bool = False) -> Model:
@@ -79,13 +79,13 @@ def _stretched(model: Model, factor: float, cg_z: float) -> Model:
 
 
 def _out_of_reach(table: str, *names: str) -> Callable[[Model], Model]:
-    def lift(model: Model) -> Model:
+    def relax(model: Model) -> Model:
         part: Any = getattr(model, table)
         changed = replace(part, **{name: _FAR * getattr(part, name) for name in names})
         more: dict[str, Any] = {table: changed}
         return replace(model, **more)
 
-    return lift
+    return relax
 
 
 _LIFTS: Mapping[Limiting, Callable[[Model], Model]] = {

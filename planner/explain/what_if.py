@@ -22,7 +22,7 @@ from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import Floats
 from planner.kernels.limits import numbers
 from planner.path import CandidatePath, batch
-from planner.pipeline.plan_finalizer import Emission
+from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.plan import SpeedPlan
 from planner.profile.time_optimal import time_optimal_profile
 from planner.settings import PlannerSettings
@@ -50,7 +50,7 @@ class Question:
     model: Model
     uncertainty: Uncertainty | None
     clear: float
-    lift: Callable[[Model], Model] | None = None
+    relax: Callable[[Model], Model] | None = None
     smooth: bool = True
     path_limits: bool = True
     ground_known: bool = False
@@ -101,8 +101,8 @@ class WhatIf:
         model, uncertainty = question.model, question.uncertainty
         if uncertainty is not None:
             model = uncertainty.cautious(model)
-        if question.lift is not None:
-            model = question.lift(model)
+        if question.relax is not None:
+            model = question.relax(model)
         profile = self._profile
         if question.ground_known:
             profile = replace(profile, known=np.ones_like(profile.known))
@@ -116,14 +116,14 @@ class WhatIf:
         bounds = speed_bounds(profile, ground, model, np.array([question.clear]), limit)
         scalars = numbers(model)
         speed_sq, reachable = time_optimal_profile(
-            profile.station, bounds.speed_sq_max, profile.sin_grade, ground.weak_speed,
-            ground.braking_rest, ground.slowest, bounds.accel_max, bounds.demand,
+            profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
+            ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
             self._start_sq, scalars,
         )  # fmt: skip
-        emission = Emission(
+        finalizer = PlanFinalizer(
             model, scalars, profile, ground, bounds, 0, self._start_sq, speed_limit=limit
         )
-        return emission.emit(
+        return finalizer.finish(
             self._name,
             np.ascontiguousarray(speed_sq[:, 0]),
             smoothed=self._smooth and question.smooth,
@@ -145,8 +145,8 @@ def _stopping_at_once(ground: Ground) -> Ground:
 
     return replace(
         ground,
-        weak_speed=nothing(ground.weak_speed),
-        weak_rest=np.full_like(ground.weak_rest, _AT_ONCE),
+        lower_slope=nothing(ground.lower_slope),
+        lower_intercept=np.full_like(ground.lower_intercept, _AT_ONCE),
         dead_time=nothing(ground.dead_time),
         distance_offset=nothing(ground.distance_offset),
     )

@@ -2,7 +2,8 @@
 
 Two forces are kept. Where surfaces meet, or where the model extrapolates, the *weaker* one decides
 where the vehicle stops and the *stronger* one whether it tips; elsewhere they are the same. Either
-is linear in the speed at brake onset: F_b/W = speed_part * v_i + rest_part. Where friction caps the
+is linear in the speed at brake onset: F_b/W = speed_part * v_i + intercept_part. Where friction
+caps the
 force at some trained speed, both are constants: the least and the most that it can then be.
 """
 
@@ -18,7 +19,7 @@ from models.quantity import GRAVITY
 from planner.ground.crests import over_crests
 from planner.ground.force_margins import capped, ground_terms, widened
 from planner.ground.forces import on_many_surfaces, on_one_surface
-from planner.ground.surface_cache import knowledge_of
+from planner.ground.surface_cache import surface_cache_of
 from planner.ground.surface_table import resolve_surface as resolve_surface
 from planner.ground.surface_table import surface_bits
 from planner.ground.terrain_profile import TerrainProfile
@@ -44,8 +45,8 @@ class Ground:
     """Braking along M candidates of up to N stations; arrays are (N, M) unless said otherwise.
 
     Attributes:
-        weak_speed, weak_rest: parts of the weaker F_b/W [s/m], [1].
-        strong_speed, strong_rest: parts of the stronger F_b/W [s/m], [1].
+        lower_slope, lower_intercept: parts of the weaker F_b/W [s/m], [1].
+        upper_slope, upper_intercept: parts of the stronger F_b/W [s/m], [1].
         dead_time: from stop command to onset [s].
         slowest: speed below which the coefficients no longer change [m/s].
         fastest: highest trained speed [m/s].
@@ -56,10 +57,10 @@ class Ground:
         closed_form: the stopping path has one: nothing acts on the motion, one slowest speed.
     """
 
-    weak_speed: Floats
-    weak_rest: Floats
-    strong_speed: Floats
-    strong_rest: Floats
+    lower_slope: Floats
+    lower_intercept: Floats
+    upper_slope: Floats
+    upper_intercept: Floats
     dead_time: Floats
     slowest: Floats
     fastest: Floats
@@ -70,9 +71,13 @@ class Ground:
     closed_form: bool
 
     @property
-    def braking_rest(self) -> Floats:
+    def braking_intercept(self) -> Floats:
         """Rest part of the force that planned braking may count on, (N, M)."""
-        return self.weak_rest + self.push if self.motion.wind_drag > 0.0 else self.weak_rest
+        return (
+            self.lower_intercept + self.push
+            if self.motion.wind_drag > 0.0
+            else self.lower_intercept
+        )
 
 
 def ground_along(
@@ -93,7 +98,7 @@ def ground_along(
     """
     now = conditions or Conditions()
     braking = model.braking
-    known = knowledge_of(model, class_names, uncertainty)
+    known = surface_cache_of(model, class_names, uncertainty)
     table = known.table
     margin = braking.extrapolation_margin if braking.extrapolate else -1.0
     bits = surface_bits(profile, known.class_bits)
@@ -102,7 +107,7 @@ def ground_along(
     else:
         forces = on_many_surfaces(profile.grade, bits, table, margin)
     motion = known.motion._replace(heat=now.brake_heat)
-    push = forces.weak_rest
+    push = forces.lower_intercept
     if model.effect:
         yaw = np.arctan2(profile.heading_y, profile.heading_x)
         lowest, highest = ground_terms(model, profile, yaw, now.session_time)
@@ -110,7 +115,8 @@ def ground_along(
             margin = sum(uncertainty.ground_margin(e) for e in model.effect)
             lowest, highest = lowest - margin, highest + margin
         forces = forces._replace(
-            weak_rest=forces.weak_rest + lowest, strong_rest=forces.strong_rest + highest
+            lower_intercept=forces.lower_intercept + lowest,
+            upper_intercept=forces.upper_intercept + highest,
         )
         pushes = [
             registry.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
@@ -124,7 +130,7 @@ def ground_along(
     if uncertainty is not None and motion.drag + motion.viscous + motion.turning > 0.0:
         # Drag needs no friction: it adds to a force that is capped.
         drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
-        forces = forces._replace(strong_rest=forces.strong_rest + drag)
+        forces = forces._replace(upper_intercept=forces.upper_intercept + drag)
     if known.crests is not None:
         lever = model.vehicle.cg_z / (model.vehicle.wheelbase - model.vehicle.cg_x)
         forces = over_crests(forces, profile, known.crests, lever, lagged=motion.lag > 0.0)

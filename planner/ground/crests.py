@@ -37,22 +37,22 @@ def over_crests(
     least = [
         np.minimum(force, force * kept)
         for force, kept in (
-            (slow * forces.weak_speed + forces.weak_rest, at_slow),
-            (fast * forces.weak_speed + forces.weak_rest, at_fast),
+            (slow * forces.lower_slope + forces.lower_intercept, at_slow),
+            (fast * forces.lower_slope + forces.lower_intercept, at_fast),
         )
     ]
-    weak_speed = (least[1] - least[0]) / span
+    lower_slope = (least[1] - least[0]) / span
     # The product of a falling force and its falling share is convex: its chord is above it by this.
-    sag = 0.25 * np.maximum(forces.weak_speed * (at_fast - at_slow), 0.0) * span
-    weak_rest = least[0] - slow * weak_speed - sag
+    sag = 0.25 * np.maximum(forces.lower_slope * (at_fast - at_slow), 0.0) * span
+    lower_intercept = least[0] - slow * lower_slope - sag
     # And the chord of the loss, which is convex, above it.
     light, lightest = (crest.load_loss(v, bend) / rear_lever for v in (slow, fast))
     heavier = (lightest - light) / span
     return forces._replace(
-        weak_speed=weak_speed,
-        weak_rest=weak_rest,
-        strong_speed=forces.strong_speed + heavier,
-        strong_rest=forces.strong_rest + light - slow * heavier,
+        lower_slope=lower_slope,
+        lower_intercept=lower_intercept,
+        upper_slope=forces.upper_slope + heavier,
+        upper_intercept=forces.upper_intercept + light - slow * heavier,
     )
 
 

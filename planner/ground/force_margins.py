@@ -72,23 +72,23 @@ def margins(surfaces: int, model: Model, uncertainty: Uncertainty) -> Floats:
 
 def widened(forces: Forces, grade: Floats, bits: Ints, matrices: Floats) -> Forces:
     """Both forces with the margin of the least certain surface, (N, M)."""
-    weak_speed, weak_rest, strong_speed, strong_rest = empty(4, *grade.shape)
+    lower_slope, lower_intercept, upper_slope, upper_intercept = empty(4, *grade.shape)
     _widen(
         grade, np.ascontiguousarray(bits), matrices, forces.slowest, forces.fastest,
-        forces.weak_speed, forces.weak_rest, forces.strong_speed, forces.strong_rest,
-        weak_speed, weak_rest, strong_speed, strong_rest,
+        forces.lower_slope, forces.lower_intercept, forces.upper_slope, forces.upper_intercept,
+        lower_slope, lower_intercept, upper_slope, upper_intercept,
     )  # fmt: skip
     return forces._replace(
-        weak_speed=weak_speed, weak_rest=weak_rest, strong_speed=strong_speed,
-        strong_rest=strong_rest,
+        lower_slope=lower_slope, lower_intercept=lower_intercept, upper_slope=upper_slope,
+        upper_intercept=upper_intercept,
     )  # fmt: skip
 
 
 @kernel
 def _widen(
-    grade: Floats, bits: Ints, matrices: Floats, slowest: Floats, fastest: Floats,
-    weak_speed_in: Floats, weak_rest_in: Floats, strong_speed_in: Floats, strong_rest_in: Floats,
-    weak_speed: Floats, weak_rest: Floats, strong_speed: Floats, strong_rest: Floats,
+    grade: Floats, bits: Ints, matrices: Floats, slowest: Floats, fastest: Floats, lower_slope_in:
+    Floats, lower_intercept_in: Floats, upper_slope_in: Floats, upper_intercept_in: Floats,
+    lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats,
 ) -> None:  # fmt: skip
     """Give up √(φᵀ S φ), which is convex in v_i: its chord over the trained speeds is above it."""
     stations, candidates = grade.shape
@@ -108,10 +108,10 @@ def _widen(
             at_slow, at_fast = np.sqrt(at_slow), np.sqrt(at_fast)
             rise = (at_fast - at_slow) / max(fast - slow, 1e-6)
             rest = at_slow - rise * slow
-            weak_speed[k, j] = weak_speed_in[k, j] - rise
-            weak_rest[k, j] = weak_rest_in[k, j] - rest
-            strong_speed[k, j] = strong_speed_in[k, j] + rise
-            strong_rest[k, j] = strong_rest_in[k, j] + rest
+            lower_slope[k, j] = lower_slope_in[k, j] - rise
+            lower_intercept[k, j] = lower_intercept_in[k, j] - rest
+            upper_slope[k, j] = upper_slope_in[k, j] + rise
+            upper_intercept[k, j] = upper_intercept_in[k, j] + rest
 
 
 def capped(forces: Forces, profile: TerrainProfile, bits: Ints, table: Floats) -> Forces:
@@ -123,19 +123,21 @@ def capped(forces: Forces, profile: TerrainProfile, bits: Ints, table: Floats) -
     upright = np.sqrt((1.0 - profile.sin_grade**2) * (1.0 - profile.sin_roll**2))
     slow, fast = forces.slowest, forces.fastest
 
-    def extremes(speed_part: Floats, rest_part: Floats) -> tuple[Floats, Floats]:
-        ends = slow * speed_part + rest_part, fast * speed_part + rest_part
+    def extremes(speed_part: Floats, intercept_part: Floats) -> tuple[Floats, Floats]:
+        ends = slow * speed_part + intercept_part, fast * speed_part + intercept_part
         return np.minimum(*ends), np.maximum(*ends)
 
-    low, high = extremes(forces.weak_speed, forces.weak_rest)
+    low, high = extremes(forces.lower_slope, forces.lower_intercept)
     slides = high > least * upright
-    _, highest = extremes(forces.strong_speed, forces.strong_rest)
+    _, highest = extremes(forces.upper_slope, forces.upper_intercept)
     may_slide = highest > most * upright
     # Over a crest the ground is more upright between two stations than at either.
     uppermost = np.cos(level_between(profile.grade)) * np.cos(level_between(profile.roll))
     return forces._replace(
-        weak_speed=np.where(slides, 0.0, forces.weak_speed),
-        weak_rest=np.where(slides, np.minimum(low, least * upright), forces.weak_rest),
-        strong_speed=np.where(may_slide, 0.0, forces.strong_speed),
-        strong_rest=np.where(may_slide, np.minimum(highest, most * uppermost), forces.strong_rest),
+        lower_slope=np.where(slides, 0.0, forces.lower_slope),
+        lower_intercept=np.where(slides, np.minimum(low, least * upright), forces.lower_intercept),
+        upper_slope=np.where(may_slide, 0.0, forces.upper_slope),
+        upper_intercept=np.where(
+            may_slide, np.minimum(highest, most * uppermost), forces.upper_intercept
+        ),
     )

@@ -27,10 +27,10 @@ from planner.kernels.workspace import empty
 class Forces(NamedTuple):
     """The first arrays of :class:`planner.ground.braking_ground.Ground`, in its order."""
 
-    weak_speed: Floats
-    weak_rest: Floats
-    strong_speed: Floats
-    strong_rest: Floats
+    lower_slope: Floats
+    lower_intercept: Floats
+    upper_slope: Floats
+    upper_intercept: Floats
     dead_time: Floats
     slowest: Floats
     fastest: Floats
@@ -40,31 +40,39 @@ class Forces(NamedTuple):
 
 def on_one_surface(grade: Floats, surface: Floats, margin: float) -> Forces:
     """Where it has no kink and does not extrapolate, the stronger force *is* the weaker one."""
-    weak_speed, weak_rest, dead_time, slowest, fastest = empty(5, *grade.shape)
-    strong_speed, strong_rest = weak_speed, weak_rest
+    lower_slope, lower_intercept, dead_time, slowest, fastest = empty(5, *grade.shape)
+    upper_slope, upper_intercept = lower_slope, lower_intercept
     two = margin > 0.0 or has_kink(surface)
     if two:
-        strong_speed, strong_rest = empty(2, *grade.shape)
+        upper_slope, upper_intercept = empty(2, *grade.shape)
     trained = np.empty(grade.shape, np.bool_)
     _forces_on_one_surface(
-        grade, surface, margin, two, strong_speed, strong_rest, weak_speed, weak_rest, trained
+        grade,
+        surface,
+        margin,
+        two,
+        upper_slope,
+        upper_intercept,
+        lower_slope,
+        lower_intercept,
+        trained,
     )
     dead_time[:], slowest[:], fastest[:] = surface[DEAD], surface[SLOWEST], surface[FASTEST]
     offset = np.full(grade.shape[1], surface[OFFSET])
     return Forces(
-        weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest, trained,
-        offset,
+        lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
+        trained, offset,
     )  # fmt: skip
 
 
 def on_many_surfaces(grade: Floats, bits: Ints, table: Floats, margin: float) -> Forces:
-    weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest = (
+    lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest = (
         np.empty(grade.shape) for _ in range(7)
     )
     trained, distance_offset = np.empty(grade.shape, np.bool_), np.zeros(grade.shape[1])
     forces = Forces(
-        weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest, fastest, trained,
-        distance_offset,
+        lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
+        trained, distance_offset,
     )  # fmt: skip
     _forces(grade, bits, table, margin, *forces)
     return forces
@@ -72,8 +80,8 @@ def on_many_surfaces(grade: Floats, bits: Ints, table: Floats, margin: float) ->
 
 @kernel
 def _forces_on_one_surface(
-    grade: Floats, surface: Floats, margin: float, two: bool, strong_speed: Floats,
-    strong_rest: Floats, weak_speed: Floats, weak_rest: Floats, trained: Bools,
+    grade: Floats, surface: Floats, margin: float, two: bool, upper_slope: Floats,
+    upper_intercept: Floats, lower_slope: Floats, lower_intercept: Floats, trained: Bools,
 ) -> None:  # fmt: skip
     """Both forces, of which the stronger one is written only where the two may differ."""
     extra = max(margin, 0.0)
@@ -81,9 +89,11 @@ def _forces_on_one_surface(
         before, after = grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)]
         if two:
             _force_row(
-                grade[k], before, after, surface, extra, 1.0, strong_speed[k], strong_rest[k]
+                grade[k], before, after, surface, extra, 1.0, upper_slope[k], upper_intercept[k]
             )
-        _force_row(grade[k], before, after, surface, extra, -1.0, weak_speed[k], weak_rest[k])
+        _force_row(
+            grade[k], before, after, surface, extra, -1.0, lower_slope[k], lower_intercept[k]
+        )
         _trained_row(grade[k], surface, margin, trained[k])
 
 
@@ -96,7 +106,7 @@ def has_kink(surface: Floats) -> bool:
 @row_pass
 def _force_row(
     grade: Floats, before: Floats, after: Floats, surface: Floats, extra: float, sign: float,
-    speed_part: Floats, rest_part: Floats,
+    speed_part: Floats, intercept_part: Floats,
 ) -> None:  # fmt: skip
     """Weaker (sign −1) or stronger (+1) force of one surface.
 
@@ -118,7 +128,7 @@ def _force_row(
         rest = max(rest, sign * b_b) if bends else rest
         share = extra if (steepest_down < down) | (steepest_up > up) else 0.0
         speed_part[j] = sign * (speed + share * abs(speed))
-        rest_part[j] = sign * (rest + share * abs(rest))
+        intercept_part[j] = sign * (rest + share * abs(rest))
 
 
 @row_pass
@@ -131,7 +141,7 @@ def _trained_row(grade: Floats, surface: Floats, margin: float, trained: Bools) 
 @kernel
 def _forces(
     grade: Floats, surfaces: Ints, table: Floats, margin: float,
-    weak_speed: Floats, weak_rest: Floats, strong_speed: Floats, strong_rest: Floats,
+    lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats,
     dead_time: Floats, slowest: Floats, fastest: Floats, trained: Bools, distance_offset: Floats,
 ) -> None:  # fmt: skip
     stations, candidates = grade.shape
@@ -142,8 +152,8 @@ def _forces(
             steepest_down = min(theta, min(before, after))
             steepest_up = max(theta, max(before, after))
             bits = surfaces[k, j]
-            low_speed, low_rest = np.inf, np.inf
-            high_speed, high_rest = -np.inf, -np.inf
+            low_speed, low_intercept = np.inf, np.inf
+            high_speed, high_intercept = -np.inf, -np.inf
             dead, offset, fast = 0.0, 0.0, np.inf
             least_slow, most_slow = np.inf, 0.0
             inside, near_inside = True, True
@@ -154,16 +164,16 @@ def _forces(
                 m_m = table[i, UP_M_M] if uphill else table[i, M_M]
                 b_m = table[i, UP_B_M] if uphill else table[i, B_M]
                 speed_part = m_m * theta + table[i, M_B]
-                rest_part = b_m * theta + table[i, B_B]
+                intercept_part = b_m * theta + table[i, B_B]
                 low_speed = min(low_speed, speed_part)
-                low_rest = min(low_rest, rest_part)
+                low_intercept = min(low_intercept, intercept_part)
                 high_speed = max(high_speed, speed_part)
-                high_rest = max(high_rest, rest_part)
+                high_intercept = max(high_intercept, intercept_part)
                 if steepest_down < 0.0 and steepest_up > 0.0 and has_kink(table[i]):
                     low_speed = min(low_speed, table[i, M_B])
-                    low_rest = min(low_rest, table[i, B_B])
+                    low_intercept = min(low_intercept, table[i, B_B])
                     high_speed = max(high_speed, table[i, M_B])
-                    high_rest = max(high_rest, table[i, B_B])
+                    high_intercept = max(high_intercept, table[i, B_B])
                 dead = max(dead, table[i, DEAD])
                 offset = max(offset, table[i, OFFSET])
                 least_slow = min(least_slow, table[i, SLOWEST])
@@ -175,14 +185,14 @@ def _forces(
                     near_inside = False
             if not near_inside and margin >= 0.0:
                 low_speed -= margin * abs(low_speed)
-                low_rest -= margin * abs(low_rest)
+                low_intercept -= margin * abs(low_intercept)
                 high_speed += margin * abs(high_speed)
-                high_rest += margin * abs(high_rest)
+                high_intercept += margin * abs(high_intercept)
                 inside = True
-            weak_speed[k, j] = low_speed
-            weak_rest[k, j] = low_rest
-            strong_speed[k, j] = high_speed
-            strong_rest[k, j] = high_rest
+            lower_slope[k, j] = low_speed
+            lower_intercept[k, j] = low_intercept
+            upper_slope[k, j] = high_speed
+            upper_intercept[k, j] = high_intercept
             dead_time[k, j] = dead
             slowest[k, j] = least_slow if low_speed > 0.0 else most_slow
             fastest[k, j] = fast

@@ -21,7 +21,7 @@ _KEPT = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Knowledge:
+class SurfaceCache:
     """Coefficients of S surfaces, and what acts on the motion.
 
     Attributes:
@@ -45,30 +45,30 @@ class Knowledge:
 
 
 _Key = tuple[Model, tuple[str, ...], Uncertainty | None]
-_recent: tuple[tuple[_Key, Knowledge], ...] = ()
+_recent: tuple[tuple[_Key, SurfaceCache], ...] = ()
 """Replaced as a whole, never changed: threads need no lock."""
 
 
-def knowledge_of(
+def surface_cache_of(
     model: Model, class_names: tuple[str, ...], uncertainty: Uncertainty | None
-) -> Knowledge:
+) -> SurfaceCache:
     """What this model, which never changes, knows of these classes."""
     global _recent
-    for (known, names, doubt), knowledge in _recent:
+    for (known, names, doubt), cache in _recent:
         if known is model and doubt is uncertainty and names == class_names:
-            return knowledge
-    knowledge = _gather(model, class_names, uncertainty)
-    _recent = (((model, class_names, uncertainty), knowledge), *_recent[: _KEPT - 1])
-    return knowledge
+            return cache
+    cache = _gather(model, class_names, uncertainty)
+    _recent = (((model, class_names, uncertainty), cache), *_recent[: _KEPT - 1])
+    return cache
 
 
 def _gather(
     model: Model, class_names: tuple[str, ...], uncertainty: Uncertainty | None
-) -> Knowledge:
+) -> SurfaceCache:
     table, class_bits = surface_table(model, class_names, uncertainty)
     doubt = None if uncertainty is None else margins(len(table), model, uncertainty)
     motion = registry.motion(model.effect)._replace(friction=np.inf)
-    return Knowledge(
+    return SurfaceCache(
         read_only(table),
         read_only(class_bits),
         doubt if doubt is not None and doubt.any() else None,

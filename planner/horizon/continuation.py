@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.horizon.path_projection import Place, locate, project
+from planner.horizon.path_projection import PathProjection, locate, project
 from planner.kernels.compiled import Floats, Ints, kernel
 from planner.path import PathBatch
 from planner.plan import SpeedPlan
@@ -91,37 +91,37 @@ class Driven:
     speed_limit: Floats | None
     behind: Points
 
-    def locate(self, at: tuple[float, float], heading: float) -> Place:
+    def locate(self, at: tuple[float, float], heading: float) -> PathProjection:
         """The vehicle on the plan's path."""
         x, y = self.plan.x[:, None], self.plan.y[:, None]
         return locate(x, y, np.array([len(x)]), at, heading)
 
-    def _share(self, place: Place) -> float:
+    def _share(self, place: PathProjection) -> float:
         """How much of its segment the vehicle has driven."""
         x, y, i = self.plan.x, self.plan.y, int(place.segment[0])
         step = math.hypot(x[i + 1] - x[i], y[i + 1] - y[i])
         gone = math.hypot(place.x[0] - x[i], place.y[0] - y[i])
         return min(gone / max(step, 1e-9), 1.0)
 
-    def speed_at(self, place: Place) -> tuple[float, float]:
+    def speed_at(self, place: PathProjection) -> tuple[float, float]:
         """Speed [m/s] and acceleration [m/s²] of the plan where the vehicle is."""
         plan, i, u = self.plan, int(place.segment[0]), self._share(place)
         speed_sq = (1.0 - u) * plan.speed[i] ** 2 + u * plan.speed[i + 1] ** 2
         return math.sqrt(speed_sq), float(plan.accel[i])
 
-    def station_at(self, place: Place) -> float:
+    def station_at(self, place: PathProjection) -> float:
         """Station of the vehicle on the plan [m]."""
         station, i = self.plan.station, int(place.segment[0])
         return float(station[i] + self._share(place) * (station[i + 1] - station[i]))
 
-    def time_at(self, place: Place) -> float:
+    def time_at(self, place: PathProjection) -> float:
         """Time of the plan where the vehicle is [s]."""
         plan, i = self.plan, int(place.segment[0])
         mean = 0.5 * float(plan.speed[i] + self.speed_at(place)[0])
         gone = self._share(place) * float(plan.station[i + 1] - plan.station[i])
         return float(plan.time[i]) + (gone / mean if mean > 0.0 else 0.0)
 
-    def ahead(self, place: Place) -> Points:
+    def ahead(self, place: PathProjection) -> Points:
         """The vehicle's place and the stations after it."""
         i = int(place.segment[0])
         return Points(
@@ -129,7 +129,7 @@ class Driven:
             np.concatenate((place.y, self.plan.y[i + 1 :])),
         )
 
-    def agrees(self, place: Place, x: Floats, y: Floats, tolerance: float) -> bool:
+    def agrees(self, place: PathProjection, x: Floats, y: Floats, tolerance: float) -> bool:
         """Does a path run along this one from the vehicle on, as far as both go?
 
         Args:
@@ -145,7 +145,7 @@ class Driven:
         beyond = (nearest == len(own.x) - 2) & (share > 1.0)
         return bool(np.all((off <= tolerance) | before | beyond))
 
-    def rest(self, place: Place, behind: int = BEHIND) -> tuple[PathBatch, int]:
+    def rest(self, place: PathProjection, behind: int = BEHIND) -> tuple[PathBatch, int]:
         """The path around and ahead of the vehicle.
 
         Args:
@@ -169,7 +169,7 @@ class Driven:
 
     def going_on(
         self,
-        place: Place,
+        place: PathProjection,
         offered: tuple[Floats, Floats, Floats | None],
         behind: int = BEHIND,
         *,
@@ -199,7 +199,7 @@ class Driven:
         )
         return _alone(self.plan, *further, limits), first
 
-    def _extension(self, place: Place, x: Floats, y: Floats) -> int:
+    def _extension(self, place: PathProjection, x: Floats, y: Floats) -> int:
         """Index of the first offered station beyond the end of this path."""
         own_x, own_y = self.plan.x, self.plan.y
         step = float(np.hypot(own_x[-1] - own_x[-2], own_y[-1] - own_y[-2]))

@@ -12,8 +12,15 @@ from models.errors import ParameterError
 from planner.horizon.answer import FULL_STOP, Answer, Deficit, Ranked, State, command_of
 from planner.horizon.continuation import Driven, Points
 from planner.horizon.cycle_planner import CyclePlanner, Work
-from planner.horizon.path_projection import Place, cut, left_behind, locate, only, only_places
-from planner.horizon.previous_plan import OwnPath, offered_path
+from planner.horizon.path_projection import (
+    PathProjection,
+    cut,
+    left_behind,
+    locate,
+    only,
+    only_places,
+)
+from planner.horizon.previous_plan import PreviousPlanFollower, offered_path
 from planner.horizon.refusals import malformed, out_of_reach
 from planner.kernels.compiled import Bools, Floats
 from planner.path import PathBatch, joined
@@ -44,11 +51,11 @@ class Cycle:
         self._lap = planner.begun
         self._gain = self._settings.switch_gain
         self.seconds: dict[str, float] = {}
-        self._own: OwnPath | None = None
+        self._own: PreviousPlanFollower | None = None
         if driven is not None and not state.flaw():
             place = driven.locate(self._at, state.heading)
             if self._is_on(place) and self._tracks(driven, place):
-                self._own = OwnPath(planner, driven, place, None)
+                self._own = PreviousPlanFollower(planner, driven, place, None)
 
     def run(self, paths: PathBatch | None, clear: Floats) -> tuple[Answer, Driven | None]:
         """The answer, and the plan that is driven from now on.
@@ -82,7 +89,7 @@ class Cycle:
         return self._plan(paths, place, clear, refused)
 
     def _plan(
-        self, paths: PathBatch, place: Place, clear: Floats, refused: tuple[Ranked, ...]
+        self, paths: PathBatch, place: PathProjection, clear: Floats, refused: tuple[Ranked, ...]
     ) -> tuple[Answer, Driven | None]:
         """The answer where there are candidates to drive."""
         planner = self._planner
@@ -143,19 +150,19 @@ class Cycle:
 
     # ------------------------------------------------------------------ candidates
 
-    def _is_on(self, place: Place) -> bool:
+    def _is_on(self, place: PathProjection) -> bool:
         """Is the vehicle on the plan driven so far?"""
         settings = self._settings
         beside, turned, along = (float(v[0]) for v in (place.beside, place.turned, place.along))
         return beside <= settings.beside and turned <= settings.turned and along >= -settings.ahead
 
-    def _tracks(self, driven: Driven, place: Place) -> bool:
+    def _tracks(self, driven: Driven, place: PathProjection) -> bool:
         """Is the vehicle as fast as the plan has it, or about to be?"""
         planned, _ = driven.speed_at(place)
         return abs(max(self._state.speed, 0.0) - planned) <= self._settings.speed_error
 
     def _find_own(
-        self, paths: PathBatch, place: Place, begun: PathBatch, left: Floats, clear: Floats
+        self, paths: PathBatch, place: PathProjection, begun: PathBatch, left: Floats, clear: Floats
     ) -> int | None:
         """Index of the candidate that is the path driven so far, which takes note of it."""
         own = self._own
@@ -227,9 +234,9 @@ class Cycle:
         if self._own is not None and start > 0.0:
             _, accel = self._own.driven.speed_at(self._own.place)
         speed_sq = np.ascontiguousarray(solved.speed_sq[:n, j])
-        lead = np.array([start**2])
-        plan = self._planner.emit(
-            paths.names[j], lambda: self._planner.emission(solved, j, lead, limit),
+        fixed_prefix = np.array([start**2])
+        plan = self._planner.finish(
+            paths.names[j], lambda: self._planner.finalizer(solved, j, fixed_prefix, limit),
             Work(speed_sq, not too_fast, innocent, accel),
         )  # fmt: skip
         return Driven(plan, None if limit is None else limit[:n, j], Points(*np.empty((2, 0))))

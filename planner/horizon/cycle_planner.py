@@ -15,10 +15,10 @@ from planner.ground.terrain_profile import stations_along
 from planner.ground.uncertainty import Uncertainty
 from planner.horizon.answer import HorizonSettings
 from planner.kernels.compiled import Floats
-from planner.kernels.limits import Numbers
+from planner.kernels.limits import PlanningLimits
 from planner.path import PathBatch
 from planner.pipeline.candidates import TimeOptimalBatch, time_optimal_batch
-from planner.pipeline.plan_finalizer import Emission
+from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
 
@@ -28,7 +28,7 @@ class Equipment:
     """What stays from cycle to cycle; the model is cautious already."""
 
     model: Model
-    scalars: Numbers
+    scalars: PlanningLimits
     uncertainty: Uncertainty
     settings: HorizonSettings
     planner: PlannerSettings
@@ -70,22 +70,27 @@ class CyclePlanner:
             conditions=self.conditions, uncertainty=own.uncertainty,
         )  # fmt: skip
 
-    def emission(
-        self, solved: TimeOptimalBatch, j: int, lead: Floats, limit: Floats | None, first: int = 0
-    ) -> Emission:
+    def finalizer(
+        self,
+        solved: TimeOptimalBatch,
+        j: int,
+        fixed_prefix: Floats,
+        limit: Floats | None,
+        first: int = 0,
+    ) -> PlanFinalizer:
         """Candidate j of a batch on its way; see :mod:`planner.pipeline.plan_finalizer`."""
         own = self.equipment
-        return Emission(
-            own.model, own.scalars, solved.profile, solved.ground, solved.bounds, j, lead,
+        return PlanFinalizer(
+            own.model, own.scalars, solved.profile, solved.ground, solved.bounds, j, fixed_prefix,
             speed_limit=limit, first=first,
         )  # fmt: skip
 
-    def emit(self, name: str, emission: Callable[[], Emission], work: Work) -> SpeedPlan:
+    def finish(self, name: str, finalizer: Callable[[], PlanFinalizer], work: Work) -> SpeedPlan:
         """The plan of a candidate: smoothed, if there is time, and if the solver does not fail.
 
         Args:
             name: of the candidate.
-            emission: makes it; twice, if smoothing has to be given up.
+            finalizer: makes it; twice, if smoothing has to be given up.
             work: see there.
         """
         own, why = self.equipment, ""
@@ -93,7 +98,7 @@ class CyclePlanner:
             why = f"not smoothed within {1e3 * own.settings.budget:g} ms"
         elif own.planner.smooth:
             try:
-                return emission().emit(
+                return finalizer().finish(
                     name,
                     work.speed_sq,
                     reachable=work.reachable,
@@ -103,7 +108,7 @@ class CyclePlanner:
             except Exception as error:  # noqa: BLE001
                 # Whatever a solver raises: the plan does not need it, and is labelled.
                 why = f"not smoothed: {type(error).__name__}: {error}"
-        return emission().emit(
+        return finalizer().finish(
             name, work.speed_sq, smoothed=False, reachable=work.reachable, innocent=work.innocent,
             unsmoothed=why,
         )  # fmt: skip

@@ -31,7 +31,7 @@ _ITS_WAY = 0.36
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PathProjection:
     """The vehicle on M polylines.
 
     Attributes:
@@ -52,7 +52,9 @@ class Place:
     turned: Floats
 
 
-def locate(x: Floats, y: Floats, count: Ints, at: tuple[float, float], heading: float) -> Place:
+def locate(
+    x: Floats, y: Floats, count: Ints, at: tuple[float, float], heading: float
+) -> PathProjection:
     """Find the vehicle on paths, where they cross themselves on the branch that goes its way.
 
     Args:
@@ -61,7 +63,7 @@ def locate(x: Floats, y: Floats, count: Ints, at: tuple[float, float], heading: 
     """
     segment, place = np.empty(x.shape[1], np.int64), np.empty((6, x.shape[1]))
     _locate(x, y, count, at[0], at[1], heading, segment, place)
-    return Place(segment, *place)
+    return PathProjection(segment, *place)
 
 
 @inlined
@@ -113,7 +115,7 @@ def _locate(
         place[4, j], place[5, j] = beside, min(turned, 2.0 * np.pi - turned)
 
 
-def cut(paths: PathBatch, place: Place, at: tuple[float, float]) -> PathBatch:
+def cut(paths: PathBatch, place: PathProjection, at: tuple[float, float]) -> PathBatch:
     """Candidates from the vehicle on.
 
     Each begins at the vehicle's place on it, at the vehicle itself where the path begins ahead of
@@ -171,7 +173,7 @@ def _cut(
                 new_limit[i, j] = limit[min(kept + i - 1, last), j]
 
 
-def left_behind(paths: PathBatch, place: Place, elevation_map: ElevationMap) -> Floats:
+def left_behind(paths: PathBatch, place: PathProjection, elevation_map: ElevationMap) -> Floats:
     """Station of the vehicle on each candidate, along the ground; < 0 before it begins, (M,) [m].
 
     Args:
@@ -202,6 +204,8 @@ def only(paths: PathBatch, usable: Ints) -> PathBatch:
     return PathBatch(names, x, y, paths.count[usable], limit)
 
 
-def only_places(place: Place, usable: Ints) -> Place:
+def only_places(place: PathProjection, usable: Ints) -> PathProjection:
     """The vehicle on some of the candidates."""
-    return Place(*(getattr(place, name)[usable] for name in Place.__dataclass_fields__))
+    return PathProjection(
+        *(getattr(place, name)[usable] for name in PathProjection.__dataclass_fields__)
+    )

@@ -13,11 +13,11 @@ import numpy as np
 from planner.horizon.answer import Deficit
 from planner.horizon.continuation import BEHIND, Driven, Points, reached
 from planner.horizon.cycle_planner import CyclePlanner, Work
-from planner.horizon.path_projection import Place
+from planner.horizon.path_projection import PathProjection
 from planner.kernels.compiled import Floats
 from planner.path import PathBatch
 from planner.pipeline.candidates import TimeOptimalBatch
-from planner.pipeline.plan_finalizer import Emission
+from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.plan import SpeedPlan, Status
 from planner.verify.judge import Offence
 
@@ -80,7 +80,7 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
-class OwnPath:
+class PreviousPlanFollower:
     """The plan driven so far, where the vehicle is on it, and as what it is offered now.
 
     Attributes:
@@ -90,7 +90,7 @@ class OwnPath:
 
     planner: CyclePlanner
     driven: Driven
-    place: Place
+    place: PathProjection
     offered: Offered | None
 
     @property
@@ -129,16 +129,18 @@ class OwnPath:
         path, first = way.path, way.first
         if solved.bounds.barrier_station[-1] >= first:
             j = len(solved.cost) - 1
-            emission = self.planner.emission(solved, j, self._lead, limit, first)
+            finalizer = self.planner.finalizer(solved, j, self._fixed_prefix, limit, first)
         else:
-            path, first, emission = self._emission(extended=True, behind=BEHIND - 1)
-        speed_sq, reachable = emission.fastest()
+            path, first, finalizer = self._finalizer(extended=True, behind=BEHIND - 1)
+        speed_sq, reachable = finalizer.fastest()
         if not reachable:
             return None
         work = Work(speed_sq, innocent=True, start_accel=float(plan.accel[i]))
-        again = [emission]
-        answer = self.planner.emit(
-            plan.candidate, lambda: again.pop() if again else self._emission(extended=True)[2], work
+        again = [finalizer]
+        answer = self.planner.finish(
+            plan.candidate,
+            lambda: again.pop() if again else self._finalizer(extended=True)[2],
+            work,
         )
         # A plan that cannot be repaired stands still: that is none for a vehicle that moves.
         return _driven(answer, path, first) if answer.speed[0] == plan.speed[i] else None
@@ -146,38 +148,40 @@ class OwnPath:
     def keep(self) -> tuple[Driven | None, Deficit | None]:
         """What is left of the plan, as it is; or what it lacks by what is known now."""
         i, plan = self._segment, self.driven.plan
-        path, first, emission = self._emission(extended=False)
+        path, first, finalizer = self._finalizer(extended=False)
         speed_sq = plan.speed[i:] ** 2
-        kept = emission.keep(plan.candidate, speed_sq)
+        kept = finalizer.keep(plan.candidate, speed_sq)
         if kept is not None:
             if plan.status is Status.DEGRADED:
                 kept = replace(kept, status=plan.status, reason=plan.reason)
             return _driven(kept, path, first), None
         if plan.status is Status.DEGRADED:
             return None, None
-        verdict = emission.judge(speed_sq)
-        kind = int(np.argmax(verdict.offence))
+        verdict = finalizer.judge(speed_sq)
+        kind = int(np.argmax(verdict.violation))
         k = int(verdict.where[0]) if len(verdict.where) else 0
         distance = float(plan.station[i + k]) - self.driven.station_at(self.place)
         name = Offence._fields[kind]
-        return None, Deficit(float(verdict.offence[kind]), max(distance, 0.0), name)
+        return None, Deficit(float(verdict.violation[kind]), max(distance, 0.0), name)
 
     def stop(self, why: str) -> Driven | None:
         """Service braking on this path, None if that breaches anything."""
         i, plan = self._segment, self.driven.plan
-        path, first, emission = self._emission(extended=False)
+        path, first, finalizer = self._finalizer(extended=False)
         station = plan.station[i:]
         decel = self.planner.equipment.model.limits.decel
         slowing = plan.speed[i + 1] ** 2 - 2.0 * decel * (station - station[1])
         speed_sq = np.minimum(plan.speed[i:] ** 2, np.maximum(slowing, 0.0))
         speed_sq[:2] = plan.speed[i : i + 2] ** 2
-        stop = emission.keep(plan.candidate, speed_sq)
+        stop = finalizer.keep(plan.candidate, speed_sq)
         if stop is None:
             return None
         reason = f"{why}: stops on the path driven so far"
         return _driven(replace(stop, status=Status.DEGRADED, reason=reason), path, first)
 
-    def _emission(self, *, extended: bool, behind: int = BEHIND) -> tuple[PathBatch, int, Emission]:
+    def _finalizer(
+        self, *, extended: bool, behind: int = BEHIND
+    ) -> tuple[PathBatch, int, PlanFinalizer]:
         """The path from the vehicle's segment on, judged with the stations behind it.
 
         Ground behind the vehicle that is not known any more, or never was, bars nothing ahead: then
@@ -189,14 +193,18 @@ class OwnPath:
             solved = self.planner.solve(path, np.array([way.clear]), way.start)
             if solved.bounds.barrier_station[0] >= first:
                 break
-        return path, first, self.planner.emission(solved, 0, self._lead, path.speed_limit, first)
+        return (
+            path,
+            first,
+            self.planner.finalizer(solved, 0, self._fixed_prefix, path.speed_limit, first),
+        )
 
     @property
-    def _lead(self) -> Floats:
+    def _fixed_prefix(self) -> Floats:
         """v² at both ends of the vehicle's segment, (2,) [m²/s²]."""
         i = self._segment
-        lead: Floats = self.driven.plan.speed[i : i + 2] ** 2
-        return lead
+        fixed_prefix: Floats = self.driven.plan.speed[i : i + 2] ** 2
+        return fixed_prefix
 
     def _way(self, behind: int, *, extended: bool) -> Way:
         if self.offered is None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from planner.horizon.answer import HorizonSettings
-from planner.horizon.path_projection import FEWEST, Place
+from planner.horizon.path_projection import FEWEST, PathProjection
 from planner.kernels.compiled import Bools, Floats, Ints, kernel
 from planner.path import PathBatch
 
@@ -42,7 +42,7 @@ def malformed(paths: PathBatch, clear: Floats) -> list[str]:
     return reasons
 
 
-def out_of_reach(place: Place, most: HorizonSettings) -> list[str]:
+def out_of_reach(place: PathProjection, most: HorizonSettings) -> list[str]:
     """Why candidates cannot be driven from where the vehicle is, empty for those that can."""
     near = (place.beside <= most.beside) & (-place.along <= most.ahead)
     drivable = near & (place.turned <= most.turned) & (place.left > _ENDS)

@@ -8,7 +8,7 @@ from models.parameters import Model
 from models.quantity import GRAVITY
 
 
-class Numbers(NamedTuple):
+class PlanningLimits(NamedTuple):
     """Vehicle, terrain and limits as plain numbers; SI.
 
     Attributes:
@@ -34,12 +34,12 @@ class Numbers(NamedTuple):
     lateral_accel: float
 
 
-def numbers(model: Model) -> Numbers:
+def numbers(model: Model) -> PlanningLimits:
     """Collect the scalars of a model."""
     vehicle, limits, terrain = model.vehicle, model.limits, model.terrain
     weight = vehicle.mass * GRAVITY
     skid_steer = vehicle.drive == "skid_steer"
-    return Numbers(
+    return PlanningLimits(
         rear_lever=vehicle.cg_z / (vehicle.wheelbase - vehicle.cg_x),
         front_lever=vehicle.cg_z / vehicle.cg_x,
         side_lever=2.0 * vehicle.cg_z / vehicle.track_width,

@@ -13,14 +13,14 @@ import numpy as np
 
 from models.errors import ParameterError
 from models.parameters import Model
-from planner.bounds.speed_bounds import Numbers, SpeedBounds, numbers, speed_bounds
+from planner.bounds.speed_bounds import PlanningLimits, SpeedBounds, numbers, speed_bounds
 from planner.ground.braking_ground import Conditions, Ground, ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import Floats, Ints, kernel
 from planner.path import CandidatePath, PathBatch, batch
-from planner.pipeline.plan_finalizer import Emission
+from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.plan import SpeedPlan, Status
 from planner.profile.time_optimal import time_optimal_profile
 from planner.settings import PlannerSettings
@@ -82,8 +82,8 @@ def time_optimal_batch(
         profile, ground, model, np.full(candidates, clear, np.float64), speed_limit
     )
     speed_sq, reachable = time_optimal_profile(
-        profile.station, bounds.speed_sq_max, profile.sin_grade, ground.weak_speed,
-        ground.braking_rest, ground.slowest, bounds.accel_max, bounds.demand,
+        profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
+        ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
         np.full(candidates, np.square(start_speed)), numbers(model),
     )  # fmt: skip
     cost = ranking_cost(profile.station, speed_sq, settings or PlannerSettings())
@@ -132,7 +132,7 @@ class CandidatePlanner:
         self.model = model if uncertainty is None else uncertainty.cautious(model)
         self.uncertainty = uncertainty
         self.settings = settings or PlannerSettings()
-        self.scalars: Numbers = numbers(self.model)
+        self.scalars: PlanningLimits = numbers(self.model)
 
     def plan(
         self,
@@ -194,12 +194,12 @@ class CandidatePlanner:
     ) -> SpeedPlan:
         """Smooth, judge and explain candidate j of a batch."""
         start_sq = start_speed**2
-        emission = Emission(
+        finalizer = PlanFinalizer(
             self.model, self.scalars, solved.profile, solved.ground, solved.bounds, j,
             np.array([start_sq]), speed_limit=speed_limit,
         )  # fmt: skip
         n = int(solved.profile.count[j])
-        return emission.emit(
+        return finalizer.finish(
             name,
             np.ascontiguousarray(solved.speed_sq[:n, j]),
             smoothed=self.settings.smooth,

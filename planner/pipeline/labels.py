@@ -6,7 +6,7 @@ import numpy as np
 
 from models.quantity import GRAVITY
 from planner.kernels.compiled import Floats, Ints, inlined, kernel
-from planner.kernels.limits import Numbers
+from planner.kernels.limits import PlanningLimits
 from planner.limiting import Limiting
 from planner.verify.track import Track
 
@@ -22,21 +22,21 @@ _JERK = int(Limiting.JERK)
 @inlined
 def _least_force(track: Track, k: int, fast: float) -> float:
     """The part of the weaker force that depends on speed, up to this one."""
-    slow, part = track.slowest[k], track.weak_speed[k]
+    slow, part = track.slowest[k], track.lower_slope[k]
     return float(min(slow * part, max(fast, slow) * part))
 
 
 @kernel
 def segment_limits(
-    track: Track, speed_sq: Floats, accel_max: Floats, demand: Floats, braking_rest: Floats,
-    n: Numbers, accel: Floats, decel: Floats,
+    track: Track, speed_sq: Floats, accel_max: Floats, demand: Floats, braking_intercept: Floats,
+    n: PlanningLimits, accel: Floats, decel: Floats,
 ) -> None:  # fmt: skip
     """Accelerations allowed on each segment at any speed up to a profile.
 
     Args:
         track: the candidate.
         speed_sq: (N,) the profile [m²/s²].
-        accel_max, demand, braking_rest: (N,) as of bounds and ground.
+        accel_max, demand, braking_intercept: (N,) as of bounds and ground.
         n: the model.
         accel, decel: (N − 1,) out, both >= 0 [m/s²].
     """
@@ -46,8 +46,8 @@ def segment_limits(
         fast = np.sqrt(max(speed_sq[k], speed_sq[k + 1], 1e-6))
         # Brakes that grow weaker with speed do so at either end from the segment's fastest.
         braking = min(
-            _least_force(track, k, fast) + braking_rest[k] + sine_before,
-            _least_force(track, k + 1, fast) + braking_rest[k + 1] + sine,
+            _least_force(track, k, fast) + braking_intercept[k] + sine_before,
+            _least_force(track, k + 1, fast) + braking_intercept[k + 1] + sine,
         )
         powered = GRAVITY * (n.specific_power / fast - max(demand[k], demand[k + 1]))
         accel[k] = max(min(accel_max[k], accel_max[k + 1], powered), 0.0)

@@ -14,7 +14,7 @@ from planner.bounds.speed_bounds import SpeedBounds
 from planner.ground.braking_ground import Ground
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Floats, Ints
-from planner.kernels.limits import Numbers
+from planner.kernels.limits import PlanningLimits
 from planner.limiting import Limiting
 from planner.pipeline import labels
 from planner.plan import SpeedPlan, Status, motion_of
@@ -27,7 +27,7 @@ _REPAIRS = 12
 _REPAIR_SHARE = 0.96
 
 
-class Emission:
+class PlanFinalizer:
     """One candidate on its way through smoothing, judge, repair and labels.
 
     Its first stations may be driven already: ``lead`` holds their v², and planning goes on from the
@@ -37,12 +37,12 @@ class Emission:
     def __init__(
         self,
         model: Model,
-        scalars: Numbers,
+        scalars: PlanningLimits,
         profile: TerrainProfile,
         ground: Ground,
         bounds: SpeedBounds,
         j: int,
-        lead: Floats,
+        fixed_prefix: Floats,
         *,
         speed_limit: Floats | None = None,
         first: int = 0,
@@ -62,7 +62,7 @@ class Emission:
         begin = float(profile.station[first, j])
         self.x, self.y, self.z = (a[first:n, j] for a in (profile.x, profile.y, profile.z))
         self._model, self._scalars = model, scalars
-        self._lead = lead
+        self._fixed_prefix = fixed_prefix
         self._motion = ground.motion
         self._offset = float(ground.distance_offset[j])
         self.clear = float(bounds.clear_distance[j]) - begin
@@ -74,9 +74,9 @@ class Emission:
         self._accel_max = np.ascontiguousarray(bounds.accel_max[first:n, j])
         self._demand = np.ascontiguousarray(bounds.demand[first:n, j])
         self._sine = np.sin(self.track.grade)
-        self._braking_rest = np.ascontiguousarray(ground.braking_rest[first:n, j])
+        self._braking_intercept = np.ascontiguousarray(ground.braking_intercept[first:n, j])
 
-    def emit(
+    def finish(
         self,
         name: str,
         speed_sq: Floats,
@@ -113,9 +113,9 @@ class Emission:
             speed_sq, verdict, repaired = self.repair(speed_sq)
             if repaired:
                 status, reason = Status.DEGRADED, repaired
-            if speed_sq[0] < self._lead[0]:
+            if speed_sq[0] < self._fixed_prefix[0]:
                 # Not even slower plans pass, and a vehicle that moves cannot just stand.
-                speed_sq, verdict, status, reason = self._emergency(float(self._lead[0]))
+                speed_sq, verdict, status, reason = self._emergency(float(self._fixed_prefix[0]))
                 wanted = False
             if unsmoothed and speed_sq.any():
                 status, reason = Status.DEGRADED, unsmoothed
@@ -158,7 +158,7 @@ class Emission:
     def _smooth(self, speed_sq: Floats, start_accel: float | None) -> tuple[Floats | None, str]:
         if speed_sq[-1] > 0.0:
             raise AssertionError("a plan must rest at the end of its path")
-        begin = len(self._lead) - 1
+        begin = len(self._fixed_prefix) - 1
         accel_max, decel_max = self.segment_limits(speed_sq)
         result = smooth(
             SmoothingProblem(
@@ -168,7 +168,7 @@ class Emission:
         )  # fmt: skip
         if result.speed_sq is None:
             return None, result.reason
-        answer = np.concatenate((self._lead[:-1], result.speed_sq))
+        answer = np.concatenate((self._fixed_prefix[:-1], result.speed_sq))
         return answer, "the judge found a breach"
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Verdict:
@@ -242,13 +242,13 @@ class Emission:
             speed_sq, verdict = answer, self.judge(answer)
         if verdict.valid:
             return speed_sq, verdict, ""
-        worst = max(verdict.offence)
-        name = verdict.offence._fields[int(np.argmax(verdict.offence))]
+        worst = max(verdict.violation)
+        name = verdict.violation._fields[int(np.argmax(verdict.violation))]
         share = 1.0
         for _ in range(40):
             share *= 0.9
             slower = speed_sq * share
-            slower[: len(self._lead)] = speed_sq[: len(self._lead)]
+            slower[: len(self._fixed_prefix)] = speed_sq[: len(self._fixed_prefix)]
             verdict = self.judge(slower)
             if verdict.valid:
                 return slower, verdict, f"slowed to {share:.0%} of v²: {name} by {worst:.3g}"
@@ -258,7 +258,7 @@ class Emission:
     def brake_hard(self, status: Status, reason: str) -> tuple[Floats, Verdict, Status, str]:
         """The start is faster than service braking can bring down: brake fully until it can."""
         station, track = self.track.station, self.track
-        start_sq = float(self._lead[0])
+        start_sq = float(self._fixed_prefix[0])
         speed = np.sqrt(start_sq)
         answer, _ = self._profile(0, start_sq)
         reachable = answer[0]
@@ -273,7 +273,7 @@ class Emission:
                 break
             answer[k + 1] = after
         verdict = self.judge(answer, decel=np.inf)
-        breach = verdict.offence
+        breach = verdict.violation
         if max(breach.overrun, breach.axle_load, breach.side_load, breach.decel) > 0.0:
             return self._emergency(start_sq)
         if self._bound[0] < start_sq:
@@ -313,8 +313,8 @@ class Emission:
         track = self.track
         slow = float(track.slowest[k])
         fast = max(float(np.sqrt(speed_sq)), slow)
-        force = min(slow * track.weak_speed[k], fast * track.weak_speed[k])
-        force += self._braking_rest[k]
+        force = min(slow * track.lower_slope[k], fast * track.lower_slope[k])
+        force += self._braking_intercept[k]
         return float(GRAVITY * (force + self._sine[k]))
 
     def _emergency(self, start_sq: float) -> tuple[Floats, Verdict, Status, str]:
@@ -338,7 +338,7 @@ class Emission:
             np.where(moving, np.maximum(stop - station, 0.0), 0.0),
             np.where(moving, verdict.rear_load[0], verdict.rear_load),
             np.where(moving, verdict.side_load[0], verdict.side_load),
-            verdict.offence,
+            verdict.violation,
             verdict.where,
         )
         over = stop - self.clear
@@ -358,10 +358,10 @@ class Emission:
 
     def fastest(self) -> tuple[Floats, bool]:
         """The fastest profile that begins with the lead; and does service braking get it there?"""
-        begin = len(self._lead) - 1
-        answer, reachable = self._profile(begin, float(self._lead[-1]))
-        fits = bool(reachable >= self._lead[-1] - 1e-9)
-        return np.concatenate((self._lead[:-1], answer)), fits
+        begin = len(self._fixed_prefix) - 1
+        answer, reachable = self._profile(begin, float(self._fixed_prefix[-1]))
+        fits = bool(reachable >= self._fixed_prefix[-1] - 1e-9)
+        return np.concatenate((self._fixed_prefix[:-1], answer)), fits
 
     def _profile(self, begin: int, start_sq: float) -> tuple[Floats, float]:
         def column(array: Floats) -> Floats:
@@ -370,7 +370,7 @@ class Emission:
         track = self.track
         answer, reachable = time_optimal_profile(
             column(track.station), column(self._bound), column(self._sine),
-            column(track.weak_speed), column(self._braking_rest), column(track.slowest),
+            column(track.lower_slope), column(self._braking_intercept), column(track.slowest),
             column(self._accel_max), column(self._demand), np.array([start_sq]), self._scalars,
         )  # fmt: skip
         return answer[:, 0], float(reachable[0])
@@ -379,7 +379,7 @@ class Emission:
         """Accelerations allowed on each segment at any speed up to this profile, (N − 1,)."""
         accel, decel = np.empty((2, len(speed_sq) - 1))
         labels.segment_limits(
-            self.track, speed_sq, self._accel_max, self._demand, self._braking_rest,
+            self.track, speed_sq, self._accel_max, self._demand, self._braking_intercept,
             self._scalars, accel, decel,
         )  # fmt: skip
         return accel, decel

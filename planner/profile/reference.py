@@ -22,11 +22,11 @@ from planner.bounds.speed_bounds import SpeedBounds
 from planner.ground.braking_ground import Ground
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Bools, Floats
-from planner.kernels.limits import Numbers
+from planner.kernels.limits import PlanningLimits
 from planner.plan import motion_of
 from planner.profile.smoothing import SmoothingProblem
 
-_REST = 1e-9
+_INTERCEPT = 1e-9
 """v² up to which a station is at rest [m²/s²]."""
 
 _SLOWEST_GUESS = 0.05
@@ -43,7 +43,7 @@ class TimeOptimalProblem:
         station: [m], increasing.
         speed_sq_max: highest v² [m²/s²].
         sin_grade: sine of the grade.
-        weak_speed, weak_rest: parts of the force that braking may count on [s/m], [1].
+        lower_slope, lower_intercept: parts of the force that braking may count on [s/m], [1].
         slowest: below it the force does not change with speed [m/s].
         accel_max: by comfort, thrust and axle load [m/s²].
         demand: share of the weight that holding the speed costs.
@@ -55,8 +55,8 @@ class TimeOptimalProblem:
     station: Floats
     speed_sq_max: Floats
     sin_grade: Floats
-    weak_speed: Floats
-    weak_rest: Floats
+    lower_slope: Floats
+    lower_intercept: Floats
     slowest: Floats
     accel_max: Floats
     demand: Floats
@@ -91,7 +91,7 @@ def time_optimal_problem(
     profile: TerrainProfile,
     ground: Ground,
     bounds: SpeedBounds,
-    scalars: Numbers,
+    scalars: PlanningLimits,
     candidate: int,
     start_speed: float = 0.0,
 ) -> TimeOptimalProblem:
@@ -103,7 +103,7 @@ def time_optimal_problem(
 
     return TimeOptimalProblem(
         column(profile.station), column(bounds.speed_sq_max), column(profile.sin_grade),
-        column(ground.weak_speed), column(ground.braking_rest), column(ground.slowest),
+        column(ground.lower_slope), column(ground.braking_intercept), column(ground.slowest),
         column(bounds.accel_max), column(bounds.demand),
         start_speed**2, scalars.decel, scalars.specific_power,
     )  # fmt: skip
@@ -126,15 +126,15 @@ class TimeOptimalReference:
         bound = np.maximum(problem.speed_sq_max, 0.0)
         bound[0] = min(bound[0], problem.start_sq)
         ds = np.diff(problem.station)
-        braking = problem.weak_rest + problem.sin_grade
+        braking = problem.lower_intercept + problem.sin_grade
         idle = _idle(bound)
         parameters = {
             "ds": ds,
             "moving": np.where(idle, 0.0, 1.0),
             "accel": np.minimum(problem.accel_max[:-1], problem.accel_max[1:]),
             "hold": GRAVITY * np.maximum(problem.demand[:-1], problem.demand[1:]),
-            "speed_part": np.minimum(problem.weak_speed[:-1], problem.weak_speed[1:]),
-            "rest_part": np.minimum(braking[:-1], braking[1:]),
+            "speed_part": np.minimum(problem.lower_slope[:-1], problem.lower_slope[1:]),
+            "intercept_part": np.minimum(braking[:-1], braking[1:]),
             "slowest": problem.slowest[:-1],
             "decel": np.full(len(ds), min(problem.decel, 1e6)),
             "power": np.full(len(ds), GRAVITY * problem.specific_power),
@@ -157,7 +157,7 @@ class JerkLimitedReference:
 
     def solve(self, problem: SmoothingProblem) -> Reference:
         """Solve one candidate; its first station keeps its speed, as when smoothing."""
-        bound = np.where(problem.speed_sq_max <= _REST, 0.0, problem.speed_sq_max)
+        bound = np.where(problem.speed_sq_max <= _INTERCEPT, 0.0, problem.speed_sq_max)
         idle = _idle(bound)
         accel, decel = problem.accel_max.copy(), problem.decel_max.copy()
         if problem.start_accel is not None and not idle[0]:
@@ -181,14 +181,14 @@ class JerkLimitedReference:
 def _time_optimal_solver(stations: int, max_iterations: int) -> Any:
     v = ca.SX.sym("v", stations)
     p = _symbols(
-        stations - 1,
-        "ds", "moving", "accel", "hold", "speed_part", "rest_part", "slowest", "decel", "power",
+        stations - 1, "ds", "moving", "accel", "hold", "speed_part", "intercept_part", "slowest",
+        "decel", "power",
     )  # fmt: skip
     before, after = v[:-1], v[1:]
     gained = (after**2 - before**2) / (2.0 * p["ds"])
     # Force that grows with speed is least at the slower end, else at the faster one.
     growing, falling = ca.fmax(p["speed_part"], 0.0), ca.fmin(p["speed_part"], 0.0)
-    force = p["rest_part"] + growing * ca.fmax(after, p["slowest"])
+    force = p["intercept_part"] + growing * ca.fmax(after, p["slowest"])
     force += falling * ca.fmax(before, p["slowest"])
     # Holding speed is always possible.
     powered = ca.fmax(p["power"] / ca.fmax(after, 1e-3) - p["hold"], 0.0)
@@ -239,7 +239,7 @@ def _nlp(v: Any, p: Mapping[str, Any], constraints: Any, max_iterations: int) ->
 
 def _idle(bound: Floats) -> Bools:
     """Segments on which nothing may move, (N − 1,)."""
-    rest = bound <= _REST
+    rest = bound <= _INTERCEPT
     idle: Bools = rest[:-1] & rest[1:]
     return idle
 

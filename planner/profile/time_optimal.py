@@ -12,7 +12,7 @@ import numpy as np
 
 from models.quantity import GRAVITY
 from planner.kernels.compiled import TILE, Floats, kernel, row_pass
-from planner.kernels.limits import Numbers
+from planner.kernels.limits import PlanningLimits
 from planner.kernels.workspace import empty
 
 _SURELY = 1.0 + 1e-9
@@ -24,16 +24,16 @@ _CRAWL = _SLOW * _SLOW
 
 @kernel
 def time_optimal(
-    station: Floats, speed_sq_max: Floats, sin_grade: Floats, weak_speed: Floats,
-    weak_rest: Floats, slowest: Floats, accel_max: Floats, demand: Floats,
+    station: Floats, speed_sq_max: Floats, sin_grade: Floats, lower_slope: Floats,
+    lower_intercept: Floats, slowest: Floats, accel_max: Floats, demand: Floats,
     start_sq: Floats, decel: float, specific_power: float,
     speed_sq: Floats, reachable_start_sq: Floats,
 ) -> None:  # fmt: skip
     """Fastest profile under the bounds, station-major.
 
     Args:
-        station, speed_sq_max, sin_grade, weak_speed, weak_rest, slowest: (N, M) from bounds and
-            ground.
+        station, speed_sq_max, sin_grade, lower_slope, lower_intercept, slowest: (N, M) from bounds
+            and ground.
         accel_max: (N, M) highest acceleration by comfort, thrust and front axle load [m/s²].
         demand: (N, M) share of the weight that holding the speed costs.
         start_sq: (M,) v² at the first station.
@@ -49,19 +49,18 @@ def time_optimal(
         speed_sq[stations - 1, first:end] = speed_sq_max[stations - 1, first:end]
         for k in range(stations - 2, -1, -1):
             weak = _slow_down(
-                station[k, first:end], station[k + 1, first:end], speed_sq_max[k, first:end],
-                decel, sin_grade[k, first:end], sin_grade[k + 1, first:end],
-                weak_speed[k, first:end], weak_speed[k + 1, first:end],
-                weak_rest[k, first:end], weak_rest[k + 1, first:end], slowest[k, first:end],
-                speed_sq[k + 1, first:end], speed_sq[k, first:end],
+                station[k, first:end], station[k + 1, first:end], speed_sq_max[k, first:end], decel,
+                sin_grade[k, first:end], sin_grade[k + 1, first:end], lower_slope[k, first:end],
+                lower_slope[k + 1, first:end], lower_intercept[k, first:end], lower_intercept[k + 1,
+                first:end], slowest[k, first:end], speed_sq[k + 1, first:end], speed_sq[k,
+                first:end],
             )  # fmt: skip
             if weak > 0:
                 _brake(
-                    station[k, first:end], station[k + 1, first:end],
-                    sin_grade[k, first:end], sin_grade[k + 1, first:end],
-                    weak_speed[k, first:end], weak_speed[k + 1, first:end],
-                    weak_rest[k, first:end], weak_rest[k + 1, first:end], slowest[k, first:end],
-                    speed_sq[k + 1, first:end], speed_sq[k, first:end],
+                    station[k, first:end], station[k + 1, first:end], sin_grade[k, first:end],
+                    sin_grade[k + 1, first:end], lower_slope[k, first:end], lower_slope[k + 1,
+                    first:end], lower_intercept[k, first:end], lower_intercept[k + 1, first:end],
+                    slowest[k, first:end], speed_sq[k + 1, first:end], speed_sq[k, first:end],
                 )  # fmt: skip
         for j in range(first, end):
             reachable_start_sq[j] = speed_sq[0, j]
@@ -84,8 +83,8 @@ def time_optimal(
 @row_pass
 def _slow_down(
     station: Floats, station_2: Floats, speed_sq_max: Floats, decel: float,
-    sin_grade: Floats, sin_grade_2: Floats, weak_speed: Floats, weak_speed_2: Floats,
-    weak_rest: Floats, weak_rest_2: Floats, slowest: Floats,
+    sin_grade: Floats, sin_grade_2: Floats, lower_slope: Floats, lower_slope_2: Floats,
+    lower_intercept: Floats, lower_intercept_2: Floats, slowest: Floats,
     speed_sq_2: Floats, speed_sq: Floats,
 ) -> int:  # fmt: skip
     """One row back at service deceleration; counts where the brakes may be too weak for it."""
@@ -95,9 +94,11 @@ def _slow_down(
         top = speed_sq_max[j]
         ds = station_2[j] - station[j]
         speed_sq[j] = min(top, speed_sq_2[j] + 2.0 * ds * decel)
-        speed_part = min(weak_speed[j], weak_speed_2[j])
-        rest_part = min(weak_rest[j] + sin_grade[j], weak_rest_2[j] + sin_grade_2[j])
-        spare = rest_part - wanted
+        speed_part = min(lower_slope[j], lower_slope_2[j])
+        intercept_part = min(
+            lower_intercept[j] + sin_grade[j], lower_intercept_2[j] + sin_grade_2[j]
+        )
+        spare = intercept_part - wanted
         weak = spare + speed_part * slowest[j] < 0.0
         weak |= (speed_part < 0.0) & (spare * spare < speed_part * speed_part * top)
         count += 1 if weak & (top > 0.0) else 0
@@ -107,7 +108,7 @@ def _slow_down(
 @row_pass
 def _brake(
     station: Floats, station_2: Floats, sin_grade: Floats, sin_grade_2: Floats,
-    weak_speed: Floats, weak_speed_2: Floats, weak_rest: Floats, weak_rest_2: Floats,
+    lower_slope: Floats, lower_slope_2: Floats, lower_intercept: Floats, lower_intercept_2: Floats,
     slowest: Floats, speed_sq_2: Floats, speed_sq: Floats,
 ) -> None:  # fmt: skip
     """Lower a row to what the brakes can slow down from.
@@ -118,10 +119,12 @@ def _brake(
     for j in range(station.shape[0]):
         ds = station_2[j] - station[j]
         after = speed_sq_2[j]
-        speed_part = min(weak_speed[j], weak_speed_2[j])
-        rest_part = min(weak_rest[j] + sin_grade[j], weak_rest_2[j] + sin_grade_2[j])
+        speed_part = min(lower_slope[j], lower_slope_2[j])
+        intercept_part = min(
+            lower_intercept[j] + sin_grade[j], lower_intercept_2[j] + sin_grade_2[j]
+        )
         half = GRAVITY * ds * speed_part
-        reach = after + 2.0 * GRAVITY * ds * rest_part
+        reach = after + 2.0 * GRAVITY * ds * intercept_part
         root = np.sqrt(max(after if half > 0.0 else half * half + reach, 0.0))
         speed = max(root, slowest[j]) if half > 0.0 else half + root
         braked = reach + 2.0 * half * max(speed, slowest[j])
@@ -182,13 +185,13 @@ def time_optimal_profile(
     station: Floats,
     speed_sq_max: Floats,
     sin_grade: Floats,
-    weak_speed: Floats,
-    weak_rest: Floats,
+    lower_slope: Floats,
+    lower_intercept: Floats,
     slowest: Floats,
     accel_max: Floats,
     demand: Floats,
     start_sq: Floats,
-    scalars: Numbers,
+    scalars: PlanningLimits,
     *,
     decel: float | None = None,
 ) -> tuple[Floats, Floats]:
@@ -196,7 +199,7 @@ def time_optimal_profile(
     speed_sq = empty(*speed_sq_max.shape)
     reachable = np.empty(speed_sq_max.shape[1])
     time_optimal(
-        station, speed_sq_max, sin_grade, weak_speed, weak_rest, slowest, accel_max, demand,
+        station, speed_sq_max, sin_grade, lower_slope, lower_intercept, slowest, accel_max, demand,
         start_sq, scalars.decel if decel is None else decel, scalars.specific_power,
         speed_sq, reachable,
     )  # fmt: skip

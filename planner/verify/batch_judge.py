@@ -15,7 +15,7 @@ from planner.bounds.speed_bounds import SpeedBounds
 from planner.ground.braking_ground import Ground
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Floats, Ints, kernel
-from planner.kernels.limits import Numbers, numbers
+from planner.kernels.limits import PlanningLimits, numbers
 from planner.verify.judge import BETWEEN, TIME_STEP, Offence, judge_track
 from planner.verify.track import Body, Track, body_of, copy_columns, survey_of
 
@@ -41,8 +41,8 @@ def screen(
     in_time = ground.motion != registry.NO_MOTION._replace(heat=ground.motion.heat)
     _screen(
         profile.count, profile.station, profile.grade, profile.sin_roll, profile.curvature,
-        profile.heading_x, profile.heading_y, ground.weak_speed, ground.weak_rest,
-        ground.strong_speed, ground.strong_rest, ground.dead_time, ground.slowest, limit,
+        profile.heading_x, profile.heading_y, ground.lower_slope, ground.lower_intercept,
+        ground.upper_slope, ground.upper_intercept, ground.dead_time, ground.slowest, limit,
         speed_sq, bounds.clear_distance, ground.distance_offset, body_of(model), numbers(model),
         ground.motion, in_time, BETWEEN, TIME_STEP, worst,
     )  # fmt: skip
@@ -51,11 +51,11 @@ def screen(
 
 @kernel
 def _screen(
-    count: Ints, station: Floats, grade: Floats, sin_roll: Floats, curvature: Floats,
-    heading_x: Floats, heading_y: Floats, weak_speed: Floats, weak_rest: Floats,
-    strong_speed: Floats, strong_rest: Floats, dead_time: Floats, slowest: Floats,
-    speed_limit: Floats, speed_sq: Floats, clear: Floats, offset: Floats, body: Body, n: Numbers,
-    motion: Motion, in_time: bool, between: int, h: float, worst: Floats,
+    count: Ints, station: Floats, grade: Floats, sin_roll: Floats, curvature: Floats, heading_x:
+    Floats, heading_y: Floats, lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats,
+    upper_intercept: Floats, dead_time: Floats, slowest: Floats, speed_limit: Floats, speed_sq:
+    Floats, clear: Floats, offset: Floats, body: Body, n: PlanningLimits, motion: Motion, in_time:
+    bool, between: int, h: float, worst: Floats,
 ) -> None:  # fmt: skip
     stations, candidates = station.shape
     column, memory = np.empty((13, stations)), np.empty((8, stations))
@@ -64,8 +64,8 @@ def _screen(
     for j in range(candidates):
         m = count[j]
         copy_columns(
-            0, j, m, station, grade, sin_roll, curvature, heading_x, heading_y, weak_speed,
-            weak_rest, strong_speed, strong_rest, dead_time, slowest, speed_limit,
+            0, j, m, station, grade, sin_roll, curvature, heading_x, heading_y, lower_slope,
+            lower_intercept, upper_slope, upper_intercept, dead_time, slowest, speed_limit,
             motion.wind_drag > 0.0, column,
         )  # fmt: skip
         for k in range(m):

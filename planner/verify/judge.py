@@ -17,7 +17,7 @@ from models.laws import slip_track
 from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel
-from planner.kernels.limits import Numbers, numbers
+from planner.kernels.limits import PlanningLimits, numbers
 from planner.limiting import Limiting
 from planner.verify.stop_by_energy import ends_before, loads_by_energy, stop_by_energy, work_up_to
 from planner.verify.stop_in_time import stop_in_time
@@ -57,20 +57,20 @@ class Verdict:
             0 where the plan stands [m].
         rear_load: (N,) least rear axle load on that stop, as share of its level static load.
         side_load: (N,) least side load on that stop, as share of half the weight.
-        offence: the worst breaches, all 0 for a valid plan.
+        violation: the worst breaches, all 0 for a valid plan.
         where: (N − 1,) segments in or at the start of which something is breached.
     """
 
     stop_distance: Floats
     rear_load: Floats
     side_load: Floats
-    offence: Offence
+    violation: Offence
     where: Ints
 
     @property
     def valid(self) -> bool:
         """No constraint is breached."""
-        return max(self.offence) <= 0.0
+        return max(self.violation) <= 0.0
 
 
 def check(
@@ -110,8 +110,8 @@ def check(
         track, body_of(model), scalars, motion, in_time, speed_sq, clear_distance,
         distance_offset, between, time_step, stop_distance, rear_load, side_load, worst, bad,
     )  # fmt: skip
-    offence = Offence(*(float(w) for w in worst))
-    return Verdict(stop_distance, rear_load, side_load, offence, np.flatnonzero(bad))
+    violation = Offence(*(float(w) for w in worst))
+    return Verdict(stop_distance, rear_load, side_load, violation, np.flatnonzero(bad))
 
 
 @inlined
@@ -125,7 +125,7 @@ def _breaks(worst: Floats, kind: int, breach: float) -> bool:
 
 @kernel
 def _check(
-    track: Track, body: Body, n: Numbers, motion: Motion, in_time: bool, speed_sq: Floats,
+    track: Track, body: Body, n: PlanningLimits, motion: Motion, in_time: bool, speed_sq: Floats,
     clear_distance: float, distance_offset: float, between: int, h: float,
     stop_distance: Floats, rear_load: Floats, side_load: Floats, worst: Floats, bad: Bools,
 ) -> None:  # fmt: skip
@@ -138,7 +138,7 @@ def _check(
 
 @kernel
 def judge_track(
-    track: Track, body: Body, n: Numbers, motion: Motion, in_time: bool, speed_sq: Floats,
+    track: Track, body: Body, n: PlanningLimits, motion: Motion, in_time: bool, speed_sq: Floats,
     clear_distance: float, distance_offset: float, between: int, h: float, all_loads: bool,
     survey: Survey, stop_distance: Floats, rear_load: Floats, side_load: Floats, worst: Floats,
     bad: Bools,
@@ -150,8 +150,8 @@ def judge_track(
     onset_in, end_in = 0, 0
     target = clear_distance - distance_offset
     last = segment(station, target, stations - 2)
-    rest_work = work_up_to(track, survey, target, last, 0.0)
-    speed_work = work_up_to(track, survey, target, last, 1.0) - rest_work
+    intercept_work = work_up_to(track, survey, target, last, 0.0)
+    speed_work = work_up_to(track, survey, target, last, 1.0) - intercept_work
     quick = not (in_time or at_risk)
     for k in range(stations):
         i = min(k, stations - 2)
@@ -174,7 +174,7 @@ def judge_track(
             well = False
             if quick and (point > 0 or not all_loads):
                 well, onset_in = ends_before(
-                    track, survey, s, v, dead, slowest, onset_in, target, speed_work, rest_work
+                    track, survey, s, v, dead, slowest, onset_in, target, speed_work, intercept_work
                 )
             if well:
                 end = min(s, target)
@@ -211,8 +211,8 @@ def _loads_at_risk(track: Track, survey: Survey, min_load: float, fastest: float
     least = np.inf
     for k in range(track.station.shape[0]):
         slow = track.slowest[k]
-        part = max(slow * track.strong_speed[k], max(fastest, slow) * track.strong_speed[k])
-        decel = GRAVITY * max(part + track.strong_rest[k] + survey.sine[k], 0.0)
+        part = max(slow * track.upper_slope[k], max(fastest, slow) * track.upper_slope[k])
+        decel = GRAVITY * max(part + track.upper_intercept[k] + survey.sine[k], 0.0)
         rolling = survey.per_lateral * fastest * fastest * abs(survey.lean[k])
         side = min(survey.left[k], survey.right[k]) - rolling
         least = min(least, min(survey.rear[k] - survey.per_decel * decel, side))
@@ -221,7 +221,7 @@ def _loads_at_risk(track: Track, survey: Survey, min_load: float, fastest: float
 
 @inlined
 def _judge_segment(
-    k: int, track: Track, survey: Survey, n: Numbers, motion: Motion, speed_sq: Floats,
+    k: int, track: Track, survey: Survey, n: PlanningLimits, motion: Motion, speed_sq: Floats,
     worst: Floats,
 ) -> bool:  # fmt: skip
     """Does the change of speed from station k on exceed what either of its ends allows?"""
@@ -231,14 +231,14 @@ def _judge_segment(
     accel = 0.5 * (speed_sq[k + 1] - speed_sq[k]) / (track.station[k + 1] - track.station[k])
     for m in range(k, k + 2):
         sine = survey.sine[m]
-        part = track.weak_speed[m]
+        part = track.lower_slope[m]
         weak = min(max(slow, track.slowest[m]) * part, max(fast, track.slowest[m]) * part)
         # Drag and turning help to slow down, which is not counted on; wind may push.
         pushed = min(
             _motion_deceleration(slow, track.curvature[m], track.yaw[m], motion),
             _motion_deceleration(fast, track.curvature[m], track.yaw[m], motion),
         )
-        braking = GRAVITY * (weak + track.weak_rest[m] + sine) + min(pushed, 0.0)
+        braking = GRAVITY * (weak + track.lower_intercept[m] + sine) + min(pushed, 0.0)
         resistance = n.resistance + n.turning_drag * abs(track.curvature[m])
         holding = sine + np.sqrt(1.0 - sine * sine) * resistance
         thrust = GRAVITY * (min(n.specific_force, n.specific_power / max(fast, 1e-9)) - holding)

@@ -28,13 +28,13 @@ def work_up_to(track: Track, survey: Survey, s: float, i: int, v_i: float) -> fl
     ds = station[i + 1] - station[i]
     u = (s - station[i]) / ds
     if u > 1.0:
-        force = v_i * track.weak_speed[i + 1] + track.weak_rest[i + 1] + survey.sine[i + 1]
-        whole = v_i * survey.speed_work[i + 1] + survey.rest_work[i + 1]
+        force = v_i * track.lower_slope[i + 1] + track.lower_intercept[i + 1] + survey.sine[i + 1]
+        whole = v_i * survey.speed_work[i + 1] + survey.intercept_work[i + 1]
         return float(whole + (s - station[i + 1]) * force)
-    first = v_i * track.weak_speed[i] + track.weak_rest[i] + survey.sine[i]
-    second = v_i * track.weak_speed[i + 1] + track.weak_rest[i + 1] + survey.sine[i + 1]
-    before = v_i * survey.speed_work[i] + survey.rest_work[i]
-    gain = v_i * survey.speed_work[i + 1] + survey.rest_work[i + 1] - before
+    first = v_i * track.lower_slope[i] + track.lower_intercept[i] + survey.sine[i]
+    second = v_i * track.lower_slope[i + 1] + track.lower_intercept[i + 1] + survey.sine[i + 1]
+    before = v_i * survey.speed_work[i] + survey.intercept_work[i]
+    gain = v_i * survey.speed_work[i + 1] + survey.intercept_work[i + 1] - before
     # The cubic with the sums and the forces of both stations.
     first, second = ds * first, ds * second
     rise = first + second - 2.0 * gain
@@ -44,13 +44,13 @@ def work_up_to(track: Track, survey: Survey, s: float, i: int, v_i: float) -> fl
 @inlined
 def ends_before(
     track: Track, survey: Survey, s: float, v: float, dead: float, slowest: float, i: int,
-    target: float, speed_work: float, rest_work: float,
+    target: float, speed_work: float, intercept_work: float,
 ) -> tuple[bool, int]:  # fmt: skip
     """Does a stop end before the target? The same as asking :func:`stop_by_energy` where.
 
     Args:
         track, survey, s, v, dead, slowest, i: as there.
-        target: [m]; speed_work, rest_work: the sums up to it.
+        target: [m]; speed_work, intercept_work: the sums up to it.
 
     Returns:
         The answer, and the segment of the onset.
@@ -59,7 +59,7 @@ def ends_before(
     onset = s + v * dead
     i = segment(track.station, onset, i)
     needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
-    return (onset <= target) & (v_i * speed_work + rest_work >= needed), i
+    return (onset <= target) & (v_i * speed_work + intercept_work >= needed), i
 
 
 @inlined
@@ -86,19 +86,19 @@ def stop_by_energy(
     needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
     j = max(j, i)
     last = station.shape[0] - 2
-    while j > i and v_i * survey.speed_work[j] + survey.rest_work[j] >= needed:
+    while j > i and v_i * survey.speed_work[j] + survey.intercept_work[j] >= needed:
         j -= 1
-    while j < last and v_i * survey.speed_work[j + 1] + survey.rest_work[j + 1] < needed:
+    while j < last and v_i * survey.speed_work[j + 1] + survey.intercept_work[j + 1] < needed:
         j += 1
     low = max(onset, station[j])
     high = station[j + 1]
     at_low = work_up_to(track, survey, low, j, v_i) - needed
-    at_high = v_i * survey.speed_work[j + 1] + survey.rest_work[j + 1] - needed
+    at_high = v_i * survey.speed_work[j + 1] + survey.intercept_work[j + 1] - needed
     if at_high < 0.0 or onset >= high:
         # Off the end of the path.
         low = max(onset, high)
         at_low = work_up_to(track, survey, low, j, v_i) - needed
-        force = v_i * track.weak_speed[j + 1] + track.weak_rest[j + 1] + survey.sine[j + 1]
+        force = v_i * track.lower_slope[j + 1] + track.lower_intercept[j + 1] + survey.sine[j + 1]
         end = low - at_low / force if force > 0.0 else np.inf
         return min(end, s + _LONGEST), onset, needed, i, j
     end = high
@@ -125,7 +125,7 @@ def _shares_at(
     bulge = 1.0 + 0.5 * u * (1.0 - u) * (pitched * pitched + rolled * rolled)
     rear = bulge * at(survey.rear, i, u)
     if braking:
-        strong = v_i * at(track.strong_speed, i, u) + at(track.strong_rest, i, u)
+        strong = v_i * at(track.upper_slope, i, u) + at(track.upper_intercept, i, u)
         rear -= survey.per_decel * GRAVITY * (strong + bulge * at(survey.sine, i, u))
     lateral = survey.per_lateral * energy * at(survey.lean, i, u)
     left, right = bulge * at(survey.left, i, u), bulge * at(survey.right, i, u)
@@ -155,12 +155,12 @@ def loads_by_energy(
     r, d = _shares_at(track, survey, i, u, held, v_i, True)
     rear, side = min(rear, r), min(side, d)
     for m in range(i + 1, j + 1):
-        left = needed - v_i * survey.speed_work[m] - survey.rest_work[m]
+        left = needed - v_i * survey.speed_work[m] - survey.intercept_work[m]
         r, d = _shares_at(track, survey, m, 0.0, 2.0 * GRAVITY * max(left, 0.0), v_i, True)
         rear, side = min(rear, r), min(side, d)
     if end > station[j + 1]:
         # It runs off the end of the path.
-        left = needed - v_i * survey.speed_work[j + 1] - survey.rest_work[j + 1]
+        left = needed - v_i * survey.speed_work[j + 1] - survey.intercept_work[j + 1]
         r, d = _shares_at(track, survey, j, 1.0, 2.0 * GRAVITY * max(left, 0.0), v_i, True)
         rear, side = min(rear, r), min(side, d)
     u = min((end - station[j]) / (station[j + 1] - station[j]), 1.0)

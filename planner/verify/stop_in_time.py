@@ -30,7 +30,7 @@ def _rates(
     u = min((s - track.station[i]) / (track.station[i + 1] - track.station[i]), 1.0)
     grade = at(track.grade, i, u)
     upright = np.cos(grade) * np.cos(at(track.roll, i, u))
-    wanted = v_i * at(track.weak_speed, i, u) + at(track.weak_rest, i, u)
+    wanted = v_i * at(track.lower_slope, i, u) + at(track.lower_intercept, i, u)
     force = (f if motion.lag > 0.0 else wanted) / (1.0 + motion.fade * max(q, 0.0))
     force = min(force, motion.friction * upright)
     speed = max(v, 0.0)
@@ -51,7 +51,7 @@ def _shares(
     bend = at(track.curvature, i, u)
     decel = 0.0
     if braking:
-        strong = v_i * at(track.strong_speed, i, u) + at(track.strong_rest, i, u)
+        strong = v_i * at(track.upper_slope, i, u) + at(track.upper_intercept, i, u)
         strong = min(strong, motion.friction * np.cos(grade) * np.cos(roll))
         decel = GRAVITY * (strong + np.sin(grade))
         decel += max(_motion_deceleration(max(v, 0.0), bend, at(track.yaw, i, u), motion), 0.0)

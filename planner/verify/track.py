@@ -27,7 +27,8 @@ class Track(NamedTuple):
 
     Attributes:
         station, grade, roll, curvature, yaw: geometry; yaw without jumps.
-        weak_speed, weak_rest, strong_speed, strong_rest, dead_time, slowest: as of the ground.
+        lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest: as of the
+            ground.
         speed_limit: of path and trained range [m/s].
     """
 
@@ -36,10 +37,10 @@ class Track(NamedTuple):
     roll: Floats
     curvature: Floats
     yaw: Floats
-    weak_speed: Floats
-    weak_rest: Floats
-    strong_speed: Floats
-    strong_rest: Floats
+    lower_slope: Floats
+    lower_intercept: Floats
+    upper_slope: Floats
+    upper_intercept: Floats
     dead_time: Floats
     slowest: Floats
     speed_limit: Floats
@@ -60,8 +61,8 @@ class Survey(NamedTuple):
 
     Attributes:
         sine: sin θ.
-        speed_work: sum of weak_speed from the first station on [m · s/m].
-        rest_work: sum of weak_rest + sin θ from the first station on [m].
+        speed_work: sum of lower_slope from the first station on [m · s/m].
+        intercept_work: sum of lower_intercept + sin θ from the first station on [m].
         front, rear, left, right: shares of the level static loads at rest.
         lean: lateral acceleration for each unit of v² [1/m].
         per_accel: by how much acceleration unloads the front, deceleration the rear [s²/m].
@@ -70,7 +71,7 @@ class Survey(NamedTuple):
 
     sine: Floats
     speed_work: Floats
-    rest_work: Floats
+    intercept_work: Floats
     front: Floats
     rear: Floats
     left: Floats
@@ -93,9 +94,9 @@ def track_of(
     columns = np.empty((len(Track._fields), n - first))
     copy_columns(
         first, candidate, n, profile.station, profile.grade, profile.sin_roll, profile.curvature,
-        profile.heading_x, profile.heading_y, ground.weak_speed, ground.weak_rest,
-        ground.strong_speed, ground.strong_rest, ground.dead_time, ground.slowest, ground.fastest,
-        True, columns,
+        profile.heading_x, profile.heading_y, ground.lower_slope, ground.lower_intercept,
+        ground.upper_slope, ground.upper_intercept, ground.dead_time, ground.slowest,
+        ground.fastest, True, columns,
     )  # fmt: skip
     track = Track(*columns)
     if speed_limit is not None:
@@ -106,8 +107,8 @@ def track_of(
 @kernel
 def copy_columns(
     first: int, j: int, count: int, station: Floats, grade: Floats, sin_roll: Floats,
-    curvature: Floats, heading_x: Floats, heading_y: Floats, weak_speed: Floats,
-    weak_rest: Floats, strong_speed: Floats, strong_rest: Floats, dead_time: Floats,
+    curvature: Floats, heading_x: Floats, heading_y: Floats, lower_slope: Floats,
+    lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats, dead_time: Floats,
     slowest: Floats, fastest: Floats, turns: bool, out: Floats,
 ) -> None:  # fmt: skip
     """Stations ``first`` to ``count`` of candidate j, in the order of :class:`Track`.
@@ -125,10 +126,10 @@ def copy_columns(
         out[2, i] = np.arcsin(sin_roll[k, j])
         out[3, i] = curvature[k, j]
         out[4, i] = yaw - 2.0 * np.pi * np.round((yaw - before) / (2.0 * np.pi))
-        out[5, i] = weak_speed[k, j]
-        out[6, i] = weak_rest[k, j]
-        out[7, i] = strong_speed[k, j]
-        out[8, i] = strong_rest[k, j]
+        out[5, i] = lower_slope[k, j]
+        out[6, i] = lower_intercept[k, j]
+        out[7, i] = upper_slope[k, j]
+        out[8, i] = upper_intercept[k, j]
         out[9, i] = dead_time[k, j]
         out[10, i] = slowest[k, j]
         out[11, i] = fastest[k, j]
@@ -162,17 +163,17 @@ def survey_of(track: Track, body: Body, memory: Floats) -> Survey:
         survey.left[k] = _left_share(grade, roll, 0.0, body.track_width, body.cg_z)
         survey.right[k] = _right_share(grade, roll, 0.0, body.track_width, body.cg_z)
         survey.lean[k] = track.curvature[k] / np.cos(roll)
-    survey.speed_work[0] = survey.rest_work[0] = 0.0
+    survey.speed_work[0] = survey.intercept_work[0] = 0.0
     for k in range(n - 1):
         ds = track.station[k + 1] - track.station[k]
         turn = 0.5 * (track.grade[k + 1] - track.grade[k])
         # The mean of sin θ over a linear grade is that of its ends times tan(turn) / turn.
         t = turn * turn
         mean = 0.5 * (survey.sine[k] + survey.sine[k + 1]) * (1.0 + t / 3.0 + t * t * 2.0 / 15.0)
-        speed = 0.5 * (track.weak_speed[k] + track.weak_speed[k + 1])
-        rest = 0.5 * (track.weak_rest[k] + track.weak_rest[k + 1]) + mean
+        speed = 0.5 * (track.lower_slope[k] + track.lower_slope[k + 1])
+        rest = 0.5 * (track.lower_intercept[k] + track.lower_intercept[k + 1]) + mean
         survey.speed_work[k + 1] = survey.speed_work[k] + ds * speed
-        survey.rest_work[k + 1] = survey.rest_work[k] + ds * rest
+        survey.intercept_work[k + 1] = survey.intercept_work[k] + ds * rest
     return survey
 
 

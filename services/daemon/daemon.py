@@ -28,12 +28,12 @@ from services.daemon import systemd
 from services.dashboard.board import Board
 from services.io.maps.map_file import read_map
 from services.io.model_file import find_model, read_model
-from services.parameters.parameter_endpoint import ParameterDesk
+from services.parameters.parameter_endpoint import ParameterEndpoint
 from services.parameters.parameter_service import ParameterService
 from services.parameters.parameters_in_use import ParametersInUse, slowed
-from services.planning.map_endpoint import MapDesk
+from services.planning.map_endpoint import MapEndpoint
 from services.planning.map_store import KnownGround, MapStore
-from services.planning.plan_endpoint import PlanDesk
+from services.planning.plan_endpoint import PlanEndpoint
 from services.planning.plan_service import PlanService
 from services.wire import codec
 from services.wire.codec import Format
@@ -68,8 +68,8 @@ class Service:
         )
         self.counters: Counter[str] = Counter()
         self.board = Board()
-        self._questions = PlanDesk(config, self.plans, self.maps, self.counters, self.board)
-        self._updates = MapDesk(config, self.maps, self.counters)
+        self._questions = PlanEndpoint(config, self.plans, self.maps, self.counters, self.board)
+        self._updates = MapEndpoint(config, self.maps, self.counters)
         self._stopped = threading.Event()
         self._teller = threading.Thread(target=self._tell, name="status", daemon=True)
         self._begun = time.monotonic()
@@ -89,7 +89,7 @@ class Service:
             ) from None
         self._look_for_twin()
         # The status tells of it, so it is there before anybody asks.
-        self._desk = ParameterDesk(
+        self._desk = ParameterEndpoint(
             self._session, config, self.parameters, self.counters, self.board
         )
         self._page = self._open_page()

@@ -27,7 +27,7 @@ from services.discovery.finding import Outcome
 from services.discovery.investigate import BASE, FILE, IN_USE, JOB, OUTCOME, Job
 from services.discovery.investigation_settings import Investigation
 from services.discovery.stop_cutter import StopCutter
-from services.discovery.stop_store import StopRoom, StoredStop
+from services.discovery.stop_store import StopStore, StoredStop
 from services.io.access import reason
 from services.io.model_file import write_model
 
@@ -54,7 +54,7 @@ class Investigator:
             settings: what to keep, when to look. vehicle: its fingerprint.
         """
         self._settings, self._vehicle = settings, vehicle
-        self._room: StopRoom | None = None
+        self._room: StopStore | None = None
         self._fault = ""
         self.counters: Counter[str] = Counter()
         self.last = ""
@@ -66,7 +66,7 @@ class Investigator:
         self._fresh = 0
         if settings.samples:
             try:
-                self._room = StopRoom(Path(settings.samples), int(1e6 * settings.megabytes))
+                self._room = StopStore(Path(settings.samples), int(1e6 * settings.megabytes))
             except InputError as error:
                 self._fault = str(error)
                 _log.warning("%s", error)

@@ -49,7 +49,7 @@ class StoredStop(Message):
     values: np.ndarray
 
 
-class StopRoom:
+class StopStore:
     """A folder of stops; one process writes to it.
 
     Attributes:

@@ -54,7 +54,7 @@ _PATIENCE = 2.0
 _FLAGGED_FOR = 60.0
 
 
-class ParameterDesk:
+class ParameterEndpoint:
     """Takes what comes, one after the other; a context manager."""
 
     def __init__(

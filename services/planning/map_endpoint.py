@@ -23,7 +23,7 @@ _MOST_MAPS = 16
 _PATIENCE = 2.0
 
 
-class MapDesk:
+class MapEndpoint:
     """Takes up what comes, one after the other."""
 
     def __init__(self, config: ServiceConfig, maps: MapStore, counters: Counter[str]) -> None:

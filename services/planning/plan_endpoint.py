@@ -31,7 +31,7 @@ _REMEMBERED = 1000
 _PATIENCE = 2.0
 
 
-class PlanDesk:
+class PlanEndpoint:
     """Answers each question before its deadline, if only by "busy"."""
 
     def __init__(

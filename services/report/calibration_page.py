@@ -101,7 +101,7 @@ def _shared(calibration: Calibration) -> dict[str, str]:
     degrees = np.rad2deg(dive.per_deceleration)
     askew = f"{np.rad2deg(mount.offset):+.2f}° by {mount.source}" if mount.known else "not known"
     return {
-        "dead time": f"{dead.value:.3f} ± {dead.std:.3f} s, jitter {dead.jitter:.3f} s",
+        "dead time": f"{dead.value:.3f} ± {dead.std:.3f} s, jitter {dead.between_stops:.3f} s",
         "brake dive": f"{degrees:.2f}° per m/s²",
         "pitch sensor mounted": askew,
     }

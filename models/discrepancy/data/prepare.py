@@ -92,7 +92,7 @@ def prepare(
         measured.records,
         others,
         further,
-        measured.dead_time.jitter,
+        measured.dead_time.between_stops,
         measured.dead_time.value,
     )
     return table, notes

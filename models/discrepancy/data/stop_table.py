@@ -44,9 +44,9 @@ class StopTable:
         spread: (S, K) variance of a bin's mean for white noise of one; 0 for bins that are none.
         held: (S,) speed before the command [m/s]. clock: (S,) of the command in the log [s].
         run: (S,) position of the run in the log. run_names: (S,) its name.
-        terrain: (S,) named surface, "" without. distance, rest_time: (S,) measured [m], [s].
+        terrain: (S,) named surface, "" without. distance, standstill_time: (S,) measured [m], [s].
         sample: time between samples [s]. onset: of the brakes, as calibration finds it [s].
-        force: (S,) F_b/W as each stop tells by itself. jitter: of the dead time [s].
+        force: (S,) F_b/W as each stop tells by itself. dead_time_std: of the dead time [s].
         further: other numeric columns, mean over each stop, (S,) by name.
         warmed: per stop, (seconds before it, energy) of stops that warmed its brakes; in place of
             all others, for stops that were not driven.
@@ -73,9 +73,9 @@ class StopTable:
     run_names: tuple[str, ...]
     terrain: tuple[str, ...]
     distance: Floats
-    rest_time: Floats
+    standstill_time: Floats
     force: Floats
-    jitter: float
+    dead_time_std: float
     sample: float
     onset: float
     further: Mapping[str, Floats]
@@ -101,9 +101,8 @@ class StopTable:
         arrays = {
             name: getattr(self, name)[index]
             for name in (
-                "time", "speed", "station", "grade", "roll", "yaw", "yaw_rate", "x", "y",
-                "average", "binned", "spread", "held", "clock", "run", "distance", "rest_time",
-                "force",
+                "time", "speed", "station", "grade", "roll", "yaw", "yaw_rate", "x", "y", "average",
+                "binned", "spread", "held", "clock", "run", "distance", "standstill_time", "force",
             )
         }  # fmt: skip
         left = np.setdiff1d(np.arange(len(self)), index)
@@ -126,7 +125,7 @@ def tabulate(
     records: Sequence[StopRecord],
     others: Sequence[StopWindow],
     further: Sequence[str],
-    jitter: float,
+    dead_time_std: float,
     dead_time: float,
 ) -> StopTable:
     """The table of measured stops.
@@ -134,8 +133,8 @@ def tabulate(
     Args:
         columns: channels of a drive log, (n,). runs: samples of each run.
         records: stops as measured, with their ground. others: stops that could not be used.
-        further: numeric columns without a meaning here. jitter: of the dead time [s].
-        dead_time: [s]; what happens around it is known no better than to the jitter.
+        further: numeric columns without a meaning here. dead_time_std: of the dead time [s].
+        dead_time: [s]; what happens around it is known no better than to their scatter.
     """
     logged = frozenset(n for n in _CHANNELS if n in columns and _complete(columns[n], records))
     rows = [_row(columns, record, logged) for record in records]
@@ -155,9 +154,9 @@ def tabulate(
         return np.stack([row[name] for row in rows])
 
     sample = float(np.median([np.median(np.diff(r.samples.time)) for r in records]))
-    blur = min(float(np.hypot(jitter, sample / np.sqrt(12.0))), _MOST_BLUR)
+    blur = min(float(np.hypot(dead_time_std, sample / np.sqrt(12.0))), _MOST_BLUR)
     for row in rows:
-        # Onsets that jitter round the mean knee off, which no linear term of the jitter does.
+        # Onsets that scatter round the mean knee off, which no linear term of the dead time does.
         at = row["average"] @ row["time"]
         reach = _BLURS * blur + 0.5 * float(np.median(np.diff(at)))
         row["spread"] = np.where(np.abs(at - dead_time) < reach, _NO_WEIGHT, 1.0) * row["spread"]
@@ -185,9 +184,9 @@ def tabulate(
         run_names=tuple(r.samples.run for r in records),
         terrain=tuple(r.samples.terrain for r in records),
         distance=np.array([r.samples.distance for r in records]),
-        rest_time=np.array([r.samples.rest_time for r in records]),
+        standstill_time=np.array([r.samples.standstill_time for r in records]),
         force=np.array([r.force_ratio for r in records]),
-        jitter=jitter,
+        dead_time_std=dead_time_std,
         sample=sample,
         onset=dead_time,
         further={n: v for n, v in extra.items() if np.isfinite(v).all() and np.ptp(v) > 0.0},
@@ -249,7 +248,7 @@ def _end_of_fall(record: StopRecord) -> float:
     pull = GRAVITY * (knee.force_ratio + float(np.sin(knee.mean_grade)))
     least = max((1.0 - _LAST) * knee.onset_speed, _ABOVE_NOISE * knee.rms)
     fall = max(knee.onset_speed - least, 0.5 * knee.onset_speed) / pull if pull > 0.0 else np.inf
-    return min(_LAST * record.samples.rest_time, knee.onset_time + fall)
+    return min(_LAST * record.samples.standstill_time, knee.onset_time + fall)
 
 
 def _bins(t: Floats, v: Floats, grid: Floats) -> tuple[Floats, Floats, Floats]:

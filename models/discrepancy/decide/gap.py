@@ -40,7 +40,7 @@ def speed_errors(table: StopTable, hypothesis: Hypothesis) -> Floats:
 
 def distances(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S,) simulated way from stop command to rest [m]; the farthest looked at if it rolls on."""
-    time = np.linspace(0.0, 1.0, _NODES) * (_REACH * table.rest_time + 0.5)[:, None]
+    time = np.linspace(0.0, 1.0, _NODES) * (_REACH * table.standstill_time + 0.5)[:, None]
     _, way = simulate(table, hypothesis, table.held, time)
     return way[:, -1]
 
@@ -131,17 +131,21 @@ def speed_floor(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Float
     """(S, K) variance of the speed errors of a perfect model [m²/s²]."""
     z = shapes(table, hypothesis, noise.capped)
     own = noise.speed**2 * table.own_spread
-    jitter = noise.jitter * z[:, :, 2]
+    dead_time_std = noise.dead_time_std * z[:, :, 2]
     friction = noise.scatter * z[:, :, 3]
-    result: Floats = own + jitter**2 + friction**2
+    result: Floats = own + dead_time_std**2 + friction**2
     return result
 
 
 def distance_floor(table: StopTable, noise: Noise) -> Floats:
     """(S,) variance of the distance errors of a perfect model [m²]."""
     by_force = table.held**2 / (2.0 * GRAVITY * table.pull**2)
-    by_rest = noise.speed * np.sqrt(np.median(table.spread[table.spread > 0.0])) * table.rest_time
-    own: Floats = (noise.scatter * by_force) ** 2 + (noise.jitter * table.held) ** 2 + by_rest**2
+    by_rest = (
+        noise.speed * np.sqrt(np.median(table.spread[table.spread > 0.0])) * table.standstill_time
+    )
+    own: Floats = (
+        (noise.scatter * by_force) ** 2 + (noise.dead_time_std * table.held) ** 2 + by_rest**2
+    )
     return own
 
 

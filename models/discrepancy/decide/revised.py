@@ -96,7 +96,7 @@ def _scattered(braking: Braking, fit: Fit) -> Braking:
     return replace(
         braking,
         force_std=max(braking.force_std, fit.noise.scatter),
-        dead_time_std=max(braking.dead_time_std, fit.noise.jitter),
+        dead_time_std=max(braking.dead_time_std, fit.noise.dead_time_std),
     )
 
 

@@ -163,7 +163,7 @@ def _without_names(
 def drifted(table: StopTable, base: Fit) -> bool:
     """The configured coefficients do not fit the log, the refitted ones do better than chance."""
     h = base.hypothesis
-    as_it_is = replace(type(h).configured(h.model), swing=h.swing)
+    as_it_is = replace(type(h).configured(h.model), oscillation=h.oscillation)
     configured = fit(table, as_it_is, base.white, passes=0)
     few = len(table) / max(len(table) - 5, 1)
     return configured.deviance - base.deviance > few * float(chi2.isf(_DRIFT, 5))

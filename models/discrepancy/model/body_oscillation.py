@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 KNOTS = (0.0, 0.06, 0.13, 0.21, 0.32)
 """Times since the onset between which the curve is a line, 0 at both ends [s]."""
 
-SWING = len(KNOTS) - 2
+OSCILLATION = len(KNOTS) - 2
 """Numbers of the curve."""
 
 USUAL_SWING = 0.006
@@ -27,8 +27,8 @@ USUAL_SWING = 0.006
 _USUAL_PULL = 0.45  # of the weight
 
 
-def swing_columns(table: StopTable, dead_time: float) -> Floats:
-    """(S, M, SWING) change of the fall of speed with each number of the curve [1]."""
+def oscillation_columns(table: StopTable, dead_time: float) -> Floats:
+    """(S, M, OSCILLATION) change of the fall of speed with each number of the curve [1]."""
     since = table.time - dead_time
     rows = np.eye(len(KNOTS))[1:-1]
     hats = np.stack([np.interp(since, KNOTS, row, left=0.0, right=0.0) for row in rows], axis=2)

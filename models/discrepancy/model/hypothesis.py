@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.discrepancy.model.body_oscillation import SWING
+from models.discrepancy.model.body_oscillation import OSCILLATION
 from models.effects.registry import LAWS
 from models.parameters import Effect, Model
 
@@ -21,8 +21,8 @@ Floats = NDArray[np.float64]
 LAWFUL = 5
 """Numbers of the model's own law: four shifts and the dead time."""
 
-BASE = LAWFUL + SWING
-"""Numbers before those of the effects: the law's, then the swing of the body."""
+BASE = LAWFUL + OSCILLATION
+"""Numbers before those of the effects: the law's, then the oscillation of the body."""
 
 USUAL = {
     ("headwind", "wind"): (0.0, 20.0),
@@ -56,7 +56,7 @@ class Hypothesis:
         model: as configured, with the effects that it has already.
         shift: (4,) added to m_m, b_m, m_b, b_b on every surface. dead_time: [s].
         added: effects beyond those of the model. A `step_change` holds from its run on.
-        swing: (SWING,) of the body at the onset, see
+        oscillation: (OSCILLATION,) of the body at the onset, see
             :mod:`models.discrepancy.model.body_oscillation` [m/s].
         swings: whether it may be anything but zero.
     """
@@ -65,8 +65,8 @@ class Hypothesis:
     shift: Floats
     dead_time: float
     added: tuple[Effect, ...] = ()
-    swing: Floats = field(default_factory=lambda: np.zeros(SWING))
-    swings: bool = False
+    oscillation: Floats = field(default_factory=lambda: np.zeros(OSCILLATION))
+    oscillates: bool = False
 
     @classmethod
     def configured(cls, model: Model) -> Hypothesis:
@@ -86,13 +86,13 @@ class Hypothesis:
     def free(self) -> Floats:
         """(P,) the free numbers."""
         own = [e.parameters[n] for e in self.added for n in free_parameters(e)]
-        return np.array([*self.shift, self.dead_time, *self.swing, *own])
+        return np.array([*self.shift, self.dead_time, *self.oscillation, *own])
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
         """(P,), (P,) lowest and highest of each free number, physical signs and sizes."""
         low, high = [-np.inf] * 4 + [0.0], [np.inf] * 4 + [10.0]
-        low, high = low + [-np.inf] * SWING, high + [np.inf] * SWING
+        low, high = low + [-np.inf] * OSCILLATION, high + [np.inf] * OSCILLATION
         for effect in self.added:
             law = LAWS[effect.name].parameters
             for name in free_parameters(effect):
@@ -105,7 +105,7 @@ class Hypothesis:
     def scales(self) -> Floats:
         """(P,) of each free number, for steps and damping."""
         own = [_scale(e, n) for e in self.added for n in free_parameters(e)]
-        return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *[0.01] * SWING, *own])
+        return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *[0.01] * OSCILLATION, *own])
 
     def moved(self, free: Floats) -> Hypothesis:
         """The same with other numbers."""
@@ -118,7 +118,7 @@ class Hypothesis:
             added.append(replace(effect, parameters=values, covariance=None))
         return replace(
             self, shift=np.array(free[:4]), dead_time=float(free[4]), added=tuple(added),
-            swing=np.array(free[LAWFUL:BASE]),
+            oscillation=np.array(free[LAWFUL:BASE]),
         )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.body_oscillation import SWING
+from models.discrepancy.model.body_oscillation import OSCILLATION
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.prediction import predict
 
@@ -35,7 +35,7 @@ class Noise:
 
     Attributes:
         speed: of single samples [m/s]. correlation: of a bin with the one before it.
-        creep: of the held speed's change [m/s²]. jitter: of the onset [s].
+        creep: of the held speed's change [m/s²]. dead_time_std: of the onset [s].
         scatter: of F_b/W from stop to stop, in the median stop [1]; others in proportion.
         capped: a friction cap hides the scatter of what it cuts off.
     """
@@ -43,7 +43,7 @@ class Noise:
     speed: float
     correlation: float
     creep: float
-    jitter: float
+    dead_time_std: float
     scatter: float
     capped: bool = True
 
@@ -115,7 +115,7 @@ def whitener(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Whitener
     """The transform for a noise, by what a hypothesis makes of it."""
     own, used = _own(table, noise.correlation)
     effects = own @ shapes(table, hypothesis, noise.capped) / noise.speed
-    std = np.array([_LEVEL, max(noise.creep, _FLOOR[1]), max(noise.jitter, _FLOOR[2])])
+    std = np.array([_LEVEL, max(noise.creep, _FLOOR[1]), max(noise.dead_time_std, _FLOOR[2])])
     plain, volume = _inverse_root(effects[:, :, :3] * std)
     along = plain @ effects[:, :, 3:]
     power = np.einsum("skp,skp->s", along, along)
@@ -158,7 +158,7 @@ def estimate(
         capped: see :class:`Noise`.
     """
     z = shapes(table, hypothesis, capped)
-    fitted = len(hypothesis.free) - SWING
+    fitted = len(hypothesis.free) - OSCILLATION
     correlation = _correlation(table, residual, z)
     own, used = _own(table, correlation)
     z, r = own @ z, np.einsum("skj,sj->sk", own, residual)
@@ -167,8 +167,8 @@ def estimate(
     stops = len(table)
 
     def cost(logs: Floats) -> float:
-        speed, creep, jitter, scatter = np.exp(logs)
-        precision = np.array([1.0 / _LEVEL, 1.0 / creep, 1.0 / jitter, 1.0 / scatter]) ** 2
+        speed, creep, dead_time_std, scatter = np.exp(logs)
+        precision = np.array([1.0 / _LEVEL, 1.0 / creep, 1.0 / dead_time_std, 1.0 / scatter]) ** 2
         inner = zz / speed**2 + np.diag(precision) + _RIDGE * np.eye(4)
         solved = np.linalg.solve(inner, zr[:, :, None] / speed**2)[:, :, 0]
         quadratic = float(rr - np.sum(zr * solved)) / float(speed) ** 2
@@ -183,11 +183,11 @@ def estimate(
     start = np.log(
         [max(1.4826 * float(np.median(np.abs(np.diff(left[used.all(axis=1)] if used.all(
             axis=1).any() else left, axis=1)))) / np.sqrt(2.0), _LEAST_NOISE),
-         0.05, max(table.jitter, 2e-3), 0.01]
+         0.05, max(table.dead_time_std, 2e-3), 0.01]
     )  # fmt: skip
     best = minimize(cost, start, method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.01})
-    speed, creep, jitter, scatter = (float(x) for x in np.exp(best.x))
-    return Noise(max(speed, _LEAST_NOISE), correlation, creep, jitter, scatter, capped)
+    speed, creep, dead_time_std, scatter = (float(x) for x in np.exp(best.x))
+    return Noise(max(speed, _LEAST_NOISE), correlation, creep, dead_time_std, scatter, capped)
 
 
 def _correlation(table: StopTable, residual: Floats, z: Floats) -> float:

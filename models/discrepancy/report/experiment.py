@@ -193,7 +193,7 @@ def _sheet(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopTab
         average=np.repeat(average[None], count, axis=0), binned=np.zeros((count, _BINS)),
         spread=np.full((count, _BINS), float(spread)), held=speed, clock=clock,
         run=np.full(count, int(table.run.max()) + 1), run_names=("",) * count,
-        terrain=("",) * count, distance=np.zeros(count), rest_time=end,
+        terrain=("",) * count, distance=np.zeros(count), standstill_time=end,
         force=pull / GRAVITY - np.sin(grade), further={}, cooled=(), warmed=_warmth(cooled, count),
     )  # fmt: skip
 

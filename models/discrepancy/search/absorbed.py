@@ -76,7 +76,7 @@ def absorbed_explanations(
             coefficients take up, by name.
     """
     configured = Hypothesis.configured(base.hypothesis.model)
-    configured = replace(configured, swing=base.hypothesis.swing)
+    configured = replace(configured, oscillation=base.hypothesis.oscillation)
     # Only the cause is free: the coefficients stay as configured.
     as_it_is = fit(table, configured, base.white, passes=0)
     limit = base.deviance + float(chi2.isf(_AS_GOOD, 4)) * len(table) / max(len(table) - 5, 1)

@@ -27,7 +27,9 @@ _USUAL = 1.96
 _AS_GOOD = 7.35
 """Chi square within which a place is not ruled out at 95 %: that of a threshold, whose likelihood
 has jumps, is wider than that of a smooth number (Hansen 2000)."""
-_REST = 0.01  # share of chi square that other numbers, which are not fitted again, may be worth
+_INTERCEPT = (
+    0.01  # share of chi square that other numbers, which are not fitted again, may be worth
+)
 _REACH = (0.1, 0.3, 0.05, 0.2)  # radii
 _ROUNDS = 24
 _SIDES = 1.25  # more than four sides of a circle are uncertain
@@ -66,7 +68,7 @@ def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[
         z_square = _chi_squares(table, without, columns)
         best = max(best, float(z_square.max()))
         kept += zip(z_square.tolist(), tried, strict=True)
-        kept = [one for one in kept if one[0] > best - _AS_GOOD - _REST * best] or kept[:1]
+        kept = [one for one in kept if one[0] > best - _AS_GOOD - _INTERCEPT * best] or kept[:1]
     edges = _edges(table, inner)
     widths = {}
     for name in names:

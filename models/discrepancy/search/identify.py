@@ -208,15 +208,16 @@ def _extended(
 
 
 def _too_quick(table: StopTable, found: Fit) -> bool:
-    """A lag that is no longer than the onset is uncertain: the jitter alone rounds the knee.
+    """A lag that is no longer than the onset is uncertain: scatter of the dead time alone rounds
+    the knee.
 
-    Without the lag the jitter seems larger than it is, because a knee that is rounded off is seen
+    Without the lag the dead time seems to scatter more than it does, because a rounded knee is seen
     the later the harder a stop brakes.
     """
     lag = lag_of(found.hypothesis)
     if lag <= 0.0:
         return False
-    blur = np.hypot(noise_of(table, found).jitter, table.sample / np.sqrt(12.0))
+    blur = np.hypot(noise_of(table, found).dead_time_std, table.sample / np.sqrt(12.0))
     return lag < max(_LEAST_LAG, _BLURS * float(blur))
 
 

@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from models.calibration.force_fit import WEAK_PRIOR
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.body_oscillation import SWING, USUAL_SWING, swing_columns
+from models.discrepancy.model.body_oscillation import OSCILLATION, USUAL_SWING, oscillation_columns
 from models.discrepancy.model.hypothesis import BASE, LAWFUL, Hypothesis
 from models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
 from models.discrepancy.model.prediction import (
@@ -80,16 +80,16 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     free, scales = hypothesis.free, hypothesis.scales
     _, high = hypothesis.bounds
     base = _observed(table, hypothesis)
-    swing = np.zeros((*table.time.shape, SWING))
-    if hypothesis.swings:
-        swing = swing_columns(table, hypothesis.dead_time)
+    oscillation = np.zeros((*table.time.shape, OSCILLATION))
+    if hypothesis.oscillates:
+        oscillation = oscillation_columns(table, hypothesis.dead_time)
     columns = [_by_shifts(table, hypothesis)]
     for i in (LAWFUL - 1, *range(BASE, len(free))):
         step = _STEP * scales[i] if free[i] + _STEP * scales[i] <= high[i] else -_STEP * scales[i]
         moved = free.copy()
         moved[i] += step
         columns.append(((_observed(table, hypothesis.moved(moved)) - base) / step)[:, :, None])
-    columns.insert(2, swing)
+    columns.insert(2, oscillation)
     return np.concatenate(columns, axis=2)
 
 
@@ -104,11 +104,13 @@ def _by_shifts(table: StopTable, hypothesis: Hypothesis) -> Floats:
 
 
 def _observed(table: StopTable, hypothesis: Hypothesis) -> Floats:
-    """(S, M) fall of the speed that is read, with the swing of the body it is read on."""
+    """(S, M) fall of the speed that is read, with the oscillation of the body it is read on."""
     fall = predict(table, hypothesis)
-    if not hypothesis.swings:
+    if not hypothesis.oscillates:
         return fall
-    result: Floats = fall + swing_columns(table, hypothesis.dead_time) @ hypothesis.swing
+    result: Floats = (
+        fall + oscillation_columns(table, hypothesis.dead_time) @ hypothesis.oscillation
+    )
     return result
 
 
@@ -169,7 +171,7 @@ def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int =
     between = white.split(white.bins @ residual(table, here)[:, :, None])[0][:, 0]
     # Few stops tell less of their scatter than its likelihood pretends.
     count = len(table)
-    covariance *= count / max(count - (len(here.free) - SWING), 1)
+    covariance *= count / max(count - (len(here.free) - OSCILLATION), 1)
     covariance = _robust(np.asarray(covariance, np.float64), x, r, count)
     each = r[:count] ** 2 + np.sum(r[count:].reshape(count, -1) ** 2, axis=1)
     each = each - 2.0 * np.log(weight) + white.log_volume
@@ -285,7 +287,7 @@ def start_of(table: StopTable, model: Model) -> Hypothesis:
 
 def fit_with_noise(table: StopTable, hypothesis: Hypothesis, noise: Noise | None = None) -> Fit:
     """Fit and noise in turn, until both belong to each other."""
-    now = noise or Noise(0.03, 0.0, 0.1, max(table.jitter, 2e-3), 0.01)
+    now = noise or Noise(0.03, 0.0, 0.1, max(table.dead_time_std, 2e-3), 0.01)
     found = fit(table, hypothesis, whitener(table, now, hypothesis), passes=4)
     for _ in range(_NOISE_PASSES):
         now = noise_of(table, found)
@@ -296,12 +298,12 @@ def fit_with_noise(table: StopTable, hypothesis: Hypothesis, noise: Noise | None
 def fit_base(table: StopTable, start: Hypothesis) -> Fit:
     """The model's own numbers and the noise that belongs to them.
 
-    The body's swing is fitted along only where the log shows it plainly: in short stops it looks
-    like a weak effect of speed.
+    The body's oscillation is fitted along only where the log shows it plainly: in short stops it
+    looks like a weak effect of speed.
     """
     plain = fit_with_noise(table, start)
-    swinging = fit_with_noise(table, replace(plain.hypothesis, swings=True), plain.noise)
-    return swinging if swinging.deviance < plain.deviance - _SWINGS else plain
+    oscillating = fit_with_noise(table, replace(plain.hypothesis, oscillates=True), plain.noise)
+    return oscillating if oscillating.deviance < plain.deviance - _SWINGS else plain
 
 
 def noise_of(table: StopTable, found: Fit) -> Noise:

@@ -155,7 +155,7 @@ def _measured(r: StopRecord, offsets: dict[str, float]) -> dict[str, float]:
     offset = offsets.get(r.samples.terrain, offsets[""])
     values = (
         r.onset_speed, r.knee.onset_time, r.grade, r.force_ratio, r.force_std, r.samples.distance,
-        r.samples.rest_time, r.predicted_distance, r.predicted_distance + offset,
+        r.samples.standstill_time, r.predicted_distance, r.predicted_distance + offset,
         r.predicted_time, float(r.kept),
     )  # fmt: skip
     return dict(zip(_MEASURED, values, strict=True))
@@ -171,7 +171,7 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
     return {
         "stops": {"found": len(c.windows), **c.verdicts},
         "dead_time": {
-            "value": c.dead_time.value, "std": c.dead_time.std, "jitter": c.dead_time.jitter,
+            "value": c.dead_time.value, "std": c.dead_time.std, "jitter": c.dead_time.between_stops,
         },
         "dive": {
             "value": c.dive.per_deceleration, "std": c.dive.std, "settling": c.dive.settling,

@@ -115,7 +115,7 @@ def as_json(result: FleetCalibrateResult) -> dict[str, Any]:
             for name, fit in c.surfaces.items()
         },
         "dead_time": {
-            "mean": c.dead_time.value, "std": c.dead_time.std, "spread": c.dead_time.jitter,
+            "mean": c.dead_time.value, "std": c.dead_time.std, "spread": c.dead_time.between_stops,
         },
         "vehicles": {
             v.name: {
@@ -144,7 +144,7 @@ def show(result: FleetCalibrateResult, console: Console) -> None:
     kept = (f"{int(f.kept.sum())} of {len(f.kept)}" for f in c.surfaces.values())
     table.add_row("stops learned from", *kept)
     console.print(table)
-    console.print(f"dead time {c.dead_time.value:.3f} ± {c.dead_time.jitter:.3f} s")
+    console.print(f"dead time {c.dead_time.value:.3f} ± {c.dead_time.between_stops:.3f} s")
     each = Table(box=box.SIMPLE_HEAD)
     for title in ("vehicle", "stops", *NAMES, "dead time\ns", "offset\nm"):
         each.add_column(title, justify="left" if title == "vehicle" else "right")

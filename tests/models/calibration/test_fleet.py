@@ -112,7 +112,7 @@ def test_fifty_vehicles_with_two_hundred_stops() -> None:
     drawn = np.std([p.coefficients for p in plants], axis=0, ddof=1)
     np.testing.assert_allclose(spread[[1, 3]], drawn[[1, 3]], rtol=0.25)
     drawn_time = np.std([p.dead_time for p in plants], ddof=1)
-    assert learned.dead_time.jitter == pytest.approx(drawn_time, rel=0.25)
+    assert learned.dead_time.between_stops == pytest.approx(drawn_time, rel=0.25)
     v, theta = (g.ravel() for g in np.meshgrid(np.linspace(1, 4, 7), np.linspace(-0.2, 0.2, 7)))
     pooled, alone = [], []
     for i in np.flatnonzero(count < 20).tolist():

@@ -28,7 +28,7 @@ def drawn(hypothesis: Hypothesis, noise: Noise, seed: int) -> StopTable:
     stops = table("clean")
     rng = np.random.default_rng(seed)
     z = shapes(stops, hypothesis)
-    own = np.array([0.0, noise.creep, noise.jitter, noise.scatter])
+    own = np.array([0.0, noise.creep, noise.dead_time_std, noise.scatter])
     effects = rng.standard_normal((len(stops), 4)) * own
     white = noise.speed * np.sqrt(stops.spread) * rng.standard_normal(stops.binned.shape)
     fall = np.einsum("skm,sm->sk", stops.average, predict(stops, hypothesis))

@@ -9,12 +9,12 @@ from models.stop_logs.onset import fit_knee
 G = 9.80665
 
 
-def knees(seed: int, jitter: float = 0.0, stops: int = 60, noise: float = 0.05) -> list:
+def knees(seed: int, dead_time_std: float = 0.0, stops: int = 60, noise: float = 0.05) -> list:
     rng = np.random.default_rng(seed)
     found = []
     for _ in range(stops):
         held = rng.uniform(1.0, 4.0)
-        delay = 0.25 + jitter * rng.standard_normal()
+        delay = 0.25 + dead_time_std * rng.standard_normal()
         rest = delay + held / (0.4 * G)
         t = np.arange(-1.0, rest + 0.3, 0.01)
         v = np.clip(held - 0.4 * G * (t - delay), 0.0, held) + noise * rng.standard_normal(len(t))
@@ -23,13 +23,13 @@ def knees(seed: int, jitter: float = 0.0, stops: int = 60, noise: float = 0.05) 
     return found
 
 
-@pytest.mark.parametrize("jitter", [0.0, 0.03])
-def test_common_dead_time_and_its_jitter(jitter: float) -> None:
-    found = [dead_time(knees(seed, jitter), np.full(60, 0.05)) for seed in range(6)]
+@pytest.mark.parametrize("dead_time_std", [0.0, 0.03])
+def test_common_dead_time_and_its_jitter(dead_time_std: float) -> None:
+    found = [dead_time(knees(seed, dead_time_std), np.full(60, 0.05)) for seed in range(6)]
     for one in found:
         assert one.value == pytest.approx(0.25, abs=max(4.0 * one.std, 1e-4))
         assert one.std < 0.008
-    assert np.mean([one.jitter for one in found]) == pytest.approx(jitter, abs=0.008)
+    assert np.mean([one.between_stops for one in found]) == pytest.approx(dead_time_std, abs=0.008)
 
 
 def test_knowing_it_sharpens_the_force_and_keeps_it_honest() -> None:

@@ -32,14 +32,14 @@ def stopping_of(
     path: CandidatePath,
     *,
     spacing: float = 0.1,
-    marched: bool = False,
+    integrated: bool = False,
 ) -> tuple[TerrainProfile, Ground, SpeedBounds]:
     model = model_of(tables)
     side = batch([path], spacing)
     v = model.vehicle
     profile = terrain_profile(elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width)
     ground = ground_along(profile, model, elevation_map.class_names)
-    if marched:
+    if integrated:
         ground = dataclasses.replace(ground, closed_form=False)
     return profile, ground, speed_bounds(profile, ground, model, np.array([np.inf]))
 
@@ -67,7 +67,7 @@ def stop_by_scipy(profile: TerrainProfile, tables: Tables, k: int, v: float) -> 
     return float(run.y_events[0][0, 0])
 
 
-@pytest.mark.parametrize("marched", [False, True])
+@pytest.mark.parametrize("integrated", [False, True])
 @pytest.mark.parametrize(
     ("b_m", "m_m", "m_b", "dead_time", "slowest"),
     [
@@ -78,7 +78,7 @@ def stop_by_scipy(profile: TerrainProfile, tables: Tables, k: int, v: float) -> 
     ],
 )
 def test_stops_on_hills_end_just_before_the_end_of_the_way(
-    b_m: float, m_m: float, m_b: float, dead_time: float, slowest: float, marched: bool
+    b_m: float, m_m: float, m_b: float, dead_time: float, slowest: float, integrated: bool
 ) -> None:
     tables = tables_with(
         limits=NO_LIMITS,
@@ -86,7 +86,11 @@ def test_stops_on_hills_end_just_before_the_end_of_the_way(
                         "speed_range": [slowest, 8.0]},
     )  # fmt: skip
     profile, _, bounds = stopping_of(
-        tables, ground_map(hills, resolution=0.1), straight(16.0), spacing=0.05, marched=marched
+        tables,
+        ground_map(hills, resolution=0.1),
+        straight(16.0),
+        spacing=0.05,
+        integrated=integrated,
     )
     limited = np.flatnonzero(bounds.limiting[:, 0] == Limiting.STOPPING_PATH)
     clear = bounds.clear_distance[0] - 0.2
@@ -125,10 +129,10 @@ def test_closed_form_and_march_agree(dead_time: float, m_b: float) -> None:
     tables = tables_with(braking={"dead_time": dead_time, "m_b": m_b})
     ground = ground_map(lambda x, y: 0.3 * np.sin(x / 3.0))
     _, _, closed = stopping_of(tables, ground, straight(9.0))
-    _, _, marched = stopping_of(tables, ground, straight(9.0), marched=True)
-    difference = np.sqrt(closed.speed_sq_max) - np.sqrt(marched.speed_sq_max)
+    _, _, integrated = stopping_of(tables, ground, straight(9.0), integrated=True)
+    difference = np.sqrt(closed.speed_sq_max) - np.sqrt(integrated.speed_sq_max)
     assert np.abs(difference[:-5]).max() < 5e-3
-    np.testing.assert_array_equal(closed.clear_distance, marched.clear_distance)
+    np.testing.assert_array_equal(closed.clear_distance, integrated.clear_distance)
 
 
 def test_stops_that_never_end_allow_no_speed() -> None:
@@ -162,19 +166,19 @@ def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("speed_part", "rest_part", "slowest", "expected"),
+    ("speed_part", "intercept_part", "slowest", "expected"),
     [
         (0.0, 0.0, 1.0, 0.0),
         (0.0, 2.0 / G, 0.0, 2.0),
         (0.0, -1.0, 0.0, 0.0),
         (0.1, -5.0, 1.0, 0.0),
-        # Slower than the slowest: v² = 2 g (slowest * speed_part + rest_part).
+        # Slower than the slowest: v² = 2 g (slowest * speed_part + intercept_part).
         (0.05, 0.0, 1.0, np.sqrt(2.0 * G * 0.05)),
         # Faster: v = 2 g speed_part.
         (0.15, 0.0, 1.0, 2.0 * G * 0.15),
     ],
 )
 def test_the_speed_at_onset_solves_its_quadratic(
-    speed_part: float, rest_part: float, slowest: float, expected: float
+    speed_part: float, intercept_part: float, slowest: float, expected: float
 ) -> None:
-    assert onset_speed(speed_part, rest_part, slowest) == pytest.approx(expected, abs=1e-12)
+    assert onset_speed(speed_part, intercept_part, slowest) == pytest.approx(expected, abs=1e-12)

@@ -53,9 +53,11 @@ def test_force_is_the_law_on_any_plane(
     tables = tables_with(braking={"m_m": m_m, "b_m": b_m, "m_b": m_b})
     _, ground = ground_of(model_of(tables), plane(rise=np.tan(grade)))
     expected = law.force_ratio(grade, speed, m_m, b_m, m_b, 0.4)
-    np.testing.assert_allclose(speed * ground.weak_speed + ground.weak_rest, expected, atol=1e-9)
-    np.testing.assert_array_equal(ground.weak_speed, ground.strong_speed)
-    np.testing.assert_array_equal(ground.weak_rest, ground.strong_rest)
+    np.testing.assert_allclose(
+        speed * ground.lower_slope + ground.lower_intercept, expected, atol=1e-9
+    )
+    np.testing.assert_array_equal(ground.lower_slope, ground.upper_slope)
+    np.testing.assert_array_equal(ground.lower_intercept, ground.upper_intercept)
     assert ground.trained.all()
 
 
@@ -63,23 +65,23 @@ def test_uphill_has_its_own_slope_coefficients_and_downhill_keeps_the_others() -
     tables = tables_with(braking={"uphill": {"m_m": 0.02, "b_m": 0.5}})
     for grade, m_m, b_m in ((0.2, 0.02, 0.5), (-0.2, -0.03, -0.35)):
         _, ground = ground_of(model_of(tables), plane(rise=np.tan(grade)))
-        np.testing.assert_allclose(ground.weak_rest, b_m * grade + 0.40, atol=1e-9)
-        np.testing.assert_allclose(ground.weak_speed, m_m * grade + 0.015, atol=1e-9)
+        np.testing.assert_allclose(ground.lower_intercept, b_m * grade + 0.40, atol=1e-9)
+        np.testing.assert_allclose(ground.lower_slope, m_m * grade + 0.015, atol=1e-9)
 
 
 def test_a_lower_brake_level_leaves_the_rolling_resistance() -> None:
     tables = tables_with(braking={"level": 0.5})
     _, ground = ground_of(model_of(tables), plane())
     expected = law.force_ratio_at_level(0.40, 0.13, 0.5)
-    np.testing.assert_allclose(ground.weak_rest, expected, rtol=1e-12)
-    np.testing.assert_allclose(ground.weak_speed, 0.5 * 0.015, rtol=1e-12)
+    np.testing.assert_allclose(ground.lower_intercept, expected, rtol=1e-12)
+    np.testing.assert_allclose(ground.lower_slope, 0.5 * 0.015, rtol=1e-12)
 
 
 def test_a_lasting_change_scales_and_shifts_the_force() -> None:
     tables = tables_with(("step_change", {"scale": 0.8, "delta": -0.03}))
     _, ground = ground_of(model_of(tables), plane())
-    np.testing.assert_allclose(ground.weak_rest, 0.8 * 0.40 - 0.03, rtol=1e-12)
-    np.testing.assert_allclose(ground.weak_speed, 0.8 * 0.015, rtol=1e-12)
+    np.testing.assert_allclose(ground.lower_intercept, 0.8 * 0.40 - 0.03, rtol=1e-12)
+    np.testing.assert_allclose(ground.lower_slope, 0.8 * 0.015, rtol=1e-12)
 
 
 # --------------------------------------------------------------------------------- surfaces
@@ -108,15 +110,15 @@ def test_ice_holds_from_the_station_before_it_to_the_one_after() -> None:
     tables = tables_with()
     tables["braking"]["terrain"] = {"ice": ICE}
     profile, ground = ground_of(model_of(tables), iced(), spacing=0.2)
-    x, rest = profile.x[:, 0], ground.weak_rest[:, 0]
+    x, rest = profile.x[:, 0], ground.lower_intercept[:, 0]
     # Front wheels reach it 0.6 m ahead of the path, one more station for a sharp edge.
     on_ice = (x >= 8.0 - 0.6 - 0.25) & (x <= 12.0 + 0.6 + 0.25)
     np.testing.assert_allclose(rest[on_ice], 0.1)
     np.testing.assert_allclose(rest[(x < 7.0) | (x > 13.2)], 0.40)
     # Half the wheels on it: it decides where the vehicle stops, the base whether it tips.
     edge = np.argmin(np.abs(x - 8.0))
-    assert ground.strong_rest[edge, 0] == pytest.approx(0.40)
-    assert ground.strong_rest[np.argmin(np.abs(x - 10.0)), 0] == pytest.approx(0.1)
+    assert ground.upper_intercept[edge, 0] == pytest.approx(0.40)
+    assert ground.upper_intercept[np.argmin(np.abs(x - 10.0)), 0] == pytest.approx(0.1)
 
 
 def test_an_unknown_class_is_the_weakest_and_the_strongest_surface_there_is() -> None:
@@ -128,9 +130,9 @@ def test_an_unknown_class_is_the_weakest_and_the_strongest_surface_there_is() ->
     model = model_of(tables)
     strange = plane(classes=lambda x, y: np.ones_like(x), class_names=("", "never heard of"))
     _, ground = ground_of(model, strange)
-    np.testing.assert_allclose(ground.weak_rest, 0.1)
-    np.testing.assert_allclose(ground.weak_speed, 0.0, atol=1e-12)
-    np.testing.assert_allclose(ground.strong_rest, 0.7)
+    np.testing.assert_allclose(ground.lower_intercept, 0.1)
+    np.testing.assert_allclose(ground.lower_slope, 0.0, atol=1e-12)
+    np.testing.assert_allclose(ground.upper_intercept, 0.7)
     np.testing.assert_allclose(ground.dead_time, 0.5)
     np.testing.assert_allclose(ground.fastest, 2.0)
     np.testing.assert_allclose(ground.distance_offset, 0.4)
@@ -175,8 +177,8 @@ def test_extrapolation_takes_its_margin_both_ways_and_only_outside() -> None:
         _, ground = ground_of(model_of(tables), plane(rise=np.tan(grade)))
         rest = -0.35 * grade + 0.40
         assert ground.trained.all()
-        np.testing.assert_allclose(ground.weak_rest, rest * (1.0 - margin), atol=1e-9)
-        np.testing.assert_allclose(ground.strong_rest, rest * (1.0 + margin), atol=1e-9)
+        np.testing.assert_allclose(ground.lower_intercept, rest * (1.0 - margin), atol=1e-9)
+        np.testing.assert_allclose(ground.upper_intercept, rest * (1.0 + margin), atol=1e-9)
 
 
 def test_the_whole_margin_holds_from_the_edge_of_the_trained_range_on() -> None:
@@ -189,7 +191,7 @@ def test_the_whole_margin_holds_from_the_edge_of_the_trained_range_on() -> None:
         braking={"grade_range": [-0.15, 0.3], "extrapolate": True, "extrapolation_margin": 0.4}
     )
     profile, ground = ground_of(model_of(tables), ground_map(bowl), straight(15.0), spacing=0.5)
-    grade, rest = profile.grade[:, 0], ground.weak_rest[:, 0]
+    grade, rest = profile.grade[:, 0], ground.lower_intercept[:, 0]
     k = int(np.flatnonzero(grade < -0.15)[0]) - 1
     for share in np.linspace(0.0, 1.0, 11):
         theta = grade[k] + share * (grade[k + 1] - grade[k])
@@ -212,15 +214,19 @@ def test_ground_terms_are_added_where_they_act() -> None:
         ("directional_surface", {"k": 0.05, "direction": 0.3}, 0.05 * np.cos(0.6)),
     ):
         _, ground = ground_of(model_of(tables_with((name, parameters))), tilt)
-        np.testing.assert_allclose(ground.weak_rest, plain.weak_rest + extra, atol=1e-9)
-        np.testing.assert_allclose(ground.strong_rest, plain.strong_rest + extra, atol=1e-9)
+        np.testing.assert_allclose(ground.lower_intercept, plain.lower_intercept + extra, atol=1e-9)
+        np.testing.assert_allclose(ground.upper_intercept, plain.upper_intercept + extra, atol=1e-9)
 
 
 def test_a_weak_patch_begins_a_station_early_and_a_strong_one_for_tipping_only() -> None:
     for delta in (-0.2, 0.2):
         patch = ("surface_patch", {"delta": delta, "x": 8.0, "y": 0.0, "radius": 1.0})
         profile, ground = ground_of(model_of(tables_with(patch)), plane())
-        x, weak, strong = profile.x[:, 0], ground.weak_rest[:, 0], ground.strong_rest[:, 0]
+        x, weak, strong = (
+            profile.x[:, 0],
+            ground.lower_intercept[:, 0],
+            ground.upper_intercept[:, 0],
+        )
         inside, outside = np.abs(x - 8.0) <= 0.75, np.abs(x - 8.0) >= 1.3
         np.testing.assert_allclose(weak[inside], 0.40 + delta)
         np.testing.assert_allclose(strong[inside], 0.40 + delta)
@@ -237,7 +243,7 @@ def test_drift_needs_the_time_of_the_session_and_fade_its_heat() -> None:
     )
     _, cold = ground_of(model, plane())
     _, late = ground_of(model, plane(), conditions=Conditions(session_time=600.0, brake_heat=30.0))
-    np.testing.assert_allclose(late.weak_rest, cold.weak_rest - 0.06, atol=1e-12)
+    np.testing.assert_allclose(late.lower_intercept, cold.lower_intercept - 0.06, atol=1e-12)
     assert (cold.motion.heat, late.motion.heat) == (0.0, 30.0)
 
 
@@ -258,11 +264,18 @@ def test_a_closed_form_is_claimed_only_without_motion_terms() -> None:
     capped = tables_with(braking={"sliding_friction": 0.3})
     ground = ground_of(model_of(capped), plane())[1]
     assert ground.closed_form
-    np.testing.assert_array_equal(ground.weak_speed, 0.0)
-    np.testing.assert_allclose(ground.weak_rest, 0.3)
+    np.testing.assert_array_equal(ground.lower_slope, 0.0)
+    np.testing.assert_allclose(ground.lower_intercept, 0.3)
 
 
 def test_padding_stays_finite() -> None:
     _, ground = ground_of(model_of(tables_with()), plane(), straight(3.0), straight(12.0))
-    for name in ("weak_speed", "weak_rest", "strong_speed", "strong_rest", "dead_time", "slowest"):
+    for name in (
+        "lower_slope",
+        "lower_intercept",
+        "upper_slope",
+        "upper_intercept",
+        "dead_time",
+        "slowest",
+    ):
         assert np.isfinite(getattr(ground, name)).all(), name

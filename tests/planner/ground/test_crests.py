@@ -57,15 +57,15 @@ def test_forces_are_the_law_at_both_ends_of_the_trained_speeds(k: float) -> None
     inner = slice(1, -1)
     assert lost(profile, 4.0).max() > 0.1
     for v in (1.0, 4.0):
-        force = (v * plain.weak_speed + plain.weak_rest)[inner, 0]
-        kept = (v * crested.weak_speed + crested.weak_rest)[inner, 0]
+        force = (v * plain.lower_slope + plain.lower_intercept)[inner, 0]
+        kept = (v * crested.lower_slope + crested.lower_intercept)[inner, 0]
         wanted = force * (1.0 - k * lost(profile, v))
-        falls = plain.weak_speed[inner, 0] < 0.0
+        falls = plain.lower_slope[inner, 0] < 0.0
         assert kept[~falls] == pytest.approx(wanted[~falls], abs=1e-12)
         assert np.all(kept <= wanted + 1e-12)
         assert np.all(kept >= wanted - 0.02)
-        heavier = (crested.strong_speed - plain.strong_speed)[inner, 0] * v
-        heavier += (crested.strong_rest - plain.strong_rest)[inner, 0]
+        heavier = (crested.upper_slope - plain.upper_slope)[inner, 0] * v
+        heavier += (crested.upper_intercept - plain.upper_intercept)[inner, 0]
         assert heavier == pytest.approx(lost(profile, v) / lever, abs=1e-12)
 
 
@@ -77,8 +77,8 @@ def test_forces_are_on_the_safe_side_between(k: float, v: float, height: float, 
     braking = {"m_b": m_b}
     profile, plain = along(tables_with(braking=braking), hill(height))
     _, crested = along(tables_with(("crest_unloading", {"k": k}), braking=braking), hill(height))
-    force = (v * plain.weak_speed + plain.weak_rest)[1:-1, 0]
-    kept = (v * crested.weak_speed + crested.weak_rest)[1:-1, 0]
+    force = (v * plain.lower_slope + plain.lower_intercept)[1:-1, 0]
+    kept = (v * crested.lower_slope + crested.lower_intercept)[1:-1, 0]
     assert np.all(kept <= force * np.maximum(1.0 - k * lost(profile, v), 0.0) + 1e-12)
 
 
@@ -86,7 +86,7 @@ def test_even_slopes_and_hollows_lose_nothing() -> None:
     for ground in (plane(rise=0.1), ground_map(lambda x, y: 0.01 * (x - 9.0) ** 2)):
         _, plain = along(tables_with(), ground)
         _, crested = along(tables_with(CREST), ground)
-        for name in ("weak_speed", "weak_rest", "strong_speed", "strong_rest"):
+        for name in ("lower_slope", "lower_intercept", "upper_slope", "upper_intercept"):
             assert getattr(crested, name) == pytest.approx(getattr(plain, name), abs=1e-9)
 
 
@@ -94,15 +94,15 @@ def test_where_the_ground_is_unknown_there_is_no_crest() -> None:
     slope = {"rise": 0.2, "unknown": lambda x, y: x > 10.0}
     _, plain = along(tables_with(), plane(**slope))
     _, crested = along(tables_with(CREST), plane(**slope))
-    assert crested.weak_rest == pytest.approx(plain.weak_rest, abs=1e-9)
+    assert crested.lower_intercept == pytest.approx(plain.lower_intercept, abs=1e-9)
 
 
 def test_a_lag_counts_with_the_worst_crest_of_the_path() -> None:
     lag = ("brake_lag", {"tau": 0.2})
     _, plain = along(tables_with(lag), hill())
     profile, crested = along(tables_with(lag, CREST), hill())
-    force = 4.0 * plain.weak_speed + plain.weak_rest
-    kept = 4.0 * crested.weak_speed + crested.weak_rest
+    force = 4.0 * plain.lower_slope + plain.lower_intercept
+    kept = 4.0 * crested.lower_slope + crested.lower_intercept
     assert np.all(kept <= force * (1.0 - lost(profile, 4.0).max()) + 1e-9)
 
 

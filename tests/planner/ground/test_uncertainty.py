@@ -157,8 +157,8 @@ def margins(model: Model, uncertainty: Uncertainty, v: float) -> tuple[Any, Any,
     """Grade, and what is given up and added at an onset speed."""
     profile, sure = forces(model, None, hills())
     _, wide = forces(model, uncertainty, hills())
-    weak = (sure.weak_speed - wide.weak_speed) * v + sure.weak_rest - wide.weak_rest
-    strong = (wide.strong_speed - sure.strong_speed) * v + wide.strong_rest - sure.strong_rest
+    weak = (sure.lower_slope - wide.lower_slope) * v + sure.lower_intercept - wide.lower_intercept
+    strong = (wide.upper_slope - sure.upper_slope) * v + wide.upper_intercept - sure.upper_intercept
     return profile.grade[:, 0], weak[:, 0], strong[:, 0]
 
 
@@ -285,10 +285,10 @@ def test_ground_that_was_never_braked_on_gets_the_prior() -> None:
     _, on_gravel = forces(model, Uncertainty(quantile=0.5), known)
     _, on_moss = forces(model, Uncertainty(quantile=0.5), strange)
     middle = 20
-    assert on_gravel.weak_rest[middle, 0] == pytest.approx(0.3)
-    assert on_moss.weak_rest[middle, 0] == pytest.approx(0.6 * 0.3)
-    assert on_moss.strong_rest[middle, 0] == pytest.approx(0.4)
-    assert on_moss.weak_rest[4, 0] == pytest.approx(0.4)
+    assert on_gravel.lower_intercept[middle, 0] == pytest.approx(0.3)
+    assert on_moss.lower_intercept[middle, 0] == pytest.approx(0.6 * 0.3)
+    assert on_moss.upper_intercept[middle, 0] == pytest.approx(0.4)
+    assert on_moss.lower_intercept[4, 0] == pytest.approx(0.4)
     gravel, moss = (plan_with(model, Uncertainty(), ground) for ground in (known, strange))
     assert moss.speed[middle] < gravel.speed[middle] - 0.1
 
@@ -296,8 +296,8 @@ def test_ground_that_was_never_braked_on_gets_the_prior() -> None:
 def test_surfaces_of_which_the_model_knows_one_keep_their_own_margin() -> None:
     model = uncertain(covariance=None, terrain={"gravel": {"force_std": 0.05}})
     _, ground = forces(model, Uncertainty(), striped(("", "gravel")))
-    assert ground.weak_rest[20, 0] == pytest.approx(0.4 - 0.05 * norm.ppf(0.999))
-    assert ground.weak_rest[4, 0] == pytest.approx(0.4)
+    assert ground.lower_intercept[20, 0] == pytest.approx(0.4 - 0.05 * norm.ppf(0.999))
+    assert ground.lower_intercept[4, 0] == pytest.approx(0.4)
 
 
 EFFECTS = [
@@ -340,13 +340,13 @@ def doubtful_effect(name: str, key: str, value: float, std: float, **tables: Any
 def test_uncertain_friction_is_low_for_the_stop_and_high_for_the_rear_axle() -> None:
     model, z = doubtful_effect("wheel_lockup", "mu", 0.35, 0.01), norm.ppf(0.999)
     _, ground = forces(model, Uncertainty(), plane())
-    assert ground.weak_rest == pytest.approx(0.35 - z * 0.01)
-    assert ground.strong_rest == pytest.approx(0.35 + z * 0.01)
-    assert not ground.weak_speed.any()
-    assert not ground.strong_speed.any()
+    assert ground.lower_intercept == pytest.approx(0.35 - z * 0.01)
+    assert ground.upper_intercept == pytest.approx(0.35 + z * 0.01)
+    assert not ground.lower_slope.any()
+    assert not ground.upper_slope.any()
     _, sure = forces(model, None, plane())
-    assert sure.weak_rest == pytest.approx(0.35)
-    assert sure.strong_rest == pytest.approx(0.35)
+    assert sure.lower_intercept == pytest.approx(0.35)
+    assert sure.upper_intercept == pytest.approx(0.35)
 
 
 def test_where_more_friction_would_lift_the_rear_axle_the_way_ends() -> None:
@@ -377,9 +377,9 @@ def test_uncertain_drag_counts_for_the_rear_axle_with_its_upper_end(
     assert getattr(ground.motion, {"aerodynamic_drag": "drag"}.get(name, "viscous")) == (
         pytest.approx(0.02 - z * 0.004)
     )
-    assert ground.weak_rest == pytest.approx(sure.weak_rest)
+    assert ground.lower_intercept == pytest.approx(sure.lower_intercept)
     # What the motion now lacks to the upper end, at the highest speed that is planned.
-    assert ground.strong_rest - sure.strong_rest == pytest.approx(2.0 * z * 0.004 * at_top)
+    assert ground.upper_intercept - sure.upper_intercept == pytest.approx(2.0 * z * 0.004 * at_top)
 
 
 def test_uncertain_turning_resistance_counts_by_the_bend() -> None:

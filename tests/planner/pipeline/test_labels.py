@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.kernels.limits import Numbers, numbers
+from planner.kernels.limits import PlanningLimits, numbers
 from planner.limiting import Limiting
 from planner.pipeline.labels import labels, segment_limits
 from planner.verify.track import Track
 from tests.planner.scenes import G, model_of, tables_with
 
 N = 40
-SCALARS: Numbers = numbers(model_of(tables_with(limits=tables_with()["limits"] | {"decel": 3.5})))
+SCALARS: PlanningLimits = numbers(
+    model_of(tables_with(limits=tables_with()["limits"] | {"decel": 3.5}))
+)
 
 
 def drawn(seed: int) -> tuple[Track, dict[str, np.ndarray]]:
@@ -32,7 +34,7 @@ def drawn(seed: int) -> tuple[Track, dict[str, np.ndarray]]:
 
 def limits_of(track: Track, arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     accel, decel = np.empty((2, N - 1))
-    segment_limits(track, *arrays.values(), track.weak_rest, SCALARS, accel, decel)
+    segment_limits(track, *arrays.values(), track.lower_intercept, SCALARS, accel, decel)
     return accel, decel
 
 
@@ -53,7 +55,9 @@ def test_limits_hold_at_both_ends_at_any_speed_up_to_the_profile(seed: int, shar
             powered = G * (SCALARS.specific_power / v - arrays["demand"][end])
         assert np.all((accel <= powered + 1e-12) | (accel == 0.0))
         onset = np.maximum(v, track.slowest[end])
-        force = track.weak_speed[end] * onset + track.weak_rest[end] + np.sin(track.grade[end])
+        force = (
+            track.lower_slope[end] * onset + track.lower_intercept[end] + np.sin(track.grade[end])
+        )
         assert np.all((decel <= G * force + 1e-12) | (decel == 0.0))
 
 
@@ -63,7 +67,7 @@ def test_limits_are_no_lower_than_need_be() -> None:
     even = {name: np.full(N, values[0]) for name, values in arrays.items()}
     even |= {"speed_sq": np.full(N, 9.0), "accel_max": np.full(N, 5.0), "demand": np.full(N, 0.1)}
     flat = Track(*(np.full(N, values[0]) for values in track))._replace(grade=np.zeros(N))
-    flat = flat._replace(weak_speed=np.full(N, -0.02), weak_rest=np.full(N, 0.3))
+    flat = flat._replace(lower_slope=np.full(N, -0.02), lower_intercept=np.full(N, 0.3))
     accel, decel = limits_of(flat, even)
     np.testing.assert_allclose(accel, G * (SCALARS.specific_power / 3.0 - 0.1))
     np.testing.assert_allclose(decel, G * (0.3 - 0.06))

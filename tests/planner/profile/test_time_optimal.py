@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.laws import drive
-from planner.bounds.speed_bounds import Numbers, numbers
+from planner.bounds.speed_bounds import PlanningLimits, numbers
 from planner.profile.time_optimal import time_optimal_profile
 from tests.planner.scenes import G, model_of, tables_with
 
@@ -26,19 +26,19 @@ class Road:
     station: np.ndarray
     bound: np.ndarray
     sin_grade: np.ndarray
-    weak_speed: np.ndarray
-    weak_rest: np.ndarray
+    lower_slope: np.ndarray
+    lower_intercept: np.ndarray
     slowest: np.ndarray
     accel_max: np.ndarray
     demand: np.ndarray
-    scalars: Numbers
+    scalars: PlanningLimits
     start: float = 0.0
 
     def solve(self, **options: Any) -> tuple[np.ndarray, float]:
         columns = [
             np.ascontiguousarray(c[:, None])
             for c in (
-                self.station, self.bound**2, self.sin_grade, self.weak_speed, self.weak_rest,
+                self.station, self.bound**2, self.sin_grade, self.lower_slope, self.lower_intercept,
                 self.slowest, self.accel_max, self.demand,
             )
         ]  # fmt: skip
@@ -49,13 +49,13 @@ class Road:
 
     def braking(self, k: int, v: float) -> float:
         """Deceleration of the brakes at a station for a speed at onset."""
-        force = max(v, self.slowest[k]) * self.weak_speed[k] + self.weak_rest[k]
+        force = max(v, self.slowest[k]) * self.lower_slope[k] + self.lower_intercept[k]
         return float(G * (force + self.sin_grade[k]))
 
 
 def road(n: int = 101, ds: float = 0.1, **changes: Any) -> Road:
     fill = {
-        "bound": 50.0, "sin_grade": 0.0, "weak_speed": 0.0, "weak_rest": 2.0, "slowest": 0.0,
+        "bound": 50.0, "sin_grade": 0.0, "lower_slope": 0.0, "lower_intercept": 2.0, "slowest": 0.0,
         "accel_max": 1.0, "demand": 0.0,
     }  # fmt: skip
     scalars = numbers(model_of(tables_with(vehicle={"max_drive_power": BIG})))
@@ -100,21 +100,21 @@ def test_a_dip_of_the_bound_is_braked_for_and_accelerated_from() -> None:
 
 
 def test_brakes_weaker_than_service_braking_decide_downhill() -> None:
-    r = road(201, bound=3.0, weak_rest=0.25, sin_grade=-0.15)
+    r = road(201, bound=3.0, lower_intercept=0.25, sin_grade=-0.15)
     speed_sq, _ = r.solve()
     accel = np.diff(speed_sq) / 0.2
     assert accel.min() == pytest.approx(-G * 0.1)
     # On the level the same brakes are stronger than service braking.
-    speed_sq, _ = road(201, bound=3.0, weak_rest=0.25).solve()
+    speed_sq, _ = road(201, bound=3.0, lower_intercept=0.25).solve()
     assert (np.diff(speed_sq) / 0.2).min() == pytest.approx(-1.5)
 
 
-@pytest.mark.parametrize("weak_speed", [-0.05, 0.05])
+@pytest.mark.parametrize("lower_slope", [-0.05, 0.05])
 def test_brakes_that_change_with_the_speed_at_onset_are_taken_at_their_weakest(
-    weak_speed: float,
+    lower_slope: float,
 ) -> None:
     r = road(
-        201, bound=4.0, weak_rest=0.30, weak_speed=weak_speed, slowest=0.5,
+        201, bound=4.0, lower_intercept=0.30, lower_slope=lower_slope, slowest=0.5,
         scalars={"decel": BIG},
     )  # fmt: skip
     speed_sq, _ = r.solve()
@@ -177,8 +177,8 @@ def roads(draw: st.DrawFn) -> Road:
         draw(st.sampled_from([0.05, 0.25, 1.0])),
         bound=wavy,
         sin_grade=rng.uniform(-0.2, 0.2, n),
-        weak_rest=rng.uniform(0.3, 0.8, n),
-        weak_speed=rng.uniform(-0.04, 0.04, n),
+        lower_intercept=rng.uniform(0.3, 0.8, n),
+        lower_slope=rng.uniform(-0.04, 0.04, n),
         slowest=draw(st.sampled_from([0.0, 1.0])),
         accel_max=rng.uniform(0.0, 1.5, n),
         demand=rng.uniform(-0.1, 0.3, n),
@@ -220,7 +220,7 @@ def test_columns_of_a_batch_do_not_mix(r: Road) -> None:
     other = dataclasses.replace(r, bound=0.5 * r.bound)
     stacked = [
         np.stack([getattr(x, f) for x in (other, r, other)], axis=1)
-        for f in ("station", "bound", "sin_grade", "weak_speed", "weak_rest", "slowest",
+        for f in ("station", "bound", "sin_grade", "lower_slope", "lower_intercept", "slowest",
                   "accel_max", "demand")
     ]  # fmt: skip
     stacked[1] = stacked[1] ** 2
@@ -242,9 +242,9 @@ def optimum(r: Road) -> float:
     problem.subject_to(accel <= np.minimum(r.accel_max[:-1], r.accel_max[1:]))
     problem.subject_to(accel >= -r.scalars.decel)
     for m in (slice(None, -1), slice(1, None)):
-        rest = G * (r.weak_rest[m] + r.sin_grade[m])
+        rest = G * (r.lower_intercept[m] + r.sin_grade[m])
         for speed in (v[:-1], v[1:]):
-            force = G * r.weak_speed[m] * ca.fmax(speed, r.slowest[m])
+            force = G * r.lower_slope[m] * ca.fmax(speed, r.slowest[m])
             problem.subject_to(-accel <= rest + force)
     hold = G * np.maximum(r.demand[:-1], r.demand[1:])
     problem.subject_to(accel <= ca.fmax(G * r.scalars.specific_power / v[1:] - hold, 0.0))
@@ -262,8 +262,8 @@ def test_no_optimiser_finds_a_faster_profile(seed: int) -> None:
         n, 0.25,
         bound=2.5 + np.sin(s / rng.uniform(1.5, 3.0) + rng.uniform(0.0, 6.0)),
         sin_grade=0.15 * np.sin(s / 3.0 + rng.uniform(0.0, 6.0)),
-        weak_rest=0.35 + 0.05 * np.cos(s),
-        weak_speed=rng.uniform(-0.02, 0.02),
+        lower_intercept=0.35 + 0.05 * np.cos(s),
+        lower_slope=rng.uniform(-0.02, 0.02),
         accel_max=1.0,
         start=1.0,
         end=0.5,

@@ -33,7 +33,7 @@ def verdicts(
             float(ground.distance_offset[j]),
             ground.motion,
             model,
-        ).offence
+        ).violation
         for j in range(len(paths.names))
     ]
     return together, np.array(single)

@@ -67,8 +67,8 @@ class Case:
 
     def kinds(self, speed_sq: np.ndarray, **options: Any) -> dict[str, float]:
         """What is breached, by how much."""
-        offence = self.judge(np.ascontiguousarray(speed_sq), **options).offence
-        return {name: value for name, value in offence._asdict().items() if value > 0.0}
+        violation = self.judge(np.ascontiguousarray(speed_sq), **options).violation
+        return {name: value for name, value in violation._asdict().items() if value > 0.0}
 
 
 # ------------------------------------------------------------------ the integrator itself
@@ -161,9 +161,9 @@ def test_what_the_planner_makes_is_innocent() -> None:
         Case(tables_with(), plane(unknown=lambda x, y: x > 15.0), straight(20.0)),
     ):
         verdict = case.judge()
-        assert verdict.valid, verdict.offence
+        assert verdict.valid, verdict.violation
         assert len(verdict.where) == 0
-        assert max(verdict.offence) == 0.0
+        assert max(verdict.violation) == 0.0
 
 
 def test_a_stop_that_is_too_long_is_found_where_it_is() -> None:
@@ -198,9 +198,9 @@ def test_a_breach_between_stations_only_is_found() -> None:
     speed_sq = np.zeros_like(case.speed_sq)
     speed_sq[:10] = 0.1
     speed_sq[10], speed_sq[11] = 0.5 / kappa, 8.0
-    strict = case.judge(speed_sq, between=0).offence
+    strict = case.judge(speed_sq, between=0).violation
     assert strict.lateral == 0.0
-    assert case.judge(speed_sq).offence.lateral > 0.5
+    assert case.judge(speed_sq).violation.lateral > 0.5
 
 
 @pytest.mark.parametrize(
@@ -365,7 +365,7 @@ def test_stops_that_run_off_the_path_are_finite_and_too_long(friction: float | N
         for values in (verdict.stop_distance, verdict.rear_load, verdict.side_load):
             assert np.isfinite(values).all(), speed
         assert not verdict.valid
-        assert verdict.offence.overrun > 0.0
+        assert verdict.violation.overrun > 0.0
 
 
 def test_every_offence_has_the_name_of_a_bound() -> None:

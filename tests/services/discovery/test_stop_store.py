@@ -9,7 +9,7 @@ import pytest
 
 from models.errors import InputError
 from services.discovery.stop_cutter import CutStop, StopCutter
-from services.discovery.stop_store import StopRoom, StoredStop, read_stop, read_stops
+from services.discovery.stop_store import StopStore, StoredStop, read_stop, read_stops
 from tests.services.robot_plant import ASPHALT, Vehicle
 
 
@@ -85,7 +85,7 @@ def test_a_clock_that_begins_anew_and_other_columns_begin_another_stream() -> No
 
 
 def test_a_stop_comes_back_as_it_was(tmp_path: Path) -> None:
-    room = StopRoom(tmp_path / "a" / "stops", 1_000_000)
+    room = StopStore(tmp_path / "a" / "stops", 1_000_000)
     stop = stored(source="robot ä")
     room.put(stop)
     (name,) = room.latest(10)
@@ -96,7 +96,7 @@ def test_a_stop_comes_back_as_it_was(tmp_path: Path) -> None:
 
 
 def test_the_oldest_make_room_and_numbers_go_on(tmp_path: Path) -> None:
-    room = StopRoom(tmp_path, 60_000)
+    room = StopStore(tmp_path, 60_000)
     for seed in range(30):
         room.put(stored(seed))
     kept = [read_stop(tmp_path / name).at for name in room.latest(100)]
@@ -104,14 +104,14 @@ def test_the_oldest_make_room_and_numbers_go_on(tmp_path: Path) -> None:
     assert 3 < len(kept) < 30
     assert kept == sorted(kept)
     assert kept[-1] == 129.0
-    again = StopRoom(tmp_path, 60_000)
+    again = StopStore(tmp_path, 60_000)
     assert again.latest(100) == room.latest(100)
     again.put(stored(30))
     assert read_stop(tmp_path / again.latest(1)[0]).at == 130.0
 
 
 def test_damaged_files_are_put_aside_and_counted_and_others_read(tmp_path: Path) -> None:
-    room = StopRoom(tmp_path, 1_000_000)
+    room = StopStore(tmp_path, 1_000_000)
     for seed in range(8):
         room.put(stored(seed))
     names = room.latest(10)
@@ -136,5 +136,5 @@ def test_damaged_files_are_put_aside_and_counted_and_others_read(tmp_path: Path)
 def test_a_place_that_is_no_folder_is_said_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="expected a folder") as caught:
-        StopRoom(tmp_path / "file" / "stops", 1000)
+        StopStore(tmp_path / "file" / "stops", 1000)
     assert len(str(caught.value).splitlines()) == 1

@@ -42,7 +42,7 @@ def _track(stops, i: int) -> Track:
 def test_a_stop_is_that_of_the_simulation(name: str) -> None:
     stops = table("clean").take([0, 5, 11])
     effect = Effect(name=name, parameters=EFFECTS[name])
-    time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.rest_time)[:, None]
+    time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.standstill_time)[:, None]
     speed, way = simulate(stops, Hypothesis.configured(BASE).plus(effect), stops.held, time)
     for i in range(len(stops)):
         other = simulate_stop(
