@@ -12,12 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.calibration.force_fit import design
 from models.stop_logs import random_effects
-
-Floats = NDArray[np.float64]
 
 _FEWEST = 8  # stops on each side
 _STEEP = 0.035  # [rad] from which a slope has a side

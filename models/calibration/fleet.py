@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.calibration import hierarchy
 from models.calibration.force_fit import design
 from models.calibration.hierarchy import Hierarchy
@@ -29,8 +29,6 @@ from models.errors import ParameterError
 from models.parameters import Braking, SurfaceBraking
 from models.stop_logs import random_effects
 from models.stop_logs.dead_time import DeadTime
-
-Floats = NDArray[np.float64]
 
 FEWEST = 2
 """Stops of its own without which a vehicle gets the fleet's mean."""

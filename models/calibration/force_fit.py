@@ -12,12 +12,10 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.stop_logs import random_effects
 from models.stop_logs.random_effects import LinearFit
-
-Floats = NDArray[np.float64]
 
 NAMES = ("m_m", "b_m", "m_b", "b_b")
 """Order of coefficients and covariance."""

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Floats, Ints
 from models.calibration.learn import learn
 from models.calibration.stopping import stopping_distance
 from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Braking
 from models.stop_logs.stop_record import StopRecord
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +33,7 @@ class HeldOut:
     """
 
     excess: Floats
-    sessions: NDArray[np.int64]
+    sessions: Ints
     unpredicted: tuple[int, ...]
 
     @property

@@ -17,15 +17,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from models.arrays import Bools, Floats, Ints
 from models.errors import ParameterError
 from models.stop_logs import random_effects
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 USUAL_SPREAD = (0.02, 0.1, 0.01, 0.04)
 """Standard deviations between vehicles of one kind, of the coefficients in the order of

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.calibration.asymmetry import Asymmetry, asymmetry
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
 from models.calibration.surface_fit import (
@@ -36,8 +37,6 @@ from models.stop_logs.measure import Measured, measure
 from models.stop_logs.mount_of_log import mount_of_log
 from models.stop_logs.mount_offset import Mount
 from models.stop_logs.stop_record import cut
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,14 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.calibration.force_fit import NAMES, design
 from models.calibration.recursive import at_least_both
 from models.errors import ParameterError
 from models.parameters import Braking, Matrix, SurfaceBraking
-
-Floats = NDArray[np.float64]
 
 _LARGEST = 100.0
 """No coefficient of any vehicle is anywhere near it [s/m, 1, s/m, 1]."""

@@ -14,10 +14,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-Floats = NDArray[np.float64]
+from models.arrays import Floats
 
 _CONFIDENCE = 0.95
 """That the tolerance bound covers the wanted share in truth."""

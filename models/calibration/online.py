@@ -14,16 +14,14 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.calibration.force_fit import WEAK_PRIOR, ForceFit, fit_force
 from models.calibration.learned_force import LearnedForce
 from models.calibration.published import PublishedForce, PublishSettings
 from models.calibration.recursive import Outcome, RecursiveForce, RecursiveSettings
 from models.calibration.stream import StopStream, StreamedStop
 from models.parameters import Braking
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.laws import braking
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 _STEP = 0.01  # [m]
 _FARTHEST = 500.0  # [m] a vehicle that rolls that far does not stop

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from models.arrays import Floats
 from models.calibration.force_fit import (
     ForceFit,
     design,
@@ -32,8 +32,6 @@ from models.stop_logs.find_stops import StopSettings
 from models.stop_logs.measure import Measured
 from models.stop_logs.mount_offset import Mount
 from models.stop_logs.stop_record import StopRecord
-
-Floats = NDArray[np.float64]
 
 FEWEST_STOPS = 8
 _LONG, _COSTLY = 0.97, 0.9  # quantiles of stops that count as long, as costly

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.prepare import prepare
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import Gaps, compared
@@ -29,8 +30,6 @@ from models.discrepancy.search.locate import WITHIN, Followed, follow
 from models.discrepancy.search.refine import Fit, as_output, fit_base, start_of
 from models.discrepancy.settings import DiscrepancySettings
 from models.parameters import Model
-
-Floats = NDArray[np.float64]
 
 _WILD = 0.12  # scatter of the force beyond which a log tells little
 _NO_HELP = 1.005  # of the refitted base, on stops held out

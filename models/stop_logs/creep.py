@@ -12,12 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.stop_logs import random_effects
 from models.stop_logs.onset import CREEP, HELD, Knee
-
-Floats = NDArray[np.float64]
 
 _FEWEST = 30  # stops without which their spread says little about how speeds are held
 

@@ -15,12 +15,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.stop_logs import random_effects
 from models.stop_logs.onset import Knee
-
-Floats = NDArray[np.float64]
 
 _NO_IDEA = 1.0  # [s] prior standard deviation around nothing in particular
 

@@ -19,10 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Bools, Floats
 from models.stop_logs import unit_suspects
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _SENTINELS = (99.99, 999.0, 999.9, 1000.0, 9999.0, 32767.0, 32768.0, 65535.0, 1e6)
 _LARGEST = {  # beyond these a value is no measurement

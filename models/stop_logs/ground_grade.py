@@ -21,12 +21,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.quantity import GRAVITY
 from models.stop_logs import random_effects
-
-Floats = NDArray[np.float64]
 
 _SETTLING = (0.0, 0.03, 0.06, 0.1, 0.15, 0.22, 0.3)  # [s] time constants tried
 _DIVE_PRIOR = 0.02  # [rad s²/m] twice the dive of a soft suspension

@@ -12,17 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Bools, Floats
 from models.stop_logs import mount_offset
 from models.stop_logs.measure import Measured, dive_pitch
 from models.stop_logs.mount_offset import Mount
-
-Floats = NDArray[np.float64]
 
 _PLACE = ("x", "y", "z", "yaw")
 
 
 def mount_of_log(
-    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], good: NDArray[np.bool_],
+    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], good: Bools,
     ground: Floats | None, measured: Measured,
 ) -> Mount:  # fmt: skip
     """Offset of the pitch sensor, unknown where nothing tells it.

@@ -14,10 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from models.arrays import Bools, Floats
 
 USUAL_MOUNTING = 0.5 * np.pi / 180.0
 """Standard deviation of a mounting that nobody checked [rad]."""

@@ -15,11 +15,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 CREEP = 0.4  # [m/s²] how far a held speed may be from held, as a standard deviation
 HELD = (0.03 / CREEP) ** 2  # the same as a weight beside speed noise of 3 cm/s [s²]

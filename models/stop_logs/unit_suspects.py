@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 _SPEED_FACTORS = {
     "knots": 1.0 / 0.514444,

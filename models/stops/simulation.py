@@ -11,15 +11,13 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from models.arrays import Floats
 from models.effects import registry
 from models.laws import braking, crest, wheel_lockup
 from models.parameters import Braking, Model
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 _LONGEST = 120.0  # [s] a vehicle that still rolls after this long does not stop
 _HELD = 0.2  # [s] before the stop command over which the speed is averaged

@@ -18,14 +18,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats, Ints
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
 from models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses
 from models.terrain.classifier import NONE, Answer, ClassifierSettings, TerrainClassifier
 
-Floats = NDArray[np.float64]
 Values = tuple[float, float, float]
 
 _ENOUGH = 2  # features that an answer rests on before it teaches
@@ -228,7 +227,7 @@ def classes_of(name: str, labels: Sequence[str], rows: Floats) -> TerrainClasses
     return TerrainClasses(name=name, terrain=tuple(class_of(n, rows[array == n]) for n in names))
 
 
-def clusters(rows: Floats, scale: Floats, least: int) -> NDArray[np.int64]:
+def clusters(rows: Floats, scale: Floats, least: int) -> Ints:
     """(n,) cluster of each observation, −1 for none.
 
     Args:
@@ -246,5 +245,5 @@ def clusters(rows: Floats, scale: Floats, least: int) -> NDArray[np.int64]:
             "--adapt", "scikit-learn for new classes, got none: pip install slopewise[learn]"
         ) from None
     model = HDBSCAN(min_cluster_size=least, allow_single_cluster=True, copy=True)
-    labels: NDArray[np.int64] = model.fit_predict(rows / scale)
+    labels: Ints = model.fit_predict(rows / scale)
     return labels

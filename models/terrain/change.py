@@ -18,12 +18,10 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.quantity import quantity, validate_quantities
 from models.terrain.windows import Condition, Window, by_driving, usual_spread
-
-Floats = NDArray[np.float64]
 
 _LEAST = 3  # windows that decide at least
 _PATCHY = 0.1  # share of a change's square that is usual just after it

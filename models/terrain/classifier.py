@@ -18,15 +18,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from models.arrays import Floats
 from models.quantity import quantity, validate_quantities
 from models.terrain.classes import FeatureOfClass, TerrainClasses
 
 NONE = "none of these"
 
-Floats = NDArray[np.float64]
 Values = tuple[float, float, float]
 
 

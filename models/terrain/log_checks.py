@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.stop_logs.drive_quality import Kind, Stretch, stretches_of
 from models.terrain.resistances import Drive
 from models.vehicle import Vehicle
-
-Floats = NDArray[np.float64]
 
 _THRUST = 5.0  # times what the drive can give, or the weight holds
 _RATIO = 0.15  # how near a ratio of channels has to be to a factor between units

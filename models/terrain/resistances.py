@@ -17,8 +17,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.errors import ParameterError
 from models.laws.turning_resistance import (
     lateral_resistance_in_a_turn,
@@ -28,8 +28,6 @@ from models.laws.wheel_loads import left_load_share, right_load_share
 from models.quantity import GRAVITY
 from models.terrain.settings import ResistanceSettings
 from models.vehicle import Vehicle
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Bools, Floats
 from models.terrain.estimator import TerrainEstimator
 from models.terrain.phases import Phase
 from models.terrain.settings import FilterSettings
 from models.terrain.slip_track_filter import steady_state_variance
-
-Floats = NDArray[np.float64]
 
 _APART = 0.5  # [s] without the filter ends a turn
 
@@ -45,8 +43,8 @@ class Trace:
     current_right: Floats
     slip_track: Floats
     slip_track_std: Floats
-    active: NDArray[np.bool_]
-    stuck: NDArray[np.bool_]
+    active: Bools
+    stuck: Bools
     predicted_variance: Floats
     settled_variance: float
 
@@ -91,9 +89,7 @@ def trace(
     )
 
 
-def _first_turn(
-    columns: Floats, active: NDArray[np.bool_], settings: FilterSettings
-) -> tuple[Floats, float]:
+def _first_turn(columns: Floats, active: Bools, settings: FilterSettings) -> tuple[Floats, float]:
     """Variances before the samples of the first turn, and where they settle at its ΔV."""
     running = np.flatnonzero(active)
     if len(running) < 2:

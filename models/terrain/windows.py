@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from models.arrays import Floats
+
 Condition = tuple[str, int]
 
 _BANDS = ((1.5, 8.0), (8.0, 20.0), (20.0, 50.0))  # [Hz]

@@ -13,15 +13,14 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
-import numpy as np
 from numpy.typing import NDArray
+
+from models.arrays import Bools as Bools
+from models.arrays import Floats as Floats
+from models.arrays import Ints as Ints
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 TILE = 64
 """Candidates worked on together: a tile of rows stays in the first-level cache."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable, tabulate
 from models.discrepancy.settings import DiscrepancySettings
 from models.errors import ParameterError
@@ -19,8 +20,6 @@ from models.stop_logs.measure import measure
 from models.stop_logs.mount_of_log import mount_of_log
 from models.stop_logs.mount_offset import Mount
 from models.stop_logs.stop_record import cut
-
-Floats = NDArray[np.float64]
 
 FEWEST_STOPS = 12
 """Without which nothing can be told from the scatter of stops."""

@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Bools, Floats, Ints
 from models.quantity import GRAVITY
 from models.stop_logs.find_stops import StopWindow
 from models.stop_logs.stop_record import StopRecord
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _NODES = 121
 _MOST_BINS = 40
@@ -95,7 +93,7 @@ class StopTable:
     def __len__(self) -> int:
         return len(self.held)
 
-    def take(self, rows: Sequence[int] | Ints | NDArray[np.bool_]) -> StopTable:
+    def take(self, rows: Sequence[int] | Ints | Bools) -> StopTable:
         """Some of the stops; the others go on heating the brakes only through their clocks."""
         index = np.arange(len(self))[np.asarray(rows)]
         arrays = {

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Bools, Floats, Ints
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.findings import Gap
 from models.discrepancy.model.hypothesis import Hypothesis
@@ -21,8 +21,6 @@ from models.discrepancy.model.prediction import simulate
 from models.discrepancy.search.refine import Fit, fit
 from models.discrepancy.settings import DiscrepancySettings
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 CLAIM_ABOVE = 1.5
 """Floors that a gap must have for a percentage of it to mean something."""
@@ -45,7 +43,7 @@ def distances(table: StopTable, hypothesis: Hypothesis) -> Floats:
     return way[:, -1]
 
 
-def folds(table: StopTable, count: int, seed: int) -> list[NDArray[np.bool_]]:
+def folds(table: StopTable, count: int, seed: int) -> list[Bools]:
     """Stops of each part; stops of a run stay together, or where runs are few, those nearby."""
     groups = table.run
     if len(np.unique(groups)) < count:
@@ -106,9 +104,7 @@ def compared(table: StopTable, base: Fit, best: Fit, settings: DiscrepancySettin
     return Gaps(speed, distance, after[1], squares[1], float(np.quantile(longer, end)), likelier)
 
 
-def held_out(
-    table: StopTable, parts: list[NDArray[np.bool_]], start: Fit
-) -> tuple[Floats, Floats, float]:
+def held_out(table: StopTable, parts: list[Bools], start: Fit) -> tuple[Floats, Floats, float]:
     """By fits that have not seen the stop: (S, K) speed errors, (S,) distances, −2 log likelihood.
 
     The likelihood knows what the errors do not: which of them a stop's own friction explains.
@@ -149,7 +145,7 @@ def distance_floor(table: StopTable, noise: Noise) -> Floats:
     return own
 
 
-def gap_of(metric: str, unit: str, errors: Sequence[Floats], draws: NDArray[np.int64]) -> Gap:
+def gap_of(metric: str, unit: str, errors: Sequence[Floats], draws: Ints) -> Gap:
     """Root mean squares and the share that is closed.
 
     Args:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import distances
 from models.discrepancy.model.prediction import ground_of, inside_patch
 from models.discrepancy.search.identify import Explanation
 from models.discrepancy.search.locate import Followed, follow
 from models.parameters import Effect
-
-Floats = NDArray[np.float64]
 
 _HARDLY, PLAIN = 8.0, 40.0  # chi squares
 _PART = 3.0  # chi square by which several effects have to beat fewer of them

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.calibration.margins import offset_for
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import distances
@@ -20,8 +20,6 @@ from models.discrepancy.model.hypothesis import BASE, Hypothesis, free_parameter
 from models.discrepancy.search.refine import Fit
 from models.effects.registry import LAWS
 from models.parameters import Braking, Effect, Model
-
-Floats = NDArray[np.float64]
 
 _COVERAGE = 0.995
 _FEW = 0.97  # share of stops within which a rival is not longer than the offset allows

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from models.discrepancy.data.stop_table import StopTable
@@ -22,8 +21,6 @@ from models.discrepancy.search.identify import Explanation, Identified
 from models.discrepancy.search.locate import WITHIN, Followed
 from models.discrepancy.search.refine import Fit, fit, residual
 from models.discrepancy.settings import DiscrepancySettings
-
-Floats = NDArray[np.float64]
 
 _LEFT = 0.1  # share of what the names explain that may be left along an axis
 _BELIEVED = 0.5  # share of what is left for which likelihoods are not believed

@@ -9,11 +9,9 @@ as a curve in the first tenths of a second, small by a prior, and is no part of 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
-
-Floats = NDArray[np.float64]
 
 KNOTS = (0.0, 0.06, 0.13, 0.21, 0.32)
 """Times since the onset between which the curve is a line, 0 at both ends [s]."""

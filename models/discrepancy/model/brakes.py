@@ -10,15 +10,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.effects import registry
 from models.laws import wheel_lockup
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 _HEATINGS = 2
 _LEAST_FORCE = 1e-3

@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.model.body_oscillation import OSCILLATION
 from models.effects.registry import LAWS
 from models.parameters import Effect, Model
-
-Floats = NDArray[np.float64]
 
 LAWFUL = 5
 """Numbers of the model's own law: four shifts and the dead time."""

@@ -11,15 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from models.arrays import Bools, Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.body_oscillation import OSCILLATION
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.prediction import predict
-
-Floats = NDArray[np.float64]
 
 _LEVEL = 1.0  # [m/s] nothing is known of the speed at which a stop begins
 _RIDGE = 1e-12
@@ -127,7 +125,7 @@ def whitener(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Whitener
     )  # fmt: skip
 
 
-def _own(table: StopTable, correlation: float) -> tuple[Floats, NDArray[np.bool_]]:
+def _own(table: StopTable, correlation: float) -> tuple[Floats, Bools]:
     """(S, K, K) that undoes the correlation and evens out the bins; zero for bins that are none."""
     used = table.spread > 0.0
     scale = np.where(used, 1.0 / np.sqrt(np.where(used, table.spread, 1.0)), 0.0)

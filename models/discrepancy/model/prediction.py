@@ -13,16 +13,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Bools, Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.brakes import brought_force, lagged, motion_of
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.effects import registry
 from models.laws import braking
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 _SWEEPS = 12
 _SAME = 1e-5  # [m/s]
@@ -153,9 +151,7 @@ def _since_onset(values: Floats, step: Floats, t: Floats, onset: float) -> Float
     return result
 
 
-def integral(
-    table: StopTable, hypothesis: Hypothesis, shares: Floats, forces: NDArray[np.bool_]
-) -> Floats:
+def integral(table: StopTable, hypothesis: Hypothesis, shares: Floats, forces: Bools) -> Floats:
     """(S, M, Q) fall of speed by shares of the weight that act from the onset on.
 
     Args:

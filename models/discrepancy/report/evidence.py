@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import distances
 from models.discrepancy.decide.verdict import Decision
@@ -15,8 +15,6 @@ from models.discrepancy.model.prediction import simulate
 from models.discrepancy.search.locate import Followed
 from models.discrepancy.search.refine import Fit, residual
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.findings import Experiment, PlannedStop
 from models.discrepancy.model.hypothesis import BASE
@@ -24,8 +24,6 @@ from models.discrepancy.model.noise import Whitener, whitener
 from models.discrepancy.model.prediction import predict
 from models.discrepancy.search.refine import Fit, jacobian
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 _STOPS = 6
 _PAUSES = (5.0, 60.0, 900.0)  # [s]

@@ -11,17 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.search.candidates import candidates
 from models.discrepancy.search.patches import left_of
 from models.discrepancy.search.refine import Fit, fit, residual
 from models.discrepancy.search.screening import reduced, scores
-
-Floats = NDArray[np.float64]
 
 GRADE_BIAS = "grade_bias"
 """A pitch sensor or a map that is off by the same angle everywhere."""

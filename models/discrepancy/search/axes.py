@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.brakes import heat
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.prediction import session_time
-
-Floats = NDArray[np.float64]
 
 _COARSE, _FINE = 4, 9
 _WAVES = 12  # periods of a wave within an axis, at most

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.brakes import brought_force, heat
 from models.discrepancy.model.hypothesis import Hypothesis
@@ -25,8 +25,6 @@ from models.discrepancy.model.prediction import (
 )  # fmt: skip
 from models.parameters import Effect
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 _LAGS = (0.02, 0.04, 0.07, 0.11, 0.17, 0.26, 0.4)  # [s]
 _COOLING = (20.0, 40.0, 100.0, 300.0, 1000.0)  # [s]

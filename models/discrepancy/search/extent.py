@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import BASE, free_parameters
 from models.discrepancy.search import screening
@@ -19,8 +19,6 @@ from models.discrepancy.search.candidates import Candidate, candidates, finer_pa
 from models.discrepancy.search.patches import left_of
 from models.discrepancy.search.refine import Fit, prior_precision
 from models.parameters import Effect
-
-Floats = NDArray[np.float64]
 
 _INSIDE = 3.84  # chi square of one number at 95 %
 _USUAL = 1.96

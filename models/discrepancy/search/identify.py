@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.brakes import lag_of
 from models.discrepancy.model.hypothesis import Hypothesis
@@ -33,8 +33,6 @@ from models.discrepancy.search.refine import (
 )
 from models.discrepancy.settings import DiscrepancySettings
 from models.parameters import Effect
-
-Floats = NDArray[np.float64]
 
 _NAMES = 6  # of the library that are refitted exactly at each step
 _BEAM = 3

@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2, gumbel_r
 
+from models.arrays import Floats, Ints
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.prediction import integral
 from models.discrepancy.search.axes import Axis, axes_of, shapes_of
 from models.discrepancy.search.refine import Fit, prior_precision, residual
 from models.quantity import GRAVITY
-
-Floats = NDArray[np.float64]
 
 _DRAWS = 200
 WITHIN = ("speed", "time_since_onset", "brake_heat")
@@ -58,7 +56,7 @@ class _Group:
     shapes: Floats
     columns: Floats
     basis: Floats
-    counted: NDArray[np.int64]
+    counted: Ints
 
 
 def follow(table: StopTable, fit: Fit, seed: int) -> list[Followed]:

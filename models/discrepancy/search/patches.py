@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import free_parameters
 from models.discrepancy.model.prediction import integral
 from models.discrepancy.search import screening
 from models.discrepancy.search.candidates import Candidate, finer_patches
 from models.discrepancy.search.refine import Fit, fit_with_scatter, prior_precision, residual
-
-Floats = NDArray[np.float64]
 
 _CIRCLES = 1500  # anywhere
 _BEST = 3  # of them that are gone on with

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from models.arrays import Floats
 from models.calibration.force_fit import WEAK_PRIOR
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.body_oscillation import OSCILLATION, USUAL_SWING, oscillation_columns
@@ -25,8 +25,6 @@ from models.discrepancy.model.prediction import (
     wanted_force,
 )
 from models.parameters import Model
-
-Floats = NDArray[np.float64]
 
 _PASSES = 12
 _STEP = 1e-3  # of a parameter's scale

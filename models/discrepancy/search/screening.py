@@ -11,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Bools, Floats
 from models.discrepancy.model.noise import Whitener
-
-Floats = NDArray[np.float64]
 
 _ABSORBED = 1e-4  # share of a column beyond the base below which it says nothing
 _SCATTERS = np.geomspace(0.5, 2.0, 13)
@@ -109,7 +107,7 @@ class Scores:
 
 
 def scores(
-    sums: Reduced, residual: tuple[Floats, Floats], scatter: float, one_sided: NDArray[np.bool_]
+    sums: Reduced, residual: tuple[Floats, Floats], scatter: float, one_sided: Bools
 ) -> Scores:
     """What each candidate would explain of residuals.
 
@@ -155,9 +153,7 @@ def _tops(sums: Reduced, on: _Projector, between: Floats, within: Floats) -> Flo
     return result
 
 
-def chance(
-    sums: Reduced, one_sided: NDArray[np.bool_], scatter: float, draws: int, seed: int
-) -> Floats:
+def chance(sums: Reduced, one_sided: Bools, scatter: float, draws: int, seed: int) -> Floats:
     """(draws,) largest chi square of the library in logs without any of its effects."""
     rng = np.random.default_rng(seed)
     within = rng.standard_normal((len(sums.rows), draws))
