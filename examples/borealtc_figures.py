@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from models.terrain.adaptation import classes_of
 from models.terrain.classes import TerrainClasses
 from models.terrain.classifier import NONE, TerrainClassifier
-from models.terrain.monitor import Change, Classified, TerrainMonitor
+from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
 from models.terrain.phases import Phase
 from models.terrain.settings import EstimatorSettings, FilterSettings
 from models.terrain.windows import Condition, summarise
@@ -48,7 +48,7 @@ class Run:
     name: str
     terrain: str
     rows: list[tuple[Any, ...]]
-    events: list[Classified | Change]
+    events: list[Classified | GroundChange]
 
     @property
     def stretches(self) -> list[Classified]:
@@ -66,10 +66,10 @@ def monitor() -> TerrainMonitor:
     return TerrainMonitor(read_model(_MODEL), classes, estimator=SETTINGS, rates=len(_RATES))
 
 
-def drive(rows: Iterable[tuple[Any, ...]]) -> list[Classified | Change]:
+def drive(rows: Iterable[tuple[Any, ...]]) -> list[Classified | GroundChange]:
     """Send samples through a fresh monitor."""
     fresh = monitor()
-    found: list[Classified | Change] = []
+    found: list[Classified | GroundChange] = []
     for row in rows:
         found += fresh.update(*row)
     return [*found, *fresh.finish()]
@@ -148,7 +148,7 @@ def splices(runs: list[Run], seed: int = 0) -> tuple[dict[tuple[str, str, str], 
         joined = len(rows) / _SECOND
         rows += _rows(b, second[end : end + _AFTER])
         timed = [(i / _SECOND, *row[1:]) for i, row in enumerate(rows)]
-        alarms = [e.time for e in drive(timed) if isinstance(e, Change)]
+        alarms = [e.time for e in drive(timed) if isinstance(e, GroundChange)]
         early += sum(t <= joined for t in alarms)
         found = any(joined < t <= joined + _FOUND_WITHIN + 0.02 for t in alarms)
         outcomes.setdefault((a.terrain, b.terrain, condition[0]), []).append(found)
@@ -188,7 +188,7 @@ def main(folder: Path) -> None:
     print(f"\nchanges found within 5 s: {np.mean(told):.2f} of {len(told)}")
     print(f"  asphalt and ice driven straight: {np.mean(hard):.2f} of {len(hard)}; ", end="")
     print(f"all others: {np.mean(rest):.2f} of {len(rest)}; alarms before the change: {early}")
-    alarms = [(r.name, e.time) for r in runs for e in r.events if isinstance(e, Change)]
+    alarms = [(r.name, e.time) for r in runs for e in r.events if isinstance(e, GroundChange)]
     minutes = sum(len(run.rows) for run in runs) / _SECOND / 60.0
     often = 10 * len(alarms) / minutes
     print(f"alarms inside runs: {len(alarms)} in {minutes:.0f} min, {often:.2f} per 10 min")

@@ -30,8 +30,8 @@ from models.calibration.surface_fit import (
 from models.errors import ParameterError
 from models.parameters import Braking, SurfaceBraking
 from models.stop_logs.dead_time import DeadTime
-from models.stop_logs.drive_quality import Stretch, find_suspects, usable
-from models.stop_logs.find_stops import StopWindow, Verdict, find_stops
+from models.stop_logs.drive_quality import Suspect, find_suspects, usable
+from models.stop_logs.find_stops import StopWindow, Usability, find_stops
 from models.stop_logs.ground_grade import Dive
 from models.stop_logs.measure import Measured, measure
 from models.stop_logs.mount_of_log import mount_of_log
@@ -54,7 +54,7 @@ class Calibration:
     braking: Braking
     surfaces: tuple[SurfaceFit, ...]
     windows: tuple[StopWindow, ...]
-    suspects: tuple[Stretch, ...]
+    suspects: tuple[Suspect, ...]
     dead_time: DeadTime
     dive: Dive
     mount: Mount
@@ -110,7 +110,7 @@ class MeasuredLog:
     measured: Measured
     mount: Mount
     windows: tuple[StopWindow, ...]
-    suspects: tuple[Stretch, ...]
+    suspects: tuple[Suspect, ...]
 
 
 def measure_log(
@@ -211,10 +211,10 @@ def _asymmetry(base: SurfaceFit) -> Asymmetry | None:
 
 
 def _too_few(
-    windows: Sequence[StopWindow], suspects: Sequence[Stretch], measured: int | None = None,
+    windows: Sequence[StopWindow], suspects: Sequence[Suspect], measured: int | None = None,
     fewest: int = FEWEST_STOPS,
 ) -> str:  # fmt: skip
-    found = Counter(w.verdict for w in windows if w.verdict is not Verdict.USABLE)
+    found = Counter(w.verdict for w in windows if w.verdict is not Usability.USABLE)
     usable_count = sum(w.usable for w in windows) if measured is None else measured
     words = f"at least {fewest} usable stops, got {usable_count} of {len(windows)} found"
     if found:

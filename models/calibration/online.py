@@ -19,7 +19,7 @@ from models.arrays import Floats
 from models.calibration.force_fit import WEAK_PRIOR, ForceFit, fit_force
 from models.calibration.learned_force import LearnedForce
 from models.calibration.published import PublishedForce, PublishSettings
-from models.calibration.recursive import Outcome, RecursiveForce, RecursiveSettings
+from models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
 from models.calibration.stream import StopStream, StreamedStop
 from models.parameters import Braking
 
@@ -30,7 +30,7 @@ class OnlineStop:
 
     surface: str
     measured: StreamedStop
-    outcome: Outcome
+    outcome: Acceptance
 
 
 class _Surface:
@@ -84,10 +84,10 @@ class OnlineBraking:
         """Learn from a stop that was measured elsewhere."""
         on = self._on(surface)
         outcome = on.estimate.update(stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std)
-        if outcome is not Outcome.UNINFORMATIVE:
+        if outcome is not Acceptance.UNINFORMATIVE:
             on.pristine = False
-            on.last.append(outcome is Outcome.GATED)
-            if outcome is not Outcome.GATED:
+            on.last.append(outcome is Acceptance.GATED)
+            if outcome is not Acceptance.GATED:
                 on.published.follow(on.estimate.coefficients)
             share = sum(on.last) / self._publish.window
             on.published.judge(on.estimate.covariance, on.estimate.accepted, share)

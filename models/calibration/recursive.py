@@ -43,7 +43,7 @@ class RecursiveSettings:
     least_speed: float = 0.5
 
 
-class Outcome(Enum):
+class Acceptance(Enum):
     """What became of a stop."""
 
     ACCEPTED = "accepted"
@@ -76,7 +76,7 @@ class RecursiveForce:
         self.doubted = False
         self.row = 0
 
-    def update(self, speed: float, grade: float, force_ratio: float, std: float) -> Outcome:
+    def update(self, speed: float, grade: float, force_ratio: float, std: float) -> Acceptance:
         """Take in one stop.
 
         Args:
@@ -85,7 +85,7 @@ class RecursiveForce:
         s = self.settings
         finite = math.isfinite(speed + grade + force_ratio + std)
         if not finite or speed < s.least_speed or std < 0.0:
-            return Outcome.UNINFORMATIVE
+            return Acceptance.UNINFORMATIVE
         x = np.array([speed * grade, grade, speed, 1.0])
         noise = std * std + s.scatter * s.scatter
         if self.doubted:
@@ -93,15 +93,15 @@ class RecursiveForce:
         seen = self.covariance @ x
         innovation = force_ratio - float(x @ self.coefficients)
         expected = float(x @ seen) + noise
-        outcome = Outcome.ACCEPTED
+        outcome = Acceptance.ACCEPTED
         if innovation * innovation > s.gate * s.gate * expected:
             if not self._persists(innovation):
                 self.gated += 1
-                return Outcome.GATED
+                return Acceptance.GATED
             self._open()
             seen = self.covariance @ x
             expected = float(x @ seen) + noise
-            outcome = Outcome.CHANGED
+            outcome = Acceptance.CHANGED
         self.row = 0
         self.accepted += 1
         self.coefficients = self.coefficients + seen * (innovation / expected)

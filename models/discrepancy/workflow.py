@@ -25,7 +25,7 @@ from models.discrepancy.report import experiment
 from models.discrepancy.report.evidence import Evidence, evidence_of
 from models.discrepancy.report.summary import located_axes, named_effects, summary
 from models.discrepancy.search.extent import extents
-from models.discrepancy.search.identify import Explanation, Identified, identify, rescued
+from models.discrepancy.search.identify import Identified, ScoredExplanation, identify, rescued
 from models.discrepancy.search.locate import WITHIN, Followed, follow
 from models.discrepancy.search.refine import Fit, as_output, fit_base, start_of
 from models.discrepancy.settings import DiscrepancySettings
@@ -130,7 +130,7 @@ def _that_predicts(
     words = f"{names} fits the log, but predicts stops held out no better than new coefficients"
     plain = Decision(
         Verdict.UNKNOWN,
-        Explanation(base, decision.explanation.score),
+        ScoredExplanation(base, decision.explanation.score),
         axis=decision.axis,
         notes=(*decision.notes, words),
     )
@@ -175,7 +175,7 @@ def _with_what_is_left(
     return replace(found, best=better[0], others=others), remains, own
 
 
-def _output(table: StopTable, best: Explanation) -> StopTable:
+def _output(table: StopTable, best: ScoredExplanation) -> StopTable:
     return as_output(table, best.fit) if best.names else table
 
 

@@ -49,7 +49,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Suspect:
     """Samples [start, stop) of one channel that are not to be trusted.
 
     Attributes:
@@ -66,7 +66,7 @@ class Stretch:
 
 def find_suspects(
     columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]
-) -> tuple[Stretch, ...]:
+) -> tuple[Suspect, ...]:
     """All suspect stretches of a log, in the order of the samples.
 
     Args:
@@ -74,7 +74,7 @@ def find_suspects(
             and units are those of a drive log.
         runs: samples of each run; time increases within each.
     """
-    found: list[Stretch] = []
+    found: list[Suspect] = []
     for run in runs:
         part = {
             name: np.asarray(values[run], np.float64)
@@ -86,7 +86,7 @@ def find_suspects(
 
 
 def usable(
-    count: int, stretches: Iterable[Stretch], channels: Iterable[str] | None = None
+    count: int, stretches: Iterable[Suspect], channels: Iterable[str] | None = None
 ) -> Bools:
     """(count,) whether a sample may be used.
 
@@ -102,19 +102,19 @@ def usable(
     return good
 
 
-def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Stretch]:
+def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Suspect]:
     t = part["t"]
     found = [
-        Stretch(begin + k, begin + k + 2, "t", Kind.GAP, f"no samples for {t[k + 1] - t[k]:.2f} s")
+        Suspect(begin + k, begin + k + 2, "t", Kind.GAP, f"no samples for {t[k + 1] - t[k]:.2f} s")
         for k in _gaps(t)
     ]
     for name, values in part.items():
         if name == "t":
             continue
         for a, b, kind, reason in _suspects_of_channel(name, values, part):
-            found.append(Stretch(begin + a, begin + b, name, kind, reason))
+            found.append(Suspect(begin + a, begin + b, name, kind, reason))
     for name, reason in unit_suspects.find(part):
-        found.append(Stretch(begin, begin + len(t), name, Kind.UNITS, reason))
+        found.append(Suspect(begin, begin + len(t), name, Kind.UNITS, reason))
     return found
 
 

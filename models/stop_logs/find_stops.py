@@ -23,7 +23,7 @@ from models.arrays import Bools, Floats
 _TOLD = 0.01  # [m/s] a command of at most this is the stop command
 
 
-class Verdict(Enum):
+class Usability(Enum):
     """Whether the braking model may learn from a stop, and if not why."""
 
     USABLE = "usable"
@@ -85,13 +85,13 @@ class StopWindow:
     rest: int
     end: int
     held_speed: float
-    verdict: Verdict
+    verdict: Usability
     reason: str = ""
 
     @property
     def usable(self) -> bool:
         """The braking model may learn from it."""
-        return self.verdict is Verdict.USABLE
+        return self.verdict is Usability.USABLE
 
 
 def find_stops(
@@ -154,11 +154,11 @@ class _Search:
         last = int(np.searchsorted(self.t, self.t[i] + s.longest, side="right"))
         rest = self._rest(i, min(last, len(self.t)))
         if rest is None:
-            verdict = Verdict.ABORTED if released < len(self.t) else Verdict.UNFINISHED
+            verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
             end = min(released, last)
             return StopWindow(begin, i, end - 1, end, held, verdict)
         if rest > released:
-            return StopWindow(begin, i, released - 1, released, held, Verdict.ABORTED)
+            return StopWindow(begin, i, released - 1, released, held, Usability.ABORTED)
         end = min(int(np.searchsorted(self.t, self.t[rest] + s.after, side="right")), released)
         verdict, reason = self._verdict(begin, i, rest, held)
         return StopWindow(begin, i, rest, max(end, rest + 1), held, verdict, reason)
@@ -176,33 +176,33 @@ class _Search:
                 break
         return i + min(candidates) if candidates else None
 
-    def _verdict(self, begin: int, i: int, rest: int, held: float) -> tuple[Verdict, str]:
+    def _verdict(self, begin: int, i: int, rest: int, held: float) -> tuple[Usability, str]:
         s = self.settings
         braking = slice(i, rest + 1)
         near = self._samples(self.t[i] - 0.5 * s.before, rest + 1)
         if not self.good[near].all():
-            return Verdict.SUSPECT, f"{int((~self.good[near]).sum())} suspect samples"
+            return Usability.SUSPECT, f"{int((~self.good[near]).sum())} suspect samples"
         if self.v_cmd[i] < -_TOLD:
-            return Verdict.REVERSED, f"command of {self.v_cmd[i]:.2f} m/s"
+            return Usability.REVERSED, f"command of {self.v_cmd[i]:.2f} m/s"
         # A command that came down before it reached zero is no step. Commands may be off by a
         # factor from the speed, so they are also compared with themselves.
         usual = min(held, float(np.max(self.v_cmd[begin:i])))
         moment = max(int(np.searchsorted(self.t, self.t[i] - s.ramp)), begin)
         if float(np.max(self.v_cmd[min(moment, i - 1) : i])) < s.step * usual:
             words = f"command had come down to {self.v_cmd[i - 1]:.2f} m/s before it went to 0"
-            return Verdict.RAMPED, words
+            return Usability.RAMPED, words
         if "yaw_rate" in self.part:
             rate = np.abs(self.part["yaw_rate"][braking])
             mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
             if mean > s.turn_rate:
-                return Verdict.TURNING, f"mean yaw rate {mean:.2f} rad/s"
+                return Usability.TURNING, f"mean yaw rate {mean:.2f} rad/s"
         if "brake" in self.part:
             brake = self.part["brake"][braking]
             brake = brake[np.isfinite(brake) & (brake > 0.0)]
             if len(brake) and float(np.median(brake)) < s.full_brake:
-                return Verdict.PARTIAL, f"brakes applied to {float(np.median(brake)):.0%}"
+                return Usability.PARTIAL, f"brakes applied to {float(np.median(brake)):.0%}"
         falling = np.flatnonzero(self.v[braking] > 0.9 * held)
         onset = int(falling[-1]) if len(falling) else 0
         if rest - i - onset < s.fewest:
-            return Verdict.SPARSE, f"{rest - i - onset} samples while it braked"
-        return Verdict.USABLE, ""
+            return Usability.SPARSE, f"{rest - i - onset} samples while it braked"
+        return Usability.USABLE, ""

@@ -23,7 +23,7 @@ from models.arrays import Floats, Ints
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
 from models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses
-from models.terrain.classifier import NONE, Answer, ClassifierSettings, TerrainClassifier
+from models.terrain.classifier import NONE, Classification, ClassifierSettings, TerrainClassifier
 
 Values = tuple[float, float, float]
 
@@ -79,7 +79,7 @@ class AdaptiveClassifier:
         self.classes = classes
         self._classifier = TerrainClassifier(classes, self._classifier_settings)
 
-    def observe(self, values: Values, stds: Values) -> Answer:
+    def observe(self, values: Values, stds: Values) -> Classification:
         """Classify, and learn from it.
 
         Args:

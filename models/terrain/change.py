@@ -21,7 +21,7 @@ import numpy as np
 
 from models.arrays import Floats
 from models.quantity import quantity, validate_quantities
-from models.terrain.windows import Condition, Window, by_driving, usual_spread
+from models.terrain.windows import Condition, SteadySecond, by_driving, usual_spread
 
 _LEAST = 3  # windows that decide at least
 _PATCHY = 0.1  # share of a change's square that is usual just after it
@@ -92,9 +92,9 @@ class ChangeDetector:
     def _anew(self) -> None:
         """Other ground."""
         self._usual: dict[Condition, _Usual] = {}
-        self._latest: deque[Window] = deque()
+        self._latest: deque[SteadySecond] = deque()
 
-    def update(self, window: Window) -> float | None:
+    def update(self, window: SteadySecond) -> float | None:
         """One more second of steady driving.
 
         Returns:
@@ -146,7 +146,7 @@ class ChangeDetector:
         off[measured] = medians[best]
         return float(distance[best]) / max(len(measured), 1), off
 
-    def _learn(self, window: Window) -> None:
+    def _learn(self, window: SteadySecond) -> None:
         s = self._settings
         x = np.nan_to_num(window.channels)
         usual = self._usual.get(window.condition)

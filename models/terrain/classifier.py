@@ -45,7 +45,7 @@ class ClassifierSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Classification:
     """Probabilities of the classes and of none of them; they sum to 1.
 
     Attributes:
@@ -80,7 +80,7 @@ class TerrainClassifier:
             [_anywhere(table[:, i] if len(table) else table.reshape(0, 3)) for i in range(3)]
         ).T
 
-    def classify(self, values: Values, stds: Values = (0.0, 0.0, 0.0)) -> Answer:
+    def classify(self, values: Values, stds: Values = (0.0, 0.0, 0.0)) -> Classification:
         """Class of one observation.
 
         Args:
@@ -92,7 +92,7 @@ class TerrainClassifier:
         names = [*self._names, NONE]
         found = dict(zip(names, table.tolist(), strict=True))
         if not np.isfinite(values).any():
-            return Answer("", math.nan, found)
+            return Classification("", math.nan, found)
         best = max(found, key=lambda name: found[name])
         doubtful = False
         if best != NONE:
@@ -101,7 +101,7 @@ class TerrainClassifier:
             wrong = self._settings.gross_error
             off = (1.0 - wrong) * predicted[0, row] < wrong * anywhere[0]
             doubtful = bool(np.any(off & np.isfinite(values) & np.isfinite(self._mean[row])))
-        return Answer(best, found[best], found, doubtful)
+        return Classification(best, found[best], found, doubtful)
 
     def probabilities(self, values: Floats, stds: Floats) -> Floats:
         """(n, classes + 1) probabilities of n observations; the last column is none of these.

@@ -13,12 +13,12 @@ from math import isfinite
 import numpy as np
 
 from models.terrain.gyro_bias import GyroBias
-from models.terrain.observation import UNKNOWN, Features, Observation
+from models.terrain.observation import UNKNOWN, Features, GroundObservation
 from models.terrain.phases import MotionPhases, Phase
 from models.terrain.resistances import (
-    Drive,
-    Estimate,
+    Drivetrain,
     SteadyStretch,
+    TerrainEstimate,
     lateral_resistance_of,
     motion_resistance_of,
 )
@@ -48,7 +48,7 @@ class TerrainEstimator:
         vehicle: Vehicle,
         *,
         slip_track: float,
-        motion_resistance: Estimate,
+        motion_resistance: TerrainEstimate,
         settings: EstimatorSettings | None = None,
     ) -> None:
         """Begin.
@@ -63,7 +63,7 @@ class TerrainEstimator:
             ParameterError: the vehicle's drive is not known, or it is not skid-steered.
         """
         self._vehicle = vehicle
-        self._drive = Drive.of(vehicle)
+        self._drive = Drivetrain.of(vehicle)
         self._settings = EstimatorSettings() if settings is None else settings
         self._start = slip_track
         self._assumed = dataclasses.replace(motion_resistance, note="f_r assumed")
@@ -98,7 +98,7 @@ class TerrainEstimator:
         pitch: float,
         roll: float,
         usable: bool = True,
-    ) -> Observation | None:
+    ) -> GroundObservation | None:
         """One sample; an observation if it ends a stretch that tells something.
 
         Args:
@@ -155,11 +155,11 @@ class TerrainEstimator:
         self.known = Features()
         self.filter.variance = self._settings.filter.initial_std**2
 
-    def finish(self) -> Observation | None:
+    def finish(self) -> GroundObservation | None:
         """The stretch that the run ended in, if it tells something."""
         return self._close(trim=True)
 
-    def _close(self, *, trim: bool) -> Observation | None:
+    def _close(self, *, trim: bool) -> GroundObservation | None:
         """Evaluate the open stretch.
 
         Args:
@@ -199,7 +199,7 @@ class TerrainEstimator:
         )  # fmt: skip
         slip = UNKNOWN
         if self._turned:
-            slip = Estimate(self.filter.slip_track, self.filter.slip_track_std)
+            slip = TerrainEstimate(self.filter.slip_track, self.filter.slip_track_std)
         return Features(lateral_resistance=lateral, slip_track=slip)
 
     def _learn(self, own: Features) -> None:
@@ -211,11 +211,13 @@ class TerrainEstimator:
         }
         self.known = dataclasses.replace(self.known, **news)
 
-    def _observation(self, phase: Phase, stretch: SteadyStretch, own: Features) -> Observation:
+    def _observation(
+        self, phase: Phase, stretch: SteadyStretch, own: Features
+    ) -> GroundObservation:
         time = stretch.time
         onset = time <= time[0] + _ONSET
         both = np.abs(stretch.current_left[onset]) + np.abs(stretch.current_right[onset])
-        return Observation(
+        return GroundObservation(
             begin=float(time[0]),
             end=float(time[-1]),
             phase=phase,

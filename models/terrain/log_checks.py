@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import Floats
-from models.stop_logs.drive_quality import Kind, Stretch, stretches_of
-from models.terrain.resistances import Drive
+from models.stop_logs.drive_quality import Kind, Suspect, stretches_of
+from models.terrain.resistances import Drivetrain
 from models.vehicle import Vehicle
 
 _THRUST = 5.0  # times what the drive can give, or the weight holds
@@ -33,7 +33,7 @@ _CHANNELS = ("v", "v_left", "v_right", "yaw_rate", "current_left", "current_righ
 
 def implausible(
     columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], vehicle: Vehicle
-) -> list[Stretch]:
+) -> list[Suspect]:
     """Stretches of a log that contradict the vehicle it is said to be of.
 
     Args:
@@ -41,8 +41,8 @@ def implausible(
         runs: samples of each run.
         vehicle: with motor constants.
     """
-    found: list[Stretch] = []
-    drive = Drive.of(vehicle)
+    found: list[Suspect] = []
+    drive = Drivetrain.of(vehicle)
     most = _THRUST * max(vehicle.max_drive_force, drive.weight) / drive.force_per_ampere
     for name in ("current_left", "current_right"):
         for start, stop in stretches_of(np.abs(np.nan_to_num(columns[name])) > most):
@@ -50,11 +50,11 @@ def implausible(
             words = (
                 f"{name} of {value:g} A would be a thrust of {value * drive.force_per_ampere:.0f} N"
             )
-            found.append(Stretch(start, stop, name, Kind.SENTINEL, words))
+            found.append(Suspect(start, stop, name, Kind.SENTINEL, words))
     for run in runs:
         part = {name: columns[name][run] for name in _CHANNELS}
         for channel, words in [*_units(part, vehicle), *_signs(part, vehicle)]:
-            found.append(Stretch(run.start, run.stop, channel, Kind.UNITS, words))
+            found.append(Suspect(run.start, run.stop, channel, Kind.UNITS, words))
     return found
 
 

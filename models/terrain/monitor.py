@@ -14,11 +14,11 @@ from models.parameters import Model
 from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.change import ChangeDetector, ChangeSettings
 from models.terrain.classes import RuleAnswer, TerrainClasses, by_rules
-from models.terrain.classifier import Answer, ClassifierSettings, TerrainClassifier
+from models.terrain.classifier import Classification, ClassifierSettings, TerrainClassifier
 from models.terrain.estimator import TerrainEstimator
-from models.terrain.observation import Observation
+from models.terrain.observation import GroundObservation
 from models.terrain.phases import Phase
-from models.terrain.resistances import Estimate
+from models.terrain.resistances import TerrainEstimate
 from models.terrain.settings import EstimatorSettings
 from models.terrain.windows import summarise
 
@@ -27,7 +27,7 @@ _ASSUMED_STD = 0.1  # of the model's f_r before the first straight
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class GroundChange:
     """The ground changed.
 
     Attributes:
@@ -49,12 +49,12 @@ class Classified:
         rules: of the expert rules.
     """
 
-    observation: Observation
-    answer: Answer
+    observation: GroundObservation
+    answer: Classification
     rules: RuleAnswer
 
 
-Event = Classified | Change
+Event = Classified | GroundChange
 
 
 class TerrainMonitor:
@@ -92,7 +92,7 @@ class TerrainMonitor:
         self.estimator = TerrainEstimator(
             model.vehicle,
             slip_track=model.terrain.slip_track,
-            motion_resistance=Estimate(model.terrain.motion_resistance, _ASSUMED_STD),
+            motion_resistance=TerrainEstimate(model.terrain.motion_resistance, _ASSUMED_STD),
             settings=self._settings,
         )
         self.adaptive = adaptive
@@ -155,7 +155,7 @@ class TerrainMonitor:
         done = self.estimator.finish()
         return () if done is None else (self._classified(done),)
 
-    def _watch(self, time: float) -> Change | None:
+    def _watch(self, time: float) -> GroundChange | None:
         """Close the window of the last second and compare it, if nothing is missing in it."""
         samples = self._window
         whole = self._whole and time - self._window_end < 0.5 * _WINDOW
@@ -165,9 +165,9 @@ class TerrainMonitor:
         motion = self._settings.motion
         window = summarise(np.array(samples), motion.least_inner_speed, motion.turn_end)
         strength = None if window is None else self._change.update(window)
-        return None if strength is None else Change(time, strength)
+        return None if strength is None else GroundChange(time, strength)
 
-    def _classified(self, observation: Observation) -> Classified:
+    def _classified(self, observation: GroundObservation) -> Classified:
         known = observation.known
         if observation.phase is Phase.STUCK:
             nothing = (np.nan, np.nan, np.nan)

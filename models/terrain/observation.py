@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 from models.terrain.phases import Phase
-from models.terrain.resistances import Estimate
+from models.terrain.resistances import TerrainEstimate
 
-UNKNOWN = Estimate(math.nan, math.nan)
+UNKNOWN = TerrainEstimate(math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,9 +19,9 @@ class Features:
         motion_resistance: f_r [1]. lateral_resistance: μ_t [1]. slip_track: B_s [m].
     """
 
-    motion_resistance: Estimate = UNKNOWN
-    lateral_resistance: Estimate = UNKNOWN
-    slip_track: Estimate = UNKNOWN
+    motion_resistance: TerrainEstimate = UNKNOWN
+    lateral_resistance: TerrainEstimate = UNKNOWN
+    slip_track: TerrainEstimate = UNKNOWN
 
     @property
     def values(self) -> tuple[float, float, float]:
@@ -35,7 +35,7 @@ class Features:
 
 
 @dataclass(frozen=True, slots=True)
-class Observation:
+class GroundObservation:
     """A stretch, and what is known of the ground once it ends.
 
     Attributes:

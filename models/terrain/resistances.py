@@ -31,7 +31,7 @@ from models.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class Drivetrain:
     """What turns a current into a thrust, and a thrust into a resistance.
 
     Attributes:
@@ -45,7 +45,7 @@ class Drive:
     weight: float
 
     @classmethod
-    def of(cls, vehicle: Vehicle) -> Drive:
+    def of(cls, vehicle: Vehicle) -> Drivetrain:
         """The drive of a vehicle.
 
         Raises:
@@ -81,7 +81,7 @@ class SteadyStretch:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class TerrainEstimate:
     """A value with its standard deviation; both NaN if the stretch does not tell."""
 
     value: float
@@ -90,8 +90,8 @@ class Estimate:
 
 
 def motion_resistance_of(
-    stretch: SteadyStretch, drive: Drive, settings: ResistanceSettings, *, signed: bool
-) -> Estimate:
+    stretch: SteadyStretch, drive: Drivetrain, settings: ResistanceSettings, *, signed: bool
+) -> TerrainEstimate:
     """f_r [1] of a straight at nearly constant speed. Source: Slip (12), (13).
 
     f_r = (F_L + F_R − W sin θ − m a)/(W cos θ cos φ): slope, idle current and what little the
@@ -116,24 +116,24 @@ def motion_resistance_of(
         left = _thrust(np.abs(stretch.current_left), drive)
         right = _thrust(np.abs(stretch.current_right), drive)
         if float(np.mean(left + right)) < -drive.weight * float(np.mean(more)):
-            return Estimate(math.nan, math.nan, "downhill, and currents have no sign")
+            return TerrainEstimate(math.nan, math.nan, "downhill, and currents have no sign")
     normal = drive.weight * np.cos(stretch.pitch) * np.cos(stretch.roll)
     values = (left + right - drive.weight * more) / normal
     per_current = 2.0 * drive.force_per_ampere / drive.weight
     systematic = math.hypot(settings.pitch_std, per_current * settings.current_std)
-    return Estimate(float(np.mean(values)), math.hypot(standard_error(values), systematic))
+    return TerrainEstimate(float(np.mean(values)), math.hypot(standard_error(values), systematic))
 
 
 def lateral_resistance_of(
     stretch: SteadyStretch,
     vehicle: Vehicle,
-    drive: Drive,
-    motion_resistance: Estimate,
+    drive: Drivetrain,
+    motion_resistance: TerrainEstimate,
     settings: ResistanceSettings,
     *,
     signed: bool,
     least_inner_speed: float,
-) -> Estimate:
+) -> TerrainEstimate:
     """μ_t [1] of a steady turn. Source: Slip (27), for σ = +1 and, corrected, for σ = −1.
 
     σ = +1 where the sides turn in opposite directions, so that rolling resists both turning
@@ -156,7 +156,7 @@ def lateral_resistance_of(
         0.5 * drive.weight * right_load_share(*attitude, vehicle.cg_z),
     )
     if min(abs(float(np.mean(v))) for v in (stretch.v_left, stretch.v_right)) < least_inner_speed:
-        return Estimate(math.nan, math.nan, "inner wheels stand")
+        return TerrainEstimate(math.nan, math.nan, "inner wheels stand")
     size = (drive.weight, vehicle.wheelbase, vehicle.track_width)
     f_r = motion_resistance.value
     if float(np.mean(stretch.v_left * stretch.v_right)) < 0.0:
@@ -178,11 +178,11 @@ def lateral_resistance_of(
     by_rolling = lever * share_of_rolling * motion_resistance.std
     by_current = lever * math.sqrt(2.0) * settings.current_std * drive.force_per_ampere
     std = math.hypot(standard_error(values), by_rolling, by_current / drive.weight)
-    return Estimate(float(np.mean(values)), std, motion_resistance.note)
+    return TerrainEstimate(float(np.mean(values)), std, motion_resistance.note)
 
 
 def _turn_thrusts(
-    stretch: SteadyStretch, drive: Drive, rolling: Floats, signed: bool, inner_is_left: bool
+    stretch: SteadyStretch, drive: Drivetrain, rolling: Floats, signed: bool, inner_is_left: bool
 ) -> tuple[Floats, Floats]:
     """Thrusts (inner, outer) [N] along the way the vehicle moves, braking negative."""
     way = np.sign(stretch.v_left + stretch.v_right)
@@ -198,7 +198,7 @@ def _turn_thrusts(
     return _thrust(direction * np.abs(inner), drive), push
 
 
-def _thrust(current: Floats, drive: Drive) -> Floats:
+def _thrust(current: Floats, drive: Drivetrain) -> Floats:
     """Thrust [N] of one side along the way its wheels turn, F = τ k_t (I − I_idle)/r.
 
     A current that drives is positive. Friction of motor and gear works against the turning: it

@@ -17,7 +17,7 @@ import math
 from models.errors import ParameterError
 from models.parameters import Model, SurfaceBraking, Terrain
 from models.terrain.observation import Features
-from models.terrain.resistances import Estimate
+from models.terrain.resistances import TerrainEstimate
 
 
 def model_on(model: Model, known: Features) -> Model:
@@ -37,12 +37,14 @@ def model_on(model: Model, known: Features) -> Model:
     return dataclasses.replace(model, terrain=terrain)
 
 
-def _slower(found: Estimate, otherwise: float) -> float:
+def _slower(found: TerrainEstimate, otherwise: float) -> float:
     value = found.value + found.std
     return value if math.isfinite(value) else otherwise
 
 
-def with_surface(model: Model, name: str, motion_resistance: Estimate, reference: float) -> Model:
+def with_surface(
+    model: Model, name: str, motion_resistance: TerrainEstimate, reference: float
+) -> Model:
     """The model with a table of braking for a class of terrain, unless it has one.
 
     A table that is there was learned from stops, and knows better.

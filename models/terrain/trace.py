@@ -23,7 +23,7 @@ _APART = 0.5  # [s] without the filter ends a turn
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class TerrainTrace:
     """One run; arrays are (n,), NaN where there is nothing to show.
 
     Attributes:
@@ -51,7 +51,7 @@ class Trace:
 
 def trace(
     estimator: TerrainEstimator, rows: Iterable[tuple[Any, ...]], settings: FilterSettings
-) -> Trace:
+) -> TerrainTrace:
     """Send a run through an estimator and keep what it thought.
 
     Args:
@@ -74,7 +74,7 @@ def trace(
         )
     columns = np.array(kept, np.float64).reshape(-1, 10).T
     variances, settled = _first_turn(columns, columns[7] > 0.5, settings)
-    return Trace(
+    return TerrainTrace(
         time=columns[0],
         speed_difference=columns[1],
         yaw_rate=columns[2],

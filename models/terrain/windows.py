@@ -39,7 +39,7 @@ _BY_DRIVING_SHAKING = (0.5, 1.0, 3.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class SteadySecond:
     """A second of steady driving.
 
     Attributes:
@@ -61,12 +61,12 @@ def usual_spread(rates: int) -> Floats:
 
 
 def by_driving(rates: int) -> Floats:
-    """(channels, 3) what a difference in driving may do to each channel, see :class:`Window`."""
+    """(channels, 3) change of each channel with the driving, see :class:`SteadySecond`."""
     body = [_BY_DRIVING_CURRENT, _BY_DRIVING_CURRENT, _BY_DRIVING_TURNING]
     return np.array(body + [_BY_DRIVING_SHAKING] * (len(_BANDS) * rates))
 
 
-def summarise(samples: Floats, least_rim_speed: float, turn_begin: float) -> Window | None:
+def summarise(samples: Floats, least_rim_speed: float, turn_begin: float) -> SteadySecond | None:
     """A window out of its samples, None unless it was driven steadily.
 
     Args:
@@ -95,7 +95,7 @@ def summarise(samples: Floats, least_rim_speed: float, turn_begin: float) -> Win
     ]
     slope = -math.copysign(float(means[4]), float(means[4]) * (left + right))
     driving = np.array([math.log(rim), abs(difference) / (2.0 * rim), slope])
-    return Window((kind, round(_SPEED_STEPS * math.log2(rim))), np.array(channels), driving)
+    return SteadySecond((kind, round(_SPEED_STEPS * math.log2(rim))), np.array(channels), driving)
 
 
 def _shaking(rates: Floats, rim: float) -> Floats:

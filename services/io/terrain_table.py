@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from models.stop_logs.drive_quality import Stretch
-from models.terrain.monitor import Change, Classified
+from models.stop_logs.drive_quality import Suspect
+from models.terrain.monitor import Classified, GroundChange
 from services.io.table import write_csv
 
 _TEXT = ("run", "phase", "terrain", "rules", "note")
@@ -32,9 +32,9 @@ def write_terrain_table(rows: Sequence[dict[str, Any]], path: Path) -> None:
     write_csv(columns, path)
 
 
-def event_row(run: str, event: Classified | Change) -> dict[str, Any]:
+def event_row(run: str, event: Classified | GroundChange) -> dict[str, Any]:
     """A row of the table; parameters are what is known of the ground when the stretch ends."""
-    if isinstance(event, Change):
+    if isinstance(event, GroundChange):
         note = "the ground changed within the last seconds of driving"
         return {
             "run": run, "t": event.time, "t_end": event.time, "phase": "change",
@@ -63,7 +63,7 @@ def _note(event: Classified) -> str:
     return "; ".join(note for note in notes if note)
 
 
-def excluded_row(run: str, time: Sequence[float], stretch: Stretch) -> dict[str, Any]:
+def excluded_row(run: str, time: Sequence[float], stretch: Suspect) -> dict[str, Any]:
     """A row for a stretch that was left out.
 
     Args:

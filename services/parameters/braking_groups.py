@@ -17,7 +17,7 @@ from models.calibration.force_fit import NAMES, design
 from models.calibration.learned_force import LearnedForce, braking_in_use
 from models.calibration.online import OnlineBraking
 from models.calibration.published import PublishSettings
-from models.calibration.recursive import Outcome, RecursiveSettings
+from models.calibration.recursive import Acceptance, RecursiveSettings
 from models.calibration.stream import StreamedStop
 from models.errors import ParameterError
 from models.laws import braking
@@ -76,7 +76,7 @@ class BrakingGroups:
             late = self._prior.dead_time if math.isnan(stop.dead_time) else stop.dead_time
             distance = stop.onset_speed * late + stop.onset_speed**2 / (2.0 * slowing)
         done = self._online.take(stop, surface)
-        if done.outcome in (Outcome.ACCEPTED, Outcome.CHANGED):
+        if done.outcome in (Acceptance.ACCEPTED, Acceptance.CHANGED):
             self._taught[surface] = time.monotonic()
         if 0.0 <= stop.dead_time <= _MOST_DEAD_TIME:
             self._dead_times.append(stop.dead_time)

@@ -84,7 +84,7 @@ class GroundNow:
         if monitor is None:
             return Told()
         from models.terrain.classifier import NONE
-        from models.terrain.monitor import Change
+        from models.terrain.monitor import GroundChange
 
         self._last[source] = float(columns["t"][-1])
         changed, features = False, None
@@ -94,7 +94,7 @@ class GroundNow:
         rows.append(np.zeros(len(rows[0])).tolist() if roll is None else roll.tolist())
         for row in zip(*rows, strict=True):
             for event in monitor.update(*row):
-                if isinstance(event, Change):
+                if isinstance(event, GroundChange):
                     changed, self._own = True, ""
                     continue
                 answer = event.answer

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from models.calibration.learn import Calibration
-from models.stop_logs.drive_quality import Stretch
-from models.stop_logs.find_stops import Verdict
+from models.stop_logs.drive_quality import Suspect
+from models.stop_logs.find_stops import Usability
 from services.io.access import write_atomic
 from services.report.calibration_pictures import pictures
 from services.report.page import escaped, fact_list, notices, number_row, page
@@ -64,7 +64,7 @@ def render_report(
         "surfaces": "".join(f'<th class="number" scope="col">{escaped(n)}</th>' for n in surfaces),
         "rows": "\n".join(number_row(label, cells) for label, cells in rows.items()),
         "found": "\n".join(
-            number_row(Verdict[name.upper()].value, [str(count)])
+            number_row(Usability[name.upper()].value, [str(count)])
             for name, count in calibration.verdicts.items()
         ),
         "suspects": _suspects(calibration.suspects, clock),
@@ -107,7 +107,7 @@ def _shared(calibration: Calibration) -> dict[str, str]:
     }
 
 
-def _suspects(suspects: Sequence[Stretch], clock: Mapping[int, float]) -> str:
+def _suspects(suspects: Sequence[Suspect], clock: Mapping[int, float]) -> str:
     if not suspects:
         return ""
     listed = "".join(number_row(f"{clock[s.start]:.2f} s", [s.reason]) for s in suspects[:_LISTED])

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from models.terrain.classes import TerrainClasses
-from models.terrain.trace import Trace
+from models.terrain.trace import TerrainTrace
 from services.io.access import write_atomic
 from services.report.page import escaped, fact_list, notices, page
 from services.report.terrain_pictures import Point, pictures
@@ -34,7 +34,7 @@ class TerrainPage:
     title: str
     verdict: str
     run: str
-    trace: Trace
+    trace: TerrainTrace
     changes: Sequence[float]
     points: Sequence[Point]
     classes: TerrainClasses

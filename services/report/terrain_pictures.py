@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.terrain.classes import TerrainClasses
-from models.terrain.trace import Trace
+from models.terrain.trace import TerrainTrace
 from services.report.figures import COLOURS, FAINT, FIRST, INK, SECOND, house_style, svg_uri
 
 Point = tuple[str, tuple[float, float, float]]
@@ -25,7 +25,7 @@ _AXES = ("motion resistance f_r", "lateral resistance μ_t", "slip track B_s, m"
 
 
 def pictures(
-    trace: Trace, points: Sequence[Point], classes: TerrainClasses, changes: Sequence[float]
+    trace: TerrainTrace, points: Sequence[Point], classes: TerrainClasses, changes: Sequence[float]
 ) -> dict[str, str]:
     """Name -> data URI of an SVG.
 
@@ -46,7 +46,7 @@ def pictures(
         }
 
 
-def _run(figure: Any, trace: Trace, changes: Sequence[float]) -> Any:
+def _run(figure: Any, trace: TerrainTrace, changes: Sequence[float]) -> Any:
     turning, currents, slip = figure.subplots(3, 1, sharex=True)
     few = slice(None, None, max(len(trace.time) // _MOST, 1))
     t = trace.time[few]
@@ -78,7 +78,7 @@ def _shade(axes: Any, t: NDArray[np.float64], stuck: NDArray[np.bool_]) -> None:
     axes.set_ylim(low, high)
 
 
-def _variance(figure: Any, trace: Trace) -> Any:
+def _variance(figure: Any, trace: TerrainTrace) -> Any:
     axes = figure.add_subplot()
     variances = trace.predicted_variance[:120]
     axes.semilogy(np.arange(1, len(variances) + 1), variances, color=FIRST, marker=".", lw=0.8)

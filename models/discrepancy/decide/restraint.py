@@ -8,7 +8,7 @@ from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import distances
 from models.discrepancy.model.prediction import ground_of, inside_patch
-from models.discrepancy.search.identify import Explanation
+from models.discrepancy.search.identify import ScoredExplanation
 from models.discrepancy.search.locate import Followed, follow
 from models.parameters import Effect
 
@@ -41,7 +41,7 @@ _ONE_WAY = 0.9  # length of the mean heading
 
 
 def weak(
-    table: StopTable, best: Explanation, refitted: Explanation, located: list[Followed]
+    table: StopTable, best: ScoredExplanation, refitted: ScoredExplanation, located: list[Followed]
 ) -> bool:
     """Too little evidence for a name: hardly better than none, or along an axis that shows none.
 
@@ -76,8 +76,12 @@ def _inside(table: StopTable, patch: Effect) -> Floats:
 
 
 def plainer_one(
-    table: StopTable, best: Explanation, others: tuple[Explanation, ...], doubt: float, seed: int
-) -> Explanation | None:
+    table: StopTable,
+    best: ScoredExplanation,
+    others: tuple[ScoredExplanation, ...],
+    doubt: float,
+    seed: int,
+) -> ScoredExplanation | None:
     """The best explanation with fewer effects, where the further ones are not believed.
 
     Args:
@@ -100,13 +104,13 @@ def plainer_one(
     return plainer if margin < doubt or trace else None
 
 
-def _way_between(table: StopTable, one: Explanation, other: Explanation) -> float:
+def _way_between(table: StopTable, one: ScoredExplanation, other: ScoredExplanation) -> float:
     """Root mean square difference of stopping distances, as a share of their mean."""
     off = distances(table, one.fit.hypothesis) - distances(table, other.fit.hypothesis)
     return float(np.sqrt(np.mean(off**2)) / np.mean(table.distance))
 
 
-def along_one_axis(table: StopTable, best: Explanation) -> list[str]:
+def along_one_axis(table: StopTable, best: ScoredExplanation) -> list[str]:
     """Two or more names that act along the same axis, [] if there are none."""
     one_way = abs(np.mean(np.exp(1j * table.yaw))) > _ONE_WAY
     for i, group in enumerate(_ONE_AXIS):

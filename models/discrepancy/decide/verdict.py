@@ -17,7 +17,7 @@ from models.discrepancy.decide.restraint import TRACE, along_one_axis, plainer_o
 from models.discrepancy.findings import Verdict
 from models.discrepancy.model.hypothesis import USUAL
 from models.discrepancy.search.absorbed import Absorbed, absorbed_explanations
-from models.discrepancy.search.identify import Explanation, Identified
+from models.discrepancy.search.identify import Identified, ScoredExplanation
 from models.discrepancy.search.locate import WITHIN, Followed
 from models.discrepancy.search.refine import Fit, fit, residual
 from models.discrepancy.settings import DiscrepancySettings
@@ -45,8 +45,8 @@ class Decision:
     """
 
     verdict: Verdict
-    explanation: Explanation
-    rivals: tuple[Explanation, ...] = ()
+    explanation: ScoredExplanation
+    rivals: tuple[ScoredExplanation, ...] = ()
     confidence: tuple[float, ...] = ()
     axis: Followed | None = None
     absorbed: tuple[Absorbed, ...] = ()
@@ -81,7 +81,7 @@ def decide(
     refitted = next((e for e in others if not e.names), _far(base))
     if weak(table, best, refitted, located):
         plain = [f for f in located if f.p_value < settings.structure]
-        nothing = replace(found, best=Explanation(base, refitted.score))
+        nothing = replace(found, best=ScoredExplanation(base, refitted.score))
         return _without_names(table, base, nothing, _large(table, plain), ())
     others = tuple(e for e in others if not _cools_at_once(e))
     near = [
@@ -140,9 +140,9 @@ def _said_of(left: Followed) -> tuple[str, ...]:
     return (f"a little is left that follows {left.axis.name}: {way:.0f} mm of way a stop",)
 
 
-def _far(base: Fit) -> Explanation:
+def _far(base: Fit) -> ScoredExplanation:
     """The base where it fell so far behind that its score is not known any more."""
-    return Explanation(base, float("inf"))
+    return ScoredExplanation(base, float("inf"))
 
 
 def _without_names(
@@ -166,7 +166,7 @@ def drifted(table: StopTable, base: Fit) -> bool:
     return configured.deviance - base.deviance > few * float(chi2.isf(_DRIFT, 5))
 
 
-def _matters(table: StopTable, base: Fit, best: Explanation, left: Followed) -> bool:
+def _matters(table: StopTable, base: Fit, best: ScoredExplanation, left: Followed) -> bool:
     """What is left along an axis is more than a trace of what the names explain."""
     used = table.spread > 0.0
     before = float(np.mean(residual(table, base.hypothesis)[used] ** 2))
@@ -174,7 +174,7 @@ def _matters(table: StopTable, base: Fit, best: Explanation, left: Followed) -> 
     return left.removed > _LEFT * max(before - after, 0.0)
 
 
-def _numbers_at_their_end(best: Explanation) -> str:
+def _numbers_at_their_end(best: ScoredExplanation) -> str:
     """Numbers of the effects that the fit pushed as far as it may, in words."""
     said = []
     for effect in best.fit.hypothesis.added:
@@ -185,19 +185,23 @@ def _numbers_at_their_end(best: Explanation) -> str:
     return ", ".join(said)
 
 
-def _cools_at_once(found: Explanation) -> bool:
+def _cools_at_once(found: ScoredExplanation) -> bool:
     """Brakes that fade and recover within each stop: a curve over speed by another name."""
     low, _ = USUAL["brake_fade", "tau"]
     added = found.fit.hypothesis.added
     return any(e.name == "brake_fade" and e.parameters["tau"] <= low * 1.001 for e in added)
 
 
-def _leads(best: Explanation, rival: Explanation, settings: DiscrepancySettings) -> bool:
+def _leads(
+    best: ScoredExplanation, rival: ScoredExplanation, settings: DiscrepancySettings
+) -> bool:
     """In nearly all resampled logs the best explanation stays ahead of a rival."""
     return _stability(best, rival, settings) >= _STABLE
 
 
-def _stability(best: Explanation, rival: Explanation, settings: DiscrepancySettings) -> float:
+def _stability(
+    best: ScoredExplanation, rival: ScoredExplanation, settings: DiscrepancySettings
+) -> float:
     ahead = rival.fit.each - best.fit.each
     prices = (rival.score - rival.fit.deviance) - (best.score - best.fit.deviance)
     rng = np.random.default_rng(settings.seed)
@@ -205,7 +209,7 @@ def _stability(best: Explanation, rival: Explanation, settings: DiscrepancySetti
     return float(np.mean(ahead[draws].sum(axis=1) + prices > 0.0))
 
 
-def _confidence(name: str, best: Explanation, found: Identified) -> float:
+def _confidence(name: str, best: ScoredExplanation, found: Identified) -> float:
     """Posterior weight of the explanations that hold a name, among all that were tried."""
     everything = (best, *found.others)
     weight = np.exp(-0.5 * np.clip([e.score - best.score for e in everything], 0.0, 200.0))

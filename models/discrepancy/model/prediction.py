@@ -28,7 +28,7 @@ _LEAST_SPEED = 0.3  # [m/s] slower than that a curvature means nothing
 _LATEST_CLOCK = 1e6  # [s] clocks beyond count from some epoch, not from the session's beginning
 
 
-class Ground(NamedTuple):
+class StopGround(NamedTuple):
     """What the vehicle meets along its way, (S, M) each."""
 
     grade: Floats
@@ -39,9 +39,9 @@ class Ground(NamedTuple):
     y: Floats
 
 
-def ground_of(table: StopTable) -> Ground:
+def ground_of(table: StopTable) -> StopGround:
     """As it was met by the measured vehicle."""
-    return Ground(table.grade, table.roll, table.yaw, table.yaw_rate, table.x, table.y)
+    return StopGround(table.grade, table.roll, table.yaw, table.yaw_rate, table.x, table.y)
 
 
 def session_time(table: StopTable) -> Floats:
@@ -52,7 +52,7 @@ def session_time(table: StopTable) -> Floats:
 
 def predict(
     table: StopTable, hypothesis: Hypothesis, speed: Floats | None = None,
-    ground: Ground | None = None, time: Floats | None = None, stronger: Floats | float = 0.0,
+    ground: StopGround | None = None, time: Floats | None = None, stronger: Floats | float = 0.0,
 ) -> Floats:  # fmt: skip
     """(S, M) fall of the speed since the command [m/s], 0 before the onset.
 
@@ -88,7 +88,7 @@ def passed(table: StopTable, hypothesis: Hypothesis) -> Floats:
     return found.passes
 
 
-def wanted_force(table: StopTable, hypothesis: Hypothesis, place: Ground) -> Floats:
+def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) -> Floats:
     """(S, M) F_b/W before lag, fade and friction cap."""
     model = hypothesis.model
     onset = np.maximum(table.held, model.braking.speed_range[0])[:, None]
@@ -126,7 +126,7 @@ def wanted_force(table: StopTable, hypothesis: Hypothesis, place: Ground) -> Flo
     return result
 
 
-def inside_patch(place: Ground, x: float, y: float, radius: float) -> Floats:
+def inside_patch(place: StopGround, x: float, y: float, radius: float) -> Floats:
     """(S, M) share of the way around each grid time that lies inside a patch.
 
     A grid time next to the edge counts in part, so that it does not matter where grids lie.
@@ -225,11 +225,11 @@ def simulate(
     return v, way_of(v)
 
 
-def _along(table: StopTable, way: Floats) -> Ground:
+def _along(table: StopTable, way: Floats) -> StopGround:
     """Ground at stations; beyond the last one known it goes on as it was."""
 
     def at_stations(channel: Floats) -> Floats:
         rows = zip(way, table.station, channel, strict=True)
         return np.stack([np.interp(w, s, c) for w, s, c in rows])
 
-    return Ground(*map(at_stations, ground_of(table)))
+    return StopGround(*map(at_stations, ground_of(table)))

@@ -50,7 +50,7 @@ _DIRECTIONS = {"directional_surface": 2}
 
 
 @dataclass(frozen=True, slots=True)
-class Explanation:
+class ScoredExplanation:
     """Effects that are believed together.
 
     Attributes:
@@ -79,8 +79,8 @@ class Identified:
         absorbed: share of each effect's column that the base takes up, by name.
     """
 
-    best: Explanation
-    others: tuple[Explanation, ...]
+    best: ScoredExplanation
+    others: tuple[ScoredExplanation, ...]
     largest: tuple[float, float]
     absorbed: dict[str, float]
 
@@ -103,13 +103,13 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
     Args:
         table: stops. base: refitted without further effects. settings: how sure to be.
     """
-    beam = [Explanation(base, score(base, len(table)))]
+    beam = [ScoredExplanation(base, score(base, len(table)))]
     known = {beam[0].names: beam[0]}
     best = beam[0]
     absorbed: dict[str, float] = {}
     largest = (0.0, np.inf)
     for level in range(settings.most_effects + 1):
-        children: list[Explanation] = []
+        children: list[ScoredExplanation] = []
         for parent in beam:
             more, strongest, shares = _extended(table, parent, settings)
             absorbed = absorbed or shares
@@ -136,8 +136,8 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
 
 
 def _again(
-    table: StopTable, known: dict[tuple[str, ...], Explanation], noise: Noise, near: float
-) -> dict[tuple[str, ...], Explanation]:
+    table: StopTable, known: dict[tuple[str, ...], ScoredExplanation], noise: Noise, near: float
+) -> dict[tuple[str, ...], ScoredExplanation]:
     """All explanations weighed anew, those far off forgotten but for the base."""
     result = {}
     for names, e in known.items():
@@ -151,8 +151,8 @@ def _again(
 
 
 def _with_one_less(
-    table: StopTable, best: Explanation, known: dict[tuple[str, ...], Explanation]
-) -> dict[tuple[str, ...], Explanation]:
+    table: StopTable, best: ScoredExplanation, known: dict[tuple[str, ...], ScoredExplanation]
+) -> dict[tuple[str, ...], ScoredExplanation]:
     """Explanations without one of the effects of the best: a first step may have been wrong."""
     added = best.fit.hypothesis.added
     rests = [
@@ -166,13 +166,13 @@ def _with_one_less(
     found = {}
     for names, rest in missing.items():
         refit = fit_either_way(output, rest, best.fit.noise, rounds=1)
-        found[names] = Explanation(refit, score(refit, len(table)), best.gained, best.needed)
+        found[names] = ScoredExplanation(refit, score(refit, len(table)), best.gained, best.needed)
     return found
 
 
 def _extended(
-    table: StopTable, parent: Explanation, settings: DiscrepancySettings
-) -> tuple[list[Explanation], tuple[float, float], dict[str, float]]:
+    table: StopTable, parent: ScoredExplanation, settings: DiscrepancySettings
+) -> tuple[list[ScoredExplanation], tuple[float, float], dict[str, float]]:
     """Children of an explanation, its strongest candidate beside chance, absorbed shares."""
     fit = parent.fit
     found, sums, scored = screen(table, fit)
@@ -201,7 +201,9 @@ def _extended(
         if (hidden and fit.deviance - best.deviance < needed) or _too_quick(table, best):
             continue
         gain = (*parent.gained, float(strength[members[0]]))
-        children.append(Explanation(best, score(best, len(table)), gain, (*parent.needed, needed)))
+        children.append(
+            ScoredExplanation(best, score(best, len(table)), gain, (*parent.needed, needed))
+        )
     return children, strongest, shares
 
 
@@ -220,8 +222,8 @@ def _too_quick(table: StopTable, found: Fit) -> bool:
 
 
 def rescued(
-    table: StopTable, best: Explanation, settings: DiscrepancySettings
-) -> list[Explanation]:
+    table: StopTable, best: ScoredExplanation, settings: DiscrepancySettings
+) -> list[ScoredExplanation]:
     """Effects that chance may bring in one log of five, for a pattern that is surely there."""
     lenient = replace(settings, false_alarm=_LENIENT)
     children = _extended(table, best, lenient)[0]

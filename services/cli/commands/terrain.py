@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from models.errors import ParameterError
 from models.parameters import Model
-from models.stop_logs.drive_quality import Stretch, find_suspects, usable
+from models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.log_checks import implausible
-from models.terrain.monitor import Change, Classified, TerrainMonitor
-from models.terrain.resistances import Drive
-from models.terrain.trace import Trace, trace
+from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
+from models.terrain.resistances import Drivetrain
+from models.terrain.trace import TerrainTrace, trace
 from services.cli.commands.terrain_result import RunEvents, TerrainResult
 from services.cli.screen import progress_bar
 from services.io.access import fault
@@ -109,7 +109,7 @@ def _check_vehicle(model: Model, source: str) -> None:
     if model.vehicle.drive != "skid_steer":
         raise fault(source, "vehicle.drive", "expected skid_steer, got ackermann")
     try:
-        Drive.of(model.vehicle)
+        Drivetrain.of(model.vehicle)
     except ParameterError as error:
         raise fault(source, error.field, f"expected {error.expected}") from None
 
@@ -154,11 +154,11 @@ def rows_of(
 
 
 def _run_events(
-    log: DriveLog, part: slice, good: NDArray[np.bool_], suspects: list[Stretch],
+    log: DriveLog, part: slice, good: NDArray[np.bool_], suspects: list[Suspect],
     rates: tuple[str, ...], monitor: TerrainMonitor,
 ) -> RunEvents:  # fmt: skip
     monitor.begin_run()
-    events: list[Classified | Change] = []
+    events: list[Classified | GroundChange] = []
     for row in rows_of(log, part, good, rates):
         if found := monitor.update(*row):
             events += found
@@ -175,7 +175,7 @@ def _run_events(
     )
 
 
-def _labels(log: DriveLog, part: slice, events: list[Classified | Change]) -> list[str]:
+def _labels(log: DriveLog, part: slice, events: list[Classified | GroundChange]) -> list[str]:
     """The log's own name of the ground in the middle of each stretch, empty where it has none."""
     stretches = [e.observation for e in events if isinstance(e, Classified)]
     if "terrain" not in log.columns:
@@ -202,7 +202,7 @@ def _notes(
     return notes
 
 
-def trace_of(result: TerrainResult, one: RunEvents) -> Trace:
+def trace_of(result: TerrainResult, one: RunEvents) -> TerrainTrace:
     """How the filter went through a run."""
     monitor = monitor_of(result.model, result.terrains, 0)
     rows = rows_of(result.log, one.samples, result.good, ())

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from models.errors import ParameterError
 from models.parameters import Model
-from models.stop_logs.drive_quality import Stretch
+from models.stop_logs.drive_quality import Suspect
 from models.terrain.adaptation import classes_of
 from models.terrain.classes import TerrainClasses
-from models.terrain.monitor import Change, Classified
+from models.terrain.monitor import Classified, GroundChange
 from models.terrain.observation import Features
 from models.terrain.phases import Phase
-from models.terrain.resistances import Estimate
+from models.terrain.resistances import TerrainEstimate
 from models.terrain.surfaces import model_on, with_surface
 from services.io.access import fault
 from services.io.logs.drive_log import DriveLog
@@ -39,8 +39,8 @@ class RunEvents:
 
     run: str
     samples: slice
-    events: list[Classified | Change]
-    excluded: list[Stretch]
+    events: list[Classified | GroundChange]
+    excluded: list[Suspect]
     known: Features
     labels: list[str]
 
@@ -50,9 +50,9 @@ class RunEvents:
         return [event for event in self.events if isinstance(event, Classified)]
 
     @property
-    def changes(self) -> list[Change]:
+    def changes(self) -> list[GroundChange]:
         """Changes alone."""
-        return [event for event in self.events if isinstance(event, Change)]
+        return [event for event in self.events if isinstance(event, GroundChange)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ def updated_model(result: TerrainResult) -> Model:
         f_r = f_r[np.isfinite(f_r)]
         if len(f_r) < 2:
             continue
-        found = Estimate(float(np.mean(f_r)), float(np.std(f_r, ddof=1)))
+        found = TerrainEstimate(float(np.mean(f_r)), float(np.std(f_r, ddof=1)))
         try:
             model = with_surface(model, name, found, reference)
         except ParameterError as error:

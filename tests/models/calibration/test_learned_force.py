@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from models.calibration.learned_force import LearnedForce, braking_in_use
 from models.calibration.online import OnlineBraking
 from models.calibration.published import PublishSettings
-from models.calibration.recursive import Outcome, RecursiveSettings, at_least_both
+from models.calibration.recursive import Acceptance, RecursiveSettings, at_least_both
 from models.calibration.stream import StreamedStop
 from models.errors import ParameterError
 from models.parameters import Braking, SurfaceBraking
@@ -27,7 +27,7 @@ def stop(force: float, speed: float = 2.0, grade: float = 0.0) -> StreamedStop:
     return StreamedStop(0.0, speed, grade, force, 0.002, 0.3)
 
 
-def braked(online: OnlineBraking, forces: list[float], surface: str = "") -> list[Outcome]:
+def braked(online: OnlineBraking, forces: list[float], surface: str = "") -> list[Acceptance]:
     """Stops up and down; each force is that on level ground at 2 m/s."""
     outcomes = []
     for i, level in enumerate(forces):
@@ -74,7 +74,7 @@ def test_two_stops_on_weaker_ground_are_believed_whole(weaker: float) -> None:
     online = learning()
     braked(online, [0.32] * 12)
     outcomes = [online.take(stop(weaker)).outcome for _ in range(2)]
-    assert outcomes == [Outcome.GATED, Outcome.CHANGED]
+    assert outcomes == [Acceptance.GATED, Acceptance.CHANGED]
     used = braking_in_use(PRIOR, online.learned())
     assert used.m_b * 2.0 + used.b_b == pytest.approx(weaker, abs=0.02)
     narrow = learning(change=0.0)
@@ -93,7 +93,7 @@ def test_doubt_takes_back_what_was_gained_and_nothing_more() -> None:
     assert np.all(np.array(doubted) <= fast)
     assert np.all(np.array(doubted) <= np.array(lower_bounds(PRIOR)) + 1e-9)
     assert min(doubted) > 0.5 * min(lower_bounds(PRIOR)), "it must still be able to drive"
-    assert online.take(stop(0.10)).outcome is Outcome.ACCEPTED, "open to the first stop"
+    assert online.take(stop(0.10)).outcome is Acceptance.ACCEPTED, "open to the first stop"
     online.doubt("", np.array([0.0, 0.0, 0.0, 0.05]))
     used = braking_in_use(PRIOR, online.learned())
     assert used.b_b + 2.0 * used.m_b <= 0.05 + 1e-9

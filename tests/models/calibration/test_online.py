@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from models.calibration.online import FifoForce, OnlineBraking
-from models.calibration.recursive import Outcome
+from models.calibration.recursive import Acceptance
 from models.calibration.stream import StreamedStop
 from models.parameters import SurfaceBraking
 from tests.models.calibration.plant import Plant, drive
@@ -29,7 +29,7 @@ def test_it_learns_while_driving() -> None:
     assert not online.valid()
     done = [stop for row in rows(plant, 120, 0) if (stop := online.feed(*row)) is not None]
     assert len(done) == 120
-    assert sum(stop.outcome is Outcome.ACCEPTED for stop in done) > 110
+    assert sum(stop.outcome is Acceptance.ACCEPTED for stop in done) > 110
     v, theta = np.meshgrid(np.linspace(1, 4, 5), np.linspace(-0.25, 0.25, 5))
     m_m, b_m, m_b, b_b = online.coefficients()
     learned = (m_m * v + b_m) * theta + m_b * v + b_b

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.calibration.force_fit import WEAK_PRIOR
-from models.calibration.recursive import Outcome, RecursiveForce, RecursiveSettings
+from models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
 
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
 START = np.array([0.0, -0.1, 0.0, 0.5])
@@ -63,9 +63,9 @@ def test_single_outliers_are_not_believed() -> None:
     estimate = followed(stops(100, 0))
     before = estimate.coefficients.copy()
     for factor in (0.5, 1.8, 0.4):
-        assert estimate.update(2.0, 0.0, 0.43 * factor, 0.002) is Outcome.GATED
+        assert estimate.update(2.0, 0.0, 0.43 * factor, 0.002) is Acceptance.GATED
         np.testing.assert_array_equal(estimate.coefficients, before)
-        assert estimate.update(*stops(1, 7)[0]) is Outcome.ACCEPTED
+        assert estimate.update(*stops(1, 7)[0]) is Acceptance.ACCEPTED
         before = estimate.coefficients.copy()
     assert estimate.gated == 3
 
@@ -76,7 +76,7 @@ def test_a_change_that_stays_is_believed_and_weaker_brakes_sooner(
 ) -> None:
     estimate = followed(stops(100, 0))
     outcomes = [estimate.update(*stop) for stop in stops(needed, 3, factor * TRUTH)]
-    assert outcomes == [Outcome.GATED] * (needed - 1) + [Outcome.CHANGED]
+    assert outcomes == [Acceptance.GATED] * (needed - 1) + [Acceptance.CHANGED]
     for stop in stops(60, 4, factor * TRUTH):
         estimate.update(*stop)
     np.testing.assert_allclose(estimate.coefficients[3], factor * TRUTH[3], atol=0.02)
@@ -86,7 +86,7 @@ def test_what_says_nothing_is_left_out() -> None:
     estimate = followed(stops(20, 0))
     before = estimate.coefficients.copy()
     for stop in ((0.2, 0.0, 0.4, 0.01), (np.nan, 0.0, 0.4, 0.01), (2.0, 0.0, np.inf, 0.01)):
-        assert estimate.update(*stop) is Outcome.UNINFORMATIVE
+        assert estimate.update(*stop) is Acceptance.UNINFORMATIVE
     np.testing.assert_array_equal(estimate.coefficients, before)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs.find_stops import StopWindow, Verdict, find_stops
+from models.stop_logs.find_stops import StopWindow, Usability, find_stops
 
 HZ = 50.0
 T = np.arange(-2.0, 5.0, 1.0 / HZ)
@@ -30,7 +30,7 @@ def found(columns: dict[str, np.ndarray], good: np.ndarray | None = None) -> lis
 
 def test_a_step_to_zero_is_a_stop_up_to_the_first_crossing() -> None:
     (stop,) = found(log())
-    assert stop.verdict is Verdict.USABLE
+    assert stop.verdict is Usability.USABLE
     assert stop.command == AT
     assert T[stop.rest] == pytest.approx(0.8, abs=1.5 / HZ)
     assert stop.held_speed == pytest.approx(2.0)
@@ -40,25 +40,25 @@ def test_a_step_to_zero_is_a_stop_up_to_the_first_crossing() -> None:
 
 def test_a_sensor_that_never_reads_zero_settles() -> None:
     (stop,) = found(log(v=np.maximum(speed(), 0.02)))
-    assert stop.verdict is Verdict.USABLE
+    assert stop.verdict is Usability.USABLE
     assert T[stop.rest] == pytest.approx(0.79, abs=2.0 / HZ)
 
 
 @pytest.mark.parametrize(
     ("changes", "verdict"),
     [
-        ({"v_cmd": np.where((T < -1e-9) | (T > 0.5), 2.0, 0.0)}, Verdict.ABORTED),
-        ({"v": speed(deceleration=0.2)}, Verdict.UNFINISHED),
-        ({"v_cmd": np.clip(-2.0 * T / 0.8, 0.0, 2.0)}, Verdict.RAMPED),
-        ({"v_cmd": np.where(T < -0.5, 2.0, np.where(T < -1e-9, 0.4, 0.0))}, Verdict.RAMPED),
-        ({"v_cmd": np.where(T < -1e-9, 2.0, -1.0)}, Verdict.REVERSED),
-        ({"yaw_rate": np.full(len(T), 0.6)}, Verdict.TURNING),
-        ({"brake": np.where(T < -1e-9, 0.0, 0.5)}, Verdict.PARTIAL),
-        ({"v": speed(deceleration=40.0)}, Verdict.SPARSE),
+        ({"v_cmd": np.where((T < -1e-9) | (T > 0.5), 2.0, 0.0)}, Usability.ABORTED),
+        ({"v": speed(deceleration=0.2)}, Usability.UNFINISHED),
+        ({"v_cmd": np.clip(-2.0 * T / 0.8, 0.0, 2.0)}, Usability.RAMPED),
+        ({"v_cmd": np.where(T < -0.5, 2.0, np.where(T < -1e-9, 0.4, 0.0))}, Usability.RAMPED),
+        ({"v_cmd": np.where(T < -1e-9, 2.0, -1.0)}, Usability.REVERSED),
+        ({"yaw_rate": np.full(len(T), 0.6)}, Usability.TURNING),
+        ({"brake": np.where(T < -1e-9, 0.0, 0.5)}, Usability.PARTIAL),
+        ({"v": speed(deceleration=40.0)}, Usability.SPARSE),
     ],
 )
 def test_what_is_no_full_straight_stop_is_found_and_left_out(
-    changes: dict[str, np.ndarray], verdict: Verdict
+    changes: dict[str, np.ndarray], verdict: Usability
 ) -> None:
     (stop,) = found(log(**changes))
     assert stop.verdict is verdict
@@ -75,23 +75,23 @@ def test_what_is_no_full_straight_stop_is_found_and_left_out(
 )
 def test_shapes_of_the_command_that_are_steps(command: np.ndarray) -> None:
     (stop,) = found(log(v_cmd=command))
-    assert stop.verdict is Verdict.USABLE
+    assert stop.verdict is Usability.USABLE
 
 
 def test_straight_full_and_unmeasured_channels_do_not_disturb() -> None:
     nothing = np.full(len(T), np.nan)
     full = {"yaw_rate": np.full(len(T), 0.05), "brake": np.where(T < -1e-9, 0.0, 1.0)}
     for changes in (full, {"yaw_rate": nothing, "brake": nothing}):
-        assert [s.verdict for s in found(log(**changes))] == [Verdict.USABLE]
+        assert [s.verdict for s in found(log(**changes))] == [Usability.USABLE]
 
 
 def test_suspect_samples_spoil_the_stop_they_lie_in() -> None:
     good = np.ones(len(T), bool)
     good[AT + 10] = False
-    assert [s.verdict for s in found(log(), good)] == [Verdict.SUSPECT]
+    assert [s.verdict for s in found(log(), good)] == [Usability.SUSPECT]
     good[:] = True
     good[AT - 95 : AT - 80] = False
-    assert [s.verdict for s in found(log(), good)] == [Verdict.USABLE]
+    assert [s.verdict for s in found(log(), good)] == [Usability.USABLE]
 
 
 def test_nothing_to_stop() -> None:

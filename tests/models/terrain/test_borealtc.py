@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.terrain.monitor import Change, Classified
+from models.terrain.monitor import Classified, GroundChange
 from models.terrain.phases import Phase
 from tests.services.faults import real_data
 
@@ -112,6 +112,6 @@ def test_all_runs(figures):
     hard = [f for key, v in outcomes.items() for f in v if figures._hard(*key)]
     assert np.mean(rest) >= 0.84
     assert np.mean([*rest, *hard]) >= 0.80
-    alarms = sum(isinstance(e, Change) for run in runs for e in run.events)
+    alarms = sum(isinstance(e, GroundChange) for run in runs for e in run.events)
     minutes = sum(len(run.rows) for run in runs) / 100 / 60
     assert 10 * alarms / minutes <= 1.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.terrain.change import ChangeDetector, ChangeSettings
-from models.terrain.windows import Window, summarise, usual_spread
+from models.terrain.windows import SteadySecond, summarise, usual_spread
 
 STRAIGHT = ("straight", -2)
 LEVEL = (-0.9, 0.0, 0.0)  # logarithm of the speed, share of turning, slope
@@ -13,7 +13,7 @@ LEVEL = (-0.9, 0.0, 0.0)  # logarithm of the speed, share of turning, slope
 def windows(random, count, shift=0.0, condition=STRAIGHT, rates=1, scale=1.0, driving=LEVEL):
     spread = usual_spread(rates) * scale
     return [
-        Window(condition, shift + spread * random.normal(size=len(spread)), np.array(driving))
+        SteadySecond(condition, shift + spread * random.normal(size=len(spread)), np.array(driving))
         for _ in range(count)
     ]
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from models.errors import ParameterError
 from models.terrain.estimator import TerrainEstimator
 from models.terrain.phases import Phase
-from models.terrain.resistances import Estimate
+from models.terrain.resistances import TerrainEstimate
 from models.terrain.settings import EstimatorSettings
 from tests.models.terrain import plant
 from tests.models.terrain.vehicles import SAMPLE, estimator_of, observe, vehicle_of
@@ -78,7 +78,7 @@ def test_slope_and_idle_current_are_taken_out(pitch):
     assert mu_t == pytest.approx(0.20, abs=0.01)
     # a vehicle file without the idle current: by hand τ k_t 2 I / (r W) = 0.0810 more
     vehicle = vehicle_of(plant.Body(idle_current=0.0))
-    blind = TerrainEstimator(vehicle, slip_track=1.1, motion_resistance=Estimate(0.1, 0.1))
+    blind = TerrainEstimator(vehicle, slip_track=1.1, motion_resistance=TerrainEstimate(0.1, 0.1))
     assert observe(blind, log)[-1].known.values[0] - f_r == pytest.approx(0.0913, abs=0.002)
 
 
@@ -229,4 +229,4 @@ def test_a_vehicle_without_motor_constants_is_refused():
     for name in ("motor_torque_constant", "gear_ratio"):
         vehicle = dataclasses.replace(vehicle_of(), **{name: None})
         with pytest.raises(ParameterError, match=f"vehicle.{name}: expected a number"):
-            TerrainEstimator(vehicle, slip_track=1.1, motion_resistance=Estimate(0.1, 0.1))
+            TerrainEstimator(vehicle, slip_track=1.1, motion_resistance=TerrainEstimate(0.1, 0.1))

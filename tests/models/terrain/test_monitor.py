@@ -8,10 +8,10 @@ from models.parameters import Braking, Limits, Model, Terrain
 from models.stop_logs.drive_quality import Kind
 from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.log_checks import implausible
-from models.terrain.monitor import Change, Classified, TerrainMonitor
+from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
 from models.terrain.observation import Features
 from models.terrain.phases import Phase
-from models.terrain.resistances import Estimate
+from models.terrain.resistances import TerrainEstimate
 from models.terrain.surfaces import model_on, with_surface
 from models.terrain.trace import trace
 from services.io.terrain_file import find_terrains, read_terrains
@@ -48,7 +48,7 @@ def test_the_class_of_a_square(ground, name):
     last = [e for e in found if isinstance(e, Classified)][-1]
     assert last.answer.name == name
     assert last.answer.probability > 0.8
-    assert not [e for e in found if isinstance(e, Change)]
+    assert not [e for e in found if isinstance(e, GroundChange)]
 
 
 @pytest.mark.parametrize("name", ["ASPHALT", "DIRT", "PLOWED", "SAND"])
@@ -66,7 +66,7 @@ def test_slow_logs_tell_the_same(dt):
     found, _ = events(plant.drive(plant.square(turn=4.0), plant.DIRT, dt=dt))
     assert found[-1].answer.name == "dirt_road"
     assert found[-1].observation.known.values == pytest.approx((0.13, 0.20, 1.15), abs=0.1)
-    assert not [e for e in found if isinstance(e, Change)]
+    assert not [e for e in found if isinstance(e, GroundChange)]
 
 
 def test_a_change_is_noticed_and_what_was_known_forgotten():
@@ -77,7 +77,7 @@ def test_a_change_is_noticed_and_what_was_known_forgotten():
         return plant.ASPHALT if s < when else plant.SAND
 
     found, _ = events(plant.drive(legs, ground))
-    changes = [e for e in found if isinstance(e, Change)]
+    changes = [e for e in found if isinstance(e, GroundChange)]
     assert len(changes) == 1
     assert 0.0 < changes[0].time - when < 6.0
     at = found.index(changes[0])
@@ -101,26 +101,28 @@ def test_adaptive_classes_are_taught_on_the_way():
 
 
 def test_the_model_on_the_ground_driven_now_is_rounded_towards_slower():
-    known = Features(Estimate(0.2, 0.02), Estimate(0.25, 0.01), Estimate(1.3, 0.1))
+    known = Features(
+        TerrainEstimate(0.2, 0.02), TerrainEstimate(0.25, 0.01), TerrainEstimate(1.3, 0.1)
+    )
     terrain = model_on(MODEL, known).terrain
     assert terrain.motion_resistance == pytest.approx(0.22)
     assert terrain.lateral_resistance == pytest.approx(0.26)
     assert terrain.slip_track == pytest.approx(1.4)
     assert model_on(MODEL, Features()).terrain == MODEL.terrain
-    narrow = Features(slip_track=Estimate(0.3, 0.01))
+    narrow = Features(slip_track=TerrainEstimate(0.3, 0.01))
     assert model_on(MODEL, narrow).terrain.slip_track == MODEL.vehicle.track_width
 
 
 def test_a_surface_brakes_less_where_it_rolls_more_easily_and_never_more():
-    easy = with_surface(MODEL, "asphalt", Estimate(0.03, 0.01), 0.13)
+    easy = with_surface(MODEL, "asphalt", TerrainEstimate(0.03, 0.01), 0.13)
     assert easy.braking.on("asphalt").b_b == pytest.approx(0.25 - (0.13 - 0.02))
-    hard = with_surface(easy, "sand", Estimate(0.40, 0.05), 0.13)
+    hard = with_surface(easy, "sand", TerrainEstimate(0.40, 0.05), 0.13)
     assert hard.braking.on("sand").b_b == 0.25
     assert {t.class_id for t in hard.braking.terrain.values()} == {1, 2}
-    again = with_surface(hard, "asphalt", Estimate(0.0, 0.0), 0.13)
+    again = with_surface(hard, "asphalt", TerrainEstimate(0.0, 0.0), 0.13)
     assert again is hard  # stops knew better
     with pytest.raises(ParameterError, match=r"f_r is 0\.30 less"):
-        with_surface(MODEL, "ice", Estimate(0.0, 0.0), 0.30)
+        with_surface(MODEL, "ice", TerrainEstimate(0.0, 0.0), 0.30)
 
 
 def log_of(**changes):

@@ -8,9 +8,9 @@ import pytest
 
 from models.laws.motion_resistance import current_of_motion_resistance
 from models.terrain.resistances import (
-    Drive,
-    Estimate,
+    Drivetrain,
     SteadyStretch,
+    TerrainEstimate,
     lateral_resistance_of,
     motion_resistance_of,
     standard_error,
@@ -20,7 +20,7 @@ from tests.models.terrain.vehicles import vehicle_of
 
 EXACT = ResistanceSettings(pitch_std=0.0, current_std=0.0)
 VEHICLE = vehicle_of()
-DRIVE = Drive.of(VEHICLE)
+DRIVE = Drivetrain.of(VEHICLE)
 G = 9.80665
 W = 30.0 * G
 
@@ -70,7 +70,7 @@ def test_what_does_not_average_out():
 def test_spot_and_turn_by_hand():
     # μ_t = 0.2: M_r/B = 0.2 · 294.2 · 0.55/2/0.6 = 26.97 N; f_r = 0.1: 14.71 N a side
     k = 78.71 * 0.044 / 0.13
-    f_r = Estimate(0.1, 0.02)
+    f_r = TerrainEstimate(0.1, 0.02)
     spot = stretch(
         v_left=-0.4, v_right=0.4, yaw_rate=0.7,
         current_left=-(14.71 + 26.968) / k - 0.5, current_right=(14.71 + 26.968) / k + 0.5,

@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 from models.terrain.estimator import TerrainEstimator
-from models.terrain.observation import Observation
-from models.terrain.resistances import Estimate
+from models.terrain.observation import GroundObservation
+from models.terrain.resistances import TerrainEstimate
 from models.terrain.settings import EstimatorSettings, FilterSettings
 from models.vehicle import Vehicle
 from tests.models.terrain.plant import Body
@@ -34,11 +34,14 @@ def vehicle_of(body: Body = HUSKY) -> Vehicle:
 
 def estimator_of(body: Body = HUSKY, settings: EstimatorSettings = QUIET) -> TerrainEstimator:
     return TerrainEstimator(
-        vehicle_of(body), slip_track=1.1, motion_resistance=Estimate(0.1, 0.1), settings=settings
+        vehicle_of(body),
+        slip_track=1.1,
+        motion_resistance=TerrainEstimate(0.1, 0.1),
+        settings=settings,
     )
 
 
-def observe(estimator: TerrainEstimator, log: dict) -> list[Observation]:
+def observe(estimator: TerrainEstimator, log: dict) -> list[GroundObservation]:
     rows = zip(*(log[name].tolist() for name in SAMPLE), strict=True)
     found = [estimator.update(*row) for row in rows]
     found.append(estimator.finish())

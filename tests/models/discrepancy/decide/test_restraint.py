@@ -13,7 +13,7 @@ import pytest
 from models.discrepancy.decide import restraint
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.search.extent import _edges
-from models.discrepancy.search.identify import Explanation
+from models.discrepancy.search.identify import ScoredExplanation
 from models.discrepancy.search.refine import Fit, fit, fit_base, start_of
 from models.parameters import Effect
 from tests.models.discrepancy.logs import table
@@ -33,14 +33,14 @@ def base() -> Fit:
     return fit_base(stops, start_of(stops, BASE))
 
 
-def explained(score: float, *effects: Effect) -> Explanation:
+def explained(score: float, *effects: Effect) -> ScoredExplanation:
     hypothesis: Hypothesis = base().hypothesis
     for effect in effects:
         hypothesis = hypothesis.plus(effect)
-    return Explanation(replace(base(), hypothesis=hypothesis), score)
+    return ScoredExplanation(replace(base(), hypothesis=hypothesis), score)
 
 
-def named(score: float, *names: str) -> Explanation:
+def named(score: float, *names: str) -> ScoredExplanation:
     return explained(score, *(Effect(name=n, parameters=NUMBERS[n]) for n in names))
 
 

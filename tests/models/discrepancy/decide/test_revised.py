@@ -13,7 +13,7 @@ from models.discrepancy.findings import Verdict
 from models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.search.extent import extents
-from models.discrepancy.search.identify import Explanation
+from models.discrepancy.search.identify import ScoredExplanation
 from models.discrepancy.search.refine import fit_with_noise
 from models.parameters import Effect
 from tests.models.discrepancy.logs import table
@@ -25,7 +25,7 @@ def decision(verdict: Verdict, *effects: Effect) -> Decision:
     hypothesis = Hypothesis.configured(BASE)
     for effect in effects:
         hypothesis = hypothesis.plus(effect)
-    return Decision(verdict, Explanation(fit_with_noise(stops, hypothesis), 0.0))
+    return Decision(verdict, ScoredExplanation(fit_with_noise(stops, hypothesis), 0.0))
 
 
 STEP = Effect(name="step_change", parameters={"scale": 0.85, "run": 25.0})
@@ -61,7 +61,7 @@ def test_the_longest_rival_is_in_the_offset() -> None:
     made = decision(Verdict.AMBIGUOUS, STEP)
     fit = made.explanation.fit
     weaker = fit.hypothesis.moved(fit.hypothesis.free - 0.1 * np.eye(BASE_NUMBERS + 1)[3])
-    rival = Explanation(replace(fit, hypothesis=weaker), 1.0)
+    rival = ScoredExplanation(replace(fit, hypothesis=weaker), 1.0)
     alone = revised(stops, made, stops.distance, {}, "")[0].braking.distance_offset
     both = revised(stops, replace(made, rivals=(rival,)), stops.distance, {}, "")[0]
     longer = distances(stops, weaker) - distances(stops, fit.hypothesis)

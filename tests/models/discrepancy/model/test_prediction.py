@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import Ground as Place
+from models.discrepancy.model.prediction import StopGround as Place
 from models.discrepancy.model.prediction import inside_patch, predict, simulate
 from models.parameters import Effect
 from models.stops.simulation import Track, simulate_stop
