@@ -17,7 +17,6 @@ from models.arrays import Floats
 from models.discrepancy.data.prepare import prepare
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import Gaps, compared
-from models.discrepancy.decide.restraint import PLAIN
 from models.discrepancy.decide.revised import revised
 from models.discrepancy.decide.verdict import Decision, decide
 from models.discrepancy.findings import Experiment, Findings, Verdict
@@ -29,10 +28,8 @@ from models.discrepancy.search.identify import Identified, ScoredExplanation, id
 from models.discrepancy.search.locate import WITHIN, Followed, follow
 from models.discrepancy.search.refine import Fit, as_output, fit_base, start_of
 from models.discrepancy.settings import DiscrepancySettings
+from models.discrepancy.thresholds import NO_HELP, PLAIN_EVIDENCE, WILD_SCATTER
 from models.parameters import Model
-
-_WILD = 0.12  # scatter of the force beyond which a log tells little
-_NO_HELP = 1.005  # of the refitted base, on stops held out
 
 STEPS = 6
 """Steps that :func:`investigate` tells of."""
@@ -124,7 +121,8 @@ def _that_predicts(
     named = decision.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
     # Errors say little where stops differ by frictions of their own, which likelihoods take out;
     # likelihoods say little of stops near a friction cap, which cuts their scatter off.
-    if not named or gaps.speed.after <= _NO_HELP * gaps.speed.refit or gaps.likelier > PLAIN:
+    helps = gaps.speed.after <= NO_HELP * gaps.speed.refit or gaps.likelier > PLAIN_EVIDENCE
+    if not named or helps:
         return decision, gaps
     names = " and ".join(decision.explanation.names)
     words = f"{names} fits the log, but predicts stops held out no better than new coefficients"
@@ -182,7 +180,7 @@ def _output(table: StopTable, best: ScoredExplanation) -> StopTable:
 def _doubts(table: StopTable, decision: Decision) -> tuple[str, ...]:
     scatter = decision.explanation.fit.noise.scatter
     share = scatter / max(float(np.median(table.force)), 1e-3)
-    if share < _WILD:
+    if share < WILD_SCATTER:
         return ()
     return (
         f"stops differ by ±{share:.0%} of the braking force among themselves: only effects larger "

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable, tabulate
 from models.discrepancy.settings import DiscrepancySettings
+from models.discrepancy.thresholds import FEWEST_STOPS, LARGEST_MOUNT, PLAIN_MOUNT, SURE_MOUNT
 from models.errors import ParameterError
 from models.parameters import Model
 from models.stop_logs.drive_quality import find_suspects, usable
@@ -21,12 +22,7 @@ from models.stop_logs.mount_of_log import mount_of_log
 from models.stop_logs.mount_offset import Mount
 from models.stop_logs.stop_record import cut
 
-FEWEST_STOPS = 12
-"""Without which nothing can be told from the scatter of stops."""
-
 _BY_HEADINGS = "ground driven in several directions"
-_SURE, _USUAL_MOUNTING = np.deg2rad(0.15), np.deg2rad(4.0)  # [rad]
-_PLAIN = 3.0  # standard deviations of a mount offset from which it is taken out
 _MEANINGFUL = frozenset(
     ("run", "terrain", "t", "v", "v_cmd", "pitch", "roll", "yaw", "yaw_rate", "x", "y", "z",
      "v_left", "v_right", "current_left", "current_right", "brake")
@@ -65,9 +61,9 @@ def prepare(
     sure = (
         mapped
         or mount.source != _BY_HEADINGS
-        or (mount.std < _SURE and abs(mount.offset) < _USUAL_MOUNTING)
+        or (mount.std < SURE_MOUNT and abs(mount.offset) < LARGEST_MOUNT)
     )
-    askew = mount.known and sure and abs(mount.offset) > _PLAIN * mount.std
+    askew = mount.known and sure and abs(mount.offset) > PLAIN_MOUNT * mount.std
     if askew:
         # Believed as far as it is known: an offset of a few deviations is likely a smaller one.
         known = mount.offset**2 / (mount.offset**2 + mount.std**2)

@@ -14,18 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import Bools, Floats, Ints
+from models.discrepancy.thresholds import (
+    ABOVE_NOISE,
+    HELD_BEFORE,
+    LAST_SHARE,
+    LEAST_PULL,
+    MOST_BINS,
+    MOST_ONSET_BLUR,
+    NO_WEIGHT,
+    ONSET_BLURS,
+    SMOOTHING,
+    STOP_NODES,
+)
 from models.quantity import GRAVITY
 from models.stop_logs.find_stops import StopWindow
 from models.stop_logs.stop_record import StopRecord
 
-_NODES = 121
-_MOST_BINS = 40
-_BEFORE = 0.3  # [s] of held speed before the command that belong to a stop
-_LAST = 0.95  # share of the way to standstill; then sensors and suspension do other things
-_MOST_BLUR, _BLURS, _NO_WEIGHT = 0.03, 2.5, 1e4  # [s], standard deviations, of a variance
-_ABOVE_NOISE = 2.5  # standard deviations
-_SMOOTH = 0.08  # [s] standard deviation of the kernel for channels in products
-_LEAST_PULL = 0.05  # of the weight
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y")
 
 
@@ -83,12 +87,12 @@ class StopTable:
     @property
     def own_spread(self) -> Floats:
         """(S, K) as `spread`, with bins around the onset like all others."""
-        return np.where(self.spread > 1.0, self.spread / _NO_WEIGHT, self.spread)
+        return np.where(self.spread > 1.0, self.spread / NO_WEIGHT, self.spread)
 
     @property
     def pull(self) -> Floats:
         """(S,) of brakes and ground together, as a share of the weight; not below a little."""
-        return np.maximum(self.force + np.sin(self.grade[:, -1]), _LEAST_PULL)
+        return np.maximum(self.force + np.sin(self.grade[:, -1]), LEAST_PULL)
 
     def __len__(self) -> int:
         return len(self.held)
@@ -152,12 +156,12 @@ def tabulate(
         return np.stack([row[name] for row in rows])
 
     sample = float(np.median([np.median(np.diff(r.samples.time)) for r in records]))
-    blur = min(float(np.hypot(dead_time_std, sample / np.sqrt(12.0))), _MOST_BLUR)
+    blur = min(float(np.hypot(dead_time_std, sample / np.sqrt(12.0))), MOST_ONSET_BLUR)
     for row in rows:
         # Onsets that scatter round the mean knee off, which no linear term of the dead time does.
         at = row["average"] @ row["time"]
-        reach = _BLURS * blur + 0.5 * float(np.median(np.diff(at)))
-        row["spread"] = np.where(np.abs(at - dead_time) < reach, _NO_WEIGHT, 1.0) * row["spread"]
+        reach = ONSET_BLURS * blur + 0.5 * float(np.median(np.diff(at)))
+        row["spread"] = np.where(np.abs(at - dead_time) < reach, NO_WEIGHT, 1.0) * row["spread"]
 
     def padded(name: str) -> Floats:
         return np.stack([_pad(row[name], bins) for row in rows])
@@ -215,8 +219,8 @@ def _row(
     s = record.samples
     part = slice(s.window.begin, s.window.end)
     last = min(int(np.searchsorted(s.time, _end_of_fall(record))), s.at_rest)
-    first = int(np.searchsorted(s.time, -_BEFORE - 1e-9))
-    time = np.linspace(s.time[first], s.time[last], _NODES)
+    first = int(np.searchsorted(s.time, -HELD_BEFORE - 1e-9))
+    time = np.linspace(s.time[first], s.time[last], STOP_NODES)
 
     def at_grid(values: Floats) -> Floats:
         result: Floats = np.interp(time, s.time, _smooth(s.time, values))
@@ -244,14 +248,14 @@ def _end_of_fall(record: StopRecord) -> float:
     """
     knee = record.knee
     pull = GRAVITY * (knee.force_ratio + float(np.sin(knee.mean_grade)))
-    least = max((1.0 - _LAST) * knee.onset_speed, _ABOVE_NOISE * knee.rms)
+    least = max((1.0 - LAST_SHARE) * knee.onset_speed, ABOVE_NOISE * knee.rms)
     fall = max(knee.onset_speed - least, 0.5 * knee.onset_speed) / pull if pull > 0.0 else np.inf
-    return min(_LAST * record.samples.standstill_time, knee.onset_time + fall)
+    return min(LAST_SHARE * record.samples.standstill_time, knee.onset_time + fall)
 
 
 def _bins(t: Floats, v: Floats, grid: Floats) -> tuple[Floats, Floats, Floats]:
     """Means of equally many samples each; a sample is between two times of the grid."""
-    count = min(len(t), _MOST_BINS)
+    count = min(len(t), MOST_BINS)
     owner = (np.arange(len(t)) * count) // len(t)
     sizes = np.bincount(owner, minlength=count).astype(np.float64)
     place = np.clip((t - grid[0]) / (grid[1] - grid[0]), 0.0, len(grid) - 1.000001)
@@ -265,10 +269,10 @@ def _bins(t: Floats, v: Floats, grid: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _smooth(t: Floats, values: Floats) -> Floats:
     step = max(float(np.median(np.diff(t))), 1e-4)
-    half = min(int(2.5 * _SMOOTH / step), len(values) - 1)
+    half = min(int(2.5 * SMOOTHING / step), len(values) - 1)
     if half < 1:
         return values
-    kernel = np.exp(-0.5 * np.square(np.arange(-half, half + 1) * step / _SMOOTH))
+    kernel = np.exp(-0.5 * np.square(np.arange(-half, half + 1) * step / SMOOTHING))
     # Odd extension: a straight line stays one up to its ends.
     head = 2.0 * values[0] - values[half:0:-1]
     tail = 2.0 * values[-1] - values[-2 : -half - 2 : -1]

@@ -20,13 +20,8 @@ from models.discrepancy.model.noise import Noise, shapes, whitener
 from models.discrepancy.model.prediction import simulate
 from models.discrepancy.search.refine import Fit, fit
 from models.discrepancy.settings import DiscrepancySettings
+from models.discrepancy.thresholds import CLAIM_ABOVE, SIMULATED_NODES, SIMULATED_SPAN
 from models.quantity import GRAVITY
-
-CLAIM_ABOVE = 1.5
-"""Floors that a gap must have for a percentage of it to mean something."""
-
-_REACH = 2.0  # times the measured time to rest within which a simulated stop must end
-_NODES = 241
 
 
 def speed_errors(table: StopTable, hypothesis: Hypothesis) -> Floats:
@@ -38,7 +33,8 @@ def speed_errors(table: StopTable, hypothesis: Hypothesis) -> Floats:
 
 def distances(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S,) simulated way from stop command to rest [m]; the farthest looked at if it rolls on."""
-    time = np.linspace(0.0, 1.0, _NODES) * (_REACH * table.standstill_time + 0.5)[:, None]
+    longest = SIMULATED_SPAN * table.standstill_time + 0.5
+    time = np.linspace(0.0, 1.0, SIMULATED_NODES) * longest[:, None]
     _, way = simulate(table, hypothesis, table.held, time)
     return way[:, -1]
 

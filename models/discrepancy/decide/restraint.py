@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import distances
 from models.discrepancy.model.prediction import ground_of, inside_patch
 from models.discrepancy.search.identify import ScoredExplanation
 from models.discrepancy.search.locate import Followed, follow
+from models.discrepancy.thresholds import (
+    BEATS_PART,
+    BEATS_SEVERAL,
+    BEATS_TRACE,
+    FEWEST_IN_PATCH,
+    HARDLY,
+    ONE_SIDED_WIND,
+    P_CHANNEL,
+    P_PLACE,
+    P_SHAPE,
+    PLAIN_EVIDENCE,
+    TRACE,
+)
 from models.parameters import Effect
 
-_HARDLY, PLAIN = 8.0, 40.0  # chi squares
-_PART = 3.0  # chi square by which several effects have to beat fewer of them
-_SEVERAL = 15.0  # the same, where they are followed by others that do it as well
-_SURE = 50.0  # chi square from which effects are named that hardly change the way of a stop
-TRACE = 0.01  # of the way of a stop, below which a pattern is told and no more
-_PLACED, _SEEN, _TOLD = 0.003, 0.01, 0.05  # p-values
-_INSIDE = 5  # stops in a patch
 _SHOWS_AT = {"surface_patch": ("place", "x", "y")}
 _SHOWS_ALONG = {
     "grade_asymmetry": ("grade", "abs_grade"),
@@ -37,7 +42,6 @@ _ONE_AXIS = (
     frozenset(("step_change", "session_drift")),
 )
 """Two of these together imitate any shape along their axis."""
-_ONE_WAY = 0.9  # length of the mean heading
 
 
 def weak(
@@ -50,29 +54,27 @@ def weak(
         located: axes that the refitted model disagrees along.
     """
     margin = refitted.score - best.score
-    if refitted.names or margin > PLAIN:
+    if refitted.names or margin > PLAIN_EVIDENCE:
         return False
     unseen = []
-    shows = ((_PLACED, _SHOWS_AT), (_SEEN, _SHOWS_ALONG), (_TOLD, _SHOWS_PLAINLY_ALONG))
+    shows = ((P_PLACE, _SHOWS_AT), (P_SHAPE, _SHOWS_ALONG), (P_CHANNEL, _SHOWS_PLAINLY_ALONG))
     for p_value, along in shows:
         seen = {f.axis.name for f in located if f.p_value < p_value}
         unseen += [n for n in best.names if n in along and not seen & set(along[n])]
-    few = any(
-        int(((table.time > table.onset) & (_inside(table, e) > 0.5)).any(axis=1).sum()) < _INSIDE
-        for e in best.fit.hypothesis.added
-        if e.name == "surface_patch"
-    )
-    return margin < _HARDLY or few or (len(best.names) == 1 and bool(unseen))
+    patches = [e for e in best.fit.hypothesis.added if e.name == "surface_patch"]
+    few = any(_stops_inside(table, patch) < FEWEST_IN_PATCH for patch in patches)
+    return margin < HARDLY or few or (len(best.names) == 1 and bool(unseen))
 
 
 def _placed(left: list[Followed]) -> bool:
     """What is left follows a place."""
-    return any(f.axis.name in _SHOWS_AT["surface_patch"] and f.p_value < _SEEN for f in left)
+    return any(f.axis.name in _SHOWS_AT["surface_patch"] and f.p_value < P_SHAPE for f in left)
 
 
-def _inside(table: StopTable, patch: Effect) -> Floats:
+def _stops_inside(table: StopTable, patch: Effect) -> int:
     p = patch.parameters
-    return inside_patch(ground_of(table), p["x"], p["y"], p["radius"])
+    inside = inside_patch(ground_of(table), p["x"], p["y"], p["radius"]) > 0.5
+    return int(((table.time > table.onset) & inside).any(axis=1).sum())
 
 
 def plainer_one(
@@ -93,14 +95,14 @@ def plainer_one(
         return None
     plainer = min(parts, key=lambda e: e.score)
     further = set(best.names) - set(plainer.names)
-    doubt = max(doubt, _PART)
+    doubt = max(doubt, BEATS_PART)
     as_good = [e for e in others if e.names and e.score < best.score + doubt]
     if any(set(e.names) > set(plainer.names) and not further <= set(e.names) for e in as_good):
-        doubt = max(doubt, _SEVERAL)  # something more, but nobody knows what
+        doubt = max(doubt, BEATS_SEVERAL)  # something more, but nobody knows what
     if "surface_patch" in further and not _placed(follow(table, plainer.fit, seed)):
-        doubt = max(doubt, PLAIN)  # a place can be found for any few stops that differ
+        doubt = max(doubt, PLAIN_EVIDENCE)  # a place can be found for any few stops that differ
     margin = plainer.score - best.score
-    trace = _way_between(table, best, plainer) < TRACE and margin < _SURE
+    trace = _way_between(table, best, plainer) < TRACE and margin < BEATS_TRACE
     return plainer if margin < doubt or trace else None
 
 
@@ -112,7 +114,7 @@ def _way_between(table: StopTable, one: ScoredExplanation, other: ScoredExplanat
 
 def along_one_axis(table: StopTable, best: ScoredExplanation) -> list[str]:
     """Two or more names that act along the same axis, [] if there are none."""
-    one_way = abs(np.mean(np.exp(1j * table.yaw))) > _ONE_WAY
+    one_way = abs(np.mean(np.exp(1j * table.yaw))) > ONE_SIDED_WIND
     for i, group in enumerate(_ONE_AXIS):
         # Met from one side, a wind is a curve over speed and nothing else.
         whole = group | {"headwind"} if i == 0 and one_way else group

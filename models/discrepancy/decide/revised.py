@@ -18,12 +18,9 @@ from models.discrepancy.decide.verdict import Decision
 from models.discrepancy.findings import Verdict
 from models.discrepancy.model.hypothesis import BASE, Hypothesis, free_parameters
 from models.discrepancy.search.refine import Fit
+from models.discrepancy.thresholds import OFFSET_COVERAGE, RANGE_PAD, RIVAL_COVERAGE
 from models.effects.registry import LAWS
 from models.parameters import Braking, Effect, Model
-
-_COVERAGE = 0.995
-_FEW = 0.97  # share of stops within which a rival is not longer than the offset allows
-_PAD = 0.1  # of a range, beyond which the log does not vouch for new coefficients
 
 
 def revised(
@@ -113,18 +110,18 @@ def _matrix(values: Floats) -> tuple[tuple[float, ...], ...]:
 
 def _within(known: tuple[float, float], seen: Floats) -> tuple[float, float]:
     """Where the model so far and the log both vouch; the model's own where they do not meet."""
-    pad = _PAD * float(np.ptp(seen))
+    pad = RANGE_PAD * float(np.ptp(seen))
     low, high = max(known[0], float(seen.min()) - pad), min(known[1], float(seen.max()) + pad)
     return (low, high) if high > low else known
 
 
 def _wider(model: Model, table: StopTable, decision: Decision, predicted: Floats) -> Model:
     """With a safety offset that covers stops held out, and the longest of all rivals."""
-    needed = offset_for(_COVERAGE, table.distance - predicted)
+    needed = offset_for(OFFSET_COVERAGE, table.distance - predicted)
     if decision.rivals:
         here = distances(table, decision.explanation.fit.hypothesis)
         longer = [distances(table, r.fit.hypothesis) - here for r in decision.rivals]
-        needed += max(0.0, *(float(np.quantile(more, _FEW)) for more in longer))
+        needed += max(0.0, *(float(np.quantile(more, RIVAL_COVERAGE)) for more in longer))
     offset = max(model.braking.distance_offset, needed)
     return replace(model, braking=replace(model.braking, distance_offset=offset))
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.restraint import TRACE, along_one_axis, plainer_one, weak
+from models.discrepancy.decide.restraint import along_one_axis, plainer_one, weak
 from models.discrepancy.findings import Verdict
 from models.discrepancy.model.hypothesis import USUAL
 from models.discrepancy.search.absorbed import Absorbed, absorbed_explanations
@@ -21,13 +21,15 @@ from models.discrepancy.search.identify import Identified, ScoredExplanation
 from models.discrepancy.search.locate import WITHIN, Followed
 from models.discrepancy.search.refine import Fit, fit, residual
 from models.discrepancy.settings import DiscrepancySettings
-
-_LEFT = 0.1  # share of what the names explain that may be left along an axis
-_BELIEVED = 0.5  # share of what is left for which likelihoods are not believed
-_STABLE = 0.8  # share of resampled logs in which a name has to lead its rival
-_DRIFT = 0.003  # p-value of the same coefficients
-_BELIEVED_NAMES = 2  # where a pattern is left beside them
-_AT_BOUND = 1e-3
+from models.discrepancy.thresholds import (
+    AT_BOUND,
+    BELIEVED_NAMES,
+    BELIEVED_SHARE,
+    LEFT_SHARE,
+    P_DRIFT,
+    STABLE_SHARE,
+    TRACE,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +75,7 @@ def decide(
         return _without_names(table, base, found, large, trace)
     best, others = found.best, found.others
     # Where the model's own shape is a little wrong, likelihoods differ by that for no reason.
-    doubt = max(settings.rival, _BELIEVED * sure[0].chi_square) if sure else settings.rival
+    doubt = max(settings.rival, BELIEVED_SHARE * sure[0].chi_square) if sure else settings.rival
     plainer = plainer_one(table, best, others, doubt if sure else 0.0, settings.seed)
     if plainer is not None:
         others = (best, *(e for e in others if e.names != plainer.names))
@@ -102,7 +104,7 @@ def decide(
         words = f"{' and '.join(best.names)} came nearest, but left a pattern along "
         words += large[0].axis.name
         return Decision(Verdict.UNKNOWN, refitted, axis=large[0], notes=(words,))
-    if sure and len(best.names) > _BELIEVED_NAMES:
+    if sure and len(best.names) > BELIEVED_NAMES:
         words = f"{', '.join(best.names)} together came nearest, and left a pattern along "
         words += f"{sure[0].axis.name}: the cause is likely another one"
         return Decision(Verdict.UNKNOWN, refitted, axis=sure[0], notes=(words,))
@@ -163,7 +165,7 @@ def drifted(table: StopTable, base: Fit) -> bool:
     as_it_is = replace(type(h).configured(h.model), oscillation=h.oscillation)
     configured = fit(table, as_it_is, base.white, passes=0)
     few = len(table) / max(len(table) - 5, 1)
-    return configured.deviance - base.deviance > few * float(chi2.isf(_DRIFT, 5))
+    return configured.deviance - base.deviance > few * float(chi2.isf(P_DRIFT, 5))
 
 
 def _matters(table: StopTable, base: Fit, best: ScoredExplanation, left: Followed) -> bool:
@@ -171,7 +173,7 @@ def _matters(table: StopTable, base: Fit, best: ScoredExplanation, left: Followe
     used = table.spread > 0.0
     before = float(np.mean(residual(table, base.hypothesis)[used] ** 2))
     after = float(np.mean(residual(table, best.fit.hypothesis)[used] ** 2))
-    return left.removed > _LEFT * max(before - after, 0.0)
+    return left.removed > LEFT_SHARE * max(before - after, 0.0)
 
 
 def _numbers_at_their_end(best: ScoredExplanation) -> str:
@@ -180,7 +182,7 @@ def _numbers_at_their_end(best: ScoredExplanation) -> str:
     for effect in best.fit.hypothesis.added:
         for name, value in effect.parameters.items():
             low, high = USUAL.get((effect.name, name), (-np.inf, np.inf))
-            if value >= high * (1.0 - _AT_BOUND) or (low > 0.0 and value <= low * 1.001):
+            if value >= high * (1.0 - AT_BOUND) or (low > 0.0 and value <= low * 1.001):
                 said.append(f"{name} of {effect.name}")
     return ", ".join(said)
 
@@ -196,7 +198,7 @@ def _leads(
     best: ScoredExplanation, rival: ScoredExplanation, settings: DiscrepancySettings
 ) -> bool:
     """In nearly all resampled logs the best explanation stays ahead of a rival."""
-    return _stability(best, rival, settings) >= _STABLE
+    return _stability(best, rival, settings) >= STABLE_SHARE
 
 
 def _stability(

@@ -12,24 +12,19 @@ import numpy as np
 
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.thresholds import OSCILLATION_KNOTS, USUAL_PULL
 
-KNOTS = (0.0, 0.06, 0.13, 0.21, 0.32)
-"""Times since the onset between which the curve is a line, 0 at both ends [s]."""
-
-OSCILLATION = len(KNOTS) - 2
+OSCILLATION = len(OSCILLATION_KNOTS) - 2
 """Numbers of the curve."""
-
-USUAL_SWING = 0.006
-"""Standard deviation of each that is expected beforehand, in a usual stop [m/s]."""
-
-_USUAL_PULL = 0.45  # of the weight
 
 
 def oscillation_columns(table: StopTable, dead_time: float) -> Floats:
     """(S, M, OSCILLATION) change of the fall of speed with each number of the curve [1]."""
     since = table.time - dead_time
-    rows = np.eye(len(KNOTS))[1:-1]
-    hats = np.stack([np.interp(since, KNOTS, row, left=0.0, right=0.0) for row in rows], axis=2)
+    rows = np.eye(len(OSCILLATION_KNOTS))[1:-1]
+    hats = np.stack(
+        [np.interp(since, OSCILLATION_KNOTS, row, left=0.0, right=0.0) for row in rows], axis=2
+    )
     # As the deceleration itself, so that a wrong model of it changes nothing here.
-    result: Floats = hats * np.minimum(table.pull / _USUAL_PULL, 2.0)[:, None, None]
+    result: Floats = hats * np.minimum(table.pull / USUAL_PULL, 2.0)[:, None, None]
     return result

@@ -14,13 +14,10 @@ import numpy as np
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.thresholds import HEATINGS, LEAST_COOLING, LEAST_MEAN_FORCE
 from models.effects import registry
 from models.laws import wheel_lockup
 from models.quantity import GRAVITY
-
-_HEATINGS = 2
-_LEAST_FORCE = 1e-3
-_LEAST_COOLING = 0.5  # [s]
 
 
 def motion_of(hypothesis: Hypothesis) -> registry.Motion:
@@ -61,7 +58,7 @@ def brought_force(
     passes = np.ones_like(force)
     if terms.fade > 0.0:
         onset = hypothesis.dead_time
-        for _ in range(_HEATINGS):  # brakes that fade heat less from then on
+        for _ in range(HEATINGS):  # brakes that fade heat less from then on
             even = _even(np.minimum(force * passes, cap), _braking(time, onset))
             q = heat(table, terms.fade_tau, speed, time, onset, even)
             passes = 1.0 / (1.0 + terms.fade * q)
@@ -79,7 +76,7 @@ def _braking(time: Floats, onset: float) -> Floats:
 def _even(force: Floats, braking: Floats) -> Floats:
     """(S, M) forces as multiples of their mean while braking."""
     mean = np.sum(force * braking, axis=1) / np.maximum(np.sum(braking, axis=1), 1.0)
-    result: Floats = force / np.maximum(mean, _LEAST_FORCE)[:, None]
+    result: Floats = force / np.maximum(mean, LEAST_MEAN_FORCE)[:, None]
     return result
 
 
@@ -109,7 +106,7 @@ def heat(
     Args:
         even: (S, M) force within each stop as a multiple of its mean; 1 without.
     """
-    tau = max(tau, _LEAST_COOLING)
+    tau = max(tau, LEAST_COOLING)
     step = time[:, 1:2] - time[:, :1]
     power = GRAVITY * np.maximum(table.force, 0.0)[:, None] * speed * _braking(time, onset)
     if even is not None:

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from models.arrays import Floats
+from models.calibration.force_fit import NAMES
 from models.discrepancy.model.body_oscillation import OSCILLATION
 from models.effects.registry import LAWS
 from models.parameters import Effect, Model
 
-LAWFUL = 5
+LAWFUL = len(NAMES) + 1
 """Numbers of the model's own law: four shifts and the dead time."""
 
 BASE = LAWFUL + OSCILLATION

@@ -18,13 +18,15 @@ from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.body_oscillation import OSCILLATION
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.prediction import predict
-
-_LEVEL = 1.0  # [m/s] nothing is known of the speed at which a stop begins
-_RIDGE = 1e-12
-_LEAST_NOISE = 1e-3  # [m/s]
-_MOST_CORRELATED = 0.9
-_FLOOR = (1e-3, 2e-2, 1e-3, 1e-4)  # in the order of Noise, correlation left out
-_LATER, _STRONGER = 1e-3, 1e-3  # [s], [1] steps of derivatives
+from models.discrepancy.thresholds import (
+    FORCE_STEP,
+    LEAST_NOISE,
+    LEVEL_STD,
+    MOST_CORRELATED,
+    NOISE_FLOOR,
+    ONSET_STEP,
+    RIDGE,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,19 +91,19 @@ def shapes(table: StopTable, hypothesis: Hypothesis, capped: bool = True) -> Flo
     friction, a cap cuts it off.
     """
     since = table.time - hypothesis.dead_time
-    later = replace(hypothesis, dead_time=hypothesis.dead_time + _LATER)
+    later = replace(hypothesis, dead_time=hypothesis.dead_time + ONSET_STEP)
     here = predict(table, hypothesis)
     open_end = hypothesis
     if not capped:
         kept = tuple(e for e in hypothesis.added if e.name != "wheel_lockup")
         open_end = replace(hypothesis, added=kept)
-    share = _STRONGER / max(float(np.median(table.force)), _STRONGER)
+    share = FORCE_STEP / max(float(np.median(table.force)), FORCE_STEP)
     friction = predict(table, open_end, stronger=share)
     friction = friction - (here if capped else predict(table, open_end))
     on_grid = np.stack(
         (
             np.ones_like(since), np.minimum(since, 0.0),
-            (here - predict(table, later)) / _LATER, -friction / _STRONGER,
+            (here - predict(table, later)) / ONSET_STEP, -friction / FORCE_STEP,
         ),
         axis=2,
     )  # fmt: skip
@@ -113,7 +115,9 @@ def whitener(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Whitener
     """The transform for a noise, by what a hypothesis makes of it."""
     own, used = _own(table, noise.correlation)
     effects = own @ shapes(table, hypothesis, noise.capped) / noise.speed
-    std = np.array([_LEVEL, max(noise.creep, _FLOOR[1]), max(noise.dead_time_std, _FLOOR[2])])
+    std = np.array(
+        [LEVEL_STD, max(noise.creep, NOISE_FLOOR[1]), max(noise.dead_time_std, NOISE_FLOOR[2])]
+    )
     plain, volume = _inverse_root(effects[:, :, :3] * std)
     along = plain @ effects[:, :, 3:]
     power = np.einsum("skp,skp->s", along, along)
@@ -166,26 +170,28 @@ def estimate(
 
     def cost(logs: Floats) -> float:
         speed, creep, dead_time_std, scatter = np.exp(logs)
-        precision = np.array([1.0 / _LEVEL, 1.0 / creep, 1.0 / dead_time_std, 1.0 / scatter]) ** 2
-        inner = zz / speed**2 + np.diag(precision) + _RIDGE * np.eye(4)
+        precision = (
+            np.array([1.0 / LEVEL_STD, 1.0 / creep, 1.0 / dead_time_std, 1.0 / scatter]) ** 2
+        )
+        inner = zz / speed**2 + np.diag(precision) + RIDGE * np.eye(4)
         solved = np.linalg.solve(inner, zr[:, :, None] / speed**2)[:, :, 0]
         quadratic = float(rr - np.sum(zr * solved)) / float(speed) ** 2
         logdet = counts * 2.0 * float(np.log(speed)) + float(np.sum(np.linalg.slogdet(inner)[1]))
         logdet -= stops * float(np.sum(np.log(precision)))
         # What was fitted to all stops took its share of their scatter along.
         logdet -= 2.0 * min(fitted, stops // 2) * float(np.log(scatter))
-        lowest = np.log(np.array(_FLOOR))
+        lowest = np.log(np.array(NOISE_FLOOR))
         return quadratic + logdet + 10.0 * float(np.sum(np.maximum(lowest - logs, 0.0) ** 2))
 
     left = np.einsum("skj,sj->sk", own, residual)
     start = np.log(
         [max(1.4826 * float(np.median(np.abs(np.diff(left[used.all(axis=1)] if used.all(
-            axis=1).any() else left, axis=1)))) / np.sqrt(2.0), _LEAST_NOISE),
+            axis=1).any() else left, axis=1)))) / np.sqrt(2.0), LEAST_NOISE),
          0.05, max(table.dead_time_std, 2e-3), 0.01]
     )  # fmt: skip
     best = minimize(cost, start, method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.01})
     speed, creep, dead_time_std, scatter = (float(x) for x in np.exp(best.x))
-    return Noise(max(speed, _LEAST_NOISE), correlation, creep, dead_time_std, scatter, capped)
+    return Noise(max(speed, LEAST_NOISE), correlation, creep, dead_time_std, scatter, capped)
 
 
 def _correlation(table: StopTable, residual: Floats, z: Floats) -> float:
@@ -195,11 +201,11 @@ def _correlation(table: StopTable, residual: Floats, z: Floats) -> float:
     z, r = z * scale[:, :, None], residual * scale
     inner = z.transpose(0, 2, 1) @ z
     # A cap may leave nothing of the friction of a stop.
-    inner += (1e-9 * np.trace(inner, axis1=1, axis2=2)[:, None, None] + _RIDGE) * np.eye(4)
+    inner += (1e-9 * np.trace(inner, axis1=1, axis2=2)[:, None, None] + RIDGE) * np.eye(4)
     solved = np.linalg.solve(inner, np.einsum("skp,sk->sp", z, r)[:, :, None])
     left = r - (z @ solved)[:, :, 0]
     both = used[:, 1:] & used[:, :-1]
     top = float(np.sum(left[:, 1:] * left[:, :-1] * both))
     # Four numbers fitted to K bins make white residuals look anticorrelated.
     bias = z.shape[2] / float(np.median(used.sum(axis=1)))
-    return float(np.clip(top / max(float(np.sum(left**2)), 1e-300) + bias, 0.0, _MOST_CORRELATED))
+    return float(np.clip(top / max(float(np.sum(left**2)), 1e-300) + bias, 0.0, MOST_CORRELATED))

@@ -18,14 +18,15 @@ from models.arrays import Bools, Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.brakes import brought_force, lagged, motion_of
 from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.thresholds import (
+    LATEST_SESSION_CLOCK,
+    LEAST_TURNING_SPEED,
+    OUTPUT_SWEEPS,
+    SAME_SPEED,
+)
 from models.effects import registry
 from models.laws import braking
 from models.quantity import GRAVITY
-
-_SWEEPS = 12
-_SAME = 1e-5  # [m/s]
-_LEAST_SPEED = 0.3  # [m/s] slower than that a curvature means nothing
-_LATEST_CLOCK = 1e6  # [s] clocks beyond count from some epoch, not from the session's beginning
 
 
 class StopGround(NamedTuple):
@@ -46,7 +47,7 @@ def ground_of(table: StopTable) -> StopGround:
 
 def session_time(table: StopTable) -> Floats:
     """(S,) since the session began [s]: the log's clock, or since its first stop."""
-    late = float(table.clock[0]) > _LATEST_CLOCK
+    late = float(table.clock[0]) > LATEST_SESSION_CLOCK
     return table.clock - table.clock[0] if late else table.clock
 
 
@@ -70,7 +71,7 @@ def predict(
     brought = brought_force(table, hypothesis, wanted, v, place.grade, place.roll, t)
     rest = np.sin(place.grade) + brought.given - brought.force
     if terms.drag or terms.viscous or terms.turning or terms.wind_drag:
-        curvature = np.abs(place.turning) / np.maximum(v, _LEAST_SPEED)
+        curvature = np.abs(place.turning) / np.maximum(v, LEAST_TURNING_SPEED)
         rest = rest + registry.motion_deceleration(v, curvature, place.yaw, terms) / GRAVITY
     fall = _since_onset(wanted + rest, step, t, hypothesis.dead_time)
     if terms.lag > 0.0:  # ∫f = ∫F − τ f, from τ df/dt = F − f
@@ -213,11 +214,11 @@ def simulate(
         np.cumsum(0.5 * (v[:, 1:] + v[:, :-1]) * step, axis=1, out=way[:, 1:])
         return way + speed[:, None] * np.minimum(time[:, :1], 0.0)
 
-    for _ in range(_SWEEPS):
+    for _ in range(OUTPUT_SWEEPS):
         way = way_of(v)
         fall = predict(table, hypothesis, v, _along(table, way), time, stronger)
         again = np.maximum(speed[:, None] - fall, 0.0)
-        same = float(np.max(np.abs(again - v))) < _SAME
+        same = float(np.max(np.abs(again - v))) < SAME_SPEED
         v = again
         if same:
             break

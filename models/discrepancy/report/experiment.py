@@ -23,13 +23,15 @@ from models.discrepancy.model.hypothesis import BASE
 from models.discrepancy.model.noise import Whitener, whitener
 from models.discrepancy.model.prediction import predict
 from models.discrepancy.search.refine import Fit, jacobian
+from models.discrepancy.thresholds import (
+    PROPOSED_PAUSES,
+    PROPOSED_STOPS,
+    SHEET_BINS,
+    SHEET_NODES,
+    TELLS_APART,
+    WARMING_STOPS,
+)
 from models.quantity import GRAVITY
-
-_STOPS = 6
-_PAUSES = (5.0, 60.0, 900.0)  # [s]
-_WARM = 6  # stops that came before one after a short pause
-_SURE = 12.0  # chi square that tells two explanations apart
-_NODES, _BINS = 61, 20
 
 
 def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:
@@ -41,7 +43,7 @@ def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:
     plans, sheet, white = _possible(table, best)
     gains = [_Gain(sheet, white, best, rival) for rival in rivals]
     chosen: list[int] = []
-    while len(chosen) < _STOPS:
+    while len(chosen) < PROPOSED_STOPS:
         # The nearest of the rivals decides, so that none is left untested.
         worth = np.min([gain.of_each() for gain in gains], axis=0)
         pick = int(np.argmax(worth))
@@ -49,7 +51,7 @@ def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:
         for gain in gains:
             gain.add(pick)
     reached = min(gain.total for gain in gains)
-    repeats = int(np.ceil(_SURE / reached)) if reached > 0.0 else 0
+    repeats = int(np.ceil(TELLS_APART / reached)) if reached > 0.0 else 0
     names = " or ".join("+".join(f.hypothesis.names) for f in (best, *rivals))
     stops = tuple(plans[i] for i in chosen)
     if repeats == 0 or repeats > 100:
@@ -69,7 +71,7 @@ def sharpening(table: StopTable, best: Fit) -> Experiment:
     information = np.linalg.pinv(best.covariance, hermitian=True)
     own = np.arange(BASE, len(best.hypothesis.free))
     chosen: list[int] = []
-    while len(chosen) < _STOPS:
+    while len(chosen) < PROPOSED_STOPS:
         more = information + np.einsum("skp,skq->spq", slopes, slopes)
         spread = np.linalg.pinv(more, hermitian=True)[:, own[:, None], own]
         chosen.append(int(np.argmin(np.linalg.slogdet(spread)[1])))
@@ -153,7 +155,7 @@ def _choices(table: StopTable, best: Fit) -> dict[str, tuple[float | None, ...]]
         choices["x"] = (inside, inside + 2.0 * patch.parameters["radius"])
         choices["y"] = (patch.parameters["y"],)
     if names & {"brake_fade", "session_drift", "step_change"}:
-        choices["pause"] = _PAUSES
+        choices["pause"] = PROPOSED_PAUSES
     return choices
 
 
@@ -164,15 +166,15 @@ def _sheet(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopTab
     grade = np.array([p.grade for p in plans])
     pull = GRAVITY * np.maximum(force + np.sin(grade), 0.1)
     end = best.hypothesis.dead_time + 0.93 * speed / pull
-    time = -0.3 + np.linspace(0.0, 1.0, _NODES) * (end + 0.3)[:, None]
+    time = -0.3 + np.linspace(0.0, 1.0, SHEET_NODES) * (end + 0.3)[:, None]
     since = np.maximum(time - best.hypothesis.dead_time, 0.0)
     v = np.maximum(speed[:, None] - pull[:, None] * since, 0.02)
-    owner = np.arange(_NODES) * _BINS // _NODES
-    average = (owner == np.arange(_BINS)[:, None]) / np.bincount(owner)[:, None]
+    owner = np.arange(SHEET_NODES) * SHEET_BINS // SHEET_NODES
+    average = (owner == np.arange(SHEET_BINS)[:, None]) / np.bincount(owner)[:, None]
     rate = float(np.median(table.spread[table.spread > 0.0])) * np.median(np.diff(table.time))
-    spread = rate * table.binned.shape[1] / _BINS / np.median(np.diff(time))
+    spread = rate * table.binned.shape[1] / SHEET_BINS / np.median(np.diff(time))
     one = np.ones_like(time)
-    pauses = np.array([p.pause or _PAUSES[-1] for p in plans])
+    pauses = np.array([p.pause or PROPOSED_PAUSES[-1] for p in plans])
 
     def column(name: str) -> Floats:
         own: Floats = np.array([getattr(p, name) or 0.0 for p in plans])[:, None] * one
@@ -181,15 +183,15 @@ def _sheet(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopTab
     clock = float(table.clock.max()) + pauses
     cooled = []
     for i, pause in enumerate(pauses):
-        if pause <= _PAUSES[0]:
+        if pause <= PROPOSED_PAUSES[0]:
             cooled += [(i, float(pause) * (k + 1), 0.5 * float(speed[i]) ** 2) for k in
-                       range(_WARM)]  # fmt: skip
+                       range(WARMING_STOPS)]  # fmt: skip
     return replace(
         table, time=time, speed=v, station=np.cumsum(v, axis=1) * (time[:, 1:2] - time[:, :1]),
         grade=grade[:, None] * one, roll=column("roll"), yaw=column("heading"),
         yaw_rate=column("yaw_rate"), x=column("x"), y=column("y"),
-        average=np.repeat(average[None], count, axis=0), binned=np.zeros((count, _BINS)),
-        spread=np.full((count, _BINS), float(spread)), held=speed, clock=clock,
+        average=np.repeat(average[None], count, axis=0), binned=np.zeros((count, SHEET_BINS)),
+        spread=np.full((count, SHEET_BINS), float(spread)), held=speed, clock=clock,
         run=np.full(count, int(table.run.max()) + 1), run_names=("",) * count,
         terrain=("",) * count, distance=np.zeros(count), standstill_time=end,
         force=pull / GRAVITY - np.sin(grade), further={}, cooled=(), warmed=_warmth(cooled, count),

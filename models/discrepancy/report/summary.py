@@ -16,6 +16,7 @@ from models.discrepancy.findings import (
 )  # fmt: skip
 from models.discrepancy.model.hypothesis import BASE, free_parameters
 from models.discrepancy.search.locate import Followed, part_of_axis
+from models.discrepancy.thresholds import LOCATED
 from models.effects.registry import LAWS
 from models.parameters import Effect
 
@@ -27,8 +28,6 @@ ACTS_ALONG = {
     "step_change": "run", "session_drift": "time",
 }  # fmt: skip
 """The axis along which each effect changes the force."""
-
-_CERTAIN = 0.05
 
 
 def named_effects(
@@ -77,7 +76,7 @@ def located_axes(
         decision: names, if there are any. located: what the refitted base follows.
         above_floor: mean square of its residual speeds above that of a perfect model [m²/s²].
     """
-    certain = [f for f in located if f.p_value < _CERTAIN]
+    certain = [f for f in located if f.p_value < LOCATED]
     acting = [ACTS_ALONG[n] for n in decision.explanation.fit.hypothesis.names]
     if decision.axis is not None and not acting:
         acting = [decision.axis.axis.name]

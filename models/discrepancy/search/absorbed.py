@@ -20,13 +20,10 @@ from models.discrepancy.search.candidates import candidates
 from models.discrepancy.search.patches import left_of
 from models.discrepancy.search.refine import Fit, fit, residual
 from models.discrepancy.search.screening import reduced, scores
+from models.discrepancy.thresholds import ABSORBED_SHARE, P_ABSORBED, USUAL_GRADE_BIAS
 
 GRADE_BIAS = "grade_bias"
 """A pitch sensor or a map that is off by the same angle everywhere."""
-
-_USUAL_BIAS = np.deg2rad(2.5)  # [rad] a sensor that is off by more is seen at once
-_TAKEN_UP = 0.98  # share of a column that the coefficients take up
-_AS_GOOD = 0.05  # p-value from which one cause is as good as new coefficients
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +74,12 @@ def absorbed_explanations(
     configured = replace(configured, oscillation=base.hypothesis.oscillation)
     # Only the cause is free: the coefficients stay as configured.
     as_it_is = fit(table, configured, base.white, passes=0)
-    limit = base.deviance + float(chi2.isf(_AS_GOOD, 4)) * len(table) / max(len(table) - 5, 1)
+    limit = base.deviance + float(chi2.isf(P_ABSORBED, 4)) * len(table) / max(len(table) - 5, 1)
     found = []
     bias = _bias(table, configured, base)
-    if bias is not None and abs(bias[0]) <= _USUAL_BIAS and bias[1] < limit:
+    if bias is not None and abs(bias[0]) <= USUAL_GRADE_BIAS and bias[1] < limit:
         found.append(Absorbed(GRADE_BIAS, bias[0], TESTS[GRADE_BIAS]))
-    names = {name for name, share in taken_up.items() if share >= _TAKEN_UP}
+    names = {name for name, share in taken_up.items() if share >= ABSORBED_SHARE}
     if names:
         found += _effects(table, as_it_is, names, limit)
     return tuple(found)

@@ -15,13 +15,15 @@ from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.brakes import heat
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.prediction import session_time
-
-_COARSE, _FINE = 4, 9
-_WAVES = 12  # periods of a wave within an axis, at most
-_HARMONICS = 3
-_PLACES = 4  # bumps along each side of a map
-_COOLING = 60.0  # [s] of a brake of which nothing is known
-_LEAST_SPREAD = 1e-6
+from models.discrepancy.thresholds import (
+    AXIS_COOLING,
+    COARSE_BUMPS,
+    FINE_BUMPS,
+    HARMONICS,
+    LEAST_AXIS_SPREAD,
+    PLACE_BUMPS,
+    WAVES,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,7 @@ def axes_of(table: StopTable, hypothesis: Hypothesis) -> list[Axis]:
     """Every axis on which the stops of the log differ."""
     one = np.ones_like(table.time)
     since = np.maximum(table.time - hypothesis.dead_time, 0.0)
-    warm = heat(table, _COOLING, table.speed, table.time, hypothesis.dead_time)
+    warm = heat(table, AXIS_COOLING, table.speed, table.time, hypothesis.dead_time)
     found = [
         Axis("grade", "rad", table.grade),
         Axis("abs_grade", "rad", np.abs(table.grade)),
@@ -72,7 +74,7 @@ def axes_of(table: StopTable, hypothesis: Hypothesis) -> list[Axis]:
     if len(names) > 1:
         kind = np.array([names.index(t) for t in table.terrain], np.float64)
         found.append(Axis("terrain", "1", kind[:, None] * one))
-    return [a for a in found if float(np.ptp(a.values)) > _LEAST_SPREAD]
+    return [a for a in found if float(np.ptp(a.values)) > LEAST_AXIS_SPREAD]
 
 
 def _order(table: StopTable) -> Floats:
@@ -87,18 +89,18 @@ def shapes_of(axis: Axis) -> list[Floats]:
     if axis.second is not None:
         return _bumps_in_place(a, axis.second)
     if axis.periodic:
-        waves = [np.stack((np.cos(k * a), np.sin(k * a)), 2) for k in range(1, _HARMONICS + 1)]
+        waves = [np.stack((np.cos(k * a), np.sin(k * a)), 2) for k in range(1, HARMONICS + 1)]
         return [*waves, np.concatenate(waves, axis=2)]
     knots = np.unique(a[:, 0]) if np.ptp(a, axis=1).max() == 0.0 else None
-    if knots is not None and len(knots) <= _COARSE:
+    if knots is not None and len(knots) <= COARSE_BUMPS:
         return [np.stack([(a == k).astype(np.float64) for k in knots[1:]], axis=2)]
-    fine = _bumps(a, _FINE)
-    groups = [_line(a), _bumps(a, _COARSE), fine]
+    fine = _bumps(a, FINE_BUMPS)
+    groups = [_line(a), _bumps(a, COARSE_BUMPS), fine]
     if not axis.repeats:
         groups += [fine[:, :, k : k + 1] for k in range(fine.shape[2])]
     if axis.repeats:
         low, span = float(a.min()), float(np.ptp(a))
-        for k in np.arange(1.0, _WAVES + 0.25, 0.5):
+        for k in np.arange(1.0, WAVES + 0.25, 0.5):
             phase = 2.0 * np.pi * k * (a - low) / span
             groups.append(np.stack((np.cos(phase), np.sin(phase)), axis=2))
     return groups
@@ -118,14 +120,14 @@ def _bumps(a: Floats, count: int) -> Floats:
 def _bumps_in_place(x: Floats, y: Floats) -> list[Floats]:
     """Each bump by itself, then all of them together."""
     size = float(max(np.ptp(x), np.ptp(y)))
-    width = 0.6 * size / _PLACES
+    width = 0.6 * size / PLACE_BUMPS
     single = []
-    for count in (_PLACES, 2 * _PLACES):
+    for count in (PLACE_BUMPS, 2 * PLACE_BUMPS):
         for cx in np.linspace(float(x.min()), float(x.max()), count):
             for cy in np.linspace(float(y.min()), float(y.max()), count):
-                away = ((x - cx) ** 2 + (y - cy) ** 2) / (width * _PLACES / count) ** 2
+                away = ((x - cx) ** 2 + (y - cy) ** 2) / (width * PLACE_BUMPS / count) ** 2
                 bump = np.exp(-0.5 * away)
                 if float(bump.max()) > 0.5:
                     single.append(bump[:, :, None])
-    together = np.concatenate(single[: _PLACES**2], axis=2)
+    together = np.concatenate(single[: PLACE_BUMPS**2], axis=2)
     return [*single, together]

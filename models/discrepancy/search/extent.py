@@ -18,19 +18,16 @@ from models.discrepancy.search import screening
 from models.discrepancy.search.candidates import Candidate, candidates, finer_patches, patch_column
 from models.discrepancy.search.patches import left_of
 from models.discrepancy.search.refine import Fit, prior_precision
-from models.parameters import Effect
-
-_INSIDE = 3.84  # chi square of one number at 95 %
-_USUAL = 1.96
-_AS_GOOD = 7.35
-"""Chi square within which a place is not ruled out at 95 %: that of a threshold, whose likelihood
-has jumps, is wider than that of a smooth number (Hansen 2000)."""
-_INTERCEPT = (
-    0.01  # share of chi square that other numbers, which are not fitted again, may be worth
+from models.discrepancy.thresholds import (
+    CHI2_95,
+    EDGE_SIDES,
+    EXTENT_MOVES,
+    EXTENT_ROUNDS,
+    JUMP_95,
+    NORMAL_95,
+    UNFITTED_SHARE,
 )
-_REACH = (0.1, 0.3, 0.05, 0.2)  # radii
-_ROUNDS = 24
-_SIDES = 1.25  # more than four sides of a circle are uncertain
+from models.parameters import Effect
 
 
 def extents(table: StopTable, found: Fit) -> dict[str, dict[str, float]]:
@@ -55,23 +52,23 @@ def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[
     here = Candidate("surface_patch", "delta", False, inner)
     best = float(_chi_squares(table, without, patch_column(table, without.hypothesis, here))[0])
     kept = [(best, here)]
-    for draw in range(_ROUNDS):
+    for draw in range(EXTENT_ROUNDS):
         # From where the region reaches farthest, to each side in turn.
         name, side = names[draw % 3], 1.0 if draw % 2 == 0 else -1.0
         start = max(kept, key=lambda one: side * one[1].inner[name])[1]
-        reach = _REACH[draw % len(_REACH)]
+        reach = EXTENT_MOVES[draw % len(EXTENT_MOVES)]
         tried, columns = finer_patches(table, without.hypothesis, start, reach, draw)
         if not tried:
             continue
         z_square = _chi_squares(table, without, columns)
         best = max(best, float(z_square.max()))
         kept += zip(z_square.tolist(), tried, strict=True)
-        kept = [one for one in kept if one[0] > best - _AS_GOOD - _INTERCEPT * best] or kept[:1]
+        kept = [one for one in kept if one[0] > best - JUMP_95 - UNFITTED_SHARE * best] or kept[:1]
     edges = _edges(table, inner)
     widths = {}
     for name in names:
         off = max(abs(one.inner[name] - inner[name]) for _, one in kept)
-        widths[name] = float(max(off / _USUAL, edges[name]))
+        widths[name] = float(max(off / NORMAL_95, edges[name]))
     return widths
 
 
@@ -90,7 +87,7 @@ def _edges(table: StopTable, inner: dict[str, float]) -> dict[str, float]:
         outside = float(np.min(here[here > 0.0], initial=inner["radius"]))
         inside = float(np.min(-here[here <= 0.0], initial=inner["radius"]))
         gaps.append(outside + inside)
-    each = np.square(_SIDES * np.asarray(gaps)) / 12.0
+    each = np.square(EDGE_SIDES * np.asarray(gaps)) / 12.0
     return {
         "x": 0.5 * float(np.sqrt(each[0] + each[1])),
         "y": 0.5 * float(np.sqrt(each[2] + each[3])),
@@ -106,10 +103,10 @@ def _of_change(table: StopTable, found: Fit, index: int, effect: Effect) -> dict
         return {"run": 0.0}
     z_square = _chi_squares(table, without, columns[:, :, own])
     runs = np.array([library[i].inner["run"] for i in own])
-    kept = runs[z_square > float(z_square.max()) - _INSIDE]
+    kept = runs[z_square > float(z_square.max()) - CHI2_95]
     ends = [*kept.tolist(), float(effect.parameters["run"])]
     # A change between two runs is known to no better than one run.
-    return {"run": (0.5 * (max(ends) - min(ends)) + 0.5) / _USUAL}
+    return {"run": (0.5 * (max(ends) - min(ends)) + 0.5) / NORMAL_95}
 
 
 def _without(found: Fit, index: int) -> Fit:

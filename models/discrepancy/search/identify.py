@@ -32,17 +32,20 @@ from models.discrepancy.search.refine import (
     prior_precision,
 )
 from models.discrepancy.settings import DiscrepancySettings
+from models.discrepancy.thresholds import (
+    BEAM,
+    BEAM_WIDTH,
+    FURTHER_PRICE,
+    LAG_BLURS,
+    LEAST_LAG,
+    LENIENT_ALARM,
+    NAMES_REFITTED,
+    SLIDING_QUANTILE,
+    WORTH_MOVING,
+    WORTH_REFITTING,
+)
 from models.parameters import Effect
 
-_NAMES = 6  # of the library that are refitted exactly at each step
-_BEAM = 3
-_NEAR = 30.0  # chi square from the best within which an explanation goes on
-_SLIDING = 0.6  # quantile of the force that a cap may be
-_LENIENT = 0.2
-_LEAST_LAG, _BLURS = 0.02, 2.5  # [s], standard deviations of the onset
-_MORE = 6.0  # chi square that every further effect has to bring beyond its numbers
-_WORTH_MOVING = 30.0  # chi square of a patch whose place is searched once more
-_WORTH = 0.4  # of the strongest candidate's chi square, below which another one is left alone
 _STARTS = {"wheel_lockup": 1, "headwind": 2, "brake_fade": 2, "surface_patch": 2}
 _EVENS_OUT = ("wheel_lockup",)
 _NUMBERS = {"surface_patch": 4, "step_change": 2, "headwind": 3, "brake_fade": 2}
@@ -94,7 +97,7 @@ def score(found: Fit, stops: int) -> float:
     """−2 log likelihood with the price of all chosen numbers."""
     chosen = sum(numbers(name) for name in found.hypothesis.names)
     more = max(len(found.hypothesis.names) - 1, 0)
-    return found.deviance + chosen * float(np.log(stops)) + _MORE * more
+    return found.deviance + chosen * float(np.log(stops)) + FURTHER_PRICE * more
 
 
 def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Identified:
@@ -130,7 +133,7 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
         ordered = sorted(known.values(), key=lambda e: e.score)
         best = ordered[0]
         deep = [e for e in ordered if len(e.names) == level + 1]
-        beam = [e for e in deep[:_BEAM] if e.score < best.score + _NEAR]
+        beam = [e for e in deep[:BEAM] if e.score < best.score + BEAM_WIDTH]
     others = sorted((e for e in known.values() if e.names != best.names), key=lambda e: e.score)
     return Identified(best, tuple(others), largest, absorbed)
 
@@ -141,7 +144,7 @@ def _again(
     """All explanations weighed anew, those far off forgotten but for the base."""
     result = {}
     for names, e in known.items():
-        if names and e.score > near + 3.0 * _NEAR:
+        if names and e.score > near + 3.0 * BEAM_WIDTH:
             continue
         # Speeds are the explanation's own now: noise of the measured ones no longer matters.
         output = as_output(table, e.fit)
@@ -187,7 +190,7 @@ def _extended(
     shares: dict[str, float] = {}
     for c, share in zip(found, scored.absorbed, strict=True):
         shares[c.name] = min(shares.get(c.name, 1.0), float(share))
-    floor = max(needed, _WORTH * strongest[0])
+    floor = max(needed, WORTH_REFITTING * strongest[0])
     children = []
     for name, members in _leaders(found, strength):
         # A friction cap shows less in what it takes than in stops that no longer differ.
@@ -218,14 +221,14 @@ def _too_quick(table: StopTable, found: Fit) -> bool:
     if lag <= 0.0:
         return False
     blur = np.hypot(noise_of(table, found).dead_time_std, table.sample / np.sqrt(12.0))
-    return lag < max(_LEAST_LAG, _BLURS * float(blur))
+    return lag < max(LEAST_LAG, LAG_BLURS * float(blur))
 
 
 def rescued(
     table: StopTable, best: ScoredExplanation, settings: DiscrepancySettings
 ) -> list[ScoredExplanation]:
     """Effects that chance may bring in one log of five, for a pattern that is surely there."""
-    lenient = replace(settings, false_alarm=_LENIENT)
+    lenient = replace(settings, false_alarm=LENIENT_ALARM)
     children = _extended(table, best, lenient)[0]
     noise = noise_of(table, best.fit)
     known = {c.names: c for c in [best, *children]}
@@ -260,8 +263,8 @@ def _leaders(found: Sequence[Candidate], strength: Floats) -> list[tuple[str, li
         ):
             own.append(int(i))
     leaders = [(name, own) for name, own in members.items() if own]
-    late = [leader for leader in leaders[_NAMES:] if leader[0] in _EVENS_OUT]
-    return leaders[:_NAMES] + late
+    late = [leader for leader in leaders[NAMES_REFITTED:] if leader[0] in _EVENS_OUT]
+    return leaders[:NAMES_REFITTED] + late
 
 
 def _refined(table: StopTable, fit: Fit, candidate: Candidate, strength: float) -> Fit:
@@ -277,13 +280,13 @@ def _refined(table: StopTable, fit: Fit, candidate: Candidate, strength: float) 
         # Where nearly all stops slide, coefficients fitted to them say nothing of the brakes.
         strong = replace(h, shift=np.zeros(4)).plus(candidate.effect(strength))
         free = strong.free
-        sliding = np.quantile(table.force / np.cos(table.grade[:, -1]), _SLIDING)
+        sliding = np.quantile(table.force / np.cos(table.grade[:, -1]), SLIDING_QUANTILE)
         free[-1] = max(float(sliding), 0.02)
         trials.append(strong.moved(free))
     refit = fit_either_way if candidate.name in _EVENS_OUT else fit_with_scatter
     fits = [refit(table, t, noise, rounds=1) for t in trials]
     best = min(fits, key=lambda f: f.deviance)
-    if candidate.name == "surface_patch" and fit.deviance - best.deviance > _WORTH_MOVING:
+    if candidate.name == "surface_patch" and fit.deviance - best.deviance > WORTH_MOVING:
         best = moved_patch(table, best)
     return best
 

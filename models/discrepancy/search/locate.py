@@ -17,15 +17,14 @@ from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.prediction import integral
 from models.discrepancy.search.axes import Axis, axes_of, shapes_of
 from models.discrepancy.search.refine import Fit, prior_precision, residual
+from models.discrepancy.thresholds import LEAST_DIRECTION, PERMUTATIONS
 from models.quantity import GRAVITY
 
-_DRAWS = 200
 WITHIN = ("speed", "time_since_onset", "brake_heat")
 """Axes that run through each stop; all others tell stops apart."""
 
 _NOT_BY_FRICTION = (*WITHIN, "onset_speed", "grade", "abs_grade")
 # What the coefficients themselves act along is told by whole stops only.
-_RANK = 1e-4  # of a group's largest direction, below which a direction is none
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +106,8 @@ def _strengths(groups: list[_Group], residuals: Floats) -> Floats:
 def _shuffled(table: StopTable, rows: Floats, rng: np.random.Generator) -> Floats:
     """(R, N) residuals with runs in another order and other signs."""
     runs = [np.flatnonzero(table.run == r) for r in np.unique(table.run)]
-    draws = np.empty((_DRAWS, rows.size))
-    for k in range(_DRAWS):
+    draws = np.empty((PERMUTATIONS, rows.size))
+    for k in range(PERMUTATIONS):
         order = np.concatenate([runs[i] for i in rng.permutation(len(runs))])
         signs = np.concatenate([np.full(len(r), rng.choice((-1.0, 1.0))) for r in runs])
         draws[k] = (rows[order] * signs[:, None]).ravel()
@@ -154,7 +153,7 @@ class _Space:
             u, s, _ = np.linalg.svd(
                 own - base[: len(own)] @ (base[: len(own)].T @ own), full_matrices=False
             )
-            basis = np.zeros((self.count, int(np.sum(s**2 > _RANK * max(size, 1e-300)))))
+            basis = np.zeros((self.count, int(np.sum(s**2 > LEAST_DIRECTION * max(size, 1e-300)))))
             basis[counted] = u[:, : basis.shape[1]]
             found.append(_Group(axis, shapes, columns, basis, counted))
             if whole:

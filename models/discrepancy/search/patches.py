@@ -18,19 +18,17 @@ from models.discrepancy.model.prediction import integral
 from models.discrepancy.search import screening
 from models.discrepancy.search.candidates import Candidate, finer_patches
 from models.discrepancy.search.refine import Fit, fit_with_scatter, prior_precision, residual
-
-_CIRCLES = 1500  # anywhere
-_BEST = 3  # of them that are gone on with
-_MOVED = (0.3, 0.2, 0.15, 0.1, 0.07, 0.05)  # radii by which they are moved, round after round
-_EACH = 80  # tries a round
-_SMALLEST, _LARGEST = 0.05, 0.5  # radii, of the field
-_FEWEST = 3  # stops inside
-_COARSE = 6  # grid times that count as one place
-_EDGES = (
-    (10.0, (0.3, 0.2, 0.1)), (3.0, (0.2, 0.1, 0.05)),
-    (1.0, (0.1, 0.07, 0.05, 0.03, 0.02, 0.01)),
-)  # fmt: skip
-"""Blur of what happens within a stop, and radii by which patches are moved, round after round."""
+from models.discrepancy.thresholds import (
+    CIRCLE_MOVES,
+    CIRCLE_TRIES,
+    CIRCLES,
+    CIRCLES_KEPT,
+    EDGE_ROUNDS,
+    FEWEST_TOUCHED,
+    LARGEST_PATCH,
+    PLACE_NODES,
+    SMALLEST_PATCH,
+)
 
 
 def left_of(table: StopTable, fit: Fit) -> tuple[Floats, Floats]:
@@ -53,7 +51,7 @@ def placed_patch(table: StopTable, fit: Fit, seed: int = 0) -> tuple[Candidate, 
     left = left_of(table, fit)
     precision = prior_precision(fit.hypothesis)
     strength, draw = 0.0, 100 * seed
-    for blur, radii in _EDGES:
+    for blur, radii in EDGE_ROUNDS:
         gain = 0.0
         for closer in radii:
             draw += 1
@@ -76,7 +74,7 @@ class _Between:
         self.fit = fit
         white = fit.white
         nodes = table.time.shape[1]
-        groups = np.arange(nodes) // _COARSE
+        groups = np.arange(nodes) // PLACE_NODES
         forces = np.ones(groups[-1] + 1, np.bool_)
         each = (groups[:, None] == np.arange(len(forces))).astype(np.float64)
         share = np.broadcast_to(each, (*table.time.shape, len(forces)))
@@ -99,21 +97,21 @@ class _Between:
         size = float(max(np.ptp(self.x), np.ptp(self.y)))
         if size <= 0.0:
             return None
-        stops = rng.integers(0, len(self.x), _CIRCLES)
-        radius = size * np.exp(rng.uniform(np.log(_SMALLEST), np.log(_LARGEST), _CIRCLES))
-        off = rng.normal(0.0, 0.5, (2, _CIRCLES)) * radius
+        stops = rng.integers(0, len(self.x), CIRCLES)
+        radius = size * np.exp(rng.uniform(np.log(SMALLEST_PATCH), np.log(LARGEST_PATCH), CIRCLES))
+        off = rng.normal(0.0, 0.5, (2, CIRCLES)) * radius
         circles = np.stack((self.x[stops, 0] + off[0], self.y[stops, 0] + off[1], radius), axis=1)
         gains = self._gains(circles)
-        best = circles[np.argsort(-gains)[:_BEST]]
-        highest = np.sort(gains)[::-1][:_BEST]
-        for closer in _MOVED:
-            steps = closer * rng.standard_normal((_BEST, _EACH, 3))
-            tried = best[:, None, :].repeat(_EACH, axis=1)
+        best = circles[np.argsort(-gains)[:CIRCLES_KEPT]]
+        highest = np.sort(gains)[::-1][:CIRCLES_KEPT]
+        for closer in CIRCLE_MOVES:
+            steps = closer * rng.standard_normal((CIRCLES_KEPT, CIRCLE_TRIES, 3))
+            tried = best[:, None, :].repeat(CIRCLE_TRIES, axis=1)
             tried[:, :, :2] += steps[:, :, :2] * best[:, None, 2:]
             tried[:, :, 2] *= np.exp(steps[:, :, 2])
-            gains = self._gains(tried.reshape(-1, 3)).reshape(_BEST, _EACH)
+            gains = self._gains(tried.reshape(-1, 3)).reshape(CIRCLES_KEPT, CIRCLE_TRIES)
             k = np.argmax(gains, axis=1)
-            rows = np.arange(_BEST)
+            rows = np.arange(CIRCLES_KEPT)
             better = gains[rows, k] > highest
             best = np.where(better[:, None], tried[rows, k], best)
             highest = np.where(better, gains[rows, k], highest)
@@ -126,7 +124,7 @@ class _Between:
         away = (self.x[:, :, None] - x) ** 2 + (self.y[:, :, None] - y) ** 2
         inside = away <= radius**2
         touched = inside.any(axis=1).sum(axis=0)
-        fair = (touched >= _FEWEST) & ~inside.all(axis=(0, 1))
+        fair = (touched >= FEWEST_TOUCHED) & ~inside.all(axis=(0, 1))
         columns = np.einsum("sg,sgq->sq", self.told, inside)
         count, p = len(circles), self.sums.base_between.shape[1]
         sums = replace(

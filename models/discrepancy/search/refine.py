@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 from models.arrays import Floats
 from models.calibration.force_fit import WEAK_PRIOR
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.body_oscillation import OSCILLATION, USUAL_SWING, oscillation_columns
+from models.discrepancy.model.body_oscillation import OSCILLATION, oscillation_columns
 from models.discrepancy.model.hypothesis import BASE, LAWFUL, Hypothesis
 from models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
 from models.discrepancy.model.prediction import (
@@ -24,17 +24,19 @@ from models.discrepancy.model.prediction import (
     simulate,
     wanted_force,
 )
+from models.discrepancy.thresholds import (
+    DERIVATIVE_STEP,
+    FIT_BENT,
+    FIT_DONE,
+    FIT_PASSES,
+    FIT_TRIES,
+    LEAST_FORCE,
+    MOST_WIDER,
+    NOISE_PASSES,
+    OSCILLATES,
+    USUAL_OSCILLATION,
+)
 from models.parameters import Model
-
-_PASSES = 12
-_STEP = 1e-3  # of a parameter's scale
-_DONE = 0.01  # of chi square
-_BENT = 2.0  # of chi square
-_TRIES = 8
-_NOISE_PASSES = 2
-_SWINGS = 40.0  # chi square
-_MOST_WIDER = 2.0
-_LEAST_FORCE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +85,8 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
         oscillation = oscillation_columns(table, hypothesis.dead_time)
     columns = [_by_shifts(table, hypothesis)]
     for i in (LAWFUL - 1, *range(BASE, len(free))):
-        step = _STEP * scales[i] if free[i] + _STEP * scales[i] <= high[i] else -_STEP * scales[i]
+        step = DERIVATIVE_STEP * scales[i]
+        step = step if free[i] + step <= high[i] else -step
         moved = free.copy()
         moved[i] += step
         columns.append(((_observed(table, hypothesis.moved(moved)) - base) / step)[:, :, None])
@@ -117,11 +120,11 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
     own = np.zeros(len(hypothesis.free))
     own[:4] = 1.0 / np.square(WEAK_PRIOR)
     own[4] = 1.0
-    own[LAWFUL:BASE] = 1.0 / USUAL_SWING**2
+    own[LAWFUL:BASE] = 1.0 / USUAL_OSCILLATION**2
     return own
 
 
-def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = _PASSES) -> Fit:
+def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = FIT_PASSES) -> Fit:
     """Least squares of the whitened residuals with a given noise."""
     weight = 1.0 / np.sqrt(1.0 + white.noise.scatter**2 * white.power)
     precision = prior_precision(hypothesis)
@@ -147,11 +150,11 @@ def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int =
         normal = x.T @ x + np.diag(precision)
         gradient = x.T @ r + precision * (here.free - centre)
         before, at = cost, here.free
-        for _ in range(_TRIES):
+        for _ in range(FIT_TRIES):
             step = _bounded_step(
                 normal + damping * np.diag(np.diag(normal)), gradient, at, low, high
             )
-            if float(gradient @ step) < _DONE:
+            if float(gradient @ step) < FIT_DONE:
                 break
             trial = here.moved(np.clip(at - step, low, high))
             r_trial, cost_trial = cost_of(trial)
@@ -159,9 +162,9 @@ def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int =
                 here, r, cost = trial, r_trial, cost_trial
                 break
             damping = max(damping * 10.0, 1e-4)
-        if before - cost < _DONE:
+        if before - cost < FIT_DONE:
             break
-        if before - cost > _BENT:  # nearer than that the slopes are the same
+        if before - cost > FIT_BENT:  # nearer than that the slopes are the same
             slope = jacobian(table, here)
             x = white_of(white.grid @ slope)
         damping *= 0.1
@@ -188,7 +191,7 @@ def _robust(covariance: Floats, x: Floats, r: Floats, stops: int) -> Floats:
     each = scores[:stops] + rest
     sandwich = covariance @ (each.T @ each) @ covariance
     usual = np.maximum(np.diag(covariance), 1e-300)
-    wider = np.sqrt(np.clip(np.diag(sandwich) / usual, 1.0, _MOST_WIDER**2))
+    wider = np.sqrt(np.clip(np.diag(sandwich) / usual, 1.0, MOST_WIDER**2))
     result: Floats = covariance * np.outer(wider, wider)
     return result
 
@@ -223,7 +226,7 @@ def as_output(table: StopTable, found: Fit) -> StopTable:
     A fit to these speeds sees no noise in the terms of motion. Without its friction a stop would
     come to rest elsewhere, and terms that grow towards the rest would be far off.
     """
-    stronger = own_friction(found) / max(float(np.median(table.force)), _LEAST_FORCE)
+    stronger = own_friction(found) / max(float(np.median(table.force)), LEAST_FORCE)
     speed, _ = simulate(table, found.hypothesis, table.held, table.time, stronger[:, None])
     return replace(table, speed=speed)
 
@@ -287,7 +290,7 @@ def fit_with_noise(table: StopTable, hypothesis: Hypothesis, noise: Noise | None
     """Fit and noise in turn, until both belong to each other."""
     now = noise or Noise(0.03, 0.0, 0.1, max(table.dead_time_std, 2e-3), 0.01)
     found = fit(table, hypothesis, whitener(table, now, hypothesis), passes=4)
-    for _ in range(_NOISE_PASSES):
+    for _ in range(NOISE_PASSES):
         now = noise_of(table, found)
         found = fit(table, found.hypothesis, whitener(table, now, found.hypothesis), passes=4)
     return fit_with_scatter(table, found.hypothesis, now)
@@ -301,7 +304,7 @@ def fit_base(table: StopTable, start: Hypothesis) -> Fit:
     """
     plain = fit_with_noise(table, start)
     oscillating = fit_with_noise(table, replace(plain.hypothesis, oscillates=True), plain.noise)
-    return oscillating if oscillating.deviance < plain.deviance - _SWINGS else plain
+    return oscillating if oscillating.deviance < plain.deviance - OSCILLATES else plain
 
 
 def noise_of(table: StopTable, found: Fit) -> Noise:

@@ -14,10 +14,7 @@ import numpy as np
 
 from models.arrays import Bools, Floats
 from models.discrepancy.model.noise import Whitener
-
-_ABSORBED = 1e-4  # share of a column beyond the base below which it says nothing
-_SCATTERS = np.geomspace(0.5, 2.0, 13)
-_OWN_SCATTERS = np.geomspace(0.1, 1.3, 9)
+from models.discrepancy.thresholds import CHANCE_SCATTERS, LEAST_COLUMN, OWN_SCATTERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +116,7 @@ def scores(
     here = _scored(sums, scatter, between, within)
     least = here[0]
     lowest, strength = np.full(len(one_sided), np.inf), np.zeros(len(one_sided))
-    for factor in _OWN_SCATTERS:
+    for factor in OWN_SCATTERS:
         cost, z, size, _ = _scored(sums, factor * scatter, between, within)
         least = min(least, cost)
         able = np.where(one_sided & (z < 0.0), 0.0, z)
@@ -135,7 +132,7 @@ def _scored(
     """−2 log likelihood without candidates; z, strength and absorbed share of each (Q,)."""
     on = sums.at(scatter)
     top = _tops(sums, on, between, within)[:, 0]
-    left = np.where(on.left > _ABSORBED * on.own, on.left, np.inf)
+    left = np.where(on.left > LEAST_COLUMN * on.own, on.left, np.inf)
     weighted = on.weight * between[:, 0]
     base = sums.rows_base.T @ within[:, 0] + sums.base_between.T @ weighted
     cost = float(weighted @ between[:, 0] - base @ (on.inverse @ base) - np.sum(np.log(on.weight)))
@@ -163,14 +160,14 @@ def chance(sums: Reduced, one_sided: Bools, scatter: float, draws: int, seed: in
     base_rows = sums.rows_base.T @ within
     best_cost = np.full(draws, np.inf)
     largest = np.zeros(draws)
-    for factor in _SCATTERS:
+    for factor in CHANCE_SCATTERS:
         on = sums.at(factor * scatter)
         weighted = on.weight[:, None] * between
         base = base_rows + sums.base_between.T @ weighted
         off = between - sums.base_between @ (on.inverse @ base)
         cost = on.weight @ off**2 - float(np.sum(np.log(on.weight)))
         top = cross_rows + sums.between.T @ weighted - on.cross.T @ (on.inverse @ base)
-        left = np.where(on.left > _ABSORBED * on.own, on.left, np.inf)
+        left = np.where(on.left > LEAST_COLUMN * on.own, on.left, np.inf)
         z = -top / np.sqrt(left)[:, None]
         z = np.where(one_sided[:, None], np.maximum(z, 0.0), np.abs(z))
         better = cost < best_cost
