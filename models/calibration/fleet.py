@@ -21,7 +21,6 @@ from models.arrays import Floats
 from models.calibration import hierarchy
 from models.calibration.force_fit import design
 from models.calibration.hierarchy import Hierarchy
-from models.calibration.learn import MeasuredLog
 from models.calibration.margins import offset_for
 from models.calibration.stopping import stopping_distance, stopping_time
 from models.calibration.surface_fit import CalibrationSettings, offset_of
@@ -29,6 +28,7 @@ from models.errors import ParameterError
 from models.parameters import Braking, SurfaceBraking
 from models.stop_logs import random_effects
 from models.stop_logs.dead_time import DeadTime
+from models.stop_logs.measured_log import MeasuredLog
 
 FEWEST = 2
 """Stops of its own without which a vehicle gets the fleet's mean."""
@@ -95,12 +95,11 @@ def vehicle_stops(name: str, log: MeasuredLog, mapped: bool) -> VehicleStops:
     stops = []
     for r in m.records:
         s = r.samples
-        along = slice(s.at_command, s.at_rest + 1)
+        station, ground = r.path
         stops.append(
             FleetStop(
                 s.terrain, s.window.held_speed, r.onset_speed, r.grade, r.force_ratio, r.force_std,
-                s.distance, s.standstill_time, s.station[along] - s.station[s.at_command],
-                r.ground[along],
+                s.distance, s.standstill_time, station, ground,
             )
         )  # fmt: skip
     common = abs(float(np.mean(m.by_dead_time))) * m.dead_time.std if stops else 0.0
@@ -191,9 +190,9 @@ def _surface(
         gain = fit.covariance[i] @ x[j] / variance[j]
         off = force[j] - x[j] @ fit.coefficients[i]
         without = fit.coefficients[i] - gain * off / (1.0 - min(float(x[j] @ gain), 0.99))
-        way = stopping_distance(stop.held_speed, dead[i], without, stop.station, stop.ground)
-        short[j] = stop.distance - way
-        late[j] = stop.standstill_time - stopping_time(stop.held_speed, dead[i], way)
+        distance = stopping_distance(stop.held_speed, dead[i], without, stop.station, stop.ground)
+        short[j] = stop.distance - distance
+        late[j] = stop.standstill_time - stopping_time(stop.held_speed, dead[i], distance)
     kept = fit.kept
     time_offset = offset_for(settings.coverage, late[np.isfinite(late)])
     tables = []

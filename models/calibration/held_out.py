@@ -85,10 +85,6 @@ def leave_sessions_out(
 def _excess(record: StopRecord, known: Braking) -> float:
     s = record.samples
     on = known.on(s.terrain) if s.terrain else known
-    along = slice(s.at_command, s.at_rest + 1)
-    station = s.station[along] - s.station[s.at_command]
     coefficients = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
-    way = stopping_distance(
-        s.window.held_speed, on.dead_time, coefficients, station, record.ground[along]
-    )
-    return way + on.distance_offset - s.distance
+    distance = stopping_distance(s.window.held_speed, on.dead_time, coefficients, *record.path)
+    return distance + on.distance_offset - s.distance

@@ -27,16 +27,14 @@ from models.calibration.surface_fit import (
     fit_records,
     fit_surfaces,
 )
-from models.errors import ParameterError
 from models.parameters import Braking, SurfaceBraking
 from models.stop_logs.dead_time import DeadTime
-from models.stop_logs.drive_quality import Suspect, find_suspects, usable
-from models.stop_logs.find_stops import StopWindow, Usability, find_stops
+from models.stop_logs.drive_quality import Suspect
+from models.stop_logs.find_stops import StopWindow
 from models.stop_logs.ground_grade import Dive
-from models.stop_logs.measure import Measured, measure
-from models.stop_logs.mount_of_log import mount_of_log
+from models.stop_logs.measure import Measured, Slope
+from models.stop_logs.measured_log import MeasuredLog, measure_stops
 from models.stop_logs.mount_offset import Mount
-from models.stop_logs.stop_record import cut
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,21 +96,6 @@ def learn(
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class MeasuredLog:
-    """The stops of a log as they were measured, before anything is fitted to their forces.
-
-    Attributes:
-        measured: stops with grade, force and dead time. mount: of the pitch sensor.
-        windows: every stop of the log. suspects: stretches left out.
-    """
-
-    measured: Measured
-    mount: Mount
-    windows: tuple[StopWindow, ...]
-    suspects: tuple[Suspect, ...]
-
-
 def measure_log(
     columns: Mapping[str, NDArray[Any]],
     runs: Sequence[slice],
@@ -131,21 +114,17 @@ def measure_log(
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
     """
-    wanted = settings or CalibrationSettings()
-    suspects = find_suspects(columns, runs)
-    matter = ["v", "v_cmd"] if ground is not None and np.isfinite(ground).all() else None
-    good = usable(len(columns["t"]), suspects, matter or ["v", "v_cmd", "pitch"])
-    windows = [w for run in runs for w in find_stops(columns, run, good, wanted.stops)]
-    stops = [cut(columns, w, ground) for w in windows if w.usable]
-    if len(stops) < fewest:
-        raise ParameterError("stops", _too_few(windows, suspects, fewest=fewest))
-    first = measure(stops, Mount(), lambda v: known.m_m * v + known.b_m)
-    if len(first.records) < fewest:
-        raise ParameterError("stops", _too_few(windows, suspects, len(first.records), fewest))
-    mount = mount_of_log(columns, runs, good, ground, first)
-    m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
-    measured = measure(stops, mount, lambda v: m_m * v + b_m, first.dive)
-    return MeasuredLog(measured, mount, tuple(windows), suspects)
+
+    def believed(first: Measured, mount: Mount) -> tuple[Mount, Slope]:
+        """The mount as the log tells it, and the slope coefficient of the stops themselves."""
+        m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
+        return mount, lambda v: m_m * v + b_m
+
+    stops = (settings or CalibrationSettings()).stops
+    return measure_stops(
+        columns, runs, lambda v: known.m_m * v + known.b_m, believed,
+        ground=ground, settings=stops, fewest=fewest,
+    )  # fmt: skip
 
 
 def _braking(known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime) -> Braking:
@@ -208,17 +187,3 @@ def _asymmetry(base: SurfaceFit) -> Asymmetry | None:
         np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept]),
         np.array([r.force_ratio for r in kept]), np.array([r.force_std for r in kept]), WEAK_PRIOR,
     )  # fmt: skip
-
-
-def _too_few(
-    windows: Sequence[StopWindow], suspects: Sequence[Suspect], measured: int | None = None,
-    fewest: int = FEWEST_STOPS,
-) -> str:  # fmt: skip
-    found = Counter(w.verdict for w in windows if w.verdict is not Usability.USABLE)
-    usable_count = sum(w.usable for w in windows) if measured is None else measured
-    words = f"at least {fewest} usable stops, got {usable_count} of {len(windows)} found"
-    if found:
-        words += "; " + ", ".join(f"{n} {v.name.lower()}" for v, n in found.most_common())
-    for s in suspects[:2]:
-        words += f"; {s.channel}: {s.reason}"
-    return words

@@ -159,17 +159,14 @@ def _predicted(records: Sequence[StopRecord], fit: ForceFit, dead_time: float) -
         gain = regression.gain[:, i]
         leverage = min(float(x[i] @ gain), 0.99)
         without = fit.coefficients - gain * (float(regression.residuals[i]) / (1.0 - leverage))
-        s = record.samples
-        along = slice(s.at_command, s.at_rest + 1)
-        station = s.station[along] - s.station[s.at_command]
-        held = s.window.held_speed
-        way = stopping_distance(held, dead_time, without, station, record.ground[along])
+        held = record.samples.window.held_speed
+        distance = stopping_distance(held, dead_time, without, *record.path)
         seen.append(
             dataclasses.replace(
                 record,
                 kept=bool(regression.kept[i]),
-                predicted_distance=way,
-                predicted_time=stopping_time(held, dead_time, way),
+                predicted_distance=distance,
+                predicted_time=stopping_time(held, dead_time, distance),
             )
         )
     return seen

@@ -77,6 +77,13 @@ class StopRecord:
     predicted_distance: float = np.nan
     predicted_time: float = np.nan
 
+    @property
+    def path(self) -> tuple[Floats, Floats]:
+        """(n,) distance since the stop command [m] and (n,) grade [rad], up to standstill."""
+        s = self.samples
+        along = slice(s.at_command, s.at_rest + 1)
+        return s.station[along] - s.station[s.at_command], self.ground[along]
+
 
 def cut(
     columns: Mapping[str, NDArray[Any]], window: StopWindow, grade: Floats | None

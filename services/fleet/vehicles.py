@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from models.calibration.fleet import FEWEST, VehicleStops, vehicle_stops
 from models.calibration.learn import measure_log
 from models.errors import ParameterError
+from models.stop_logs.measured_log import is_mapped
 from services.cli.commands.calibrate import refuse_wrong_units
 from services.io.access import fault
 from services.io.logs.log_source import grade_by_map, read_logs
@@ -66,5 +65,4 @@ def measure_vehicle(task: LogTask) -> VehicleStops:
         measured = measure_log(log.columns, log.runs, model.braking, ground=ground, fewest=FEWEST)
     except ParameterError as error:
         return VehicleStops(task.vehicle, note=f"{error.field}: expected {error.expected}")
-    mapped = ground is not None and bool(np.isfinite(ground).all())
-    return vehicle_stops(task.vehicle, measured, mapped)
+    return vehicle_stops(task.vehicle, measured, is_mapped(ground))

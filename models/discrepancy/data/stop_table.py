@@ -27,10 +27,15 @@ from models.discrepancy.thresholds import (
     STOP_NODES,
 )
 from models.quantity import GRAVITY
+from models.stop_logs.dead_time import DeadTime
 from models.stop_logs.find_stops import StopWindow
 from models.stop_logs.stop_record import StopRecord
 
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y")
+_MEANINGFUL = frozenset(
+    ("run", "terrain", "t", "v", "v_cmd", "pitch", "roll", "yaw", "yaw_rate", "x", "y", "z",
+     "v_left", "v_right", "current_left", "current_right", "brake")
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,74 +131,76 @@ def tabulate(
     runs: Sequence[slice],
     records: Sequence[StopRecord],
     others: Sequence[StopWindow],
-    further: Sequence[str],
-    dead_time_std: float,
-    dead_time: float,
+    dead_time: DeadTime,
 ) -> StopTable:
     """The table of measured stops.
 
     Args:
         columns: channels of a drive log, (n,). runs: samples of each run.
         records: stops as measured, with their ground. others: stops that could not be used.
-        further: numeric columns without a meaning here. dead_time_std: of the dead time [s].
-        dead_time: [s]; what happens around it is known no better than to their scatter.
+        dead_time: what happens around it is known no better than to its scatter.
     """
     logged = frozenset(n for n in _CHANNELS if n in columns and _complete(columns[n], records))
     rows = [_row(columns, record, logged) for record in records]
-    bins = max(len(row["binned"]) for row in rows)
-    starts = np.array([run.start for run in runs])
-    commands = np.array([r.samples.window.command for r in records])
-    extra = {
-        name: np.array([_mean(columns[name], r) for r in records])
-        for name in further
-    }  # fmt: skip
-    heat = [
-        (float(columns["t"][w.command]), 0.5 * w.held_speed**2)
-        for w in others
-    ]  # fmt: skip
-
-    def stack(name: str) -> Floats:
-        return np.stack([row[name] for row in rows])
-
     sample = float(np.median([np.median(np.diff(r.samples.time)) for r in records]))
-    blur = min(float(np.hypot(dead_time_std, sample / np.sqrt(12.0))), MOST_ONSET_BLUR)
-    for row in rows:
-        # Onsets that scatter round the mean knee off, which no linear term of the dead time does.
-        at = row["average"] @ row["time"]
-        reach = ONSET_BLURS * blur + 0.5 * float(np.median(np.diff(at)))
-        row["spread"] = np.where(np.abs(at - dead_time) < reach, NO_WEIGHT, 1.0) * row["spread"]
-
-    def padded(name: str) -> Floats:
-        return np.stack([_pad(row[name], bins) for row in rows])
-
+    _doubt_onsets(rows, dead_time, sample)
+    grid: dict[str, Any] = {
+        name: np.stack([row[name] for row in rows])
+        for name in ("time", "speed", "station", "grade", *_CHANNELS)
+    }
+    most = max(len(row["binned"]) for row in rows)
+    bins: dict[str, Any] = {
+        name: np.stack([_pad(row[name], most) for row in rows])
+        for name in ("average", "binned", "spread")
+    }
+    starts = [run.start for run in runs]
+    windows = [r.samples.window for r in records]
+    heat = [(float(columns["t"][w.command]), 0.5 * w.held_speed**2) for w in others]
     return StopTable(
-        time=stack("time"),
-        speed=stack("speed"),
-        station=stack("station"),
-        grade=stack("grade"),
-        roll=stack("roll"),
-        yaw=stack("yaw"),
-        yaw_rate=stack("yaw_rate"),
-        x=stack("x"),
-        y=stack("y"),
+        **grid,
+        **bins,
         logged=logged,
-        average=padded("average"),
-        binned=padded("binned"),
-        spread=padded("spread"),
-        held=np.array([r.samples.window.held_speed for r in records]),
+        held=np.array([w.held_speed for w in windows]),
         clock=np.array([r.samples.clock for r in records]),
-        run=np.searchsorted(starts, commands, side="right").astype(np.int64) - 1,
+        run=np.searchsorted(starts, [w.command for w in windows], side="right").astype(np.int64)
+        - 1,
         run_names=tuple(r.samples.run for r in records),
         terrain=tuple(r.samples.terrain for r in records),
         distance=np.array([r.samples.distance for r in records]),
         standstill_time=np.array([r.samples.standstill_time for r in records]),
         force=np.array([r.force_ratio for r in records]),
-        dead_time_std=dead_time_std,
+        dead_time_std=dead_time.between_stops,
         sample=sample,
-        onset=dead_time,
-        further={n: v for n, v in extra.items() if np.isfinite(v).all() and np.ptp(v) > 0.0},
+        onset=dead_time.value,
+        further=_further(columns, windows),
         cooled=tuple(sorted(heat)),
     )
+
+
+def _doubt_onsets(rows: Sequence[dict[str, Floats]], dead_time: DeadTime, sample: float) -> None:
+    """Leave bins around the onset no weight.
+
+    Onsets that scatter round the mean knee off, which no linear term of the dead time does.
+    """
+    scatter = float(np.hypot(dead_time.between_stops, sample / np.sqrt(12.0)))
+    for row in rows:
+        at = row["average"] @ row["time"]
+        reach = ONSET_BLURS * min(scatter, MOST_ONSET_BLUR) + 0.5 * float(np.median(np.diff(at)))
+        doubtful = np.abs(at - dead_time.value) < reach
+        row["spread"] = np.where(doubtful, NO_WEIGHT, 1.0) * row["spread"]
+
+
+def _further(
+    columns: Mapping[str, NDArray[Any]], windows: Sequence[StopWindow]
+) -> dict[str, Floats]:
+    """Means over each stop, (S,), of numeric columns without a meaning here, where they differ."""
+    found = {}
+    for name, column in columns.items():
+        if name not in _MEANINGFUL and column.dtype.kind in "fiu":
+            values = np.array([_mean(column, window) for window in windows])
+            if np.isfinite(values).all() and np.ptp(values) > 0.0:
+                found[name] = values
+    return found
 
 
 def _complete(values: NDArray[Any], records: Sequence[StopRecord]) -> bool:
@@ -202,8 +209,8 @@ def _complete(values: NDArray[Any], records: Sequence[StopRecord]) -> bool:
     )
 
 
-def _mean(values: NDArray[Any], record: StopRecord) -> float:
-    part = values[record.samples.window.command : record.samples.window.rest + 1]
+def _mean(values: NDArray[Any], window: StopWindow) -> float:
+    part = values[window.command : window.rest + 1]
     part = part[np.isfinite(part)]
     return float(np.mean(part)) if len(part) else float("nan")
 
