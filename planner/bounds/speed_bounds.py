@@ -19,13 +19,11 @@ import numpy as np
 from models.parameters import Model
 from planner.bounds.closed_form_stop import stopping_bound
 from planner.bounds.integrated_stop import integrated_bound
-from planner.bounds.pointwise import HOLDING as HOLDING
 from planner.bounds.pointwise import pointwise_bounds
-from planner.ground.braking_ground import Ground
+from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Floats, Ints, inlined, kernel, row_pass
-from planner.kernels.limits import PlanningLimits as PlanningLimits
-from planner.kernels.limits import numbers as numbers
+from planner.kernels.limits import planning_limits
 from planner.kernels.workspace import empty
 from planner.limiting import Limiting
 
@@ -70,7 +68,7 @@ class SpeedBounds:
 
 def speed_bounds(
     profile: TerrainProfile,
-    ground: Ground,
+    ground: BrakingGround,
     model: Model,
     clear: Floats,
     speed_limit: Floats | None = None,
@@ -88,7 +86,7 @@ def speed_bounds(
     speed_sq_max, accel_max, demand, codes = empty(4, *shape)
     limiting = codes.view(np.int64)
     barrier, barrier_station, loads_at_risk = (np.empty(shape[1], np.int64) for _ in range(3))
-    scalars = numbers(model)
+    scalars = planning_limits(model)
     pointwise_bounds(
         profile.sin_grade, profile.sin_roll, profile.curvature, profile.known, profile.count,
         ground.lower_slope, ground.lower_intercept, ground.upper_slope, ground.upper_intercept,

@@ -20,7 +20,6 @@ from planner.ground.crests import over_crests
 from planner.ground.force_margins import capped, ground_terms, widened
 from planner.ground.forces import on_many_surfaces, on_one_surface
 from planner.ground.surface_cache import surface_cache_of
-from planner.ground.surface_table import resolve_surface as resolve_surface
 from planner.ground.surface_table import surface_bits
 from planner.ground.terrain_profile import TerrainProfile
 from planner.ground.uncertainty import Uncertainty
@@ -28,7 +27,7 @@ from planner.kernels.compiled import Bools, Floats
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
+class GroundConditions:
     """What the planner knows of the moment, beside map and model.
 
     Attributes:
@@ -41,7 +40,7 @@ class Conditions:
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class BrakingGround:
     """Braking along M candidates of up to N stations; arrays are (N, M) unless said otherwise.
 
     Attributes:
@@ -84,9 +83,9 @@ def ground_along(
     profile: TerrainProfile,
     model: Model,
     class_names: tuple[str, ...] = ("",),
-    conditions: Conditions | None = None,
+    conditions: GroundConditions | None = None,
     uncertainty: Uncertainty | None = None,
-) -> Ground:
+) -> BrakingGround:
     """Braking force along candidates.
 
     Args:
@@ -96,7 +95,7 @@ def ground_along(
         conditions: session time and brake heat; both zero if left out.
         uncertainty: what to survive; left out, the model's mean counts.
     """
-    now = conditions or Conditions()
+    now = conditions or GroundConditions()
     braking = model.braking
     known = surface_cache_of(model, class_names, uncertainty)
     table = known.table
@@ -134,4 +133,4 @@ def ground_along(
     if known.crests is not None:
         lever = model.vehicle.cg_z / (model.vehicle.wheelbase - model.vehicle.cg_x)
         forces = over_crests(forces, profile, known.crests, lever, lagged=motion.lag > 0.0)
-    return Ground(*forces, push, motion, known.closed_form)
+    return BrakingGround(*forces, push, motion, known.closed_form)

@@ -13,7 +13,6 @@ import numpy as np
 
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.footprint import POINTS, offset, on_grid
-from planner.ground.surface_bits import MAX_CLASSES as MAX_CLASSES
 from planner.ground.surface_bits import surfaces_under_wheels
 from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel, row_pass
 from planner.kernels.workspace import empty

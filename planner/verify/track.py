@@ -12,7 +12,7 @@ import numpy as np
 
 from models.laws import wheel_loads
 from models.parameters import Model
-from planner.ground.braking_ground import Ground
+from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Floats, inlined, kernel
 
@@ -84,7 +84,7 @@ class Survey(NamedTuple):
 
 def track_of(
     profile: TerrainProfile,
-    ground: Ground,
+    ground: BrakingGround,
     candidate: int,
     speed_limit: Floats | None = None,
     first: int = 0,
