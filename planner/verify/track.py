@@ -142,7 +142,7 @@ def body_of(model: Model) -> Body:
     return Body(v.wheelbase, v.track_width, v.cg_x, v.cg_z, rim)
 
 
-@inlined
+@kernel
 def survey_of(track: Track, body: Body, memory: Floats) -> Survey:
     """Walk a track once; ``memory`` is (8, ≥ N)."""
     n = track.station.shape[0]
