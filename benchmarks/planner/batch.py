@@ -13,7 +13,7 @@ from benchmarks.planner.passes import braking_pass, plain_pass
 from planner.bounds.speed_bounds import speed_bounds
 from planner.ground.braking_ground import ground_along
 from planner.ground.terrain_profile import terrain_profile
-from planner.kernels.limits import numbers
+from planner.kernels.limits import planning_limits
 from planner.pipeline.candidates import TimeOptimalBatch
 from planner.profile.time_optimal import time_optimal_profile, travel_cost
 
@@ -27,7 +27,7 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
     """The planner's stages and the two passes, each on the same batch."""
     model, vehicle = scene.model, scene.model.vehicle
     profile, ground, bounds = solved.profile, solved.ground, solved.bounds
-    scalars, limits = numbers(model), model.limits
+    scalars, limits = planning_limits(model), model.limits
     candidates = scene.x.shape[1]
     clear, start = np.full(candidates, np.inf), np.zeros(candidates)
     out = np.empty_like(solved.speed_sq)

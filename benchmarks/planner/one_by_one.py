@@ -15,7 +15,7 @@ from benchmarks.planner import quadratic
 from benchmarks.planner.peers import PEERS, Task
 from models.quantity import GRAVITY
 from planner.kernels.compiled import Floats
-from planner.kernels.limits import numbers
+from planner.kernels.limits import planning_limits
 from planner.pipeline.candidates import CandidatePlanner, TimeOptimalBatch
 from planner.profile.reference import JerkLimitedReference, time_optimal_problem
 from planner.profile.smoothing import SmoothingProblem, smooth
@@ -44,7 +44,7 @@ def tasks_of(scene: Scene, chosen: Sequence[int]) -> list[Task]:
     tasks = []
     for j in chosen:
         problem = time_optimal_problem(
-            solved.profile, solved.ground, solved.bounds, numbers(scene.model), j
+            solved.profile, solved.ground, solved.bounds, planning_limits(scene.model), j
         )
         problem = problem.until(int(np.flatnonzero(problem.speed_sq_max > 0.0)[-1]) + 2)
         tasks.append(
@@ -69,7 +69,7 @@ def time_optimal(scene: Scene, tasks: Sequence[Task], rounds: int) -> list[Resul
 def planner_alone(scene: Scene, task: Task) -> Callable[[], Floats]:
     """The planner's profile stage on one candidate, exact in brakes and drive."""
     p = task.problem
-    scalars, start = numbers(scene.model), np.array([task.problem.start_sq])
+    scalars, start = planning_limits(scene.model), np.array([task.problem.start_sq])
 
     def column(values: Floats) -> Floats:
         return np.ascontiguousarray(values[:, None])

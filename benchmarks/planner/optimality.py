@@ -21,9 +21,9 @@ from benchmarks.common.measure import machine, summary, timed
 from benchmarks.common.scene import SPACING, atv, hills
 from benchmarks.common.tables import duration
 from models.parameters import Model
-from planner.bounds.speed_bounds import numbers
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import Floats
+from planner.kernels.limits import planning_limits
 from planner.pipeline.candidates import time_optimal_batch
 from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.profile.reference import JerkLimitedReference
@@ -151,7 +151,7 @@ def _draw(rng: np.random.Generator, grounds: list[ElevationMap]) -> Instance | N
     if solved.speed_sq[:, 0].max() < 0.25 or solved.reachable_start_sq[0] < start**2:
         return None
     finalizer = PlanFinalizer(
-        model, numbers(model), solved.profile, solved.ground, solved.bounds, 0,
+        model, planning_limits(model), solved.profile, solved.ground, solved.bounds, 0,
         np.array([start**2]),
     )  # fmt: skip
     top = np.ascontiguousarray(solved.speed_sq[:, 0])

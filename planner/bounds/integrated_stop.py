@@ -8,13 +8,15 @@ from __future__ import annotations
 import numpy as np
 
 from models.effects.registry import Motion
-from planner.bounds.pointwise import side_reach
+from planner.bounds.pointwise import PointwiseBounds, side_reach
 from planner.bounds.stopping_path import (
     OVERRUN,
     REAR_LOAD,
     SIDE_LOAD,
     STOPPED,
+    StopConditions,
     StopPath,
+    StopProblem,
     integrate_stop,
 )
 from planner.kernels.compiled import Floats, Ints, inlined, kernel
@@ -31,6 +33,7 @@ _SPEED_ERROR = 1e-6
 _STOP_ERROR = 1e-7
 """How close before the target a stop is good enough [m]."""
 
+_COLUMNS = len(StopPath._fields)
 _STOPPING_PATH = int(Limiting.STOPPING_PATH)
 _TIP_OVER = int(Limiting.TIP_OVER)
 _ROLLOVER = int(Limiting.ROLLOVER)
@@ -38,62 +41,63 @@ _ROLLOVER = int(Limiting.ROLLOVER)
 
 @kernel
 def integrated_bound(
-    chosen: Ints, target: Floats, count: Ints,
-    station: Floats, grade: Floats, sin_grade: Floats, sin_roll: Floats, curvature: Floats,
-    heading_x: Floats, heading_y: Floats,
-    lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats,
-    slowest: Floats, dead_time: Floats, motion: Motion, n: PlanningLimits,
-    speed_sq_max: Floats, limiting: Ints,
+    chosen: Ints, problem: StopProblem, motion: Motion, limits: PlanningLimits,
+    bounds: PointwiseBounds,
 ) -> None:  # fmt: skip
-    """Lower ``speed_sq_max`` to speeds whose integrated stop ends before the target, loads kept.
+    """Lower bounds to speeds whose integrated stop ends before the target, loads kept.
 
     Args:
         chosen: indices of the candidates that need it.
-        target: (M,) the vehicle must stand here [m]; count: (M,) stations.
-        station, grade, sin_grade, sin_roll, curvature, heading_x, heading_y: (N, M) terrain.
-        lower_slope, lower_intercept, upper_slope, upper_intercept, slowest, dead_time: (N, M)
-            ground.
-        motion: effects; n: the model.
-        speed_sq_max, limiting: (N, M) bounds so far, lowered in place; those <= 0 stay.
+        problem: terrain, forces and targets of all candidates.
+        motion: effects.
+        limits: of the model.
+        bounds: v² and its labels are lowered in place; those <= 0 stay.
     """
-    stations = station.shape[0]
-    path = StopPath(
-        np.empty(stations), np.empty(stations), np.empty(stations), np.empty(stations),
-        np.empty(stations), np.empty(stations), np.empty(stations), np.empty(stations),
-        np.empty(stations), np.empty(stations), np.empty(stations),
-    )  # fmt: skip
+    columns = np.empty((_COLUMNS, problem.terrain.station.shape[0]))
     for j in chosen:
-        for k in range(count[j]):
-            cosine = np.sqrt(1.0 - sin_grade[k, j] * sin_grade[k, j])
-            cos_lean = np.sqrt(1.0 - sin_roll[k, j] * sin_roll[k, j])
-            bend = abs(curvature[k, j])
-            reach = side_reach(curvature[k, j], sin_roll[k, j], cosine, cos_lean, n)
-            path.station[k] = station[k, j]
-            path.grade[k] = grade[k, j]
-            path.sin_grade[k] = sin_grade[k, j]
-            path.lower_slope[k] = lower_slope[k, j]
-            path.lower_intercept[k] = lower_intercept[k, j]
-            path.upper_slope[k] = upper_slope[k, j]
-            path.upper_intercept[k] = upper_intercept[k, j]
-            path.upright[k] = cosine * cos_lean
-            path.side_speed_sq[k] = reach / bend if bend > 0.0 else np.inf
-            path.bend[k] = bend
-            yaw = np.arctan2(heading_y[k, j], heading_x[k, j])
-            path.yaw[k] = yaw
-            if k > 0:
-                turned = yaw - path.yaw[k - 1]
-                path.yaw[k] = yaw - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
-        for k in range(count[j]):
-            bound = speed_sq_max[k, j]
+        path = _path_of(j, problem, limits, columns)
+        conditions = StopConditions(problem.target[j], motion, limits.rear_lever, limits.min_load)
+        for k in range(path.station.shape[0]):
+            bound = bounds.speed_sq_max[k, j]
             if bound <= 0.0:
                 continue
-            speed, why = _highest_stop(
-                k, np.sqrt(bound), target[j], count[j], path, slowest[k, j], dead_time[k, j],
-                motion, n,
-            )  # fmt: skip
+            speed, why = _highest_stop(k, np.sqrt(bound), path, conditions)
             if why != STOPPED:
-                speed_sq_max[k, j] = speed * speed
-                limiting[k, j] = _label(why)
+                bounds.speed_sq_max[k, j] = speed * speed
+                bounds.limiting[k, j] = _label(why)
+
+
+@kernel
+def _path_of(j: int, problem: StopProblem, limits: PlanningLimits, columns: Floats) -> StopPath:
+    """Candidate j without padding, as views of ``columns``."""
+    terrain, forces = problem.terrain, problem.forces
+    n = terrain.count[j]
+    path = StopPath(
+        columns[0, :n], columns[1, :n], columns[2, :n], columns[3, :n], columns[4, :n],
+        columns[5, :n], columns[6, :n], columns[7, :n], columns[8, :n], columns[9, :n],
+        columns[10, :n], columns[11, :n], columns[12, :n],
+    )  # fmt: skip
+    for k in range(n):
+        sin_grade, sin_roll = terrain.sin_grade[k, j], terrain.sin_roll[k, j]
+        curvature = terrain.curvature[k, j]
+        cosine = np.sqrt(1.0 - sin_grade * sin_grade)
+        cos_lean = np.sqrt(1.0 - sin_roll * sin_roll)
+        reach = side_reach(curvature, sin_roll, cosine, cos_lean, limits)
+        bend = abs(curvature)
+        path.station[k], path.grade[k] = terrain.station[k, j], terrain.grade[k, j]
+        path.sin_grade[k] = sin_grade
+        path.lower_slope[k] = forces.lower_slope[k, j]
+        path.lower_intercept[k] = forces.lower_intercept[k, j]
+        path.upper_slope[k] = forces.upper_slope[k, j]
+        path.upper_intercept[k] = forces.upper_intercept[k, j]
+        path.dead_time[k], path.slowest[k] = forces.dead_time[k, j], forces.slowest[k, j]
+        path.upright[k] = cosine * cos_lean
+        path.side_speed_sq[k] = reach / bend if bend > 0.0 else np.inf
+        path.bend[k] = bend
+        yaw = np.arctan2(terrain.heading_y[k, j], terrain.heading_x[k, j])
+        turned = yaw - path.yaw[k - 1] if k > 0 else 0.0
+        path.yaw[k] = yaw - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
+    return path
 
 
 @inlined
@@ -106,17 +110,15 @@ def _label(ending: int) -> int:
 
 @inlined
 def _highest_stop(
-    k: int, high: float, target: float, count: int, path: StopPath, slowest: float,
-    dead_time: float, motion: Motion, n: PlanningLimits,
-) -> tuple[float, int]:  # fmt: skip
+    k: int, high: float, path: StopPath, conditions: StopConditions
+) -> tuple[float, int]:
     """Highest speed up to ``high`` whose stop ends well, and how those from above it end."""
+    target, dead_time = conditions.target, path.dead_time[k]
     low, why = 0.0, STOPPED
     before, beyond_before = 0.0, path.station[k] - target
     trial = high
     for step in range(_TRIALS):
-        how, where, _ = integrate_stop(
-            k, trial, target, count, path, slowest, dead_time, motion, n.rear_lever, n.min_load
-        )
+        how, where, _ = integrate_stop(k, trial, path, conditions)
         beyond = where - target
         if how == STOPPED:
             low = trial
@@ -139,9 +141,9 @@ def _highest_stop(
 def _meeting(v_0: float, v_1: float, beyond_0: float, beyond_1: float, dead_time: float) -> float:
     """Speed whose stop ends close before the target, from two stops and how far beyond they end.
 
-    Between them the way grows as dead time * v + c v².
+    Between them the distance grows as dead time * v + c v².
     """
     c = (beyond_1 - beyond_0 - dead_time * (v_1 - v_0)) / (v_1 * v_1 - v_0 * v_0)
-    way = c * v_1 * v_1 + dead_time * v_1 - beyond_1 - 0.5 * _STOP_ERROR
-    root = dead_time * dead_time + 4.0 * c * way
-    return float(2.0 * way / (dead_time + np.sqrt(root))) if root > 0.0 else 0.0
+    distance = c * v_1 * v_1 + dead_time * v_1 - beyond_1 - 0.5 * _STOP_ERROR
+    root = dead_time * dead_time + 4.0 * c * distance
+    return float(2.0 * distance / (dead_time + np.sqrt(root))) if root > 0.0 else 0.0

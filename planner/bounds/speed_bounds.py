@@ -13,19 +13,19 @@ ahead, in :mod:`planner.bounds.closed_form_stop` and, stop by stop, in
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from models.parameters import Model
 from planner.bounds.closed_form_stop import stopping_bound
 from planner.bounds.integrated_stop import integrated_bound
-from planner.bounds.pointwise import HOLDING as HOLDING
-from planner.bounds.pointwise import pointwise_bounds
-from planner.ground.braking_ground import Ground
+from planner.bounds.pointwise import PointwiseBounds, pointwise_bounds
+from planner.bounds.stopping_path import StopProblem
+from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Floats, Ints, inlined, kernel, row_pass
-from planner.kernels.limits import PlanningLimits as PlanningLimits
-from planner.kernels.limits import numbers as numbers
+from planner.kernels.limits import planning_limits
 from planner.kernels.workspace import empty
 from planner.limiting import Limiting
 
@@ -70,7 +70,7 @@ class SpeedBounds:
 
 def speed_bounds(
     profile: TerrainProfile,
-    ground: Ground,
+    ground: BrakingGround,
     model: Model,
     clear: Floats,
     speed_limit: Floats | None = None,
@@ -86,40 +86,29 @@ def speed_bounds(
     """
     shape = profile.grade.shape
     speed_sq_max, accel_max, demand, codes = empty(4, *shape)
-    limiting = codes.view(np.int64)
     barrier, barrier_station, loads_at_risk = (np.empty(shape[1], np.int64) for _ in range(3))
-    scalars = numbers(model)
-    pointwise_bounds(
-        profile.sin_grade, profile.sin_roll, profile.curvature, profile.known, profile.count,
-        ground.lower_slope, ground.lower_intercept, ground.upper_slope, ground.upper_intercept,
-        ground.slowest, ground.fastest, ground.trained,
-        np.empty((0, 0)) if speed_limit is None else speed_limit, scalars,
-        speed_sq_max, limiting, accel_max, demand, barrier, barrier_station, loads_at_risk,
+    found = PointwiseBounds(
+        speed_sq_max, codes.view(np.int64), accel_max, demand, barrier, barrier_station,
+        loads_at_risk,
     )  # fmt: skip
+    terrain, forces, limits = profile.rows, ground.forces, planning_limits(model)
+    own_limits = np.empty((0, 0)) if speed_limit is None else speed_limit
+    pointwise_bounds(terrain, forces, own_limits, limits, found)
     clear_distance = _clear_distance(profile, clear, barrier, barrier_station)
-    target = clear_distance - ground.distance_offset - STOP_GUARD
+    problem = StopProblem(terrain, forces, clear_distance - ground.distance_offset - STOP_GUARD)
     # Drag may allow more than the closed form, which knows of none: those stops are tried for.
     drags = ground.motion.viscous + ground.motion.turning + ground.motion.drag
-    tried = (limiting.copy(), speed_sq_max.copy()) if drags + ground.motion.wind_drag > 0.0 else ()
-    stopping_bound(
-        profile.station, profile.grade, profile.sin_grade, profile.known, profile.count,
-        ground.lower_slope, ground.lower_intercept, ground.dead_time, ground.slowest,
-        target, barrier, barrier_station, scalars.speed, float(ground.dead_time.max()),
-        speed_sq_max, limiting,
-    )  # fmt: skip
+    helped = drags + ground.motion.wind_drag > 0.0
+    tried = (found.limiting.copy(), speed_sq_max.copy()) if helped else ()
+    stopping_bound(problem, limits.speed, float(ground.dead_time.max()), found)
     integrated = np.flatnonzero(loads_at_risk if ground.closed_form else np.ones(shape[1]))
     if len(integrated) > 0:
-        for array, standing in zip((limiting, speed_sq_max), tried, strict=False):
+        for array, standing in zip((found.limiting, speed_sq_max), tried, strict=False):
             np.copyto(array, standing, where=speed_sq_max > 0.0)
-        integrated_bound(
-            integrated, target, profile.count, profile.station, profile.grade, profile.sin_grade,
-            profile.sin_roll, profile.curvature, profile.heading_x, profile.heading_y,
-            ground.lower_slope, ground.lower_intercept, ground.upper_slope, ground.upper_intercept,
-            ground.slowest, ground.dead_time, ground.motion, scalars, speed_sq_max, limiting,
-        )  # fmt: skip
-    _keep_chords_below(speed_sq_max, limiting, barrier)
+        integrated_bound(integrated, problem, ground.motion, limits, found)
+    _keep_chords_below(speed_sq_max, found.limiting, barrier)
     return SpeedBounds(
-        speed_sq_max, limiting, accel_max, demand, clear_distance, barrier, barrier_station
+        speed_sq_max, found.limiting, accel_max, demand, clear_distance, barrier, barrier_station
     )
 
 
@@ -133,6 +122,31 @@ def _clear_distance(
     return np.minimum(reach, clear)
 
 
+class _Rows(NamedTuple):
+    """v² of a row and of the next two, labels of a row and of the next, (M,) each."""
+
+    here: Floats
+    ahead: Floats
+    beyond: Floats
+    label: Ints
+    label_ahead: Ints
+
+
+class _Chords(NamedTuple):
+    """What is carried from row to row, (M,) each.
+
+    Attributes:
+        previous, bend_before: bound and its bend in the row before.
+        stop: station at which the candidate comes to its stop.
+        barrier: what ends its clear distance.
+    """
+
+    previous: Floats
+    bend_before: Floats
+    stop: Ints
+    barrier: Ints
+
+
 @kernel
 def _keep_chords_below(speed_sq_max: Floats, limiting: Ints, barrier: Ints) -> None:
     """Lower a convex stopping path at its stations until v² linear between them stays below it.
@@ -140,17 +154,16 @@ def _keep_chords_below(speed_sq_max: Floats, limiting: Ints, barrier: Ints) -> N
     The last station that is not below zero then becomes the one to stop at.
     """
     stations, candidates = speed_sq_max.shape
-    previous = speed_sq_max[0].copy()
-    bend_before = np.zeros(candidates)
-    stop = np.full(candidates, stations)
+    chords = _Chords(
+        speed_sq_max[0].copy(), np.zeros(candidates), np.full(candidates, stations), barrier
+    )
     for k in range(stations):
         ahead, beyond = min(k + 1, stations - 1), min(k + 2, stations - 1)
-        stops = _lower_row(
-            k, k + 1 < stations, speed_sq_max[ahead], speed_sq_max[beyond], limiting[ahead],
-            barrier, stop, previous, bend_before, speed_sq_max[k], limiting[k],
-        )  # fmt: skip
-        if stops > 0 and k > 0:
-            _stop_before(k, stop, barrier, speed_sq_max[k - 1], limiting[k - 1])
+        rows = _Rows(
+            speed_sq_max[k], speed_sq_max[ahead], speed_sq_max[beyond], limiting[k], limiting[ahead]
+        )
+        if _lower_row(k, k + 1 < stations, rows, chords) > 0 and k > 0:
+            _stop_before(k, speed_sq_max[k - 1], limiting[k - 1], chords)
 
 
 @inlined
@@ -159,15 +172,15 @@ def _looks_ahead(label: int) -> bool:
 
 
 @row_pass
-def _lower_row(
-    k: int, has_ahead: bool, row_ahead: Floats, row_beyond: Floats, label_ahead: Ints,
-    barrier: Ints, stop: Ints, previous: Floats, bend_before: Floats,
-    speed_sq_max: Floats, limiting: Ints,
-) -> int:  # fmt: skip
-    """Lower one row; notes in ``stop`` and counts which candidates come to their stop in it."""
+def _lower_row(k: int, has_ahead: bool, rows: _Rows, chords: _Chords) -> int:
+    """Lower row k; notes in ``chords.stop`` and counts which candidates come to their stop."""
+    row, row_label = rows.here, rows.label
+    row_ahead, label_ahead, row_beyond = rows.ahead, rows.label_ahead, rows.beyond
+    previous, bend_before = chords.previous, chords.bend_before
+    stop, barrier = chords.stop, chords.barrier
     stops = 0
-    for j in range(speed_sq_max.shape[0]):
-        here, label, end = speed_sq_max[j], limiting[j], barrier[j]
+    for j in range(row.shape[0]):
+        here, label, end = row[j], row_label[j], barrier[j]
         ahead = max(row_ahead[j], 0.0) if has_ahead else here
         beyond = max(row_beyond[j], 0.0) if has_ahead else here
         # Steps of bounds that do not look ahead hold between stations already.
@@ -184,16 +197,17 @@ def _lower_row(
         before = stop[j] > k
         stays = before & (lowered > 0.0)
         comes = before & (lowered <= 0.0)
-        speed_sq_max[j] = lowered if stays else 0.0
-        limiting[j] = label if stays else end
+        row[j] = lowered if stays else 0.0
+        row_label[j] = label if stays else end
         stop[j] = k if comes else stop[j]
         stops += 1 if comes else 0
     return stops
 
 
 @row_pass
-def _stop_before(k: int, stop: Ints, barrier: Ints, speed_sq_max: Floats, limiting: Ints) -> None:
+def _stop_before(k: int, row: Floats, row_label: Ints, chords: _Chords) -> None:
+    stop, barrier = chords.stop, chords.barrier
     for j in range(stop.shape[0]):
-        bound, label, end = speed_sq_max[j], limiting[j], barrier[j]
-        speed_sq_max[j] = 0.0 if stop[j] == k else bound
-        limiting[j] = end if stop[j] == k else label
+        bound, label, end = row[j], row_label[j], barrier[j]
+        row[j] = 0.0 if stop[j] == k else bound
+        row_label[j] = end if stop[j] == k else label

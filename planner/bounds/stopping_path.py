@@ -18,10 +18,12 @@ import numpy as np
 from models.effects import registry
 from models.effects.registry import Motion
 from models.quantity import GRAVITY
+from planner.ground.forces import Forces
+from planner.ground.terrain_profile import TerrainRows
 from planner.kernels.compiled import Floats, inlined
 
 STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)
-"""How a integrated stop ends."""
+"""How an integrated stop ends."""
 
 _SUBSTEPS = 2
 _motion_deceleration = inlined(registry.motion_deceleration)
@@ -49,12 +51,27 @@ def onset_speed(speed_part: float, intercept_part: float, slowest: float) -> flo
     return float(speed)
 
 
+class StopProblem(NamedTuple):
+    """What both ways to a stopping bound are asked.
+
+    Attributes:
+        terrain, forces: of M candidates with up to N stations.
+        target: (M,) the vehicle must stand here [m].
+    """
+
+    terrain: TerrainRows
+    forces: Forces
+    target: Floats
+
+
 class StopPath(NamedTuple):
     """One path as a stop is integrated along it; arrays are (N,).
 
     Attributes:
         station, grade, sin_grade: terrain.
-        lower_slope, lower_intercept, upper_slope, upper_intercept: parts of both forces.
+        lower_slope, lower_intercept, upper_slope, upper_intercept: both bounds of the force.
+        dead_time: from command to onset [s].
+        slowest: speed below which the force no longer changes [m/s].
         upright: cos(roll) cos(grade).
         side_speed_sq: highest v² that keeps both sides loaded.
         bend: |curvature| [1/m].
@@ -68,17 +85,34 @@ class StopPath(NamedTuple):
     lower_intercept: Floats
     upper_slope: Floats
     upper_intercept: Floats
+    dead_time: Floats
+    slowest: Floats
     upright: Floats
     side_speed_sq: Floats
     bend: Floats
     yaw: Floats
 
 
+class StopConditions(NamedTuple):
+    """What a stop has to keep, and what acts on it beside the path.
+
+    Attributes:
+        target: the vehicle must stand here [m].
+        motion: effects.
+        rear_lever: cg_z / (L − cg_x).
+        min_load: share of its static load that the rear axle must keep.
+    """
+
+    target: float
+    motion: Motion
+    rear_lever: float
+    min_load: float
+
+
 @inlined
 def integrate_stop(
-    k: int, speed: float, target: float, count: int, path: StopPath, slowest: float,
-    dead_time: float, motion: Motion, rear_lever: float, min_load: float,
-) -> tuple[int, float, float]:  # fmt: skip
+    k: int, speed: float, path: StopPath, conditions: StopConditions
+) -> tuple[int, float, float]:
     """March one emergency stop from station k along a path.
 
     Within a step the deceleration is that of its middle, so v² is linear: exact for forces that are
@@ -87,81 +121,34 @@ def integrate_stop(
     Args:
         k: station of the stop command.
         speed: speed there [m/s].
-        target: the vehicle must stand here [m].
-        count: stations of the path.
-        path: terrain and forces along it.
-        slowest: speed below which the coefficients no longer change [m/s].
-        dead_time: from command to onset [s].
-        motion: effects.
-        rear_lever: cg_z / (L − cg_x).
-        min_load: share of its static load that the rear axle must keep.
+        path: terrain and forces along it, (N,) each.
+        conditions: target, effects and loads to keep.
 
     Returns:
         How it ends, where [m], and the least rear load share on the way. Where an overrun ends is
         extrapolated from the first station behind the target.
     """
-    station, grade, sin_grade, upright = path.station, path.grade, path.sin_grade, path.upright
-    lower_slope, lower_intercept = path.lower_slope, path.lower_intercept
-    upper_slope, upper_intercept = path.upper_slope, path.upper_intercept
-    side_speed_sq = path.side_speed_sq
-    onset = station[k] + speed * dead_time
-    v_i = max(speed, slowest)
+    station, motion, target = path.station, conditions.motion, conditions.target
+    count = station.shape[0]
+    v_i = max(speed, path.slowest[k])
     energy = speed * speed
-    least = np.inf
-    i = k
-    while i + 1 < count and station[i + 1] <= onset:
-        if energy > side_speed_sq[i] or energy > side_speed_sq[i + 1]:
-            return SIDE_LOAD, station[i], least
-        least = min(least, upright[i] + rear_lever * sin_grade[i])
-        i += 1
-    if energy > side_speed_sq[i]:
+    s = station[k] + speed * path.dead_time[k]
+    i, least = _hold_speed(k, s, energy, path, conditions.rear_lever)
+    if energy > path.side_speed_sq[i] or (i + 1 < count and _side_lifts(i, s, energy, path)):
         return SIDE_LOAD, station[i], least
-    s = onset
-    lagged = motion.lag > 0.0
-    moved = motion.viscous + motion.turning + motion.drag + motion.wind_drag > 0.0
-    force = 0.0
-    heat = motion.heat
-    previous = 0.0
+    force, heat, previous = 0.0, motion.heat, 0.0
     while i + 1 < count:
         length = station[i + 1] - station[i]
-        turn = grade[i + 1] - grade[i]
         while s < station[i + 1]:
             piece = min(station[i + 1] - s, max(length / _SUBSTEPS, 1e-3))
-            if lagged:
+            if motion.lag > 0.0:
                 piece = min(piece, max(0.2 * motion.lag * np.sqrt(energy), 1e-3))
             u = (s + 0.5 * piece - station[i]) / length
-            w = 1.0 - u
-            wanted = v_i * (w * lower_slope[i] + u * lower_slope[i + 1])
-            wanted += w * lower_intercept[i] + u * lower_intercept[i + 1]
-            sine = (w * sin_grade[i] + u * sin_grade[i + 1]) * (1.0 + 0.5 * u * w * turn * turn)
-            up = w * upright[i] + u * upright[i + 1]
-            middle_sq = max(energy - previous * piece, 0.0)
-            middle = np.sqrt(middle_sq)
-            applied = wanted
-            seconds = piece / max(middle, 1e-3)
-            if lagged:
-                decay = np.exp(-0.5 * seconds / motion.lag)
-                applied = wanted + (force - wanted) * decay
-                force = wanted + (force - wanted) * decay * decay
-            if motion.fade > 0.0:
-                applied /= 1.0 + motion.fade * heat
-            applied = min(applied, motion.friction * up)
-            if motion.fade > 0.0:
-                heat += GRAVITY * max(applied, 0.0) * piece - heat * min(
-                    seconds / motion.fade_tau, 1.0
-                )
-            a = GRAVITY * (applied + sine)
-            strong = v_i * (w * upper_slope[i] + u * upper_slope[i + 1])
-            strong += w * upper_intercept[i] + u * upper_intercept[i + 1]
-            strong = min(strong, motion.friction * up)
-            if moved:
-                bend = w * path.bend[i] + u * path.bend[i + 1]
-                yaw = w * path.yaw[i] + u * path.yaw[i + 1]
-                a += _motion_deceleration(middle, bend, yaw, motion)
-                drag = _motion_deceleration(np.sqrt(energy), bend, yaw, motion)
-                strong += max(drag, 0.0) / GRAVITY
-            least = min(least, up - rear_lever * strong)
-            if least < min_load:
+            a, share, force, heat = _brake(
+                i, u, piece, v_i, (energy, previous, force, heat), path, conditions
+            )
+            least = min(least, share)
+            if least < conditions.min_load:
                 return REAR_LOAD, s, least
             after = energy - 2.0 * a * piece
             if after <= 0.0 and a > 0.0:
@@ -171,9 +158,80 @@ def integrate_stop(
             previous = a
             s = s + piece if piece < station[i + 1] - s else station[i + 1]
         if s > target:
-            way = energy / (2.0 * previous) if previous > 0.0 else np.inf
-            return OVERRUN, s + way, least
-        if energy > side_speed_sq[i + 1]:
+            left = energy / (2.0 * previous) if previous > 0.0 else np.inf
+            return OVERRUN, s + left, least
+        if energy > path.side_speed_sq[i + 1]:
             return SIDE_LOAD, s, least
         i += 1
     return OVERRUN, s, least
+
+
+@inlined
+def _hold_speed(
+    k: int, onset: float, energy: float, path: StopPath, rear_lever: float
+) -> tuple[int, float]:
+    """Drive at held speed up to the onset, or to where a side lifts.
+
+    Returns:
+        The segment that this is in, and the least rear load share before it.
+    """
+    least = np.inf
+    i = k
+    while i + 1 < path.station.shape[0] and path.station[i + 1] <= onset:
+        if energy > path.side_speed_sq[i] or energy > path.side_speed_sq[i + 1]:
+            break
+        least = min(least, path.upright[i] + rear_lever * path.sin_grade[i])
+        i += 1
+    return i, least
+
+
+@inlined
+def _side_lifts(i: int, onset: float, energy: float, path: StopPath) -> bool:
+    """At the held speed, before the end of a segment that it is driven to."""
+    return bool(path.station[i + 1] <= onset and energy > path.side_speed_sq[i + 1])
+
+
+@inlined
+def _brake(
+    i: int, u: float, piece: float, v_i: float, state: tuple[float, float, float, float],
+    path: StopPath, conditions: StopConditions,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """One piece of a stop, by what acts in its middle, at share u of segment i.
+
+    Args:
+        state: v² before the piece, deceleration before it, force built up, heat of the brakes.
+
+    Returns:
+        Deceleration [m/s²], rear load share, force built up, heat of the brakes.
+    """
+    motion = conditions.motion
+    energy, previous, force, heat = state
+    w = 1.0 - u
+    wanted = v_i * (w * path.lower_slope[i] + u * path.lower_slope[i + 1])
+    wanted += w * path.lower_intercept[i] + u * path.lower_intercept[i + 1]
+    turn = path.grade[i + 1] - path.grade[i]
+    sine = w * path.sin_grade[i] + u * path.sin_grade[i + 1]
+    sine *= 1.0 + 0.5 * u * w * turn * turn
+    up = w * path.upright[i] + u * path.upright[i + 1]
+    middle = np.sqrt(max(energy - previous * piece, 0.0))
+    applied = wanted
+    seconds = piece / max(middle, 1e-3)
+    if motion.lag > 0.0:
+        decay = np.exp(-0.5 * seconds / motion.lag)
+        applied = wanted + (force - wanted) * decay
+        force = wanted + (force - wanted) * decay * decay
+    if motion.fade > 0.0:
+        applied /= 1.0 + motion.fade * heat
+    applied = min(applied, motion.friction * up)
+    if motion.fade > 0.0:
+        heat += GRAVITY * max(applied, 0.0) * piece - heat * min(seconds / motion.fade_tau, 1.0)
+    a = GRAVITY * (applied + sine)
+    upper = v_i * (w * path.upper_slope[i] + u * path.upper_slope[i + 1])
+    upper += w * path.upper_intercept[i] + u * path.upper_intercept[i + 1]
+    upper = min(upper, motion.friction * up)
+    if motion.viscous + motion.turning + motion.drag + motion.wind_drag > 0.0:
+        bend = w * path.bend[i] + u * path.bend[i + 1]
+        yaw = w * path.yaw[i] + u * path.yaw[i + 1]
+        a += _motion_deceleration(middle, bend, yaw, motion)
+        upper += max(_motion_deceleration(np.sqrt(energy), bend, yaw, motion), 0.0) / GRAVITY
+    return a, up - conditions.rear_lever * upper, force, heat

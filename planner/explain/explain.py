@@ -20,7 +20,7 @@ from models.parameters import Model
 from planner.explain.measurements import MEASURABLE
 from planner.explain.relaxed import without
 from planner.explain.what_if import Question, WhatIf
-from planner.ground.braking_ground import Conditions
+from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
@@ -107,7 +107,7 @@ def explain(
     uncertainty: Uncertainty | None = None,
     start_speed: float = 0.0,
     clear: float = np.inf,
-    conditions: Conditions | None = None,
+    conditions: GroundConditions | None = None,
 ) -> Explanation:
     """Plan one candidate, and again with each bound lifted and with each thing known better.
 

@@ -14,13 +14,13 @@ import numpy as np
 
 from models.parameters import Model
 from planner.bounds.speed_bounds import speed_bounds
-from planner.ground.braking_ground import Conditions, Ground, ground_along
+from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.surface_table import resolve_surface
 from planner.ground.terrain_profile import terrain_profile
 from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import Floats
-from planner.kernels.limits import numbers
+from planner.kernels.limits import planning_limits
 from planner.path import CandidatePath, batch
 from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.plan import SpeedPlan
@@ -69,7 +69,7 @@ class WhatIf:
         *,
         settings: PlannerSettings | None = None,
         start_speed: float = 0.0,
-        conditions: Conditions | None = None,
+        conditions: GroundConditions | None = None,
     ) -> None:
         """Sample the terrain.
 
@@ -114,7 +114,7 @@ class WhatIf:
             ground = _stopping_at_once(ground)
         limit = self._limit if question.path_limits else None
         bounds = speed_bounds(profile, ground, model, np.array([question.clear]), limit)
-        scalars = numbers(model)
+        scalars = planning_limits(model)
         speed_sq, reachable = time_optimal_profile(
             profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
             ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
@@ -137,7 +137,7 @@ def _learned_surface(model: Model, name: str) -> str:
     return surfaces[0] if len(surfaces) == 1 else ""
 
 
-def _stopping_at_once(ground: Ground) -> Ground:
+def _stopping_at_once(ground: BrakingGround) -> BrakingGround:
     """Ground on which stops take no way; the stronger force, which decides loads, is kept."""
 
     def nothing(array: Floats) -> Floats:

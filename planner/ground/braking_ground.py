@@ -1,10 +1,10 @@
 """Braking force that the ground of each station offers: the model, the surface and its effects.
 
-Two forces are kept. Where surfaces meet, or where the model extrapolates, the *weaker* one decides
-where the vehicle stops and the *stronger* one whether it tips; elsewhere they are the same. Either
-is linear in the speed at brake onset: F_b/W = speed_part * v_i + intercept_part. Where friction
-caps the
-force at some trained speed, both are constants: the least and the most that it can then be.
+Two bounds of the force are kept. Where surfaces meet, or where the model extrapolates, the *lower*
+one decides where the vehicle stops and the *upper* one whether it tips; elsewhere they are the
+same. Either is linear in the speed at brake onset: F_b/W = slope * v_i + intercept. Where friction
+caps the force at some trained speed, both slopes are 0: the intercepts are the least and the most
+that it can then be.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.ground.crests import over_crests
 from planner.ground.force_margins import capped, ground_terms, widened
-from planner.ground.forces import on_many_surfaces, on_one_surface
+from planner.ground.forces import Forces, on_many_surfaces, on_one_surface
 from planner.ground.surface_cache import surface_cache_of
-from planner.ground.surface_table import resolve_surface as resolve_surface
 from planner.ground.surface_table import surface_bits
 from planner.ground.terrain_profile import TerrainProfile
 from planner.ground.uncertainty import Uncertainty
@@ -28,7 +27,7 @@ from planner.kernels.compiled import Bools, Floats
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
+class GroundConditions:
     """What the planner knows of the moment, beside map and model.
 
     Attributes:
@@ -41,12 +40,12 @@ class Conditions:
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class BrakingGround:
     """Braking along M candidates of up to N stations; arrays are (N, M) unless said otherwise.
 
     Attributes:
-        lower_slope, lower_intercept: parts of the weaker F_b/W [s/m], [1].
-        upper_slope, upper_intercept: parts of the stronger F_b/W [s/m], [1].
+        lower_slope, lower_intercept: of the lower bound of F_b/W [s/m], [1].
+        upper_slope, upper_intercept: of the upper bound of F_b/W [s/m], [1].
         dead_time: from stop command to onset [s].
         slowest: speed below which the coefficients no longer change [m/s].
         fastest: highest trained speed [m/s].
@@ -71,8 +70,16 @@ class Ground:
     closed_form: bool
 
     @property
+    def forces(self) -> Forces:
+        """The arrays for kernels."""
+        return Forces(
+            self.lower_slope, self.lower_intercept, self.upper_slope, self.upper_intercept,
+            self.dead_time, self.slowest, self.fastest, self.trained, self.distance_offset,
+        )  # fmt: skip
+
+    @property
     def braking_intercept(self) -> Floats:
-        """Rest part of the force that planned braking may count on, (N, M)."""
+        """Intercept of the force that planned braking may count on, (N, M) [1]."""
         return (
             self.lower_intercept + self.push
             if self.motion.wind_drag > 0.0
@@ -84,9 +91,9 @@ def ground_along(
     profile: TerrainProfile,
     model: Model,
     class_names: tuple[str, ...] = ("",),
-    conditions: Conditions | None = None,
+    conditions: GroundConditions | None = None,
     uncertainty: Uncertainty | None = None,
-) -> Ground:
+) -> BrakingGround:
     """Braking force along candidates.
 
     Args:
@@ -96,7 +103,7 @@ def ground_along(
         conditions: session time and brake heat; both zero if left out.
         uncertainty: what to survive; left out, the model's mean counts.
     """
-    now = conditions or Conditions()
+    now = conditions or GroundConditions()
     braking = model.braking
     known = surface_cache_of(model, class_names, uncertainty)
     table = known.table
@@ -134,4 +141,4 @@ def ground_along(
     if known.crests is not None:
         lever = model.vehicle.cg_z / (model.vehicle.wheelbase - model.vehicle.cg_x)
         forces = over_crests(forces, profile, known.crests, lever, lagged=motion.lag > 0.0)
-    return Ground(*forces, push, motion, known.closed_form)
+    return BrakingGround(*forces, push, motion, known.closed_form)

@@ -25,7 +25,7 @@ from planner.kernels.workspace import empty
 
 
 class Forces(NamedTuple):
-    """The first arrays of :class:`planner.ground.braking_ground.Ground`, in its order."""
+    """The first arrays of :class:`planner.ground.braking_ground.BrakingGround`, in its order."""
 
     lower_slope: Floats
     lower_intercept: Floats

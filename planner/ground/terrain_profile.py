@@ -8,15 +8,32 @@ the other three) is left to the suspension.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.footprint import POINTS, offset, on_grid
-from planner.ground.surface_bits import MAX_CLASSES as MAX_CLASSES
 from planner.ground.surface_bits import surfaces_under_wheels
 from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel, row_pass
 from planner.kernels.workspace import empty
+
+
+class TerrainRows(NamedTuple):
+    """What kernels read of a :class:`TerrainProfile`, under the same names; see there.
+
+    Arrays are (N, M), ``count`` is (M,).
+    """
+
+    count: Ints
+    station: Floats
+    heading_x: Floats
+    heading_y: Floats
+    curvature: Floats
+    grade: Floats
+    sin_grade: Floats
+    sin_roll: Floats
+    known: Bools
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +66,14 @@ class TerrainProfile:
     sin_roll: Floats
     known: Bools
     surfaces: Ints
+
+    @property
+    def rows(self) -> TerrainRows:
+        """The arrays for kernels."""
+        return TerrainRows(
+            self.count, self.station, self.heading_x, self.heading_y, self.curvature,
+            self.grade, self.sin_grade, self.sin_roll, self.known,
+        )  # fmt: skip
 
     @property
     def roll(self) -> Floats:

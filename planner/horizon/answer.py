@@ -96,7 +96,7 @@ class Deficit:
     Attributes:
         amount: by how much, in the unit of the bound.
         distance: from the vehicle to where that is, along the plan [m].
-        bound: what is breached, as in :class:`planner.verify.judge.Offence`.
+        bound: what is breached, as in :class:`planner.verify.judge.Violations`.
     """
 
     amount: float

@@ -27,7 +27,7 @@ from planner.path import PathBatch, joined
 from planner.pipeline.candidates import TimeOptimalBatch
 from planner.plan import SpeedPlan, Status
 from planner.verify.batch_judge import screen
-from planner.verify.judge import Offence
+from planner.verify.judge import Violations
 
 _SAFE = (Status.OK, Status.BLOCKED)
 
@@ -311,4 +311,4 @@ def _objection(worst: Floats, too_fast: bool) -> str:
     if too_fast:
         return "starts faster than service braking can bring down"
     kind = int(np.argmax(worst))
-    return f"{Offence._fields[kind]} by {worst[kind]:.3g}"
+    return f"{Violations._fields[kind]} by {worst[kind]:.3g}"

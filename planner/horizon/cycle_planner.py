@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from models.parameters import Model
-from planner.ground.braking_ground import Conditions
+from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import stations_along
 from planner.ground.uncertainty import Uncertainty
@@ -50,7 +50,7 @@ class CyclePlanner:
 
     equipment: Equipment
     elevation_map: ElevationMap
-    conditions: Conditions | None
+    conditions: GroundConditions | None
     begun: float
 
     def late(self) -> bool:

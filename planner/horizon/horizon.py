@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 
 from models.parameters import Model
-from planner.ground.braking_ground import Conditions
+from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
 from planner.horizon.answer import Answer, State
@@ -23,7 +23,7 @@ from planner.horizon.continuation import Driven
 from planner.horizon.cycle import Cycle, checked_clear
 from planner.horizon.cycle_planner import CyclePlanner, Equipment
 from planner.kernels.compiled import Floats
-from planner.kernels.limits import numbers
+from planner.kernels.limits import planning_limits
 from planner.path import CandidatePath, PathBatch, batch
 from planner.settings import PlannerSettings
 
@@ -61,7 +61,7 @@ class Horizon:
         self.uncertainty = uncertainty or self.uncertainty
         cautious = self.uncertainty.cautious(model)
         self._equipment = Equipment(
-            cautious, numbers(cautious), self.uncertainty, self.settings, self.planner
+            cautious, planning_limits(cautious), self.uncertainty, self.settings, self.planner
         )
 
     def forget(self) -> None:
@@ -75,7 +75,7 @@ class Horizon:
         elevation_map: ElevationMap,
         *,
         clear: float | Floats = np.inf,
-        conditions: Conditions | None = None,
+        conditions: GroundConditions | None = None,
     ) -> Answer:
         """One cycle.
 

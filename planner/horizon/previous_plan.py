@@ -19,7 +19,7 @@ from planner.path import PathBatch
 from planner.pipeline.candidates import TimeOptimalBatch
 from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.plan import SpeedPlan, Status
-from planner.verify.judge import Offence
+from planner.verify.judge import Violations
 
 _LONG = 0.5
 """A plan that takes longer than that to the next station crawls [s]."""
@@ -161,7 +161,7 @@ class PreviousPlanFollower:
         kind = int(np.argmax(verdict.violation))
         k = int(verdict.where[0]) if len(verdict.where) else 0
         distance = float(plan.station[i + k]) - self.driven.station_at(self.place)
-        name = Offence._fields[kind]
+        name = Violations._fields[kind]
         return None, Deficit(float(verdict.violation[kind]), max(distance, 0.0), name)
 
     def stop(self, why: str) -> Driven | None:

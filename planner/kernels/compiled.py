@@ -33,20 +33,27 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function, or a law of `models`, so that a kernel can call it at no cost."""
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
+    """Compile a function, or a law of `models`, so that a kernel can call it at no cost.
+
+    It borrows its arrays and does not count references to them, which would cost more than many a
+    function's work. So it allocates nothing, and returns arrays to its like only, never to a
+    kernel.
+    """
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)(
+        function
+    )
     return cast(Callable[P, R], compiled)
 
 
 def row_pass(function: Callable[P, R]) -> Callable[P, R]:
     """Compile one pass along a row, a lane for each candidate, to run on many lanes at once.
 
-    For that its loop has no branch, reads all it needs before it chooses, and takes rows as they
+    It borrows its arrays like what is :func:`inlined`. For many lanes its loop has no branch, reads all it needs before it chooses, and takes rows as they
     lie in memory: `a = rows[0]`, where `a, b = rows` would give strided ones. A product and its sum
     are one instruction with one rounding; NaN keeps its meaning.
     """
     compiled: Any = numba.njit(
-        nogil=True, error_model="numpy", forceinline=True, fastmath={"contract"}
+        nogil=True, error_model="numpy", forceinline=True, _nrt=False, fastmath={"contract"}
     )(function)
     return cast(Callable[P, R], compiled)
 

@@ -34,7 +34,7 @@ class PlanningLimits(NamedTuple):
     lateral_accel: float
 
 
-def numbers(model: Model) -> PlanningLimits:
+def planning_limits(model: Model) -> PlanningLimits:
     """Collect the scalars of a model."""
     vehicle, limits, terrain = model.vehicle, model.limits, model.terrain
     weight = vehicle.mass * GRAVITY

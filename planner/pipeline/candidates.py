@@ -13,12 +13,13 @@ import numpy as np
 
 from models.errors import ParameterError
 from models.parameters import Model
-from planner.bounds.speed_bounds import PlanningLimits, SpeedBounds, numbers, speed_bounds
-from planner.ground.braking_ground import Conditions, Ground, ground_along
+from planner.bounds.speed_bounds import SpeedBounds, speed_bounds
+from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import Floats, Ints, kernel
+from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.path import CandidatePath, PathBatch, batch
 from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.plan import SpeedPlan, Status
@@ -40,7 +41,7 @@ class TimeOptimalBatch:
     """
 
     profile: TerrainProfile
-    ground: Ground
+    ground: BrakingGround
     bounds: SpeedBounds
     speed_sq: Floats
     reachable_start_sq: Floats
@@ -58,7 +59,7 @@ def time_optimal_batch(
     clear: float | Floats = np.inf,
     speed_limit: Floats | None = None,
     settings: PlannerSettings | None = None,
-    conditions: Conditions | None = None,
+    conditions: GroundConditions | None = None,
     uncertainty: Uncertainty | None = None,
 ) -> TimeOptimalBatch:
     """Time-optimal profiles along candidates that are on even stations already.
@@ -84,7 +85,7 @@ def time_optimal_batch(
     speed_sq, reachable = time_optimal_profile(
         profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
         ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
-        np.full(candidates, np.square(start_speed)), numbers(model),
+        np.full(candidates, np.square(start_speed)), planning_limits(model),
     )  # fmt: skip
     cost = ranking_cost(profile.station, speed_sq, settings or PlannerSettings())
     return TimeOptimalBatch(profile, ground, bounds, speed_sq, reachable, cost)
@@ -132,7 +133,7 @@ class CandidatePlanner:
         self.model = model if uncertainty is None else uncertainty.cautious(model)
         self.uncertainty = uncertainty
         self.settings = settings or PlannerSettings()
-        self.scalars: PlanningLimits = numbers(self.model)
+        self.scalars: PlanningLimits = planning_limits(self.model)
 
     def plan(
         self,
@@ -141,7 +142,7 @@ class CandidatePlanner:
         *,
         start_speed: float = 0.0,
         clear: float = np.inf,
-        conditions: Conditions | None = None,
+        conditions: GroundConditions | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> list[SpeedPlan]:
         """A verified plan for every path, in the order given.

@@ -11,7 +11,7 @@ import numpy as np
 from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.bounds.speed_bounds import SpeedBounds
-from planner.ground.braking_ground import Ground
+from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Floats, Ints
 from planner.kernels.limits import PlanningLimits
@@ -20,7 +20,7 @@ from planner.pipeline import labels
 from planner.plan import SpeedPlan, Status, motion_of
 from planner.profile.smoothing import SmoothingProblem, smooth
 from planner.profile.time_optimal import time_optimal_profile
-from planner.verify.judge import Verdict, check
+from planner.verify.judge import Judgement, check
 from planner.verify.track import track_of
 
 _REPAIRS = 12
@@ -39,7 +39,7 @@ class PlanFinalizer:
         model: Model,
         scalars: PlanningLimits,
         profile: TerrainProfile,
-        ground: Ground,
+        ground: BrakingGround,
         bounds: SpeedBounds,
         j: int,
         fixed_prefix: Floats,
@@ -139,7 +139,7 @@ class PlanFinalizer:
         return self._plan(name, status, reason, speed_sq, verdict, True)
 
     def _plan(
-        self, name: str, status: Status, reason: str, speed_sq: Floats, verdict: Verdict,
+        self, name: str, status: Status, reason: str, speed_sq: Floats, verdict: Judgement,
         smoothed: bool,
     ) -> SpeedPlan:  # fmt: skip
         track = self.track
@@ -171,7 +171,7 @@ class PlanFinalizer:
         answer = np.concatenate((self._fixed_prefix[:-1], result.speed_sq))
         return answer, "the judge found a breach"
 
-    def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Verdict:
+    def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Judgement:
         """Exact constraints of the plan."""
         return check(
             self.track, speed_sq, self.clear, self._offset, self._motion, self._model, decel=decel
@@ -228,7 +228,7 @@ class PlanFinalizer:
             case _:
                 return f"the brakes do not hold on grade {grade:.1f}° at {station:.2f} m"
 
-    def repair(self, speed_sq: Floats) -> tuple[Floats, Verdict, str]:
+    def repair(self, speed_sq: Floats) -> tuple[Floats, Judgement, str]:
         """Lower the bound where the judge objects; at last slow the whole plan down."""
         verdict = self.judge(speed_sq)
         for _ in range(_REPAIRS):
@@ -255,7 +255,7 @@ class PlanFinalizer:
         still = np.zeros_like(speed_sq)
         return still, self.judge(still), f"not driven: {name} by {worst:.3g} at any speed"
 
-    def brake_hard(self, status: Status, reason: str) -> tuple[Floats, Verdict, Status, str]:
+    def brake_hard(self, status: Status, reason: str) -> tuple[Floats, Judgement, Status, str]:
         """The start is faster than service braking can bring down: brake fully until it can."""
         station, track = self.track.station, self.track
         start_sq = float(self._fixed_prefix[0])
@@ -317,7 +317,7 @@ class PlanFinalizer:
         force += self._braking_intercept[k]
         return float(GRAVITY * (force + self._sine[k]))
 
-    def _emergency(self, start_sq: float) -> tuple[Floats, Verdict, Status, str]:
+    def _emergency(self, start_sq: float) -> tuple[Floats, Judgement, Status, str]:
         """Full braking from the start, and why even that is not enough, if it is not."""
         station, n = self.track.station, self._scalars
         speed = np.sqrt(start_sq)
@@ -334,7 +334,7 @@ class PlanFinalizer:
             station = self.track.station
         moving = speed_sq > 0.0
         # It brakes already: what is left of this one stop, and its least loads.
-        verdict = Verdict(
+        verdict = Judgement(
             np.where(moving, np.maximum(stop - station, 0.0), 0.0),
             np.where(moving, verdict.rear_load[0], verdict.rear_load),
             np.where(moving, verdict.side_load[0], verdict.side_load),

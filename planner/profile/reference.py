@@ -19,7 +19,7 @@ import numpy as np
 
 from models.quantity import GRAVITY
 from planner.bounds.speed_bounds import SpeedBounds
-from planner.ground.braking_ground import Ground
+from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Bools, Floats
 from planner.kernels.limits import PlanningLimits
@@ -89,7 +89,7 @@ class Reference:
 
 def time_optimal_problem(
     profile: TerrainProfile,
-    ground: Ground,
+    ground: BrakingGround,
     bounds: SpeedBounds,
     scalars: PlanningLimits,
     candidate: int,

@@ -12,16 +12,16 @@ from models.effects import registry
 from models.effects.registry import Motion
 from models.parameters import Model
 from planner.bounds.speed_bounds import SpeedBounds
-from planner.ground.braking_ground import Ground
+from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Floats, Ints, kernel
-from planner.kernels.limits import PlanningLimits, numbers
-from planner.verify.judge import BETWEEN, TIME_STEP, Offence, judge_track
+from planner.kernels.limits import PlanningLimits, planning_limits
+from planner.verify.judge import BETWEEN, TIME_STEP, Violations, judge_track
 from planner.verify.track import Body, Track, body_of, copy_columns, survey_of
 
 
 def screen(
-    profile: TerrainProfile, ground: Ground, bounds: SpeedBounds, speed_sq: Floats, model: Model,
+    profile: TerrainProfile, ground: BrakingGround, bounds: SpeedBounds, speed_sq: Floats, model: Model,
     speed_limit: Floats | None = None,
 ) -> Floats:  # fmt: skip
     """Judge M profiles of up to N stations.
@@ -33,17 +33,17 @@ def screen(
         speed_limit: (N, M) limits of the paths themselves [m/s].
 
     Returns:
-        (M, 8) worst breaches in the order of :class:`planner.verify.judge.Offence`, 0 where none.
+        (M, 8) worst breaches in the order of :class:`planner.verify.judge.Violations`, 0 where none.
     """
     candidates = speed_sq.shape[1]
-    worst = np.zeros((candidates, len(Offence._fields)))
+    worst = np.zeros((candidates, len(Violations._fields)))
     limit = ground.fastest if speed_limit is None else np.minimum(ground.fastest, speed_limit)
     in_time = ground.motion != registry.NO_MOTION._replace(heat=ground.motion.heat)
     _screen(
         profile.count, profile.station, profile.grade, profile.sin_roll, profile.curvature,
         profile.heading_x, profile.heading_y, ground.lower_slope, ground.lower_intercept,
         ground.upper_slope, ground.upper_intercept, ground.dead_time, ground.slowest, limit,
-        speed_sq, bounds.clear_distance, ground.distance_offset, body_of(model), numbers(model),
+        speed_sq, bounds.clear_distance, ground.distance_offset, body_of(model), planning_limits(model),
         ground.motion, in_time, BETWEEN, TIME_STEP, worst,
     )  # fmt: skip
     return worst

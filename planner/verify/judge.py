@@ -17,7 +17,7 @@ from models.laws import slip_track
 from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel
-from planner.kernels.limits import PlanningLimits, numbers
+from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.limiting import Limiting
 from planner.verify.stop_by_energy import ends_before, loads_by_energy, stop_by_energy, work_up_to
 from planner.verify.stop_in_time import stop_in_time
@@ -35,7 +35,7 @@ _rim_ratio = inlined(slip_track.outer_wheel_speed_ratio)
 _motion_deceleration = inlined(registry.motion_deceleration)
 
 
-class Offence(NamedTuple):
+class Violations(NamedTuple):
     """The worst breach of one kind: by how much, in the unit of what is breached; 0 is none."""
 
     overrun: float
@@ -49,7 +49,7 @@ class Offence(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Judgement:
     """What the judge found.
 
     Attributes:
@@ -64,7 +64,7 @@ class Verdict:
     stop_distance: Floats
     rear_load: Floats
     side_load: Floats
-    violation: Offence
+    violation: Violations
     where: Ints
 
     @property
@@ -84,7 +84,7 @@ def check(
     decel: float | None = None,
     between: int = BETWEEN,
     time_step: float = TIME_STEP,
-) -> Verdict:
+) -> Judgement:
     """Judge one plan.
 
     Args:
@@ -100,9 +100,9 @@ def check(
     """
     n = len(speed_sq)
     stop_distance, rear_load, side_load = np.empty((3, n))
-    worst = np.zeros(len(Offence._fields))
+    worst = np.zeros(len(Violations._fields))
     bad = np.zeros(max(n - 1, 1), np.bool_)
-    scalars = numbers(model)
+    scalars = planning_limits(model)
     if decel is not None:
         scalars = scalars._replace(decel=decel)
     in_time = motion != registry.NO_MOTION._replace(heat=motion.heat)
@@ -110,8 +110,8 @@ def check(
         track, body_of(model), scalars, motion, in_time, speed_sq, clear_distance,
         distance_offset, between, time_step, stop_distance, rear_load, side_load, worst, bad,
     )  # fmt: skip
-    violation = Offence(*(float(w) for w in worst))
-    return Verdict(stop_distance, rear_load, side_load, violation, np.flatnonzero(bad))
+    violation = Violations(*(float(w) for w in worst))
+    return Judgement(stop_distance, rear_load, side_load, violation, np.flatnonzero(bad))
 
 
 @inlined
@@ -250,7 +250,7 @@ def _judge_segment(
     return bad
 
 
-OFFENCE_LIMITING: dict[str, Limiting] = {
+VIOLATION_LIMITING: dict[str, Limiting] = {
     "overrun": Limiting.STOPPING_PATH,
     "axle_load": Limiting.TIP_OVER,
     "side_load": Limiting.ROLLOVER,

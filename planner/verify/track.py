@@ -12,7 +12,7 @@ import numpy as np
 
 from models.laws import wheel_loads
 from models.parameters import Model
-from planner.ground.braking_ground import Ground
+from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Floats, inlined, kernel
 
@@ -84,7 +84,7 @@ class Survey(NamedTuple):
 
 def track_of(
     profile: TerrainProfile,
-    ground: Ground,
+    ground: BrakingGround,
     candidate: int,
     speed_limit: Floats | None = None,
     first: int = 0,
@@ -142,7 +142,7 @@ def body_of(model: Model) -> Body:
     return Body(v.wheelbase, v.track_width, v.cg_x, v.cg_z, rim)
 
 
-@inlined
+@kernel
 def survey_of(track: Track, body: Body, memory: Floats) -> Survey:
     """Walk a track once; ``memory`` is (8, ≥ N)."""
     n = track.station.shape[0]

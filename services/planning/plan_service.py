@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from models.errors import InputError, ParameterError
-from planner.ground.braking_ground import Conditions
+from planner.ground.braking_ground import GroundConditions
 from planner.ground.uncertainty import Uncertainty
 from planner.horizon.answer import FULL_STOP, State, command_of
 from planner.horizon.answer import Command as PlannedCommand
@@ -221,8 +221,8 @@ class PlanService:
         return [*flags, "map updates were lost"] if ground.incomplete else flags
 
 
-def _conditions(request: PlanRequest) -> Conditions:
-    return Conditions(session_time=request.session_time, brake_heat=request.brake_heat)
+def _conditions(request: PlanRequest) -> GroundConditions:
+    return GroundConditions(session_time=request.session_time, brake_heat=request.brake_heat)
 
 
 def _finite(value: float) -> float | None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import MAX_CLASSES
+from planner.ground.surface_bits import MAX_CLASSES
 from planner.kernels.compiled import Bools, Floats, Ints
 from services.io.access import fault, write_atomic
 from services.io.maps.grid import MapInfo

@@ -20,8 +20,9 @@ from models.laws import (
     wheel_loads,
 )
 from models.parameters import Model
-from planner.bounds.speed_bounds import HOLDING, STOP_GUARD, SpeedBounds, speed_bounds
-from planner.ground.braking_ground import Ground, ground_along
+from planner.bounds.pointwise import HOLDING
+from planner.bounds.speed_bounds import STOP_GUARD, SpeedBounds, speed_bounds
+from planner.ground.braking_ground import BrakingGround, ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.limiting import Limiting
@@ -29,7 +30,7 @@ from planner.path import CandidatePath, batch
 from tests.planner.scenes import G, Tables, ground_map, model_of, plane, straight, tables_with
 
 FAR = 80.0
-Bounded = tuple[TerrainProfile, Ground, SpeedBounds]
+Bounded = tuple[TerrainProfile, BrakingGround, SpeedBounds]
 
 
 def bounds_of(

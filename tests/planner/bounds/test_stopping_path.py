@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from planner.bounds.speed_bounds import STOP_GUARD, SpeedBounds, speed_bounds
 from planner.bounds.stopping_path import onset_speed
-from planner.ground.braking_ground import Ground, ground_along
+from planner.ground.braking_ground import BrakingGround, ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.limiting import Limiting
@@ -33,7 +33,7 @@ def stopping_of(
     *,
     spacing: float = 0.1,
     integrated: bool = False,
-) -> tuple[TerrainProfile, Ground, SpeedBounds]:
+) -> tuple[TerrainProfile, BrakingGround, SpeedBounds]:
     model = model_of(tables)
     side = batch([path], spacing)
     v = model.vehicle

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from models.laws import braking as law
 from models.parameters import Model
-from planner.ground.braking_ground import Conditions, Ground, ground_along, resolve_surface
+from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from planner.ground.elevation_map import ElevationMap
+from planner.ground.surface_table import resolve_surface
 from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.path import CandidatePath, batch
 from tests.planner.scenes import ground_map, model_of, plane, straight, tables_with
@@ -25,8 +26,8 @@ def ground_of(
     elevation_map: ElevationMap,
     *paths: CandidatePath,
     spacing: float = 0.25,
-    conditions: Conditions | None = None,
-) -> tuple[TerrainProfile, Ground]:
+    conditions: GroundConditions | None = None,
+) -> tuple[TerrainProfile, BrakingGround]:
     side = batch(list(paths) or [straight(16.0)], spacing)
     v = model.vehicle
     profile = terrain_profile(elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width)
@@ -242,7 +243,9 @@ def test_drift_needs_the_time_of_the_session_and_fade_its_heat() -> None:
         tables_with(("session_drift", {"k": -1e-4}), ("brake_fade", {"k": 0.01, "tau": 60.0}))
     )
     _, cold = ground_of(model, plane())
-    _, late = ground_of(model, plane(), conditions=Conditions(session_time=600.0, brake_heat=30.0))
+    _, late = ground_of(
+        model, plane(), conditions=GroundConditions(session_time=600.0, brake_heat=30.0)
+    )
     np.testing.assert_allclose(late.lower_intercept, cold.lower_intercept - 0.06, atol=1e-12)
     assert (cold.motion.heat, late.motion.heat) == (0.0, 30.0)
 

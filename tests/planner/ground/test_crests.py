@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.ground.braking_ground import Ground, ground_along
+from planner.ground.braking_ground import BrakingGround, ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.path import batch
@@ -35,7 +35,7 @@ def hill(height: float = 1.0, x: float = 9.0, width: float = 4.0) -> ElevationMa
     return ground_map(lambda e, n: height * np.exp(-(((e - x) / width) ** 2)))
 
 
-def along(tables: Tables, ground: ElevationMap) -> tuple[TerrainProfile, Ground]:
+def along(tables: Tables, ground: ElevationMap) -> tuple[TerrainProfile, BrakingGround]:
     path, model = batch([straight(18.0)], 0.25), model_of(tables)
     v = model.vehicle
     profile = terrain_profile(ground, path.x, path.y, path.count, v.wheelbase, v.track_width)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from models.errors import ParameterError
-from planner.ground.braking_ground import Conditions
+from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
@@ -349,19 +349,21 @@ def test_hot_brakes_fade_from_the_start_and_late_sessions_drift() -> None:
     )
     planner = CandidatePlanner(model_of(tables))
 
-    def bound(conditions: Conditions) -> float:
+    def bound(conditions: GroundConditions) -> float:
         (plan,) = planner.plan(plane(), [straight(13.0)], conditions=conditions)
         return at(plan, 10.0, plan.speed_bound)
 
-    cold = bound(Conditions())
-    assert bound(Conditions(brake_heat=20.0)) < 0.97 * cold
-    assert bound(Conditions(session_time=900.0)) < 0.97 * cold
+    cold = bound(GroundConditions())
+    assert bound(GroundConditions(brake_heat=20.0)) < 0.97 * cold
+    assert bound(GroundConditions(session_time=900.0)) < 0.97 * cold
     # Late is the same as a lasting loss of as much.
     lasting = tables_with(
         ("brake_fade", {"k": 0.02, "tau": 100.0}), ("step_change", {"delta": -0.09}), **LEVEL_ROAD
     )
     plan = plan_one(lasting, plane(), straight(13.0))
-    assert bound(Conditions(session_time=900.0)) == pytest.approx(at(plan, 10.0, plan.speed_bound))
+    assert bound(GroundConditions(session_time=900.0)) == pytest.approx(
+        at(plan, 10.0, plan.speed_bound)
+    )
 
 
 @pytest.mark.parametrize(

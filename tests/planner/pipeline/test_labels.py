@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.kernels.limits import PlanningLimits, numbers
+from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.limiting import Limiting
 from planner.pipeline.labels import labels, segment_limits
 from planner.verify.track import Track
 from tests.planner.scenes import G, model_of, tables_with
 
 N = 40
-SCALARS: PlanningLimits = numbers(
+SCALARS: PlanningLimits = planning_limits(
     model_of(tables_with(limits=tables_with()["limits"] | {"decel": 3.5}))
 )
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.kernels.limits import numbers
+from planner.kernels.limits import planning_limits
 from planner.path import batch
 from planner.pipeline.candidates import CandidatePlanner, time_optimal_batch
 from planner.profile.reference import (
@@ -73,7 +73,7 @@ def test_candidates_out_of_a_batch_are_optimal(unknown_from: float) -> None:
     for j in range(2):
         n = int(part.count[j])
         problem = time_optimal_problem(
-            solved.profile, solved.ground, solved.bounds, numbers(model), j, 0.5
+            solved.profile, solved.ground, solved.bounds, planning_limits(model), j, 0.5
         )
         found = TimeOptimalReference(n).solve(problem)
         assert found.speed_sq is not None, found.reason

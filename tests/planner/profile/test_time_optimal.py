@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.laws import drive
-from planner.bounds.speed_bounds import PlanningLimits, numbers
+from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.profile.time_optimal import time_optimal_profile
 from tests.planner.scenes import G, model_of, tables_with
 
@@ -58,7 +58,7 @@ def road(n: int = 101, ds: float = 0.1, **changes: Any) -> Road:
         "bound": 50.0, "sin_grade": 0.0, "lower_slope": 0.0, "lower_intercept": 2.0, "slowest": 0.0,
         "accel_max": 1.0, "demand": 0.0,
     }  # fmt: skip
-    scalars = numbers(model_of(tables_with(vehicle={"max_drive_power": BIG})))
+    scalars = planning_limits(model_of(tables_with(vehicle={"max_drive_power": BIG})))
     columns = {
         name: np.broadcast_to(np.asarray(changes.pop(name, value), float), (n,)).copy()
         for name, value in fill.items()

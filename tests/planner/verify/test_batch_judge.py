@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from planner.path import PathBatch, batch
 from planner.pipeline.candidates import TimeOptimalBatch, time_optimal_batch
 from planner.verify.batch_judge import screen
-from planner.verify.judge import Offence, check
+from planner.verify.judge import Violations, check
 from planner.verify.track import track_of
 from tests.planner import generated
 from tests.planner.generated import between
@@ -42,7 +42,7 @@ def verdicts(
 def assert_agree(together: np.ndarray, single: np.ndarray) -> None:
     """The same breaches; how much is told by the single judge, of loads it may find a little more
     where nothing is near its limit for the batch."""
-    assert together.shape == single.shape == (len(single), len(Offence._fields))
+    assert together.shape == single.shape == (len(single), len(Violations._fields))
     assert np.array_equal(together.max(axis=1) > 0.0, single.max(axis=1) > 0.0)
     assert together == pytest.approx(single, abs=2e-6)
 
@@ -103,7 +103,7 @@ def test_each_kind_of_breach_is_found_in_the_right_candidate(
     together, single = verdicts(solved, paths, speed_sq, model)
     assert_agree(together, single)
     assert together[0].max() == 0.0
-    assert together[1, Offence._fields.index(kind)] > 0.0
+    assert together[1, Violations._fields.index(kind)] > 0.0
 
 
 def test_limits_of_the_paths_themselves_count() -> None:
@@ -112,6 +112,6 @@ def test_limits_of_the_paths_themselves_count() -> None:
     solved = time_optimal_batch(plane(), paths.x, paths.y, paths.count, model)
     together, single = verdicts(solved, paths, solved.speed_sq, model)
     assert_agree(together, single)
-    speed = Offence._fields.index("speed")
+    speed = Violations._fields.index("speed")
     assert together[0, speed] == 0.0
     assert together[1, speed] > 1.0

@@ -12,7 +12,7 @@ from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
 from planner.pipeline.candidates import TimeOptimalBatch, time_optimal_batch
-from planner.verify.judge import OFFENCE_LIMITING, Offence, Verdict, check
+from planner.verify.judge import VIOLATION_LIMITING, Judgement, Violations, check
 from planner.verify.track import Track, track_of
 from tests import oracle
 from tests.planner.scenes import (
@@ -53,7 +53,7 @@ class Case:
         self.track: Track = track_of(self.solved.profile, self.solved.ground, 0, part.speed_limit)
         self.speed_sq = self.solved.speed_sq[:, 0].copy()
 
-    def judge(self, speed_sq: np.ndarray | None = None, **options: Any) -> Verdict:
+    def judge(self, speed_sq: np.ndarray | None = None, **options: Any) -> Judgement:
         bounds, ground = self.solved.bounds, self.solved.ground
         return check(
             self.track,
@@ -226,7 +226,7 @@ def test_speeds_above_a_bound_are_found_by_name(
 ) -> None:
     case = Case(tables, ground, path)
     middle = slice(len(case.speed_sq) // 2 - 4, len(case.speed_sq) // 2 + 4)
-    assert OFFENCE_LIMITING[kind] in case.solved.bounds.limiting[middle, 0]
+    assert VIOLATION_LIMITING[kind] in case.solved.bounds.limiting[middle, 0]
     assert kind in case.kinds(faster(case, 1.05, middle))
     assert kind not in case.kinds(faster(case, 0.99))
 
@@ -369,4 +369,4 @@ def test_stops_that_run_off_the_path_are_finite_and_too_long(friction: float | N
 
 
 def test_every_offence_has_the_name_of_a_bound() -> None:
-    assert set(OFFENCE_LIMITING) == set(Offence._fields)
+    assert set(VIOLATION_LIMITING) == set(Violations._fields)

@@ -14,8 +14,8 @@ from affine import Affine
 
 from models.errors import InputError
 from models.parameters import Braking, SurfaceBraking
-from planner.ground.braking_ground import resolve_surface
 from planner.ground.elevation_map import ElevationMap, height_at
+from planner.ground.surface_table import resolve_surface
 from services.io.maps.grid import MapInfo
 from services.io.maps.map_file import map_info, read_map, write_map_npz
 from tests.services.faults import fault_in, real_data
