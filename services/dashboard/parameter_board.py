@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 import time
 
-from services.config import ServiceConfig
 from services.dashboard import finding_board
 from services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
 from services.parameters import parameter_replies
 from services.parameters.effects_group import EFFECTS
 from services.parameters.parameter_service import ParameterService
+from services.settings.service import ServiceConfig
 from services.wire.connect import options
 from services.wire.parameter_messages import HistoryEntry, ParameterGroup, ParameterQuestion
 

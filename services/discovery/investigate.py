@@ -22,9 +22,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from services.discovery.finding import Offer, Outcome, Shift, is_valid
+from services.discovery.finding import Outcome, is_valid
 from services.discovery.stop_store import StoredStop, read_stops
 from services.wire.messages import Message
+from services.wire.offer import Offer, Shift
 
 JOB, OUTCOME = "job.json", "outcome.json"
 FILE, BASE, IN_USE = "file.toml", "base.toml", "in_use.toml"
@@ -74,9 +75,9 @@ def _be_humble(limit: float) -> None:
 def _look(job: Job, folder: Path) -> Outcome:
     from models.discrepancy.workflow import investigate
     from models.errors import ParameterError
-    from services.cli.commands.discrepancy import findings_as_json
+    from services.discovery.stops_compared import cautious, compared
+    from services.io.findings_file import findings_as_json
     from services.io.model_file import model_to_dict, read_model
-    from services.parameters.stops_compared import cautious, compared
 
     stops, damaged, data = read_stops(Path(job.room), job.names)
     own = [stop for stop in stops if stop.vehicle == job.vehicle]

@@ -25,11 +25,11 @@ from models.parameters import Model
 from planner.kernels.compiled import Floats
 from services.discovery.finding import Outcome
 from services.discovery.investigate import BASE, FILE, IN_USE, JOB, OUTCOME, Job
-from services.discovery.investigation_settings import Investigation
 from services.discovery.stop_cutter import StopCutter
 from services.discovery.stop_store import StopStore, StoredStop
 from services.io.access import reason
 from services.io.model_file import write_model
+from services.settings.investigation import Investigation
 
 _log = logging.getLogger("slopewise")
 

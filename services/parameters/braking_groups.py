@@ -26,8 +26,8 @@ from models.quantity import GRAVITY
 from planner.ground.uncertainty import HOUR, Uncertainty
 from planner.kernels.compiled import Floats
 from services.parameters.learnable import Stop
-from services.parameters.learning_settings import Learning
 from services.parameters.parameter_group import Description
+from services.settings.learning import Learning
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"

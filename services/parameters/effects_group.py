@@ -15,9 +15,10 @@ import msgspec
 from models.effects.registry import LAWS
 from models.errors import ParameterError
 from models.parameters import Model
-from services.discovery.finding import Offer, model_of
+from services.discovery.finding import model_of
+from services.discovery.stops_compared import cautious
 from services.parameters.parameter_group import Description
-from services.parameters.stops_compared import cautious
+from services.wire.offer import Offer
 
 EFFECTS = "effects"
 

@@ -23,10 +23,10 @@ from services.parameters.effects_group import EFFECTS, EffectsGroup
 from services.parameters.ground_now import GroundNow, monitor_maker
 from services.parameters.intake import columns_of
 from services.parameters.learnable import Stop, may_add, unable
-from services.parameters.learning_settings import Learning
 from services.parameters.limits_group import LIMITS, LimitsGroup
 from services.parameters.parameter_group import ParameterGroups
 from services.parameters.terrain_group import TERRAIN, TerrainGroup
+from services.settings.learning import Learning
 from services.wire.observations import DriveSamples, Observation, StopObservation, TerrainLabel
 
 _SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from services.parameters.change import Change, Moment
-from services.parameters.learning_settings import StoreSettings
 from services.parameters.store import Store, StoreError
+from services.settings.learning import StoreSettings
 
 _log = logging.getLogger("slopewise")
 

@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping
 
 from models.errors import InputError, ParameterError
 from models.parameters import Model
-from services.config import ServiceConfig
 from services.discovery.investigator import BY_ITSELF, Investigator
 from services.parameters.change import Moment
 from services.parameters.effects_group import EFFECTS
@@ -26,6 +25,7 @@ from services.parameters.parameter_log import ParameterLog
 from services.parameters.parameter_past import ParameterPast
 from services.parameters.parameters_in_use import ParametersInUse, fingerprint
 from services.parameters.store import StoreError
+from services.settings.service import ServiceConfig
 from services.wire.observations import DriveSamples, Observation, Receipt
 
 _log = logging.getLogger("slopewise")

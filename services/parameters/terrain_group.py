@@ -14,8 +14,8 @@ from collections.abc import Mapping
 
 from models.errors import ParameterError
 from models.parameters import Model, Terrain
-from services.parameters.learning_settings import Learning
 from services.parameters.parameter_group import Description
+from services.settings.learning import Learning
 
 TERRAIN = "terrain"
 NAMES = ("motion_resistance", "lateral_resistance", "slip_track")

@@ -17,14 +17,14 @@ from hypothesis import strategies as st
 from models.errors import InputError
 from planner.ground.elevation_map import ElevationMap
 from services.client import PlanClient
-from services.config import Planning, ServiceConfig, Sizes
 from services.io.model_file import find_model, read_model
 from services.parameters import parameter_replies
-from services.parameters.learning_settings import StoreSettings
 from services.parameters.parameter_service import ParameterService
 from services.parameters.parameters_in_use import ParametersInUse
 from services.planning.map_store import KnownGround, MapStore
 from services.planning.plan_service import PlanService
+from services.settings.learning import StoreSettings
+from services.settings.service import Planning, ServiceConfig, Sizes
 from services.wire import codec
 from services.wire.messages import Path as Candidate
 from services.wire.messages import PlanRequest, Status

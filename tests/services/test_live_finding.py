@@ -15,10 +15,10 @@ from typing import Any
 
 import pytest
 
-from services.config import PageSettings
 from services.dashboard.board import Board, FindingSeen
 from services.dashboard.server import PageServer, own_names
 from services.dashboard.site import Site, Source
+from services.settings.service import PageSettings
 from services.wire.messages import Parameters, Status
 from tests.services import browser
 from tests.services.command_line import slopewise

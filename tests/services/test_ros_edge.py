@@ -20,7 +20,8 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from services.config import ZenohSettings, zenoh_config
+from services.settings.service import ZenohSettings
+from services.settings.session import zenoh_config
 from tests.services.service_process import free_port, running
 
 PEER = Path(__file__).with_name("ros_peer.py")

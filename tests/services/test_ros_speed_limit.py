@@ -12,7 +12,6 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
-from services.config import ServiceConfig
 from services.io.bags.ros_types import SPEED_LIMIT, typestore
 from services.io.model_file import find_model, read_model
 from services.parameters.parameters_in_use import ParametersInUse
@@ -21,6 +20,7 @@ from services.planning.plan_service import PlanService
 from services.ros import conversions as ros
 from services.ros.settings import Timing
 from services.ros.speed_limit import Told, place_on, stop, told_by
+from services.settings.service import ServiceConfig
 from services.wire.messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 

@@ -18,7 +18,8 @@ from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan, Status
 from services.cli.commands import explain_view
-from services.cli.commands.plan import PlanJob, PlanResult, driven, summary
+from services.cli.commands.plan import PlanJob, PlanResult
+from services.io.plan_file import driven, summary
 
 STATUS_STYLE = {
     Status.OK: "green",

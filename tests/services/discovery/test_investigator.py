@@ -17,10 +17,10 @@ from models.errors import ParameterError
 from services.discovery import investigate, investigator
 from services.discovery.finding import Outcome
 from services.discovery.investigate import as_log
-from services.discovery.investigation_settings import Investigation
 from services.discovery.investigator import Investigator
 from services.discovery.stop_store import StoredStop
 from services.io.model_file import find_model, read_model, write_model
+from services.settings.investigation import Investigation
 from tests.services.robot_plant import ASPHALT, Vehicle
 
 FILE = read_model(find_model("atv"))

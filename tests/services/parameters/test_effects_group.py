@@ -13,14 +13,15 @@ import pytest
 
 from models.errors import ParameterError
 from models.parameters import Effect, Model
-from services.config import ServiceConfig
-from services.discovery.finding import Offer, Outcome, Shift, is_valid
-from services.discovery.investigation_settings import Investigation
+from services.discovery.finding import Outcome, is_valid
+from services.discovery.stops_compared import cautious, compared
 from services.io.model_file import find_model, model_to_dict, read_model
-from services.parameters.learning_settings import StoreSettings
 from services.parameters.parameter_service import ParameterService
-from services.parameters.stops_compared import cautious, compared
+from services.settings.investigation import Investigation
+from services.settings.learning import StoreSettings
+from services.settings.service import ServiceConfig
 from services.wire.observations import StopObservation
+from services.wire.offer import Offer, Shift
 
 G = 9.80665
 FILE = read_model(find_model("atv"))

@@ -18,7 +18,7 @@ from models.parameters import Effect, Model, UphillBraking
 from services.io.model_file import find_model, read_model
 from services.parameters.intake import Intake, columns_of
 from services.parameters.learner import Learner
-from services.parameters.learning_settings import Learning
+from services.settings.learning import Learning
 from services.wire.observations import DriveSamples, StopObservation, TerrainLabel
 from tests.models.terrain import plant
 from tests.services.robot_plant import G, Surface, Vehicle
