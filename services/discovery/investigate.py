@@ -35,7 +35,7 @@ _LOWEST = 19
 _PAUSE = 60.0  # [s] put between stops of which no clock tells how far apart they are
 
 
-class Job(Message):
+class Job(Message, frozen=True):
     """What to look at.
 
     Attributes:

@@ -107,7 +107,7 @@ def _size(info: MapInfo, around: Around) -> int:
     if cells is None:
         return 0
     rows, columns = cells
-    return (rows.stop - rows.start) * (columns.stop - columns.start)
+    return int((rows.stop - rows.start) * (columns.stop - columns.start))
 
 
 def _window(members: list[int], around: Around, info: MapInfo) -> Window:

@@ -26,7 +26,7 @@ from models.quantity import GRAVITY
 from planner.ground.uncertainty import HOUR, Uncertainty
 from planner.kernels.compiled import Floats
 from services.parameters.learnable import Stop
-from services.parameters.parameter_group import Description
+from services.parameters.parameter_group import Description, State
 from services.settings.learning import Learning
 
 BASE = "braking"
@@ -190,7 +190,7 @@ class BrakingGroups:
             notes=notes,
         )
 
-    def state(self, group: str) -> dict | None:
+    def state(self, group: str) -> State | None:
         """What a restart needs, None while nothing was learned."""
         surface = surface_of(group)
         one = self._online.learned().get(surface)
@@ -200,7 +200,7 @@ class BrakingGroups:
         learned = None if one is None else msgspec.to_builtins(one)
         return {"learned": learned, "prior": self.digest, "dead_times": dead_times}
 
-    def restore(self, group: str, state: dict | None, age: float) -> None:
+    def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was ``age`` seconds ago.
 
         Raises:
@@ -262,7 +262,8 @@ class BrakingGroups:
             words = f"F_b/W of {bounds.least} … {bounds.most} at trained speeds and grades"
             got = f"{forces.min():.3f} … {forces.max():.3f}"
             raise ParameterError(", ".join(NAMES), f"{words}, got {got}")
-        dataclasses.replace(self._prior, **dict(zip(NAMES, one.published, strict=True)))
+        m_m, b_m, m_b, b_b = one.published
+        dataclasses.replace(self._prior, m_m=m_m, b_m=b_m, m_b=m_b, b_b=b_b)
 
     def _corners(self, surface: str = "") -> Floats:
         known = self._prior.on(surface) if surface else self._prior

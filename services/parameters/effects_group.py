@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import msgspec
 
@@ -17,12 +16,10 @@ from models.errors import ParameterError
 from models.parameters import Model
 from services.discovery.finding import model_of
 from services.discovery.stops_compared import cautious
-from services.parameters.parameter_group import Description
+from services.parameters.parameter_group import Description, State
 from services.wire.offer import Offer
 
 EFFECTS = "effects"
-
-State = dict[str, Any]
 
 
 class EffectsGroup:
@@ -139,7 +136,7 @@ class EffectsGroup:
                         stds[key] = max(effect.covariance[i][i], 0.0) ** 0.5
         return values, stds, units
 
-    def state(self, group: str) -> dict | None:
+    def state(self, group: str) -> State | None:
         """What a restart needs."""
         if self.offer is None and self._tables is None:
             return None
@@ -150,7 +147,7 @@ class EffectsGroup:
             "offer": None if self.offer is None else msgspec.to_builtins(self.offer),
         }  # fmt: skip
 
-    def read(self, state: dict | None) -> tuple[Offer | None, str]:
+    def read(self, state: State | None) -> tuple[Offer | None, str]:
         """The offer of a kept state, and the id of the finding in use; as :meth:`restore` fails."""
         if state is None:
             return None, ""
@@ -160,7 +157,7 @@ class EffectsGroup:
         known = None if offer is None else msgspec.convert(offer, Offer)
         return known, str(state["adopted"]) if in_use else ""
 
-    def restore(self, group: str, state: dict | None, age: float) -> None:
+    def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was ``age`` seconds ago; ValueError or KeyError if it cannot be."""
         known, adopted = self.read(state)
         if state is None:

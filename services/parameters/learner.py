@@ -24,7 +24,7 @@ from services.parameters.ground_now import GroundNow, monitor_maker
 from services.parameters.intake import columns_of
 from services.parameters.learnable import Stop, may_add, unable
 from services.parameters.limits_group import LIMITS, LimitsGroup
-from services.parameters.parameter_group import ParameterGroups
+from services.parameters.parameter_group import ParameterGroups, State
 from services.parameters.terrain_group import TERRAIN, TerrainGroup
 from services.settings.learning import Learning
 from services.wire.observations import DriveSamples, Observation, StopObservation, TerrainLabel
@@ -210,7 +210,7 @@ class Learner:
             return "nothing is learned: it is off"
         return unable(model, "the model file" if model is self._file else "the adopted finding")
 
-    def _take_up(self, model: Model | None, before: dict | None) -> dict | None:
+    def _take_up(self, model: Model | None, before: State | None) -> State | None:
         """Learn on top of a finding, or of the model file again.
 
         What stops taught counts below it from now on. Where braking cannot be learned on top of it,

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from models.errors import ParameterError
 from models.parameters import Limits, Model
-from services.parameters.parameter_group import Description
+from services.parameters.parameter_group import Description, State
 
 LIMITS = "limits"
 _UNITS = {
@@ -28,7 +28,7 @@ class LimitsGroup:
 
     def in_use(self) -> Limits:
         """To plan with."""
-        return dataclasses.replace(self._prior, **self._values)  # type: ignore[arg-type]
+        return dataclasses.replace(self._prior, **self._values)
 
     def names(self) -> list[str]:
         """The one."""
@@ -41,18 +41,18 @@ class LimitsGroup:
             values=dataclasses.asdict(self.in_use()), valid=True, age=age, unit=dict(_UNITS)
         )
 
-    def state(self, group: str) -> dict | None:
+    def state(self, group: str) -> State | None:
         """What a restart needs."""
         return {"values": self._values} if self._values else None
 
-    def restore(self, group: str, state: dict | None, age: float) -> None:
+    def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was. Where the model file is tighter by now, it holds."""
         values: dict[str, float] = {} if state is None else dict(state["values"])
         for name, value in values.items():
             if name not in _UNITS:
                 raise ParameterError(name, f"one of {', '.join(_UNITS)}")
             values[name] = self._tighter(name, value)
-        dataclasses.replace(self._prior, **values)  # type: ignore[arg-type]
+        dataclasses.replace(self._prior, **values)
         self._values, self._set = values, time.monotonic() - age
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
@@ -65,7 +65,7 @@ class LimitsGroup:
                 words = f"{word} the {getattr(self._prior, name):g} of the model file, got {value}"
                 raise ParameterError(name, words)
         changed = {**self._values, **values}
-        dataclasses.replace(self._prior, **changed)  # type: ignore[arg-type]
+        dataclasses.replace(self._prior, **changed)
         self._values, self._set = changed, time.monotonic()
 
     def _tighter(self, name: str, value: float) -> float:

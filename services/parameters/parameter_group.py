@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
+
+State = dict[str, Any]
+"""What a group keeps over a restart, as plain values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +32,10 @@ class ParameterGroups(Protocol):
     def describe(self, group: str) -> Description:
         """A group as planned with."""
 
-    def state(self, group: str) -> dict | None:
+    def state(self, group: str) -> State | None:
         """What a restart needs; None: as in the model file."""
 
-    def restore(self, group: str, state: dict | None, age: float) -> None:
+    def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was ``age`` seconds ago; ValueError or KeyError if it cannot have been so."""
 
     def set(self, group: str, values: Mapping[str, float]) -> None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from services.parameters.change import Change, Moment
+from services.parameters.parameter_group import State
 from services.parameters.store import Store, StoreError
 from services.settings.learning import StoreSettings
 
@@ -100,7 +101,7 @@ class ParameterLog:
     # ------------------------------------------------------------------ writing
 
     def commit(
-        self, states: Mapping[str, dict | None], cause: str, who: str, *,
+        self, states: Mapping[str, State | None], cause: str, who: str, *,
         seen: Mapping[str, int] | None = None, learned: bool = True,
         moments: Mapping[str, Moment] | None = None,
     ) -> None:  # fmt: skip
@@ -181,7 +182,7 @@ class ParameterLog:
         """
         return self._there().groups(self._fingerprint)
 
-    def newest(self, group: str, up_to: int | None = None) -> Iterator[tuple[Change, dict | None]]:
+    def newest(self, group: str, up_to: int | None = None) -> Iterator[tuple[Change, State | None]]:
         """Changes of a group from the newest back with their states, those that can be read."""
         for change in self._there().newest(self._fingerprint, group, up_to):
             try:

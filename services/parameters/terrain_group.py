@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 from models.errors import ParameterError
 from models.parameters import Model, Terrain
-from services.parameters.parameter_group import Description
+from services.parameters.parameter_group import Description, State
 from services.settings.learning import Learning
 
 TERRAIN = "terrain"
@@ -91,11 +91,11 @@ class TerrainGroup:
             unit=dict(zip(NAMES, _UNITS, strict=True)),
         )  # fmt: skip
 
-    def state(self, group: str) -> dict | None:
+    def state(self, group: str) -> State | None:
         """What a restart needs."""
         return {"values": self._values, "stds": self._stds} if self._values else None
 
-    def restore(self, group: str, state: dict | None, age: float) -> None:
+    def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was ``age`` seconds ago."""
         values: dict[str, float] = {} if state is None else dict(state["values"])
         stds = {} if state is None else {n: float(s) for n, s in state["stds"].items()}

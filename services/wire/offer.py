@@ -10,7 +10,7 @@ import msgspec
 from services.wire.messages import Message
 
 
-class Shift(Message):
+class Shift(Message, frozen=True):
     """By how much stops become longer, least and most over speeds, grades and surfaces [m].
 
     Below 0 they become shorter. ``where``: the least, in words.
@@ -51,7 +51,7 @@ class Told(msgspec.Struct, frozen=True):
     stop_distance: Distance = Distance()
 
 
-class Offer(Message):
+class Offer(Message, frozen=True):
     """A finding that may be adopted.
 
     Attributes:

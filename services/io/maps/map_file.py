@@ -30,7 +30,8 @@ def map_info(path: Path, topics: Path | None = None) -> MapInfo:
     """
     if is_bag(path):
         ground = _recorded(path, topics)
-        return MapInfo(*ground.elevation.shape, ground.resolution, ground.origin)
+        rows, columns = ground.elevation.shape
+        return MapInfo(rows, columns, ground.resolution, ground.origin)
     return _reader(path)(path)
 
 
