@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+import re
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -26,12 +27,13 @@ from models.quantity import GRAVITY
 from planner.ground.uncertainty import HOUR, Uncertainty
 from planner.kernels.compiled import Floats
 from services.parameters.learnable import Stop
-from services.parameters.parameter_group import Description, State
+from services.parameters.parameter_group import Description, ParameterGroups, State
 from services.settings.learning import Learning
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"
 _UNITS = ("s/m", "1", "s/m", "1", "s")
+_SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _MOST_SURFACES = 32
 _DEAD_TIMES = 5
 _MOST_DEAD_TIME = 3.0
@@ -39,8 +41,8 @@ _UNSAID = (0.02, 0.06, 0.01, 0.05)
 """How certain a model file is taken to be that says nothing of it, standard deviations."""
 
 
-class BrakingGroups:
-    """What stops teach, surface by surface; one thread."""
+class BrakingGroups(ParameterGroups):
+    """What stops teach, surface by surface."""
 
     def __init__(self, prior: Model, settings: Learning) -> None:
         """Begin with the model file's coefficients."""
@@ -142,6 +144,10 @@ class BrakingGroups:
             name: min(now - self._taught.get(name, now), oldest) for name in self._online.learned()
         }
 
+    def common_age(self, ages: Mapping[str, float]) -> float:
+        """The age that everything has at least [s]; 0 while anything is as in the model file."""
+        return min(ages.values()) if len(ages) == len(self.names()) else 0.0
+
     def in_use(self, ages: Mapping[str, float]) -> Braking:
         """The braking model to plan with; ages [s] widen the scatter of their surface."""
         drift = self._uncertainty.drift
@@ -166,6 +172,20 @@ class BrakingGroups:
         """Groups: the base, surfaces of the file, surfaces learned."""
         surfaces = dict.fromkeys((*self._prior.terrain, *self._online.learned()))
         return [BASE, *(f"{BASE}.{name}" for name in surfaces if name)]
+
+    def owns(self, group: str) -> bool:
+        """The base, and whatever may be the name of a surface."""
+        surface = group.removeprefix(f"{BASE}.")
+        if group == BASE or surface in self._prior.terrain:
+            return True
+        return surface != group and _SURFACE.fullmatch(surface) is not None
+
+    def apply(self, model: Model) -> Model:
+        """To plan with; what a surface is older than all is scatter of its own."""
+        ages = self.ages(time.monotonic())
+        common = self.common_age(ages)
+        own = {name: age - common for name, age in ages.items()}
+        return dataclasses.replace(model, braking=self.in_use(own))
 
     def describe(self, group: str) -> Description:
         """Values as planned with, before any margin."""

@@ -16,18 +16,20 @@ from models.errors import ParameterError
 from models.parameters import Model
 from services.discovery.finding import model_of
 from services.discovery.stops_compared import cautious
-from services.parameters.parameter_group import Description, State
+from services.parameters.parameter_group import Description, ParameterGroups, State
 from services.wire.offer import Offer
 
 EFFECTS = "effects"
 
 
-class EffectsGroup:
-    """At most one offer, and at most one finding in use; one thread.
+class EffectsGroup(ParameterGroups):
+    """At most one offer, and at most one finding in use.
 
     Attributes:
         offer: the last finding; None before there was one. adopted: id of the one in use, or "".
     """
+
+    of_operators = True
 
     def __init__(
         self, file: Model, take_up: Callable[[Model | None, State | None], State | None]
@@ -107,6 +109,10 @@ class EffectsGroup:
             self.adopted = ""
 
     # ------------------------------------------------------------------ groups
+
+    def apply(self, model: Model) -> Model:
+        """As it is: brakes are learned on top of the finding that was adopted."""
+        return model
 
     def names(self) -> list[str]:
         """The one."""

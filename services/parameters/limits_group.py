@@ -8,7 +8,8 @@ from collections.abc import Mapping
 
 from models.errors import ParameterError
 from models.parameters import Limits, Model
-from services.parameters.parameter_group import Description, State
+from services.parameters.parameter_group import Description, ParameterGroups, State
+from services.settings.learning import Learning
 
 LIMITS = "limits"
 _UNITS = {
@@ -17,17 +18,22 @@ _UNITS = {
 }  # fmt: skip
 
 
-class LimitsGroup:
-    """What an operator allows; one thread."""
+class LimitsGroup(ParameterGroups):
+    """What an operator allows."""
 
-    def __init__(self, prior: Model) -> None:
+    of_operators = True
+
+    def __init__(self, prior: Model, settings: Learning) -> None:
         """Begin with the model file's limits."""
         self._prior = prior.limits
         self._values: dict[str, float] = {}
         self._set = time.monotonic()
 
-    def in_use(self) -> Limits:
+    def apply(self, model: Model) -> Model:
         """To plan with."""
+        return dataclasses.replace(model, limits=self._in_use())
+
+    def _in_use(self) -> Limits:
         return dataclasses.replace(self._prior, **self._values)
 
     def names(self) -> list[str]:
@@ -38,7 +44,7 @@ class LimitsGroup:
         """As planned with."""
         age = time.monotonic() - self._set if self._values else 0.0
         return Description(
-            values=dataclasses.asdict(self.in_use()), valid=True, age=age, unit=dict(_UNITS)
+            values=dataclasses.asdict(self._in_use()), valid=True, age=age, unit=dict(_UNITS)
         )
 
     def state(self, group: str) -> State | None:

@@ -152,7 +152,8 @@ def test_the_process_is_humble_and_leaves_with_the_service(tmp_path: Path) -> No
     job = investigate.Job(room=str(tmp_path), names=[], vehicle="v", cause="test", limit=20.0)
     (folder / investigate.JOB).write_bytes(msgspec.json.encode(job))
     waits = (
-        "import sys, time; from pathlib import Path; from services import investigate as i\n"
+        "import sys, time; from pathlib import Path\n"
+        "from services.discovery import investigate as i\n"
         "i._look = lambda *_: (print('here', flush=True), time.sleep(20))\n"
         f"i.main(Path({str(folder)!r}))"
     )
