@@ -96,9 +96,9 @@ def frame_of(path: Path, topics: Path | None = None) -> str:
     """The frame that a recorded map is in; empty for other maps, and where it says none."""
     if not is_bag(path):
         return ""
-    from services.io.maps.bag_map import elevation_map_of_recorded
+    from services.io.maps.bag_map import map_and_frame
 
-    return elevation_map_of_recorded(path, topics)[1]
+    return map_and_frame(path, topics)[1]
 
 
 def _recorded(path: Path, topics: Path | None) -> ElevationMap:
