@@ -2,7 +2,7 @@
 
 Questions for plans come to :mod:`services.planning.plan_endpoint`, maps to
 :mod:`services.planning.map_endpoint`, parameters and observations to
-:mod:`services.parameters.parameter_endpoint`. Zenoh's own threads only put things into their
+:mod:`services.parameters.endpoint`. Zenoh's own threads only put things into their
 bounded queues.
 """
 
@@ -30,9 +30,9 @@ from services.dashboard.board import Board
 from services.dashboard.parameter_board import ParameterBoard
 from services.io.maps.map_file import read_map
 from services.io.model_file import find_model, read_model
-from services.parameters.parameter_endpoint import ParameterEndpoint
-from services.parameters.parameter_service import ParameterService
-from services.parameters.parameters_in_use import ParametersInUse, slowed
+from services.parameters.endpoint import ParameterEndpoint
+from services.parameters.in_use import ParametersInUse, slowed
+from services.parameters.service import ParameterService
 from services.planning.map_endpoint import MapEndpoint
 from services.planning.map_store import KnownGround, MapStore
 from services.planning.plan_endpoint import PlanEndpoint

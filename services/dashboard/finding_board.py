@@ -13,7 +13,7 @@ from itertools import islice
 
 from services.dashboard.board import FindingSeen
 from services.parameters.effects_group import EFFECTS
-from services.parameters.parameter_service import ParameterService
+from services.parameters.service import ParameterService
 from services.parameters.store import StoreError
 from services.wire.offer import Offer
 

@@ -14,7 +14,7 @@ from services.wire.offer import Offer
 _SURE = ("missing_effect", "parameter_drift")
 
 
-class Outcome(Message, frozen=True):
+class InvestigationOutcome(Message, frozen=True):
     """What one look came to; ``offer`` is None where it failed, and ``reason`` says why."""
 
     reason: str

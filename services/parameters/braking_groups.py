@@ -26,8 +26,8 @@ from models.parameters import Braking, Model
 from models.quantity import GRAVITY
 from planner.ground.uncertainty import HOUR, Uncertainty
 from planner.kernels.compiled import Floats
-from services.parameters.learnable import Stop
-from services.parameters.parameter_group import Description, ParameterGroups, State
+from services.parameters.group import Description, ParameterGroups, State
+from services.parameters.learnable import StopTaught
 from services.settings.learning import Learning
 
 BASE = "braking"
@@ -65,7 +65,9 @@ class BrakingGroups(ParameterGroups):
 
     # ------------------------------------------------------------------ learning
 
-    def take(self, stop: StreamedStop, surface: str, source: str, distance: float | None) -> Stop:
+    def take(
+        self, stop: StreamedStop, surface: str, source: str, distance: float | None
+    ) -> StopTaught:
         """Learn from one stop.
 
         Raises:
@@ -82,7 +84,7 @@ class BrakingGroups(ParameterGroups):
             self._taught[surface] = time.monotonic()
         if 0.0 <= stop.dead_time <= _MOST_DEAD_TIME:
             self._dead_times.append(stop.dead_time)
-        return Stop(
+        return StopTaught(
             time.monotonic(), source, surface, stop.onset_speed, stop.grade, predicted, distance,
             done.outcome.value,
         )  # fmt: skip

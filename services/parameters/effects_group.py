@@ -16,7 +16,7 @@ from models.errors import ParameterError
 from models.parameters import Model
 from services.discovery.finding import model_of
 from services.discovery.stops_compared import cautious
-from services.parameters.parameter_group import Description, ParameterGroups, State
+from services.parameters.group import Description, ParameterGroups, State
 from services.wire.offer import Offer
 
 EFFECTS = "effects"

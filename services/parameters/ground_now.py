@@ -16,7 +16,7 @@ import numpy as np
 from models.errors import ParameterError
 from models.parameters import Model
 from planner.kernels.compiled import Floats
-from services.parameters.parameter_group import GroundNews
+from services.parameters.group import GroundNews
 from services.wire.observations import TerrainLabel
 
 NEEDED = ("yaw_rate", "v_left", "v_right", "current_left", "current_right")

@@ -19,13 +19,13 @@ from models.quantity import GRAVITY
 from services.parameters.braking_groups import BASE, BrakingGroups
 from services.parameters.effects_group import EffectsGroup
 from services.parameters.ground_now import GroundNow, monitor_maker
+from services.parameters.group import DriveNews, ParameterGroups, State
 from services.parameters.intake import columns_of
-from services.parameters.learnable import Stop, may_add, unable
-from services.parameters.parameter_group import Drive, ParameterGroups, State
+from services.parameters.learnable import StopTaught, may_add, unable
 from services.parameters.registry import GROUPS
 from services.parameters.stop_streams import StopStreams
 from services.settings.learning import Learning
-from services.wire.observations import DriveSamples, Observation, StopObservation, TerrainLabel
+from services.wire.observations import DriveSamples, RobotObservation, StopObservation, TerrainLabel
 
 _STRONGEST = PublishSettings().most
 _MOST_STOPS = 200
@@ -60,14 +60,14 @@ class Learner:
             prior, monitor_maker(settings.terrains), settings.label_for, settings.sure
         )
         self.unable = self._unable(prior)
-        self.stops: deque[Stop] = deque(maxlen=_MOST_STOPS)
+        self.stops: deque[StopTaught] = deque(maxlen=_MOST_STOPS)
         self.stop_count = self.implausible = 0
         self._streams = StopStreams(settings)
         self._last_surface = ""
 
     # ------------------------------------------------------------------ observations
 
-    def learn(self, one: Observation, key: str) -> tuple[set[str], str]:
+    def learn(self, one: RobotObservation, key: str) -> tuple[set[str], str]:
         """Groups that changed, and what became of it.
 
         Args:
@@ -96,7 +96,7 @@ class Learner:
     def _drive(self, one: DriveSamples, key: str, now: float) -> tuple[set[str], str]:
         columns = columns_of(one, key)
         ground = self.ground.drive(one.source, columns)
-        samples = Drive(one.source, columns, ground)
+        samples = DriveNews(one.source, columns, ground)
         changed = {group for groups in self._all() for group in groups.drive(samples)}
         if ground.changed and self._braking.ground_changed("", self._last_surface):
             changed.add(BASE)
@@ -108,7 +108,7 @@ class Learner:
         return changed, reason
 
     def _stop(
-        self, stop: StreamedStop, surface: str, one: Observation, distance: float | None,
+        self, stop: StreamedStop, surface: str, one: RobotObservation, distance: float | None,
         changed: set[str],
     ) -> tuple[set[str], str]:  # fmt: skip
         if self.unable:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from models.errors import ParameterError
 from models.parameters import Limits, Model
-from services.parameters.parameter_group import Description, ParameterGroups, State
+from services.parameters.group import Description, ParameterGroups, State
 from services.settings.learning import Learning
 
 LIMITS = "limits"

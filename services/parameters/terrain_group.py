@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 from models.errors import ParameterError
 from models.parameters import Model, Terrain
-from services.parameters.parameter_group import Description, Drive, ParameterGroups, State
+from services.parameters.group import Description, DriveNews, ParameterGroups, State
 from services.settings.learning import Learning
 
 TERRAIN = "terrain"
@@ -38,7 +38,7 @@ class TerrainGroup(ParameterGroups):
         self._stds: dict[str, float] = {}
         self._taught = time.monotonic()
 
-    def drive(self, samples: Drive) -> set[str]:
+    def drive(self, samples: DriveNews) -> set[str]:
         """Learn from what samples told of the ground."""
         ground = samples.ground
         changed = ground.changed and self._ground_changed()

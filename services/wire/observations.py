@@ -28,7 +28,7 @@ MORE_COLUMNS = (
 """Columns that they may have beside them; `grade` is that of the ground, from a map."""
 
 
-class Observation(Message, frozen=True):
+class RobotObservation(Message, frozen=True):
     """What every observation has.
 
     Attributes:
@@ -41,7 +41,7 @@ class Observation(Message, frozen=True):
     time: float
 
 
-class StopObservation(Observation, frozen=True):
+class StopObservation(RobotObservation, frozen=True):
     """One stop with full braking, measured by somebody else.
 
     Attributes:
@@ -60,7 +60,7 @@ class StopObservation(Observation, frozen=True):
     surface: Surface = ""
 
 
-class DriveSamples(Observation, frozen=True):
+class DriveSamples(RobotObservation, frozen=True):
     """Samples of a drive, in the order of time, next to those of the message before.
 
     `v` is the speed over ground, and `v_cmd` 0 the command to brake as hard as the brakes can:
@@ -76,7 +76,7 @@ class DriveSamples(Observation, frozen=True):
     surface: Surface = ""
 
 
-class TerrainLabel(Observation, frozen=True):
+class TerrainLabel(RobotObservation, frozen=True):
     """What an estimator on board takes the ground now to be.
 
     Attributes:

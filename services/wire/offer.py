@@ -29,14 +29,14 @@ class Estimated(msgspec.Struct, frozen=True):
     unit: str
 
 
-class Effect(msgspec.Struct, frozen=True):
+class OfferedEffect(msgspec.Struct, frozen=True):
     """A named effect with its parameters by name."""
 
     name: str
     parameters: dict[str, Estimated]
 
 
-class Distance(msgspec.Struct, frozen=True):
+class DistanceError(msgspec.Struct, frozen=True):
     """How far stopping distances are off on stops held out, root mean square [m]."""
 
     before: float | None = None
@@ -44,11 +44,11 @@ class Distance(msgspec.Struct, frozen=True):
     noise_floor: float | None = None
 
 
-class Told(msgspec.Struct, frozen=True):
+class FindingNumbers(msgspec.Struct, frozen=True):
     """What people look at first in discrepancy.json."""
 
-    effects: list[Effect] = []
-    stop_distance: Distance = Distance()
+    effects: list[OfferedEffect] = []
+    stop_distance: DistanceError = DistanceError()
 
 
 class Offer(Message, frozen=True):
@@ -104,12 +104,12 @@ class Offer(Message, frozen=True):
         faster = "" if self.slower else " --faster"
         return "" if self.obstacle else f"slopewise params --adopt {shlex.quote(self.id)}{faster}"
 
-    def told(self) -> Told:
+    def told(self) -> FindingNumbers:
         """Its numbers; none where an older release wrote them in another way."""
         try:
-            return msgspec.convert(self.findings, Told)
+            return msgspec.convert(self.findings, FindingNumbers)
         except ValueError:
-            return Told()
+            return FindingNumbers()
 
     def words(self) -> str:
         """One line for people."""

@@ -124,7 +124,7 @@ def run(job: FleetDiscrepancyJob, *, quiet: bool = False) -> FleetDiscrepancyRes
         words = f"expected at least one vehicle that can be looked at, got none; {name}: {why}"
         raise fault("fleet", "", words)
     if job.pages:
-        from services.fleet.fleet_page import write_report
+        from services.fleet.page import write_report
 
         write_report(job.out / PAGE, rows, result.census)
     return result

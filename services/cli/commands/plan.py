@@ -21,7 +21,7 @@ from planner.pipeline.candidates import CandidatePlanner, rank
 from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
 from services.cli.screen import progress_bar
-from services.io.bags.bag import is_bag
+from services.io.bags.recording import is_bag
 from services.io.maps.grid import footprint_margin
 from services.io.maps.map_file import frame_of, map_info, read_map
 from services.io.model_file import find_model, read_model

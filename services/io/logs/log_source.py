@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from models.stop_logs import unit_suspects
 from models.vehicle import Vehicle
 from services.io.access import fault
-from services.io.bags.bag import is_bag
+from services.io.bags.recording import is_bag
 from services.io.logs.drive_log import DriveLog, read_drive_log
 
 Floats = NDArray[np.float64]

@@ -12,9 +12,9 @@ from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath
 from services.io.access import fault
-from services.io.bags.bag import Bag, Recorded, opened, state_of
-from services.io.bags.bag_topics import MapSource, read_sources
+from services.io.bags.recording import Bag, Recorded, opened, state_of
 from services.io.bags.ros_types import GRID_MAP, PATH
+from services.io.bags.topics import MapSource, read_sources
 from services.io.maps.grid_map_message import elevation_map_of
 
 _MOST_PATHS = 100_000

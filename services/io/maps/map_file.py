@@ -11,7 +11,7 @@ from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import Floats, Ints
 from services.io.access import fault
-from services.io.bags.bag import is_bag
+from services.io.bags.recording import is_bag
 from services.io.maps import geotiff_file, npz_map_file
 from services.io.maps.grid import MAX_CELLS, Around, MapInfo, in_words
 from services.io.maps.npz_map_file import write_map_npz

@@ -13,7 +13,7 @@ from models.parameters import Effect, Model
 from services.dashboard.board import Board, FindingSeen
 from services.dashboard.parameter_board import ParameterBoard
 from services.io.model_file import find_model, model_to_dict, read_model
-from services.parameters.parameter_service import ParameterService
+from services.parameters.service import ParameterService
 from services.settings.learning import StoreSettings
 from services.settings.service import ServiceConfig
 from services.wire.offer import Offer, Shift

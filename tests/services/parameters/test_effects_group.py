@@ -13,10 +13,10 @@ import pytest
 
 from models.errors import ParameterError
 from models.parameters import Effect, Model
-from services.discovery.finding import Outcome, is_valid
+from services.discovery.finding import InvestigationOutcome, is_valid
 from services.discovery.stops_compared import cautious, compared
 from services.io.model_file import find_model, model_to_dict, read_model
-from services.parameters.parameter_service import ParameterService
+from services.parameters.service import ParameterService
 from services.settings.investigation import Investigation
 from services.settings.learning import StoreSettings
 from services.settings.service import ServiceConfig
@@ -271,7 +271,9 @@ def test_only_valid_findings_that_slow_plans_are_adopted_by_themselves(
     adopted: bool,
 ) -> None:  # fmt: skip
     service = make(adopt_slower=allowed)
-    outcome = Outcome(reason="", damaged=[], offer=offer_of(with_effects(effect), valid=valid))
+    outcome = InvestigationOutcome(
+        reason="", damaged=[], offer=offer_of(with_effects(effect), valid=valid)
+    )
     outcomes = iter([outcome])
     monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
     service.tick()
@@ -288,7 +290,7 @@ def test_nothing_is_adopted_by_itself_that_is_faster_than_what_stops_taught(
     weak = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.15))
     offer = offer_of(with_effects(LAG), in_use=weak)
     assert offer.slower
-    outcomes = iter([Outcome(reason="", damaged=[], offer=offer)])
+    outcomes = iter([InvestigationOutcome(reason="", damaged=[], offer=offer)])
     monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
     service.tick()
     assert service.learner.effects.offer == offer

@@ -13,11 +13,11 @@ import pytest
 from models.errors import ParameterError
 from models.parameters import Model
 from services.io.model_file import find_model, read_model
-from services.parameters import learner, parameter_replies
+from services.parameters import learner, replies
+from services.parameters.group import Description, DriveNews, ParameterGroups, State
 from services.parameters.learner import Learner
-from services.parameters.parameter_group import Description, Drive, ParameterGroups, State
-from services.parameters.parameter_service import ParameterService
 from services.parameters.registry import GROUPS
+from services.parameters.service import ParameterService
 from services.settings.learning import Learning, StoreSettings
 from services.settings.service import ServiceConfig
 from services.wire.observations import DriveSamples
@@ -34,7 +34,7 @@ class Wheels(ParameterGroups):
     def names(self) -> list[str]:
         return ["wheels"]
 
-    def drive(self, samples: Drive) -> set[str]:
+    def drive(self, samples: DriveNews) -> set[str]:
         self._values = {"max_wheel_speed": min(float(samples.columns["v"].max()), self._most)}
         return {"wheels"}
 
@@ -125,10 +125,10 @@ def test_a_line_in_the_registry_brings_an_estimator_everywhere(
     assert again.in_use.model.vehicle.max_wheel_speed == 1.5
     again.set_values("wheels", {"max_wheel_speed": 1.0}, "ann")
     assert again.in_use.model.vehicle.max_wheel_speed == 1.0
-    told = parameter_replies.group_message(again, "wheels")
+    told = replies.group_message(again, "wheels")
     assert (told.values, told.valid, told.who) == ({"max_wheel_speed": 1.0}, True, "ann")
     again.roll_back(learned, "wheels", "ann")
     assert again.in_use.model.vehicle.max_wheel_speed == 1.5
-    reply = parameter_replies.read(again, ParameterQuestion(group="wheels", history=9), "planner")
+    reply = replies.read(again, ParameterQuestion(group="wheels", history=9), "planner")
     assert [entry.values["max_wheel_speed"] for entry in reply.history] == [1.5, 1.0, 1.5]
     again.close()

@@ -17,7 +17,7 @@ import pytest
 import zenoh
 
 from services.io.model_file import find_model, read_model
-from services.parameters.parameter_service import ParameterService
+from services.parameters.service import ParameterService
 from services.settings.learning import StoreSettings
 from services.settings.service import ServiceConfig, ZenohSettings
 from services.settings.session import zenoh_config

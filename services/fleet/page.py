@@ -14,7 +14,7 @@ from models.effects.registry import LAWS
 from services.fleet import finding
 from services.fleet.census import Census, Lacked
 from services.fleet.finding import Row
-from services.fleet.fleet_picture import picture
+from services.fleet.picture import picture
 from services.fleet.words import by_surprise, chance_words, counted, effect_words, left_out, numbers
 from services.io.access import write_atomic
 from services.io.findings_file import PAGE

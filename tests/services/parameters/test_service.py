@@ -17,8 +17,8 @@ import pytest
 from models.errors import ParameterError
 from models.parameters import Model
 from services.io.model_file import find_model, read_model
-from services.parameters.parameter_service import ParameterService
-from services.parameters.parameters_in_use import ParametersInUse
+from services.parameters.in_use import ParametersInUse
+from services.parameters.service import ParameterService
 from services.parameters.store import Store, StoreError
 from services.settings.learning import Learning, StoreSettings
 from services.settings.service import ServiceConfig

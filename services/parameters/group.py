@@ -46,7 +46,7 @@ class GroundNews:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class DriveNews:
     """Samples of a drive, in the order of time.
 
     Attributes:
@@ -75,7 +75,7 @@ class ParameterGroups(Protocol):
         """Whether a group is looked after here, even if there is nothing in it yet."""
         return group in self.names()
 
-    def drive(self, samples: Drive) -> set[str]:
+    def drive(self, samples: DriveNews) -> set[str]:
         """Learn from samples of a drive; the groups that changed."""
         return set()
 

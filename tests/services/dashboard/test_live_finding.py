@@ -22,10 +22,10 @@ from services.settings.service import PageSettings
 from services.wire.messages import Parameters, Status
 from tests.services import browser
 from tests.services.command_line import slopewise
+from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, look
 from tests.services.dashboard.test_finding_board import made
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import free_port, running
-from tests.services.test_findings_in_service import SETTINGS, WEAKER, drive, look
 
 EVIL = "<img src=x onerror=alert(1)>"
 

@@ -18,8 +18,8 @@ import msgspec
 import zenoh
 
 from models.errors import InputError
-from services.parameters import parameter_replies
-from services.parameters.parameter_service import REFUSED, ParameterService
+from services.parameters import replies
+from services.parameters.service import REFUSED, ParameterService
 from services.settings.service import ServiceConfig
 from services.wire import codec
 from services.wire.codec import Format
@@ -202,7 +202,7 @@ class ParameterEndpoint:
             self._counters["params_malformed"] += 1
             self._reply(query, key, self._error(str(error)), _written(encoding))
             return
-        reply = parameter_replies.findings(self._service, question, self._config.id)
+        reply = replies.findings(self._service, question, self._config.id)
         self._reply(query, key, reply, _written(encoding))
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -234,7 +234,7 @@ class ParameterEndpoint:
         except InputError as error:
             self._counters["params_malformed"] += 1
             return self._error(str(error))
-        return parameter_replies.read(self._service, question, self._config.id)
+        return replies.read(self._service, question, self._config.id)
 
     def _change(self, query: zenoh.Query, name: str, encoding: str, key: str) -> ParameterReply:
         most = int(self._config.learning.observation_bytes)
@@ -243,10 +243,10 @@ class ParameterEndpoint:
         except InputError as error:
             self._counters["params_malformed"] += 1
             return self._error(str(error))
-        return parameter_replies.change(self._service, request, self._config.id)
+        return replies.change(self._service, request, self._config.id)
 
     def _error(self, reason: str) -> ParameterReply:
-        return parameter_replies.reply_of(self._service, self._config.id, "error", reason)
+        return replies.reply_of(self._service, self._config.id, "error", reason)
 
     def _reply(
         self, query: zenoh.Query, key: str, message: msgspec.Struct, written: Format
@@ -265,7 +265,7 @@ class ParameterEndpoint:
         """Tell of each group that changed; whoever is too slow misses it and may ask."""
         changed, self._service.changed = self._service.changed, set()
         for group in sorted(changed & set(self._service.learner.names())):
-            message = parameter_replies.group_message(self._service, group)
+            message = replies.group_message(self._service, group)
             self._session.put(
                 self._config.key(f"params/{group}"),
                 codec.encode(message, Format.JSON),
