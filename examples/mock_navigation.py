@@ -19,7 +19,8 @@ import numpy as np
 import zenoh
 
 from services.client import Outcome, PlanClient
-from services.config import ZenohSettings, zenoh_config
+from services.settings.service import ZenohSettings
+from services.settings.session import zenoh_config
 from services.wire.messages import MapUpdate, Path
 
 CELL, ROWS, COLUMNS = 0.25, 240, 480

@@ -41,7 +41,7 @@ class SafeStop:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ClientAnswer:
     """What to do: drive the reply's plan, or stop; one of both is None.
 
     ``seconds``: from question to outcome.
@@ -106,7 +106,7 @@ class PlanClient:
         *,
         pose: tuple[float, float, float] | None = None,
         clear: float | None = None,
-    ) -> Outcome:
+    ) -> ClientAnswer:
         """What to do now: always within the time-out, never an error of the wire.
 
         Args:
@@ -126,8 +126,8 @@ class PlanClient:
             reply, reason = None, str(error)
         took = time.perf_counter() - begun
         if reply is None or reason:
-            return Outcome(None, self.safe_stop(speed, reason), took)
-        return Outcome(reply, None, took)
+            return ClientAnswer(None, self.safe_stop(speed, reason), took)
+        return ClientAnswer(reply, None, took)
 
     def safe_stop(self, speed: float, reason: str) -> SafeStop:
         """The own stop from a speed [m/s]; one that is no number counts as none."""

@@ -14,10 +14,10 @@ from models.effects.registry import LAWS
 from models.parameters import Braking, Effect, Limits, SurfaceBraking, Terrain, UphillBraking
 from models.quantity import describe_range
 from models.vehicle import Vehicle
-from services.config import ServiceConfig
 from services.discovery import finding
-from services.io.bags.bag_topics import Channel, MapSource, PathSource
+from services.io.bags.topics import Channel, MapSource, PathSource
 from services.ros.settings import EdgeSettings
+from services.settings.service import ServiceConfig
 from services.wire import messages, observations, parameter_messages
 from services.wire.codec import schema_of
 

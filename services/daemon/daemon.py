@@ -1,7 +1,9 @@
 """The zenoh service: what it is made of, how it begins and ends, what it tells of itself.
 
-Questions for plans come to :mod:`plan_desk`, maps to :mod:`map_desk`, parameters and observations
-to :mod:`parameter_desk`. Zenoh's own threads only put things into their bounded queues.
+Questions for plans come to :mod:`services.planning.plan_endpoint`, maps to
+:mod:`services.planning.map_endpoint`, parameters and observations to
+:mod:`services.parameters.endpoint`. Zenoh's own threads only put things into their
+bounded queues.
 """
 
 from __future__ import annotations
@@ -23,18 +25,20 @@ import zenoh
 
 from models.errors import InputError
 from planner.ground.elevation_map import ElevationMap
-from services.config import ServiceConfig, zenoh_config
 from services.daemon import systemd
 from services.dashboard.board import Board
+from services.dashboard.parameter_board import ParameterBoard
 from services.io.maps.map_file import read_map
 from services.io.model_file import find_model, read_model
-from services.parameters.parameter_endpoint import ParameterEndpoint
-from services.parameters.parameter_service import ParameterService
-from services.parameters.parameters_in_use import ParametersInUse, slowed
+from services.parameters.endpoint import ParameterEndpoint
+from services.parameters.in_use import ParametersInUse, slowed
+from services.parameters.service import ParameterService
 from services.planning.map_endpoint import MapEndpoint
 from services.planning.map_store import KnownGround, MapStore
 from services.planning.plan_endpoint import PlanEndpoint
 from services.planning.plan_service import PlanService
+from services.settings.service import ServiceConfig
+from services.settings.session import zenoh_config
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import words_of
@@ -68,7 +72,9 @@ class Service:
         )
         self.counters: Counter[str] = Counter()
         self.board = Board()
-        self._questions = PlanEndpoint(config, self.plans, self.maps, self.counters, self.board)
+        self._questions = PlanEndpoint(
+            config, self.plans, self.maps, self.counters, self.board.planned
+        )
         self._updates = MapEndpoint(config, self.maps, self.counters)
         self._stopped = threading.Event()
         self._teller = threading.Thread(target=self._tell, name="status", daemon=True)
@@ -89,8 +95,12 @@ class Service:
             ) from None
         self._look_for_twin()
         # The status tells of it, so it is there before anybody asks.
-        self._desk = ParameterEndpoint(
-            self._session, config, self.parameters, self.counters, self.board
+        self._learning = ParameterEndpoint(
+            self._session,
+            config,
+            self.parameters,
+            self.counters,
+            ParameterBoard(self.parameters, self.board, config),
         )
         self._page = self._open_page()
         self._questions.open()
@@ -116,7 +126,7 @@ class Service:
             self._page.close()
         for declared in self._declared:
             declared.undeclare()
-        self._desk.close()
+        self._learning.close()
         self._questions.close()
         self._updates.close()
         self._teller.join(_PATIENCE)
@@ -142,7 +152,7 @@ class Service:
             flags=[
                 *self._flags,
                 *self.plans.parameters.flags,
-                *self._desk.flags(),
+                *self._learning.flags(),
                 *self.plans.flags(ground),
             ],
             degraded=self.parameters.degraded(),
@@ -209,7 +219,7 @@ class Service:
 
     def _watch_learning(self) -> None:
         """Parameters that nobody looks after grow old unseen: plans are slower until then."""
-        if time.monotonic() - self._desk.beat < _HANGS_AFTER:
+        if time.monotonic() - self._learning.beat < _HANGS_AFTER:
             return
         words = "learning hangs"
         if f"degraded: {words}" not in self.plans.parameters.flags:

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from itertools import islice
 
 from services.dashboard.board import FindingSeen
-from services.discovery.finding import Offer
 from services.parameters.effects_group import EFFECTS
-from services.parameters.parameter_service import ParameterService
+from services.parameters.service import ParameterService
 from services.parameters.store import StoreError
+from services.wire.offer import Offer
 
 _MOST_STEPS = 50
 """Changes of the past that are looked through."""

@@ -51,16 +51,17 @@ class StatusCollector(Collector):
             flags.add_metric([reason], 1.0)
         yield flags
         parameters = status.parameters
-        for name, words, value in (
+        gauges: tuple[tuple[str, str, float | None], ...] = (
             ("slopewise_flags", "How many things are not as they should be.", len(status.flags)),
             ("slopewise_uptime_seconds", "Since the start.", status.uptime),
             ("slopewise_parameters_version", "Grows with every change.", parameters.version),
             ("slopewise_parameters_age_seconds", "Since they were taken up.", parameters.age),
             ("slopewise_map_version", "Grows with every update; 0 without.", status.map_version),
             ("slopewise_map_age_seconds", "Since the last update.", status.map_age),
-        ):
-            if value is not None:
-                yield GaugeMetricFamily(name, words, value=value)
+        )
+        for name, words, number in gauges:
+            if number is not None:
+                yield GaugeMetricFamily(name, words, value=number)
         told = {
             "service": status.service, "model": parameters.name,
             "vehicle": parameters.fingerprint,

@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 import time
 
-from services.config import ServiceConfig
 from services.dashboard import finding_board
 from services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
-from services.parameters import parameter_replies
+from services.parameters import replies
 from services.parameters.effects_group import EFFECTS
-from services.parameters.parameter_service import ParameterService
+from services.parameters.service import ParameterService
+from services.settings.service import ServiceConfig
 from services.wire.connect import options
 from services.wire.parameter_messages import HistoryEntry, ParameterGroup, ParameterQuestion
 
@@ -35,7 +35,7 @@ class ParameterBoard:
         """What was learned before the last start."""
         question = ParameterQuestion(history=_RECALLED)
         try:
-            known = parameter_replies.read(self._service, question, self._id)
+            known = replies.read(self._service, question, self._id)
             for entry in reversed(known.history):
                 self._board.learned(_seen(entry, at=entry.at))
         except Exception:  # noqa: BLE001 - learning goes on without a picture of its past

@@ -7,7 +7,7 @@ import threading
 from typing import Any
 
 from models.errors import InputError
-from services.config import PageSettings
+from services.settings.service import PageSettings
 
 _THREADS = 2
 _MOST_CONNECTIONS = 20

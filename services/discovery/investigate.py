@@ -22,9 +22,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from services.discovery.finding import Offer, Outcome, Shift, is_valid
+from services.discovery.finding import InvestigationOutcome, is_valid
 from services.discovery.stop_store import StoredStop, read_stops
 from services.wire.messages import Message
+from services.wire.offer import Offer, Shift
 
 JOB, OUTCOME = "job.json", "outcome.json"
 FILE, BASE, IN_USE = "file.toml", "base.toml", "in_use.toml"
@@ -34,15 +35,15 @@ _LOWEST = 19
 _PAUSE = 60.0  # [s] put between stops of which no clock tells how far apart they are
 
 
-class Job(Message):
+class InvestigationJob(Message, frozen=True):
     """What to look at.
 
     Attributes:
-        room: folder of the stops. names: of their files, oldest first. vehicle: its fingerprint.
+        store: folder of the stops. names: of their files, oldest first. vehicle: its fingerprint.
         cause: who asked. limit: time for it [s].
     """
 
-    room: str
+    store: str
     names: list[str]
     vehicle: str
     cause: str
@@ -51,7 +52,7 @@ class Job(Message):
 
 def main(folder: Path) -> None:
     """Do the job in a folder."""
-    job = msgspec.json.decode((folder / JOB).read_bytes(), type=Job)
+    job = msgspec.json.decode((folder / JOB).read_bytes(), type=InvestigationJob)
     _be_humble(job.limit)
     from services.io.access import write_atomic
 
@@ -71,24 +72,26 @@ def _be_humble(limit: float) -> None:
     threading.Thread(target=leave_with_the_service, daemon=True).start()
 
 
-def _look(job: Job, folder: Path) -> Outcome:
+def _look(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
     from models.discrepancy.workflow import investigate
     from models.errors import ParameterError
-    from services.cli.commands.discrepancy import findings_as_json
+    from services.discovery.stops_compared import cautious, compared
+    from services.io.findings_file import findings_as_json
     from services.io.model_file import model_to_dict, read_model
-    from services.parameters.stops_compared import cautious, compared
 
-    stops, damaged, data = read_stops(Path(job.room), job.names)
+    stops, damaged, data = read_stops(Path(job.store), job.names)
     own = [stop for stop in stops if stop.vehicle == job.vehicle]
     if not own:
-        return Outcome(reason="expected stored stops of this vehicle, got none", damaged=damaged)
+        return InvestigationOutcome(
+            reason="expected stored stops of this vehicle, got none", damaged=damaged
+        )
     file, base, in_use = (read_model(folder / name) for name in (FILE, BASE, IN_USE))
     columns, runs, ground = as_log(own)
     source = f"slopewise service, {len(own)} stops {data}; {job.cause}"
     try:
         findings = investigate(columns, runs, base, ground=ground, source=source)
     except ParameterError as error:
-        return Outcome(reason=str(error), damaged=damaged)
+        return InvestigationOutcome(reason=str(error), damaged=damaged)
     told = findings_as_json(findings)
     adopted = cautious(findings.model, file)
     shifts = [compared(adopted, other) for other in (file, in_use)]
@@ -108,7 +111,7 @@ def _look(job: Job, folder: Path) -> Outcome:
         notes=list(findings.notes),
         model=model_to_dict(findings.model),
     )
-    return Outcome(reason="", damaged=damaged, offer=offer)
+    return InvestigationOutcome(reason="", damaged=damaged, offer=offer)
 
 
 def as_log(

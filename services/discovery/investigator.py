@@ -23,13 +23,13 @@ import numpy as np
 from models.errors import InputError, ParameterError
 from models.parameters import Model
 from planner.kernels.compiled import Floats
-from services.discovery.finding import Outcome
-from services.discovery.investigate import BASE, FILE, IN_USE, JOB, OUTCOME, Job
-from services.discovery.investigation_settings import Investigation
+from services.discovery.finding import InvestigationOutcome
+from services.discovery.investigate import BASE, FILE, IN_USE, JOB, OUTCOME, InvestigationJob
 from services.discovery.stop_cutter import StopCutter
 from services.discovery.stop_store import StopStore, StoredStop
 from services.io.access import reason
 from services.io.model_file import write_model
+from services.settings.investigation import Investigation
 
 _log = logging.getLogger("slopewise")
 
@@ -48,13 +48,13 @@ class Investigator:
     """
 
     def __init__(self, settings: Investigation, vehicle: str) -> None:
-        """Open the room of the stops, if there is to be one.
+        """Open the store of the stops, if there is to be one.
 
         Args:
             settings: what to keep, when to look. vehicle: its fingerprint.
         """
         self._settings, self._vehicle = settings, vehicle
-        self._room: StopStore | None = None
+        self._store: StopStore | None = None
         self._fault = ""
         self.counters: Counter[str] = Counter()
         self.last = ""
@@ -66,7 +66,7 @@ class Investigator:
         self._fresh = 0
         if settings.samples:
             try:
-                self._room = StopStore(Path(settings.samples), int(1e6 * settings.megabytes))
+                self._store = StopStore(Path(settings.samples), int(1e6 * settings.megabytes))
             except InputError as error:
                 self._fault = str(error)
                 _log.warning("%s", error)
@@ -80,7 +80,7 @@ class Investigator:
             source: who drove. columns: (n,) by name. surface: of the ground, "" unknown.
             model: fingerprint of what is planned with.
         """
-        if self._room is None:
+        if self._store is None:
             return
         for cut in self._cutter.take(source, columns, surface):
             stop = StoredStop(
@@ -88,7 +88,7 @@ class Investigator:
                 model=model, columns=list(cut.columns), values=np.stack(list(cut.columns.values())),
             )  # fmt: skip
             try:
-                self._room.put(stop)
+                self._store.put(stop)
             except InputError as error:
                 self.counters["stops_lost"] += 1
                 if not self._fault:
@@ -109,7 +109,7 @@ class Investigator:
         """Whether it is time to look by itself."""
         s = self._settings
         late = time.monotonic() - self._begun >= s.every > 0.0
-        return late and self._room is not None and self._fresh >= s.fresh and not self.running
+        return late and self._store is not None and self._fresh >= s.fresh and not self.running
 
     def begin(self, file: Model, base: Model, in_use: Model, cause: str) -> None:
         """Begin to look.
@@ -123,17 +123,17 @@ class Investigator:
         """
         if self.running:
             raise ParameterError("start", "no look going on, one is")
-        if self._room is None:
+        if self._store is None:
             words = self._fault or "[discrepancy] samples in the settings, got none"
             raise ParameterError("start", words)
-        if len(self._room) < _FEWEST:
-            words = f"at least {_FEWEST} stored stops, got {len(self._room)}"
+        if len(self._store) < _FEWEST:
+            words = f"at least {_FEWEST} stored stops, got {len(self._store)}"
             raise ParameterError("start", words)
         self._begun = time.monotonic()
         folder = Path(tempfile.mkdtemp(prefix="slopewise-look-"))
-        job = Job(
-            room=str(Path(self._settings.samples).resolve()), vehicle=self._vehicle, cause=cause,
-            names=self._room.latest(int(self._settings.stops)), limit=self._settings.limit,
+        job = InvestigationJob(
+            store=str(Path(self._settings.samples).resolve()), vehicle=self._vehicle, cause=cause,
+            names=self._store.latest(int(self._settings.stops)), limit=self._settings.limit,
         )  # fmt: skip
         try:
             # Surfaces that were only learned are in none of the others.
@@ -156,7 +156,7 @@ class Investigator:
         self.counters["looks"] += 1
         self.last = f"looking at {len(job.names)} stops, {cause}"
 
-    def poll(self) -> Outcome | None:
+    def poll(self) -> InvestigationOutcome | None:
         """What a look came to that has ended since; a failed one has no offer."""
         process, folder = self._process, self._folder
         if process is None or folder is None:
@@ -165,8 +165,8 @@ class Investigator:
         if process.poll() is None and not over:
             return None
         outcome = self._ended(process, folder)
-        if self._room is not None:
-            self._room.put_aside(outcome.damaged)
+        if self._store is not None:
+            self._store.put_aside(outcome.damaged)
         if outcome.offer is None:
             self.counters["looks_failed"] += 1
             self.last = f"nothing found, {self._cause}: {outcome.reason}"
@@ -175,7 +175,7 @@ class Investigator:
             self.last = f"done, {self._cause}: {outcome.offer.words()}"
         return outcome
 
-    def _ended(self, process: subprocess.Popen[bytes], folder: Path) -> Outcome:
+    def _ended(self, process: subprocess.Popen[bytes], folder: Path) -> InvestigationOutcome:
         if process.poll() is None:
             process.kill()
         # Closes what it listens to, and waits for the little that is left.
@@ -183,7 +183,9 @@ class Investigator:
         self._process = self._folder = None
         try:
             if process.returncode == 0:
-                return msgspec.json.decode((folder / OUTCOME).read_bytes(), type=Outcome)
+                return msgspec.json.decode(
+                    (folder / OUTCOME).read_bytes(), type=InvestigationOutcome
+                )
             if time.monotonic() - self._begun >= self._settings.limit:
                 words = f"expected an end within {self._settings.limit:g} s"
             else:
@@ -194,7 +196,7 @@ class Investigator:
             words = f"its outcome cannot be read: {error}"
         finally:
             shutil.rmtree(folder, ignore_errors=True)
-        return Outcome(reason=words, damaged=[])
+        return InvestigationOutcome(reason=words, damaged=[])
 
     # ------------------------------------------------------------------ telling
 
@@ -204,8 +206,8 @@ class Investigator:
 
     def told(self) -> Counter[str]:
         """Counters for the status."""
-        room = Counter[str]() if self._room is None else self._room.counters
-        return self.counters + room
+        store = Counter[str]() if self._store is None else self._store.counters
+        return self.counters + store
 
     def close(self) -> None:
         """End what is going on."""

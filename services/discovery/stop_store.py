@@ -31,7 +31,7 @@ _LARGEST = 64_000_000
 _CHECK = 4  # bytes of the checksum in front
 
 
-class StoredStop(Message):
+class StoredStop(Message, frozen=True):
     """One stop with its samples.
 
     Attributes:

@@ -14,9 +14,9 @@ from typing import Any
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.workflow import investigate_with_evidence
 from models.errors import SlopewiseError
-from services.cli.commands import discrepancy
 from services.fleet import finding
 from services.fleet.finding import FAILED, REFUSED, Row
+from services.io import findings_file
 from services.io.logs.log_source import grade_by_map, read_logs
 from services.io.model_file import model_from_dict
 
@@ -56,8 +56,8 @@ class VehicleTask:
     @property
     def files(self) -> list[Path]:
         """That a finished vehicle has."""
-        names = [discrepancy.FINDINGS, discrepancy.MODEL]
-        return [self.own_folder / name for name in (names + [discrepancy.PAGE] * self.page)]
+        names = [findings_file.FINDINGS, findings_file.MODEL]
+        return [self.own_folder / name for name in (names + [findings_file.PAGE] * self.page)]
 
 
 def investigate_vehicle(task: VehicleTask) -> Row:
@@ -112,7 +112,7 @@ def _looked_at(task: VehicleTask) -> Row:
         log.columns, log.runs, model, ground=ground, settings=task.settings, source=task.source
     )
     findings = replace(findings, model=replace(findings.model, name=task.vehicle))
-    discrepancy.write_findings(findings, task.own_folder)
+    findings_file.write_findings(findings, task.own_folder)
     if task.page:
         from services.report.discrepancy_page import write_report
 
@@ -122,8 +122,8 @@ def _looked_at(task: VehicleTask) -> Row:
             "begun": task.begun,
         }
         write_report(
-            task.own_folder / discrepancy.PAGE, findings, evidence,
+            task.own_folder / findings_file.PAGE, findings, evidence,
             title=f"{task.vehicle} against its log", provenance=provenance,
         )  # fmt: skip
-    told = discrepancy.findings_as_json(findings)
+    told = findings_file.findings_as_json(findings)
     return finding.answered(task.vehicle, task.key, told)

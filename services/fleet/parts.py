@@ -32,7 +32,7 @@ _FORMAT = 1  # of the results; another one is planned anew
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class FleetQuestion:
     """What is asked about every path; plain values, so that it travels.
 
     Attributes:
@@ -102,7 +102,7 @@ def parts_of(source: Path, question: str, extent: Around, map_file: str) -> Iter
     """The parts of one file.
 
     Args:
-        source: of paths. question: :meth:`Question.digest`.
+        source: of paths. question: :meth:`FleetQuestion.digest`.
         extent: of the map [m], on which every path has to begin.
 
     Raises:

@@ -15,7 +15,7 @@ from planner.path import CandidatePath, batch
 from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan
 from services.fleet import results
-from services.fleet.parts import Part, Question
+from services.fleet.parts import FleetQuestion, Part
 from services.fleet.results import Refused
 from services.fleet.windows import MOST_CELLS, ground_in, opened, windows
 from services.io.maps.grid import footprint_margin
@@ -27,7 +27,7 @@ class PlanTask:
     """A part, what is asked about it, and the folder that all workers write to."""
 
     part: Part
-    question: Question
+    question: FleetQuestion
     folder: str
 
 
@@ -57,7 +57,10 @@ def plan_part(task: PlanTask) -> int:
 
 
 def _planned(
-    planner: CandidatePlanner, ground: ElevationMap, paths: list[CandidatePath], question: Question
+    planner: CandidatePlanner,
+    ground: ElevationMap,
+    paths: list[CandidatePath],
+    question: FleetQuestion,
 ) -> list[SpeedPlan | Refused]:
     spacing = planner.settings.spacing_on(ground.resolution)
     answers: list[SpeedPlan | Refused | None] = [_refused(path, spacing) for path in paths]

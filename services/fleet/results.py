@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from planner.plan import SpeedPlan
-from services.cli.commands.plan import driven, summary
 from services.io.access import fault, write_atomic
+from services.io.plan_file import driven, summary
 
 REFUSED = "refused"
 """Status of a candidate that is no path to drive forward; its reason says why."""

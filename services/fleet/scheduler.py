@@ -138,7 +138,7 @@ def _spread(
 @contextmanager
 def _client(workers: Workers) -> Iterator[Any]:
     from distributed import Client, LocalCluster
-    from distributed.comm import get_address_host_port
+    from distributed.comm.addressing import get_address_host_port
 
     for name in ("distributed", "bokeh", "tornado"):  # a worker that dies is no news for the user
         logging.getLogger(name).setLevel(logging.CRITICAL)

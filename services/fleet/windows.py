@@ -32,7 +32,7 @@ _NEAR = 256  # cells: the edge of the squares by which paths are put in order
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class MapWindow:
     """Paths by their index, and the cells that hold their ground; None if those are too many."""
 
     members: tuple[int, ...]
@@ -52,7 +52,7 @@ def opened(path: Path) -> Iterator[GeotiffWindows]:
         yield ground
 
 
-def windows(paths: Sequence[CandidatePath], info: MapInfo, margin: float) -> list[Window]:
+def windows(paths: Sequence[CandidatePath], info: MapInfo, margin: float) -> list[MapWindow]:
     """Paths put together by place.
 
     Args:
@@ -62,7 +62,7 @@ def windows(paths: Sequence[CandidatePath], info: MapInfo, margin: float) -> lis
     around = [_around(path, margin) for path in paths]
     edge = _NEAR * info.resolution
     order = sorted(range(len(paths)), key=lambda i: (around[i][2] // edge, around[i][0] // edge, i))
-    found: list[Window] = []
+    found: list[MapWindow] = []
     members: list[int] = []
     union: Around | None = None
     for i in order:
@@ -107,9 +107,9 @@ def _size(info: MapInfo, around: Around) -> int:
     if cells is None:
         return 0
     rows, columns = cells
-    return (rows.stop - rows.start) * (columns.stop - columns.start)
+    return int((rows.stop - rows.start) * (columns.stop - columns.start))
 
 
-def _window(members: list[int], around: Around, info: MapInfo) -> Window:
+def _window(members: list[int], around: Around, info: MapInfo) -> MapWindow:
     fits = 0 < _size(info, around) <= MOST_CELLS
-    return Window(tuple(members), info.cells_around(around) if fits else None)
+    return MapWindow(tuple(members), info.cells_around(around) if fits else None)

@@ -13,7 +13,7 @@ import numpy as np
 from models.errors import ParameterError
 from planner.path import CandidatePath
 from services.io.access import fault
-from services.io.bags.bag import is_bag
+from services.io.bags.recording import is_bag
 from services.io.geojson_file import read_geojson_paths
 from services.io.maps.grid import Around, in_words
 from services.io.parquet_table import read_parquet

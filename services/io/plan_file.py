@@ -9,7 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from planner.plan import SpeedPlan, Status
 from services.io.table import Floats, read_csv, write_csv
 
 TEXT = ("candidate", "limiting", "status", "reason")
@@ -54,3 +58,28 @@ def read_plan_csv(path: Path) -> dict[str, list[str] | Floats]:
         else:
             columns[name] = table.text(name)
     return columns
+
+
+def driven(plan: SpeedPlan) -> dict[str, Any]:
+    """Columns of a plan up to its clear distance: beyond it there is nothing to drive."""
+    columns = plan.columns()
+    if plan.status is Status.INFEASIBLE:
+        return dict(columns)
+    rows = max(int(np.count_nonzero(plan.station <= plan.clear_distance)), 1)
+    return {name: values[:rows] for name, values in columns.items()}
+
+
+def summary(plan: SpeedPlan) -> dict[str, Any]:
+    """A plan in one row, SI units; None where there is no margin to speak of."""
+    return {
+        "candidate": plan.candidate,
+        "status": plan.status.value,
+        "reason": plan.reason,
+        "travel_time": plan.travel_time,
+        "progress": plan.progress,
+        "length": float(plan.station[-1]),
+        "max_speed": float(plan.speed.max()),
+        "clear_distance": plan.clear_distance,
+        "least_margin": plan.least_margin if np.isfinite(plan.least_margin) else None,
+        "least_rear_load": float(plan.rear_load.min()),
+    }

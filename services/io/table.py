@@ -8,7 +8,7 @@ import difflib
 import gc
 import io
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -173,7 +173,7 @@ def _read_carefully(path: Path, content: str) -> Table:
     return Table(str(path), columns, rows)
 
 
-def write_csv(columns: dict[str, Sequence[str] | Floats], path: Path) -> None:
+def write_csv(columns: Mapping[str, Sequence[str] | Floats], path: Path) -> None:
     """Write columns of one length as CSV, all or nothing.
 
     Floats are written with as many digits as they need to come back the same.

@@ -10,7 +10,7 @@ import numpy as np
 
 from models.stop_logs.drive_quality import Suspect
 from models.terrain.monitor import Classified, GroundChange
-from services.io.table import write_csv
+from services.io.table import Floats, write_csv
 
 _TEXT = ("run", "phase", "terrain", "rules", "note")
 COLUMNS = (
@@ -63,7 +63,7 @@ def _note(event: Classified) -> str:
     return "; ".join(note for note in notes if note)
 
 
-def excluded_row(run: str, time: Sequence[float], stretch: Suspect) -> dict[str, Any]:
+def excluded_row(run: str, time: Sequence[float] | Floats, stretch: Suspect) -> dict[str, Any]:
     """A row for a stretch that was left out.
 
     Args:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+import re
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -25,13 +26,14 @@ from models.parameters import Braking, Model
 from models.quantity import GRAVITY
 from planner.ground.uncertainty import HOUR, Uncertainty
 from planner.kernels.compiled import Floats
-from services.parameters.learnable import Stop
-from services.parameters.learning_settings import Learning
-from services.parameters.parameter_group import Description
+from services.parameters.group import Description, ParameterGroups, State
+from services.parameters.learnable import StopTaught
+from services.settings.learning import Learning
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"
 _UNITS = ("s/m", "1", "s/m", "1", "s")
+_SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _MOST_SURFACES = 32
 _DEAD_TIMES = 5
 _MOST_DEAD_TIME = 3.0
@@ -39,8 +41,8 @@ _UNSAID = (0.02, 0.06, 0.01, 0.05)
 """How certain a model file is taken to be that says nothing of it, standard deviations."""
 
 
-class BrakingGroups:
-    """What stops teach, surface by surface; one thread."""
+class BrakingGroups(ParameterGroups):
+    """What stops teach, surface by surface."""
 
     def __init__(self, prior: Model, settings: Learning) -> None:
         """Begin with the model file's coefficients."""
@@ -63,7 +65,9 @@ class BrakingGroups:
 
     # ------------------------------------------------------------------ learning
 
-    def take(self, stop: StreamedStop, surface: str, source: str, distance: float | None) -> Stop:
+    def take(
+        self, stop: StreamedStop, surface: str, source: str, distance: float | None
+    ) -> StopTaught:
         """Learn from one stop.
 
         Raises:
@@ -80,7 +84,7 @@ class BrakingGroups:
             self._taught[surface] = time.monotonic()
         if 0.0 <= stop.dead_time <= _MOST_DEAD_TIME:
             self._dead_times.append(stop.dead_time)
-        return Stop(
+        return StopTaught(
             time.monotonic(), source, surface, stop.onset_speed, stop.grade, predicted, distance,
             done.outcome.value,
         )  # fmt: skip
@@ -142,6 +146,10 @@ class BrakingGroups:
             name: min(now - self._taught.get(name, now), oldest) for name in self._online.learned()
         }
 
+    def common_age(self, ages: Mapping[str, float]) -> float:
+        """The age that everything has at least [s]; 0 while anything is as in the model file."""
+        return min(ages.values()) if len(ages) == len(self.names()) else 0.0
+
     def in_use(self, ages: Mapping[str, float]) -> Braking:
         """The braking model to plan with; ages [s] widen the scatter of their surface."""
         drift = self._uncertainty.drift
@@ -167,6 +175,20 @@ class BrakingGroups:
         surfaces = dict.fromkeys((*self._prior.terrain, *self._online.learned()))
         return [BASE, *(f"{BASE}.{name}" for name in surfaces if name)]
 
+    def owns(self, group: str) -> bool:
+        """The base, and whatever may be the name of a surface."""
+        surface = group.removeprefix(f"{BASE}.")
+        if group == BASE or surface in self._prior.terrain:
+            return True
+        return surface != group and _SURFACE.fullmatch(surface) is not None
+
+    def apply(self, model: Model) -> Model:
+        """To plan with; what a surface is older than all is scatter of its own."""
+        ages = self.ages(time.monotonic())
+        common = self.common_age(ages)
+        own = {name: age - common for name, age in ages.items()}
+        return dataclasses.replace(model, braking=self.in_use(own))
+
     def describe(self, group: str) -> Description:
         """Values as planned with, before any margin."""
         surface = surface_of(group)
@@ -190,7 +212,7 @@ class BrakingGroups:
             notes=notes,
         )
 
-    def state(self, group: str) -> dict | None:
+    def state(self, group: str) -> State | None:
         """What a restart needs, None while nothing was learned."""
         surface = surface_of(group)
         one = self._online.learned().get(surface)
@@ -200,7 +222,7 @@ class BrakingGroups:
         learned = None if one is None else msgspec.to_builtins(one)
         return {"learned": learned, "prior": self.digest, "dead_times": dead_times}
 
-    def restore(self, group: str, state: dict | None, age: float) -> None:
+    def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was ``age`` seconds ago.
 
         Raises:
@@ -262,7 +284,8 @@ class BrakingGroups:
             words = f"F_b/W of {bounds.least} … {bounds.most} at trained speeds and grades"
             got = f"{forces.min():.3f} … {forces.max():.3f}"
             raise ParameterError(", ".join(NAMES), f"{words}, got {got}")
-        dataclasses.replace(self._prior, **dict(zip(NAMES, one.published, strict=True)))
+        m_m, b_m, m_b, b_b = one.published
+        dataclasses.replace(self._prior, m_m=m_m, b_m=b_m, m_b=m_b, b_b=b_b)
 
     def _corners(self, surface: str = "") -> Floats:
         known = self._prior.on(surface) if surface else self._prior

@@ -42,7 +42,7 @@ def _boot() -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class StoredChange:
     """One group of parameters as it was from one version on.
 
     Attributes:

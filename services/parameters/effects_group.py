@@ -8,28 +8,28 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import msgspec
 
 from models.effects.registry import LAWS
 from models.errors import ParameterError
 from models.parameters import Model
-from services.discovery.finding import Offer, model_of
-from services.parameters.parameter_group import Description
-from services.parameters.stops_compared import cautious
+from services.discovery.finding import model_of
+from services.discovery.stops_compared import cautious
+from services.parameters.group import Description, ParameterGroups, State
+from services.wire.offer import Offer
 
 EFFECTS = "effects"
 
-State = dict[str, Any]
 
-
-class EffectsGroup:
-    """At most one offer, and at most one finding in use; one thread.
+class EffectsGroup(ParameterGroups):
+    """At most one offer, and at most one finding in use.
 
     Attributes:
         offer: the last finding; None before there was one. adopted: id of the one in use, or "".
     """
+
+    of_operators = True
 
     def __init__(
         self, file: Model, take_up: Callable[[Model | None, State | None], State | None]
@@ -110,6 +110,10 @@ class EffectsGroup:
 
     # ------------------------------------------------------------------ groups
 
+    def apply(self, model: Model) -> Model:
+        """As it is: brakes are learned on top of the finding that was adopted."""
+        return model
+
     def names(self) -> list[str]:
         """The one."""
         return [EFFECTS]
@@ -138,7 +142,7 @@ class EffectsGroup:
                         stds[key] = max(effect.covariance[i][i], 0.0) ** 0.5
         return values, stds, units
 
-    def state(self, group: str) -> dict | None:
+    def state(self, group: str) -> State | None:
         """What a restart needs."""
         if self.offer is None and self._tables is None:
             return None
@@ -149,7 +153,7 @@ class EffectsGroup:
             "offer": None if self.offer is None else msgspec.to_builtins(self.offer),
         }  # fmt: skip
 
-    def read(self, state: dict | None) -> tuple[Offer | None, str]:
+    def read(self, state: State | None) -> tuple[Offer | None, str]:
         """The offer of a kept state, and the id of the finding in use; as :meth:`restore` fails."""
         if state is None:
             return None, ""
@@ -159,7 +163,7 @@ class EffectsGroup:
         known = None if offer is None else msgspec.convert(offer, Offer)
         return known, str(state["adopted"]) if in_use else ""
 
-    def restore(self, group: str, state: dict | None, age: float) -> None:
+    def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was ``age`` seconds ago; ValueError or KeyError if it cannot be."""
         known, adopted = self.read(state)
         if state is None:

@@ -16,25 +16,13 @@ import numpy as np
 from models.errors import ParameterError
 from models.parameters import Model
 from planner.kernels.compiled import Floats
+from services.parameters.group import GroundNews
 from services.wire.observations import TerrainLabel
 
 NEEDED = ("yaw_rate", "v_left", "v_right", "current_left", "current_right")
 """Columns beside those of every drive that the terrain estimator needs."""
 
 _MOST_SOURCES = 8
-
-
-@dataclass(frozen=True, slots=True)
-class Told:
-    """What samples told.
-
-    Attributes:
-        changed: the ground is another since. features: (f_r, μ_t, B_s) with standard deviations as
-            they are known now, NaN where not; None without news.
-    """
-
-    changed: bool = False
-    features: tuple[tuple[float, float], ...] | None = None
 
 
 @dataclass(slots=True)
@@ -76,13 +64,13 @@ class GroundNow:
         labelled = now <= self._label_until
         return self.surface(now), self._label_probability if labelled else self._own_probability
 
-    def drive(self, source: str, columns: dict[str, Floats]) -> Told:
+    def drive(self, source: str, columns: dict[str, Floats]) -> GroundNews:
         """Samples in the order of time; a source that begins anew begins another run."""
         if self.unable or any(name not in columns for name in NEEDED):
-            return Told()
+            return GroundNews()
         monitor = self._monitor(source, float(columns["t"][0]))
         if monitor is None:
-            return Told()
+            return GroundNews()
         from models.terrain.classifier import NONE
         from models.terrain.monitor import GroundChange
 
@@ -105,7 +93,7 @@ class GroundNow:
                     self._own = ""
                 known = event.observation.known
                 features = tuple(zip(known.values, known.stds, strict=True))
-        return Told(changed, features)
+        return GroundNews(changed, features)
 
     def _monitor(self, source: str, begin: float) -> Any:
         monitor = self._monitors.pop(source, None)

@@ -11,7 +11,7 @@ import numpy as np
 
 from models.errors import InputError
 from planner.kernels.compiled import Floats
-from services.wire.observations import DRIVE_COLUMNS, MORE_COLUMNS, DriveSamples, Observation
+from services.wire.observations import DRIVE_COLUMNS, MORE_COLUMNS, DriveSamples, RobotObservation
 
 _MOST_SOURCES = 1000
 _LATE = 60.0
@@ -71,7 +71,7 @@ class Intake:
         self._clocks: OrderedDict[str, _Clock] = OrderedDict()
         self.jumped: dict[str, float] = {}
 
-    def judge(self, kind: str, one: Observation, now: float) -> str:
+    def judge(self, kind: str, one: RobotObservation, now: float) -> str:
         """Why an observation is left out: `duplicate`, `out_of_order`, `future`, `late`; or "".
 
         Args:
@@ -97,7 +97,7 @@ class Intake:
         for name, sequence in seen.items():
             self._seen[name] = max(sequence, self._seen.get(name, -1))
 
-    def heard(self, kind: str, one: Observation) -> dict[str, int]:
+    def heard(self, kind: str, one: RobotObservation) -> dict[str, int]:
         """Remember that it was taken; what the store has to remember with it."""
         name = _name(kind, one.source)
         self._seen.pop(name, None)

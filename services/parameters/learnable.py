@@ -11,7 +11,7 @@ _TAKING = ("brake_lag", "brake_fade", "wheel_lockup")
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class StopTaught:
     """A stop beside what was predicted of it before it was learned from.
 
     Attributes:

@@ -5,33 +5,29 @@ Knows neither versions nor disk: what it says has changed, others keep.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-import re
 import time
 from collections import deque
 from collections.abc import Callable
 
 from models.calibration.published import PublishSettings
-from models.calibration.stream import StopStream, StreamedStop
+from models.calibration.stream import StreamedStop
 from models.errors import ParameterError
 from models.laws import braking
 from models.parameters import Model
 from models.quantity import GRAVITY
 from services.parameters.braking_groups import BASE, BrakingGroups
-from services.parameters.effects_group import EFFECTS, EffectsGroup
+from services.parameters.effects_group import EffectsGroup
 from services.parameters.ground_now import GroundNow, monitor_maker
+from services.parameters.group import DriveNews, ParameterGroups, State
 from services.parameters.intake import columns_of
-from services.parameters.learnable import Stop, may_add, unable
-from services.parameters.learning_settings import Learning
-from services.parameters.limits_group import LIMITS, LimitsGroup
-from services.parameters.parameter_group import ParameterGroups
-from services.parameters.terrain_group import TERRAIN, TerrainGroup
-from services.wire.observations import DriveSamples, Observation, StopObservation, TerrainLabel
+from services.parameters.learnable import StopTaught, may_add, unable
+from services.parameters.registry import GROUPS
+from services.parameters.stop_streams import StopStreams
+from services.settings.learning import Learning
+from services.wire.observations import DriveSamples, RobotObservation, StopObservation, TerrainLabel
 
-_SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _STRONGEST = PublishSettings().most
-_MOST_STREAMS = 8
 _MOST_STOPS = 200
 
 
@@ -58,21 +54,20 @@ class Learner:
         self._file = self._prior = prior
         self._settings, self._names_surfaces = settings, names_surfaces
         self._braking = BrakingGroups(prior, settings)
-        self._terrain = TerrainGroup(prior, settings)
-        self._limits = LimitsGroup(prior)
+        self._groups = [maker(prior, settings) for maker in GROUPS]
         self.effects = EffectsGroup(prior, self._take_up)
         self.ground = GroundNow(
             prior, monitor_maker(settings.terrains), settings.label_for, settings.sure
         )
         self.unable = self._unable(prior)
-        self.stops: deque[Stop] = deque(maxlen=_MOST_STOPS)
+        self.stops: deque[StopTaught] = deque(maxlen=_MOST_STOPS)
         self.stop_count = self.implausible = 0
-        self._streams: dict[str, StopStream] = {}
+        self._streams = StopStreams(settings)
         self._last_surface = ""
 
     # ------------------------------------------------------------------ observations
 
-    def learn(self, one: Observation, key: str) -> tuple[set[str], str]:
+    def learn(self, one: RobotObservation, key: str) -> tuple[set[str], str]:
         """Groups that changed, and what became of it.
 
         Args:
@@ -100,41 +95,20 @@ class Learner:
 
     def _drive(self, one: DriveSamples, key: str, now: float) -> tuple[set[str], str]:
         columns = columns_of(one, key)
-        told = self.ground.drive(one.source, columns)
-        changed: set[str] = set()
-        if told.changed:
-            changed |= {TERRAIN} if self._terrain.ground_changed() else set()
-            if self._braking.ground_changed("", self._last_surface):
-                changed.add(BASE)
-        if told.features is not None and self._terrain.take(told.features):
-            changed.add(TERRAIN)
+        ground = self.ground.drive(one.source, columns)
+        samples = DriveNews(one.source, columns, ground)
+        changed = {group for groups in self._all() for group in groups.drive(samples)}
+        if ground.changed and self._braking.ground_changed("", self._last_surface):
+            changed.add(BASE)
         changed |= self.on_surface(now)
-        reason = "the ground changed" if told.changed else "samples"
-        stream = self._stream(one.source)
-        size = columns["t"].size
-        grade = columns["grade"].tolist() if "grade" in columns else [math.nan] * size
-        rows = [columns[name].tolist() for name in ("t", "v", "v_cmd", "pitch")]
+        reason = "the ground changed" if ground.changed else "samples"
         surface = one.surface or self.ground.surface(now)
-        for *row, slope in zip(*rows, grade, strict=True):
-            stop = stream.feed(row[0], row[1], row[2], row[3], slope)
-            if stop is not None:
-                changed, reason = self._stop(stop, surface, one, None, changed)
+        for stop in self._streams.feed(one.source, columns, self._braking.dead_time()):
+            changed, reason = self._stop(stop, surface, one, None, changed)
         return changed, reason
 
-    def _stream(self, source: str) -> StopStream:
-        stream = self._streams.pop(source, None)
-        if stream is None:
-            s = self._settings
-            stream = StopStream(self._braking.dead_time(), mount=s.mount, dive=s.dive)
-        # Brakes that answer late must not be taken for weak ones.
-        stream.dead_time = self._braking.dead_time()
-        self._streams[source] = stream
-        while len(self._streams) > _MOST_STREAMS:
-            self._streams.pop(next(iter(self._streams)))
-        return stream
-
     def _stop(
-        self, stop: StreamedStop, surface: str, one: Observation, distance: float | None,
+        self, stop: StreamedStop, surface: str, one: RobotObservation, distance: float | None,
         changed: set[str],
     ) -> tuple[set[str], str]:  # fmt: skip
         if self.unable:
@@ -166,29 +140,23 @@ class Learner:
 
     # ------------------------------------------------------------------ groups
 
+    def _all(self) -> list[ParameterGroups]:
+        return [self._braking, *self._groups, self.effects]
+
     def names(self) -> list[str]:
         """All groups."""
-        rest = (self._terrain, self._limits, self.effects)
-        return [*self._braking.names(), *(name for groups in rest for name in groups.names())]
+        return [name for groups in self._all() for name in groups.names()]
 
     def group(self, name: str) -> ParameterGroups:
         """Who looks after a group, whether there is anything in it yet or not."""
-        if name == TERRAIN:
-            return self._terrain
-        if name == LIMITS:
-            return self._limits
-        if name == EFFECTS:
-            return self.effects
-        surface = name.removeprefix(f"{BASE}.")
-        if name == BASE or surface in self._prior.braking.terrain:
-            return self._braking
-        if surface != name and _SURFACE.fullmatch(surface):
-            return self._braking
+        for groups in self._all():
+            if groups.owns(name):
+                return groups
         raise ParameterError("group", f"one of {', '.join(self.names())}, got {name[:80]}")
 
     def may_restore(self, name: str) -> bool:
         """Whether what was learned before of a group still has a say."""
-        if name in (LIMITS, EFFECTS):
+        if any(groups.of_operators and groups.owns(name) for groups in self._all()):
             return True
         if not self._settings.enabled:
             return False
@@ -210,7 +178,7 @@ class Learner:
             return "nothing is learned: it is off"
         return unable(model, "the model file" if model is self._file else "the adopted finding")
 
-    def _take_up(self, model: Model | None, before: dict | None) -> dict | None:
+    def _take_up(self, model: Model | None, before: State | None) -> State | None:
         """Learn on top of a finding, or of the model file again.
 
         What stops taught counts below it from now on. Where braking cannot be learned on top of it,
@@ -247,18 +215,12 @@ class Learner:
         self._braking.age()
 
     def in_use(self) -> tuple[Model, float, float]:
-        """The model to plan with, the age that all of it has, and the oldest of all [s].
-
-        What a surface is older than all is scatter of its own.
-        """
+        """The model to plan with, the age that all of it has, and the oldest of all [s]."""
+        model = self._prior
+        for groups in self._all():
+            model = groups.apply(model)
         ages = self._braking.ages(time.monotonic())
-        least = min(ages.values()) if len(ages) == len(self._braking.names()) else 0.0
-        own = {name: age - least for name, age in ages.items()}
-        model = dataclasses.replace(
-            self._prior, braking=self._braking.in_use(own), terrain=self._terrain.in_use(),
-            limits=self._limits.in_use(),
-        )  # fmt: skip
-        return model, least, max(ages.values(), default=0.0)
+        return model, self._braking.common_age(ages), max(ages.values(), default=0.0)
 
 
 def _counts_twice(model: Model) -> bool:

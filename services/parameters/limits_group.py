@@ -8,7 +8,8 @@ from collections.abc import Mapping
 
 from models.errors import ParameterError
 from models.parameters import Limits, Model
-from services.parameters.parameter_group import Description
+from services.parameters.group import Description, ParameterGroups, State
+from services.settings.learning import Learning
 
 LIMITS = "limits"
 _UNITS = {
@@ -17,18 +18,23 @@ _UNITS = {
 }  # fmt: skip
 
 
-class LimitsGroup:
-    """What an operator allows; one thread."""
+class LimitsGroup(ParameterGroups):
+    """What an operator allows."""
 
-    def __init__(self, prior: Model) -> None:
+    of_operators = True
+
+    def __init__(self, prior: Model, settings: Learning) -> None:
         """Begin with the model file's limits."""
         self._prior = prior.limits
         self._values: dict[str, float] = {}
         self._set = time.monotonic()
 
-    def in_use(self) -> Limits:
+    def apply(self, model: Model) -> Model:
         """To plan with."""
-        return dataclasses.replace(self._prior, **self._values)  # type: ignore[arg-type]
+        return dataclasses.replace(model, limits=self._in_use())
+
+    def _in_use(self) -> Limits:
+        return dataclasses.replace(self._prior, **self._values)
 
     def names(self) -> list[str]:
         """The one."""
@@ -38,21 +44,21 @@ class LimitsGroup:
         """As planned with."""
         age = time.monotonic() - self._set if self._values else 0.0
         return Description(
-            values=dataclasses.asdict(self.in_use()), valid=True, age=age, unit=dict(_UNITS)
+            values=dataclasses.asdict(self._in_use()), valid=True, age=age, unit=dict(_UNITS)
         )
 
-    def state(self, group: str) -> dict | None:
+    def state(self, group: str) -> State | None:
         """What a restart needs."""
         return {"values": self._values} if self._values else None
 
-    def restore(self, group: str, state: dict | None, age: float) -> None:
+    def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was. Where the model file is tighter by now, it holds."""
         values: dict[str, float] = {} if state is None else dict(state["values"])
         for name, value in values.items():
             if name not in _UNITS:
                 raise ParameterError(name, f"one of {', '.join(_UNITS)}")
             values[name] = self._tighter(name, value)
-        dataclasses.replace(self._prior, **values)  # type: ignore[arg-type]
+        dataclasses.replace(self._prior, **values)
         self._values, self._set = values, time.monotonic() - age
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
@@ -65,7 +71,7 @@ class LimitsGroup:
                 words = f"{word} the {getattr(self._prior, name):g} of the model file, got {value}"
                 raise ParameterError(name, words)
         changed = {**self._values, **values}
-        dataclasses.replace(self._prior, **changed)  # type: ignore[arg-type]
+        dataclasses.replace(self._prior, **changed)
         self._values, self._set = changed, time.monotonic()
 
     def _tighter(self, name: str, value: float) -> float:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from services.parameters.change import Change, Moment
+from services.parameters.change import Moment, StoredChange
 
 _SCHEMA_VERSION = 1
 _PAGE = 4096
@@ -121,7 +121,7 @@ class Store:
 
     # ------------------------------------------------------------------ writing
 
-    def write(self, changes: Sequence[Change], seen: Mapping[str, int] | None = None) -> None:
+    def write(self, changes: Sequence[StoredChange], seen: Mapping[str, int] | None = None) -> None:
         """Keep changes, and up to which sequence sources were heard: all of it or nothing."""
         rows = [
             (
@@ -197,7 +197,9 @@ class Store:
         with self._reading(query, (fingerprint,)) as rows:
             return [str(name) for (name,) in rows]
 
-    def newest(self, fingerprint: str, group: str, up_to: int | None = None) -> Iterator[Change]:
+    def newest(
+        self, fingerprint: str, group: str, up_to: int | None = None
+    ) -> Iterator[StoredChange]:
         """Changes of a group of a vehicle's parameters, from the newest or a version back.
 
         Rows whose checksum does not fit are left out.
@@ -212,7 +214,7 @@ class Store:
         query = "SELECT count(*) FROM change WHERE fingerprint = ? AND version = ?"
         return self._number(query, fingerprint, version) > 0
 
-    def history(self, group: str = "", most: int = 100) -> list[Change]:
+    def history(self, group: str = "", most: int = 100) -> list[StoredChange]:
         """The last changes of a group, newest first; of all groups and vehicles without a name."""
         where = "WHERE grp = ? " if group else ""
         given = (group, most) if group else (most,)
@@ -223,7 +225,7 @@ class Store:
         with self._reading("SELECT DISTINCT fingerprint FROM change") as rows:
             return {str(name) for (name,) in rows}
 
-    def _changes(self, where: str, given: tuple[Any, ...]) -> Iterator[Change]:
+    def _changes(self, where: str, given: tuple[Any, ...]) -> Iterator[StoredChange]:
         query = (
             "SELECT version, grp, fingerprint, cause, who, at, boot, uptime, state, learned, crc"
             f" FROM change {where}"
@@ -232,7 +234,9 @@ class Store:
             for version, grp, vehicle, cause, who, at, boot, uptime, state, learned, crc in rows:
                 if zlib.crc32(state) == crc:
                     moment = Moment(at, boot, uptime)
-                    yield Change(version, grp, vehicle, cause, who, moment, state, bool(learned))
+                    yield StoredChange(
+                        version, grp, vehicle, cause, who, moment, state, bool(learned)
+                    )
 
     def _number(self, query: str, *given: object) -> int:
         with self._reading(query, given) as rows:

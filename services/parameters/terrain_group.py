@@ -14,8 +14,8 @@ from collections.abc import Mapping
 
 from models.errors import ParameterError
 from models.parameters import Model, Terrain
-from services.parameters.learning_settings import Learning
-from services.parameters.parameter_group import Description
+from services.parameters.group import Description, DriveNews, ParameterGroups, State
+from services.settings.learning import Learning
 
 TERRAIN = "terrain"
 NAMES = ("motion_resistance", "lateral_resistance", "slip_track")
@@ -28,7 +28,7 @@ _NEWS = 0.01
 """Changes by a smaller share are none worth keeping."""
 
 
-class TerrainGroup:
+class TerrainGroup(ParameterGroups):
     """What driving teaches of the ground; one thread."""
 
     def __init__(self, prior: Model, settings: Learning) -> None:
@@ -37,6 +37,13 @@ class TerrainGroup:
         self._values: dict[str, float] = {}
         self._stds: dict[str, float] = {}
         self._taught = time.monotonic()
+
+    def drive(self, samples: DriveNews) -> set[str]:
+        """Learn from what samples told of the ground."""
+        ground = samples.ground
+        changed = ground.changed and self._ground_changed()
+        news = ground.features is not None and self.take(ground.features)
+        return {TERRAIN} if changed or news else set()
 
     def take(self, features: tuple[tuple[float, float], ...]) -> bool:
         """Learn (value, standard deviation) of each parameter, NaN where not known; any news?"""
@@ -59,7 +66,7 @@ class TerrainGroup:
             self._taught = time.monotonic()
         return news
 
-    def ground_changed(self) -> bool:
+    def _ground_changed(self) -> bool:
         """What was known may hold no longer; did anything change with it?"""
         slower = {n: max(v, getattr(self._prior.terrain, n)) for n, v in self._values.items()}
         changed = slower != self._values
@@ -75,9 +82,9 @@ class TerrainGroup:
         known["slip_track"] = max(known["slip_track"], self._prior.vehicle.track_width)
         return known
 
-    def in_use(self) -> Terrain:
+    def apply(self, model: Model) -> Model:
         """To plan with."""
-        return Terrain(**self._now())
+        return dataclasses.replace(model, terrain=Terrain(**self._now()))
 
     def names(self) -> list[str]:
         """The one."""
@@ -91,11 +98,11 @@ class TerrainGroup:
             unit=dict(zip(NAMES, _UNITS, strict=True)),
         )  # fmt: skip
 
-    def state(self, group: str) -> dict | None:
+    def state(self, group: str) -> State | None:
         """What a restart needs."""
         return {"values": self._values, "stds": self._stds} if self._values else None
 
-    def restore(self, group: str, state: dict | None, age: float) -> None:
+    def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was ``age`` seconds ago."""
         values: dict[str, float] = {} if state is None else dict(state["values"])
         stds = {} if state is None else {n: float(s) for n, s in state["stds"].items()}

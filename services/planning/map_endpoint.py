@@ -10,8 +10,8 @@ from typing import Any
 import zenoh
 
 from models.errors import InputError
-from services.config import ServiceConfig
 from services.planning.map_store import MapStore
+from services.settings.service import ServiceConfig
 from services.wire import codec
 from services.wire.messages import MapUpdate
 

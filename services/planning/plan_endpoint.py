@@ -1,7 +1,7 @@
 """Questions for plans over zenoh: a bounded queue, threads that answer, one that tells the rest.
 
 Zenoh's own threads only put questions in; decoding, planning and replies are done by threads of
-this file. What is answered is made in :mod:`plan_service`.
+this file. What is answered is made in :mod:`services.planning.plan_service`.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ import math
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import zenoh
 
 from models.errors import InputError
-from services.config import ServiceConfig
-from services.dashboard.board import Board
 from services.planning.admission import Admission, Question
 from services.planning.map_store import MapStore
 from services.planning.plan_service import PlanService
+from services.settings.service import ServiceConfig
 from services.wire import codec, messages
 from services.wire.messages import PlanReply, PlanRequest
 
@@ -36,11 +36,11 @@ class PlanEndpoint:
 
     def __init__(
         self, config: ServiceConfig, plans: PlanService, maps: MapStore, counters: Counter[str],
-        board: Board,
+        planned: Callable[[PlanRequest, PlanReply], None],
     ) -> None:  # fmt: skip
-        """Answer with these plans on these maps."""
+        """Answer with these plans on these maps; `planned` is called after each answer."""
         self._config, self._plans, self._maps = config, plans, maps
-        self._counters, self._board = counters, board
+        self._counters, self._planned = counters, planned
         self._admission = Admission(config.planning.queue)
         self._seconds: deque[float] = deque(maxlen=_REMEMBERED)
         self._working: dict[str, float] = {}
@@ -133,7 +133,7 @@ class PlanEndpoint:
             query.reply(self._key, payload, encoding=codec.encoding_of(PlanReply, written))
         self._seconds.append(time.monotonic() - question.arrived)
         self._counters["answered"] += 1
-        self._board.planned(request, reply)
+        self._planned(request, reply)
         self._counters["candidates_refused"] += sum(not c.usable for c in reply.ranking)
 
     def _turn_away(self) -> None:

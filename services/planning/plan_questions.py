@@ -13,7 +13,7 @@ import numpy as np
 
 from models.errors import InputError, ParameterError
 from planner.path import CandidatePath, batch
-from services.config import Sizes
+from services.settings.service import Sizes
 from services.wire.messages import Candidate, Path, PlanRequest
 
 _FEWEST_POINTS = 3

@@ -22,10 +22,10 @@ from planner.horizon.horizon import Horizon
 from planner.limiting import Limiting
 from planner.pipeline.candidates import CandidatePlanner, rank
 from planner.plan import SpeedPlan, Status
-from services.config import ServiceConfig
-from services.parameters.parameters_in_use import ParametersInUse
+from services.parameters.in_use import ParametersInUse
 from services.planning.map_store import KnownGround
 from services.planning.plan_questions import Usable, check, usable_of, without_flaws
+from services.settings.service import ServiceConfig
 from services.wire import messages
 from services.wire.messages import Candidate, Command, Limit, Plan, PlanReply, PlanRequest
 

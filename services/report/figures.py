@@ -13,7 +13,7 @@ from models.errors import InputError
 INK, FIRST, SECOND, THIRD, FAINT = "#1b1d1f", "#0b5c8f", "#d55e00", "#00694f", "#8a9097"
 COLOURS = (FIRST, SECOND, THIRD, "#76388c", "#8a5300", "#cc79a7", "#3a9bdc", "#585f66")
 
-_STYLE = {
+_STYLE: Any = {
     "font.size": 9.5, "axes.edgecolor": FAINT, "axes.labelcolor": INK, "text.color": INK,
     "xtick.color": INK, "ytick.color": INK, "axes.grid": True, "grid.color": "#ebeae5",
     "axes.axisbelow": True, "axes.spines.top": False, "axes.spines.right": False,

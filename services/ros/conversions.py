@@ -11,7 +11,7 @@ import numpy as np
 from models.errors import ParameterError
 from services.io.bags.ros_types import PATH, SPEED_LIMIT, typestore
 from services.io.maps.bag_map import points_of
-from services.ros.speed_limit import Place, Told
+from services.ros.speed_limit import PlanPosition, SpeedAdvice
 from services.wire.messages import Path, Plan
 
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -30,7 +30,7 @@ _TURNED = 1.0  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class OdometrySample:
     """Odometry: frame, stamp [ns], x, y [m], heading [rad], speed along it [m/s]."""
 
     frame: str
@@ -41,7 +41,7 @@ class Motion:
     speed: float
 
 
-def motion_of(message: Any) -> Motion:
+def motion_of(message: Any) -> OdometrySample:
     """What a nav_msgs/Odometry says.
 
     Raises:
@@ -53,7 +53,7 @@ def motion_of(message: Any) -> Motion:
     if not np.isfinite((*numbers, roll, pitch)).all():
         raise ParameterError("pose, twist", "finite numbers")
     x, y, speed = (float(number) for number in numbers)
-    return Motion(header.frame_id, stamp_of(header), x, y, yaw, speed)
+    return OdometrySample(header.frame_id, stamp_of(header), x, y, yaw, speed)
 
 
 def angles_of(q: Any) -> tuple[float, float, float]:
@@ -91,7 +91,7 @@ def candidate_of(name: str, message: Any) -> Path:
     return Path(name=name, points=points)
 
 
-def ahead_of(path: Path, motion: Motion, horizon: float) -> Path:
+def ahead_of(path: Path, motion: OdometrySample, horizon: float) -> Path:
     """The part of a candidate that matters now: a little behind the vehicle, and so far ahead [m].
 
     A path may pass by the same place again; the first part counts that leads where the vehicle
@@ -126,7 +126,7 @@ def header(frame: str, stamp: int) -> Any:
     return types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
 
 
-def speed_limit(told: Told, stamp: int) -> Any:
+def speed_limit(told: SpeedAdvice, stamp: int) -> Any:
     """A nav2_msgs/SpeedLimit in m/s; never the 0.0 that would lift all limits."""
     limit = float(told.limit)
     if not (np.isfinite(limit) and limit > 0.0):
@@ -134,7 +134,7 @@ def speed_limit(told: Told, stamp: int) -> Any:
     return typestore().types[SPEED_LIMIT](header("", stamp), False, limit)
 
 
-def profile(plan: Plan | None, at: Place | None, frame: str, stamp: int) -> Any:
+def profile(plan: Plan | None, at: PlanPosition | None, frame: str, stamp: int) -> Any:
     """A plan as a nav_msgs/Path: each pose stamped with when the plan is there.
 
     Args:

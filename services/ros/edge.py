@@ -18,16 +18,16 @@ from uuid import uuid4
 import zenoh
 
 from models.errors import ParameterError
-from services.client import Outcome, PlanClient
+from services.client import ClientAnswer, PlanClient
 from services.io.bags.ros_types import GRID_MAP, PATH, SPEED_LIMIT
 from services.io.maps.bag_map import other_frame
 from services.io.maps.grid_map_message import elevation_map_of
 from services.ros import conversions as ros
 from services.ros import speed_limit
-from services.ros.conversions import Motion
+from services.ros.conversions import OdometrySample
 from services.ros.node import Node, Received, decoded
 from services.ros.settings import EdgeSettings
-from services.ros.speed_limit import Told
+from services.ros.speed_limit import SpeedAdvice
 from services.ros.vehicle_state import VehicleState
 from services.wire.messages import MapUpdate, Path, Plan
 
@@ -81,8 +81,8 @@ class Edge:
         self._source, self._maps = f"ros-{uuid4().hex[:12]}", 0
         self._frame = settings.ros.frame
         self._offered: dict[str, _Offered] = {}
-        self._outcome: Outcome | None = None
-        self._last_told: Told | None = None
+        self._outcome: ClientAnswer | None = None
+        self._last_told: SpeedAdvice | None = None
         self._diagnosed = 0.0
         self._stopped = threading.Event()
         self._threads = [
@@ -192,12 +192,12 @@ class Edge:
         plan = next((p for p in reply.plans if p.candidate == reply.chosen), None)
         self._show(None if told.stop else plan, motion)
 
-    def _no(self, reason: str) -> Told:
+    def _no(self, reason: str) -> SpeedAdvice:
         return speed_limit.stop(self.settings.timing, reason)
 
     # ------------------------------------------------------------------ out
 
-    def _tell(self, told: Told) -> None:
+    def _tell(self, told: SpeedAdvice) -> None:
         stamp = self._state.clock()
         self._limit.send(ros.speed_limit(told, stamp))
         if self._stop is not None:
@@ -208,7 +208,7 @@ class Edge:
             self._diagnosed = self._clock()
             self._diagnose(told, stamp)
 
-    def _show(self, plan: Plan | None, motion: Motion | None) -> None:
+    def _show(self, plan: Plan | None, motion: OdometrySample | None) -> None:
         if self._profile is None:
             return
         at = None
@@ -217,7 +217,7 @@ class Edge:
         frame = self._frame if motion is None else motion.frame
         self._profile.send(ros.profile(plan, at, frame, self._state.clock()))
 
-    def _diagnose(self, told: Told, stamp: int) -> None:
+    def _diagnose(self, told: SpeedAdvice, stamp: int) -> None:
         if self._diagnostics is None:
             return
         reply = None if self._outcome is None else self._outcome.reply

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from models.errors import ParameterError
 from planner.kernels.compiled import Floats
-from services.ros.conversions import Motion
+from services.ros.conversions import OdometrySample
 
 _DEEPEST = 64
 _MOST_FRAMES = 10_000
@@ -58,7 +58,7 @@ class Frames:
             if child in self._links or len(self._links) < _MOST_FRAMES:
                 self._links[child] = _Link(parent, matrix, float("inf") if fixed else at)
 
-    def motion_in(self, frame: str, motion: Motion, now: float) -> Motion:
+    def motion_in(self, frame: str, motion: OdometrySample, now: float) -> OdometrySample:
         """A motion in another frame; speed stays, it is along the vehicle.
 
         Args:

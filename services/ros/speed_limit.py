@@ -20,7 +20,7 @@ _DRIVABLE = ("ok", "blocked", "degraded")
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class SpeedAdvice:
     """What followers of the path are told.
 
     Attributes:
@@ -33,7 +33,7 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PlanPosition:
     """The vehicle on a plan: station [m] and time [s] of the plan there, and the stations ahead."""
 
     station: float
@@ -41,7 +41,7 @@ class Place:
     ahead: int
 
 
-def place_on(plan: Plan, x: float, y: float) -> Place:
+def place_on(plan: Plan, x: float, y: float) -> PlanPosition:
     """The point of a plan that is nearest to a position [m]."""
     px, py, station, time = (plan.column(name) for name in ("x", "y", "station", "time"))
     dx, dy = np.diff(px), np.diff(py)
@@ -55,10 +55,10 @@ def place_on(plan: Plan, x: float, y: float) -> Place:
     gone = u * float(station[k + 1] - station[k])
     mean = 0.5 * (float(v[k]) + here)
     late = gone / mean if mean > 0.0 else 0.0
-    return Place(float(station[k]) + gone, float(time[k]) + late, k + 1)
+    return PlanPosition(float(station[k]) + gone, float(time[k]) + late, k + 1)
 
 
-def told_by(reply: PlanReply, x: float, y: float, timing: Timing) -> Told:
+def told_by(reply: PlanReply, x: float, y: float, timing: Timing) -> SpeedAdvice:
     """What an answer means for a vehicle at x, y [m]."""
     plan = next((p for p in reply.plans if p.candidate == reply.chosen), None)
     if reply.command is None or reply.command.stop or plan is None:
@@ -69,10 +69,10 @@ def told_by(reply: PlanReply, x: float, y: float, timing: Timing) -> Told:
     limit = max(_lowest_ahead(plan, at, timing), _launch(plan, at, timing))
     if not limit > timing.crawl:
         return stop(timing, plan.reason or "the plan ends here")
-    return Told(limit, False, plan.reason)
+    return SpeedAdvice(limit, False, plan.reason)
 
 
-def _lowest_ahead(plan: Plan, at: Place, timing: Timing) -> float:
+def _lowest_ahead(plan: Plan, at: PlanPosition, timing: Timing) -> float:
     """Lowest speed of the plan from the next limit on, as far as is looked ahead.
 
     v² is linear between stations, so it is at one of them, or at an end of the time.
@@ -89,7 +89,7 @@ def _lowest_ahead(plan: Plan, at: Place, timing: Timing) -> float:
     return float(min(lowest, speed[within].min())) if within.any() else float(lowest)
 
 
-def _launch(plan: Plan, at: Place, timing: Timing) -> float:
+def _launch(plan: Plan, at: PlanPosition, timing: Timing) -> float:
     """``launch``, or what the bounds leave of it over the way driven meanwhile."""
     if plan.status == "degraded":
         return 0.0
@@ -99,6 +99,6 @@ def _launch(plan: Plan, at: Place, timing: Timing) -> float:
     return float(min(timing.launch, bound[at.ahead - 1 : last].min()))
 
 
-def stop(timing: Timing, reason: str) -> Told:
+def stop(timing: Timing, reason: str) -> SpeedAdvice:
     """Stand still."""
-    return Told(timing.crawl, True, reason)
+    return SpeedAdvice(timing.crawl, True, reason)

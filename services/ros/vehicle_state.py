@@ -9,7 +9,7 @@ import zenoh
 
 from models.errors import ParameterError
 from services.ros import conversions as ros
-from services.ros.conversions import Motion
+from services.ros.conversions import OdometrySample
 from services.ros.drive_samples import SampleTeller
 from services.ros.frames import Frames
 from services.ros.node import Node, Received, decoded
@@ -40,7 +40,7 @@ class VehicleState:
                 self._kinds[name] = (ros.TRANSFORMS, act)
                 # Many publish a part of the tree each.
                 self._inbox.all_of.add(name)
-        self._motion: Motion | None = None
+        self._motion: OdometrySample | None = None
         self._at = -float("inf")
         self._teller: SampleTeller | None = None
         if topics.imu and topics.command:
@@ -65,7 +65,7 @@ class VehicleState:
                 except ParameterError as error:
                     self._inbox.refuse(topic, str(error))
 
-    def motion(self, now: float, frame: str) -> tuple[Motion | None, str]:
+    def motion(self, now: float, frame: str) -> tuple[OdometrySample | None, str]:
         """The vehicle now, or why nobody knows.
 
         Args:

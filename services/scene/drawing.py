@@ -113,7 +113,7 @@ SERIES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class DrivenPlan:
     """A plan as it is driven, n moments; every array is (n,).
 
     Attributes:
@@ -127,7 +127,7 @@ class Drive:
     series: dict[str, Floats]
 
 
-def drive(plan: SpeedPlan) -> Drive:
+def drive(plan: SpeedPlan) -> DrivenPlan:
     """The moments at which a plan passes its stations, up to where it stops."""
     moments = np.concatenate(([True], np.diff(plan.time) > 0.0))
     heading = np.unwrap(np.arctan2(np.gradient(plan.y), np.gradient(plan.x)))
@@ -138,7 +138,7 @@ def drive(plan: SpeedPlan) -> Drive:
         plan.speed, plan.speed_bound, plan.accel, plan.station, plan.stop_distance, margin,
         np.rad2deg(plan.grade), np.rad2deg(plan.roll), plan.rear_load, plan.side_load,
     )  # fmt: skip
-    return Drive(
+    return DrivenPlan(
         time=plan.time[moments],
         position=np.stack([plan.x, plan.y, plan.z], axis=1)[moments],
         quaternion=_quaternions(yaw, pitch, roll),

@@ -113,7 +113,9 @@ def _vehicle(vehicle: Vehicle, begin: int) -> Any:
     return _scene([_entity(VEHICLE_FRAME, "vehicle", begin, facts, locked=True, cubes=[cube])])
 
 
-def _drive(driven: drawing.Drive, name: str, begin: int, transforms: Any, numbers: Any) -> None:
+def _drive(
+    driven: drawing.DrivenPlan, name: str, begin: int, transforms: Any, numbers: Any
+) -> None:
     from foxglove.messages import FrameTransform, Quaternion, Vector3
 
     for k, moment in enumerate(driven.time.tolist()):

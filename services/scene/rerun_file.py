@@ -86,7 +86,7 @@ def _log_candidates(recording: Any, plans: Sequence[SpeedPlan], origin: Any) -> 
         )
 
 
-def _log_drive(recording: Any, driven: drawing.Drive, vehicle: Vehicle, origin: Any) -> None:
+def _log_drive(recording: Any, driven: drawing.DrivenPlan, vehicle: Vehicle, origin: Any) -> None:
     import rerun as rr
 
     (length, width, height), middle = drawing.box_of(vehicle)

@@ -114,8 +114,10 @@ def _from_block(value: dict[Any, Any]) -> np.ndarray:
     shape, data = value.get("shape"), value.get("data")
     if set(value) != {"shape", "data"} or not isinstance(data, bytes):
         raise ValueError("Expected an array as shape and binary data")
-    axes = isinstance(shape, list) and 1 <= len(shape) <= _MOST_AXES
-    if not axes or not all(type(n) is int and 0 <= n <= _MOST_ITEMS for n in shape):
+    if not isinstance(shape, list) or not (
+        1 <= len(shape) <= _MOST_AXES
+        and all(type(n) is int and 0 <= n <= _MOST_ITEMS for n in shape)
+    ):
         raise ValueError(f"Expected a shape of 1 or {_MOST_AXES} whole numbers")
     if math.prod(shape) * 8 != len(data):
         words = " x ".join(str(n) for n in shape)

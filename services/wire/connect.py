@@ -7,7 +7,8 @@ import re
 import zenoh
 
 from models.errors import InputError
-from services.config import ServiceConfig, ZenohSettings, zenoh_config
+from services.settings.service import ServiceConfig, ZenohSettings
+from services.settings.session import zenoh_config
 
 _ENCRYPTED = ("tls/", "quic/", "wss/")
 _PLACE = re.compile(r"\s+at \S+\.rs:\d+\.?")

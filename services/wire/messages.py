@@ -31,7 +31,7 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """What all messages have: no field may be missing, and none may be unknown."""
 
 
-class Path(Message):
+class Path(Message, frozen=True):
     """One candidate.
 
     Attributes:
@@ -47,7 +47,7 @@ class Path(Message):
     clear: float | None = None
 
 
-class PlanRequest(Message):
+class PlanRequest(Message, frozen=True):
     """A question for plans.
 
     Attributes:
@@ -71,7 +71,7 @@ class PlanRequest(Message):
     brake_heat: NotNegative = 0.0
 
 
-class Parameters(Message):
+class Parameters(Message, frozen=True):
     """Which parameters a plan was made with.
 
     Attributes:
@@ -85,7 +85,7 @@ class Parameters(Message):
     age: float
 
 
-class Command(Message):
+class Command(Message, frozen=True):
     """What to do until the next answer: reach ``speed`` [m/s] within a period at ``accel`` [m/s²];
     ``stop``: brake as hard as the brakes can. The plan may be followed for ``valid_for`` [s].
     """
@@ -96,7 +96,7 @@ class Command(Message):
     valid_for: float
 
 
-class Candidate(Message):
+class Candidate(Message, frozen=True):
     """How one candidate fared. ``cost`` [s] is None where it was not planned."""
 
     name: str
@@ -105,14 +105,14 @@ class Candidate(Message):
     cost: float | None = None
 
 
-class Limit(Message):
+class Limit(Message, frozen=True):
     """From station number ``first`` on, up to the next of these, ``name`` limits the speed."""
 
     first: int
     name: str
 
 
-class Plan(Message):
+class Plan(Message, frozen=True):
     """One plan of N stations.
 
     Attributes:
@@ -143,7 +143,7 @@ class Plan(Message):
         return row
 
 
-class PlanReply(Message):
+class PlanReply(Message, frozen=True):
     """The answer to one question; there is always one.
 
     Attributes:
@@ -174,7 +174,7 @@ class PlanReply(Message):
     seconds: dict[str, float] = {}
 
 
-class MapUpdate(Message):
+class MapUpdate(Message, frozen=True):
     """Ground, whole or a patch of it.
 
     Attributes:
@@ -195,7 +195,7 @@ class MapUpdate(Message):
     class_names: Annotated[list[Text], Meta(min_length=1, max_length=62)] | None = None
 
 
-class Status(Message):
+class Status(Message, frozen=True):
     """How the service is.
 
     Attributes:

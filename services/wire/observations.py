@@ -28,7 +28,7 @@ MORE_COLUMNS = (
 """Columns that they may have beside them; `grade` is that of the ground, from a map."""
 
 
-class Observation(Message):
+class RobotObservation(Message, frozen=True):
     """What every observation has.
 
     Attributes:
@@ -41,7 +41,7 @@ class Observation(Message):
     time: float
 
 
-class StopObservation(Observation):
+class StopObservation(RobotObservation, frozen=True):
     """One stop with full braking, measured by somebody else.
 
     Attributes:
@@ -60,7 +60,7 @@ class StopObservation(Observation):
     surface: Surface = ""
 
 
-class DriveSamples(Observation):
+class DriveSamples(RobotObservation, frozen=True):
     """Samples of a drive, in the order of time, next to those of the message before.
 
     `v` is the speed over ground, and `v_cmd` 0 the command to brake as hard as the brakes can:
@@ -76,7 +76,7 @@ class DriveSamples(Observation):
     surface: Surface = ""
 
 
-class TerrainLabel(Observation):
+class TerrainLabel(RobotObservation, frozen=True):
     """What an estimator on board takes the ground now to be.
 
     Attributes:
@@ -87,7 +87,7 @@ class TerrainLabel(Observation):
     probability: Probability = 1.0
 
 
-class Receipt(Message):
+class Receipt(Message, frozen=True):
     """What became of an observation that was sent as a query.
 
     Attributes:

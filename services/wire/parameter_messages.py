@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
-from services.discovery.finding import Offer
 from services.wire.messages import Message, Number, Text
+from services.wire.offer import Offer
 
 Group = Annotated[str, Meta(min_length=1, max_length=80)]
 
 
-class ParameterGroup(Message):
+class ParameterGroup(Message, frozen=True):
     """Parameters that change together.
 
     Attributes:
@@ -40,7 +40,7 @@ class ParameterGroup(Message):
     notes: dict[str, str | float] = field(default_factory=dict)
 
 
-class HistoryEntry(Message):
+class HistoryEntry(Message, frozen=True):
     """A change that was kept; `at` is a clock of the day [s since 1970]."""
 
     version: int
@@ -53,14 +53,14 @@ class HistoryEntry(Message):
     valid: bool = False
 
 
-class ParameterQuestion(Message):
+class ParameterQuestion(Message, frozen=True):
     """What to read. ``history``: how many changes of the past are wanted, newest first."""
 
     group: Annotated[str, Meta(max_length=80)] = ""
     history: Annotated[int, Meta(ge=0, le=10_000)] = 0
 
 
-class SetParameters(Message):
+class SetParameters(Message, frozen=True):
     """An operator's own values; those left out stay as they are. ``who``: the operator."""
 
     group: Group
@@ -68,7 +68,7 @@ class SetParameters(Message):
     who: Text = "operator"
 
 
-class RollBack(Message):
+class RollBack(Message, frozen=True):
     """Back to how a group, or all without a name, was at a version."""
 
     version: Number
@@ -76,7 +76,7 @@ class RollBack(Message):
     who: Text = "operator"
 
 
-class AdoptOffer(Message):
+class AdoptOffer(Message, frozen=True):
     """Plan with the finding that is offered; ``offer``: its id, ``who``: the operator.
 
     ``faster``: stops may become shorter than by the model file, if the finding is valid.
@@ -87,14 +87,14 @@ class AdoptOffer(Message):
     who: Text = "operator"
 
 
-class DiscrepancyQuestion(Message):
+class DiscrepancyQuestion(Message, frozen=True):
     """What the stored stops say; ``start``: look at them anew. ``who``: the operator."""
 
     start: bool = False
     who: Text = "operator"
 
 
-class ParameterReply(Message):
+class ParameterReply(Message, frozen=True):
     """The answer about parameters; there is always one.
 
     Attributes:

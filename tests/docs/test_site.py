@@ -15,8 +15,8 @@ import pytest
 from models.effects.registry import LAWS
 from models.parameters import Braking, Limits
 from models.vehicle import Vehicle
-from services.config import Planning
 from services.ros.settings import Timing
+from services.settings.service import Planning
 from services.wire.messages import PlanRequest
 
 pytest.importorskip("material", reason="the docs extra is not installed")

@@ -8,7 +8,8 @@ from pathlib import Path
 import trustme
 import zenoh
 
-from services.config import ZenohSettings, zenoh_config
+from services.settings.service import ZenohSettings
+from services.settings.session import zenoh_config
 
 SHIPPED = Path(__file__).parents[2] / "configs" / "zenoh"
 ROLES = ("service", "navigation", "mapping", "estimator", "operator", "stranger")

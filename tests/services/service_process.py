@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import zenoh
 
-from services.config import ZenohSettings, zenoh_config
+from services.settings.service import ZenohSettings
+from services.settings.session import zenoh_config
 from services.wire.messages import MapUpdate
 from services.wire.messages import Path as Candidate
 from tests.services.warm_process import WarmProcess

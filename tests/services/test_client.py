@@ -11,16 +11,17 @@ import pytest
 import zenoh
 
 from models.errors import ParameterError
-from services.client import Outcome, PlanClient
-from services.config import ZenohSettings, zenoh_config
+from services.client import ClientAnswer, PlanClient
 from services.io.maps.map_file import write_map_npz
 from services.io.path_file import write_paths_csv
+from services.settings.service import ZenohSettings
+from services.settings.session import zenoh_config
 from tests.planner import scenes
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.service_process import Running, fan, flat, free_port, running
 
 
-def is_safe(outcome: Outcome, speed: float) -> None:
+def is_safe(outcome: ClientAnswer, speed: float) -> None:
     """An own stop: never faster than now, and at rest in the end."""
     assert outcome.reply is None
     stop = outcome.stop

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any
@@ -21,13 +17,11 @@ from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.workflow import STEPS, investigate_with_evidence
 from models.errors import ParameterError
 from services.cli.screen import progress_bar
-from services.io.access import fault, write_atomic
+from services.io.access import fault
+from services.io.findings_file import PAGE, findings_as_json, source_of, write_findings
 from services.io.logs.drive_log import DriveLog
 from services.io.logs.log_source import grade_by_map, names_of, read_logs
-from services.io.model_file import find_model, read_model, write_model
-
-FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"
-"""What a folder of results holds."""
+from services.io.model_file import find_model, read_model
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,80 +88,9 @@ def write(result: DiscrepancyResult, job: DiscrepancyJob, folder: Path) -> list[
     return [*files, page]
 
 
-def write_findings(findings: Findings, folder: Path) -> list[Path]:
-    """DIR/discrepancy.json and DIR/model.toml; each all or nothing."""
-    folder.mkdir(parents=True, exist_ok=True)
-    told = json.dumps(findings_as_json(findings), allow_nan=False, indent=2, ensure_ascii=False)
-    write_atomic(folder / FINDINGS, (told + "\n").encode())
-    write_model(findings.model, folder / MODEL)
-    return [folder / FINDINGS, folder / MODEL]
-
-
-def source_of(logs: Sequence[Path], parent: Path, day: str) -> str:
-    """Logs, date and parent of what is added to a model: names with a digest of the bytes."""
-    told = ", ".join(f"{path.name} {_digest(path)}" for path in logs)
-    return f"slopewise discrepancy {day}; {told}; parent {parent.name} {_digest(parent)}"
-
-
-def _digest(path: Path) -> str:
-    """First digits of the SHA-256 of a file, or of all files of a recording's folder."""
-    total = hashlib.sha256()
-    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-        if file.is_file():
-            with file.open("rb") as stream:
-                while chunk := stream.read(1 << 20):
-                    total.update(chunk)
-    return total.hexdigest()[:12]
-
-
 def as_json(result: DiscrepancyResult) -> dict[str, Any]:
     """Everything for machines, SI units and radians."""
     return findings_as_json(result.findings)
-
-
-def findings_as_json(f: Findings) -> dict[str, Any]:
-    """What discrepancy.json holds."""
-    return {
-        "verdict": f.verdict.value,
-        "summary": f.summary,
-        "effects": [
-            {
-                "name": e.name,
-                "parameters": {name: asdict(value) for name, value in e.parameters.items()},
-                "confidence": e.confidence,
-                "alternatives": list(e.alternatives),
-                "where": e.where,
-            }
-            for e in f.effects
-        ],
-        "located": [
-            {
-                "axis": a.axis, "range": [a.low, a.high], "unit": a.unit,
-                "share_of_gap": a.share_of_gap, "p_value": a.p_value,
-            }
-            for a in f.located
-        ],
-        "gap": _gap(f.gap),
-        "stop_distance": _gap(f.stop_distance),
-        "next_experiment": {
-            "text": f.next_experiment.text,
-            "stops": [
-                {k: v for k, v in asdict(stop).items() if v is not None}
-                for stop in f.next_experiment.stops
-            ],
-            "repeats": f.next_experiment.repeats,
-        },
-        "stops": f.stops,
-        "notes": list(f.notes),
-        "seconds": f.seconds,
-    }  # fmt: skip
-
-
-def _gap(gap: Gap) -> dict[str, Any]:
-    values = asdict(gap)
-    values["ci95"] = None if gap.ci95 is None else list(gap.ci95)
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in
-            values.items()}  # fmt: skip
 
 
 def show(result: DiscrepancyResult, console: Console) -> None:

@@ -19,7 +19,6 @@ from rich.table import Table
 
 from models.discrepancy.settings import DiscrepancySettings
 from models.errors import InputError
-from services.cli.commands.discrepancy import FINDINGS, source_of
 from services.cli.screen import progress_bar
 from services.fleet import finding
 from services.fleet.census import Census, Lacked, census
@@ -31,6 +30,7 @@ from services.fleet.scheduler import Task, Workers, check_installed, each_done
 from services.fleet.vehicles import vehicles_of
 from services.fleet.words import by_surprise, chance_words, counted, effect_words, left_out, numbers
 from services.io.access import check_file, fault, read_text, write_atomic
+from services.io.findings_file import FINDINGS, source_of
 from services.io.model_file import find_model, model_to_dict, read_model
 
 LINES, PAGE = "findings.jsonl", "report.html"
@@ -124,7 +124,7 @@ def run(job: FleetDiscrepancyJob, *, quiet: bool = False) -> FleetDiscrepancyRes
         words = f"expected at least one vehicle that can be looked at, got none; {name}: {why}"
         raise fault("fleet", "", words)
     if job.pages:
-        from services.fleet.fleet_page import write_report
+        from services.fleet.page import write_report
 
         write_report(job.out / PAGE, rows, result.census)
     return result

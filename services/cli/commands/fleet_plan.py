@@ -17,7 +17,7 @@ from planner.settings import PlannerSettings
 from services.cli.screen import progress_bar
 from services.fleet import results
 from services.fleet.folder import open_folder, sweep
-from services.fleet.parts import PartName, Question, parts_of
+from services.fleet.parts import FleetQuestion, PartName, parts_of
 from services.fleet.planning import PlanTask, plan_part
 from services.fleet.scheduler import Task, Workers, check_installed, each_done
 from services.fleet.windows import opened
@@ -80,7 +80,7 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
     model = read_model(find_model(job.model_file))
     with opened(job.map_file) as ground:
         info = ground.info
-    question = Question(
+    question = FleetQuestion(
         str(job.map_file.resolve()), model_to_dict(model), job.settings, job.start_speed, job.clear,
         job.uncertainty,
     )  # fmt: skip
@@ -114,7 +114,7 @@ def _said(job: FleetPlanJob) -> str:
 
 
 def _tasks(
-    job: FleetPlanJob, question: Question, digest: str, info: MapInfo, missing: list[PartName]
+    job: FleetPlanJob, question: FleetQuestion, digest: str, info: MapInfo, missing: list[PartName]
 ) -> Iterator[Task[PlanTask]]:
     """Parts with their paths, one file in memory at a time."""
     keys = {name.key for name in missing}

@@ -17,10 +17,10 @@ from rich.console import Console
 from rich.table import Table
 
 from models.errors import InputError
-from services.discovery.finding import Offer
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import client_session
+from services.wire.offer import Offer
 from services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,

@@ -18,15 +18,15 @@ from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import is_first_run
 from planner.path import CandidatePath
 from planner.pipeline.candidates import CandidatePlanner, rank
-from planner.plan import SpeedPlan, Status
+from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
 from services.cli.screen import progress_bar
-from services.io.bags.bag import is_bag
+from services.io.bags.recording import is_bag
 from services.io.maps.grid import footprint_margin
 from services.io.maps.map_file import frame_of, map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.path_file import check_paths_on_map, read_paths
-from services.io.plan_file import write_plan_csv
+from services.io.plan_file import driven, write_plan_csv
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,31 +149,6 @@ def write_csv(result: PlanResult, path: Path) -> None:
         texts = isinstance(values[0], list)
         joined[name] = list(itertools.chain(*values)) if texts else np.concatenate(values)
     write_plan_csv(joined, path)
-
-
-def driven(plan: SpeedPlan) -> dict[str, Any]:
-    """Columns of a plan up to its clear distance: beyond it there is nothing to drive."""
-    columns = plan.columns()
-    if plan.status is Status.INFEASIBLE:
-        return dict(columns)
-    rows = max(int(np.count_nonzero(plan.station <= plan.clear_distance)), 1)
-    return {name: values[:rows] for name, values in columns.items()}
-
-
-def summary(plan: SpeedPlan) -> dict[str, Any]:
-    """A plan in one row, SI units; None where there is no margin to speak of."""
-    return {
-        "candidate": plan.candidate,
-        "status": plan.status.value,
-        "reason": plan.reason,
-        "travel_time": plan.travel_time,
-        "progress": plan.progress,
-        "length": float(plan.station[-1]),
-        "max_speed": float(plan.speed.max()),
-        "clear_distance": plan.clear_distance,
-        "least_margin": plan.least_margin if np.isfinite(plan.least_margin) else None,
-        "least_rear_load": float(plan.rear_load.min()),
-    }
 
 
 def uncertainty_at(quantile: float | None) -> Uncertainty | None:

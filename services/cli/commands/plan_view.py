@@ -13,12 +13,13 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from models.parameters import Model
+from models.parameters import Braking, Model, SurfaceBraking
 from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan, Status
 from services.cli.commands import explain_view
-from services.cli.commands.plan import PlanJob, PlanResult, driven, summary
+from services.cli.commands.plan import PlanJob, PlanResult
+from services.io.plan_file import driven, summary
 
 STATUS_STYLE = {
     Status.OK: "green",
@@ -60,7 +61,7 @@ def _survives(uncertainty: Uncertainty | None, model: Model) -> str:
 
 def _leaves_open(model: Model) -> bool:
     """Does the model say how uncertain it is?"""
-    tables = (model.braking, *model.braking.terrain.values())
+    tables: tuple[Braking | SurfaceBraking, ...] = (model.braking, *model.braking.terrain.values())
     stated = (t.covariance or t.force_std or t.dead_time_std for t in tables)
     return any(stated) or any(effect.covariance for effect in model.effect)
 

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from models.errors import InputError, ParameterError
 from planner.path import CandidatePath
-from services.client import Outcome, PlanClient
+from services.client import ClientAnswer, PlanClient
 from services.io.maps.map_file import read_map
 from services.io.path_file import read_paths
 from services.wire import messages
@@ -39,7 +39,7 @@ class QueryJob:
     zenoh_file: str = ""
 
 
-def run(job: QueryJob) -> Outcome:
+def run(job: QueryJob) -> ClientAnswer:
     """Send the map, if there is one, and ask.
 
     Raises:
@@ -97,14 +97,14 @@ def _update(file: Path) -> MapUpdate:
     )  # fmt: skip
 
 
-def admissible(outcome: Outcome) -> bool:
+def admissible(outcome: ClientAnswer) -> bool:
     """Is there a plan that may be driven?"""
     return outcome.reply is not None and any(
         plan.status != "infeasible" and plan.progress > 0.0 for plan in outcome.reply.plans
     )
 
 
-def as_json(outcome: Outcome) -> dict[str, Any]:
+def as_json(outcome: ClientAnswer) -> dict[str, Any]:
     """The reply as it came, or the client's own stop."""
     if outcome.reply is not None:
         hook = lambda value: value.tolist()  # noqa: E731
@@ -115,7 +115,7 @@ def as_json(outcome: Outcome) -> dict[str, Any]:
     return {"status": "safe_stop", "reason": stop.reason, "distance": stop.distance, **columns}
 
 
-def show(outcome: Outcome, console: Console) -> None:
+def show(outcome: ClientAnswer, console: Console) -> None:
     """A row a plan."""
     if outcome.reply is None:
         assert outcome.stop is not None

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import zenoh
@@ -24,6 +24,8 @@ from services.wire.codec import Format
 from services.wire.connect import client_session
 from services.wire.observations import DRIVE_COLUMNS, MORE_COLUMNS, DriveSamples, Receipt
 from services.wire.parameter_messages import ParameterGroup, ParameterReply
+
+_Answer = TypeVar("_Answer", Receipt, ParameterReply)
 
 _BATCH = 0.25
 """Samples of that long travel together [s]; less than an observation may be late."""
@@ -152,7 +154,7 @@ class _Service:
         """All groups as they are now."""
         return self._ask(ParameterReply, "params", None)
 
-    def _ask(self, kind: Any, name: str, message: DriveSamples | None) -> Any:
+    def _ask(self, kind: type[_Answer], name: str, message: DriveSamples | None) -> _Answer:
         key = f"{self._namespace}/v1/{name}"
         written = Format.MESSAGEPACK
         if message is None:

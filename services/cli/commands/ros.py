@@ -21,9 +21,10 @@ def run(config_file: Path, seconds: float | None = None) -> None:
             raise InputError("ros", "", f"expected {module}, got none: pip install {extra}")
     import zenoh
 
-    from services.config import ZenohSettings, zenoh_config
     from services.ros.edge import Edge
     from services.ros.settings import read_settings
+    from services.settings.service import ZenohSettings
+    from services.settings.session import zenoh_config
 
     settings = read_settings(config_file)
     meets = ZenohSettings(mode="client", connect=settings.ros.connect, config=settings.ros.config)

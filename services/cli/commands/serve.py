@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from models.errors import InputError
-from services.config import read_config
+from services.settings.service import read_config
 
 
 def run(config_file: Path, seconds: float | None = None) -> None:

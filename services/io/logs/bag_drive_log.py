@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.io.access import fault, reason
-from services.io.bags.bag import folder_of, types_of
-from services.io.bags.bag_topics import Channel, read_topics
+from services.io.access import fault
+from services.io.bags.recording import Bag, folder_of, opened
+from services.io.bags.topics import Channel, read_topics
 from services.io.logs.bag_guess import guessed
 from services.io.logs.drive_log import DriveLog, log_of_tables
 from services.io.table import Table
@@ -26,24 +26,21 @@ def read_bags(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
 
     Args:
         paths: folders of recordings, or files in them.
-        topics: mapping; if left out, topics are guessed by their types, see :mod:`bag_guess`.
+        topics: mapping; if left out, topics are guessed by their types, see
+            :mod:`services.io.logs.bag_guess`.
 
     Raises:
         InputError: names the recording and the topic or field.
     """
     channels, mapping = read_topics(topics)
-    guess = topics is None
-    return log_of_tables(
-        [_table(path, _guessed(path, channels) if guess else channels, mapping) for path in paths]
-    )
+    return log_of_tables([_table(path, channels, mapping, topics is None) for path in paths])
 
 
-def _guessed(path: Path, channels: dict[str, Channel]) -> dict[str, Channel]:
-    return guessed(channels, types_of(path))
-
-
-def _table(path: Path, channels: dict[str, Channel], mapping: str) -> Table:
-    series = _series(path, channels, mapping)
+def _table(path: Path, channels: dict[str, Channel], mapping: str, guess: bool) -> Table:
+    with opened(path) as bag:
+        if guess:
+            channels = guessed(channels, bag.types)
+        series = _series(bag, channels, mapping)
     clock = series["v"][0]
     begin = max(float(times[0]) for times, _ in series.values())
     end = min(float(times[-1]) for name, (times, _) in series.items() if not channels[name].hold)
@@ -71,34 +68,23 @@ def _at(time: Floats, times: Floats, values: Floats, hold: bool) -> Floats:
 
 
 def _series(
-    path: Path, channels: dict[str, Channel], mapping: str
+    bag: Bag, channels: dict[str, Channel], mapping: str
 ) -> dict[str, tuple[Floats, Floats]]:
     """(times [s], values) of each column, in the order of the times."""
-    try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        hint = "expected rosbags to read recordings, got none: pip install slopewise[ros]"
-        raise fault(path, "", hint) from None
     found: dict[str, tuple[list[float], list[float]]] = {name: ([], []) for name in channels}
-    store = get_typestore(Stores.ROS2_JAZZY)
-    try:
-        with AnyReader([folder_of(path) or path], default_typestore=store) as reader:
-            wanted = {channel.topic for channel in channels.values()}
-            here = [c for c in reader.connections if c.topic in wanted]
-            _check_topics(path, channels, {c.topic for c in reader.connections}, mapping)
-            for connection, received, raw in reader.messages(here):
-                message = reader.deserialize(raw, connection.msgtype)
-                for name, channel in channels.items():
-                    if channel.topic == connection.topic:
-                        value = _value(message, name, channel, path, mapping)
-                        found[name][0].append(1e-9 * received)
-                        found[name][1].append(channel.scale * value + channel.offset)
-    except (AnyReaderError, OSError) as error:
-        raise fault(path, "", f"expected a ROS 2 recording, got: {reason(error)}") from None
+    wanted = {channel.topic for channel in channels.values()}
+    here = [c for c in bag.reader.connections if c.topic in wanted]
+    _check_topics(bag.path, channels, set(bag.types), mapping)
+    for connection, received, raw in bag.reader.messages(here):
+        message = bag.reader.deserialize(raw, connection.msgtype)
+        for name, channel in channels.items():
+            if channel.topic == connection.topic:
+                value = _value(message, name, channel, bag.path, mapping)
+                found[name][0].append(1e-9 * received)
+                found[name][1].append(channel.scale * value + channel.offset)
     for name, (times, _) in found.items():
         if not times:
-            raise fault(path, f"topic {channels[name].topic}", "expected messages, got none")
+            raise fault(bag.path, f"topic {channels[name].topic}", "expected messages, got none")
     return {name: _ordered(name, *series) for name, series in found.items()}
 
 

@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from models.stop_logs import unit_suspects
 from models.vehicle import Vehicle
 from services.io.access import fault
-from services.io.bags.bag import is_bag
+from services.io.bags.recording import is_bag
 from services.io.logs.drive_log import DriveLog, read_drive_log
 
 Floats = NDArray[np.float64]
 
+_NEEDED = ("v", "v_cmd", "pitch")
 _SHOWN = 3
 """Files that a sentence names."""
 
@@ -55,3 +57,12 @@ def names_of(logs: Sequence[Path]) -> str:
     """The files in a sentence: the first few of many."""
     shown = ", ".join(str(path) for path in logs[:_SHOWN])
     return shown if len(logs) <= _SHOWN else f"{shown} … ({len(logs)} logs)"
+
+
+def refuse_wrong_units(log: DriveLog) -> None:
+    """A channel that everything rests on and that fits another unit is an error, not a stretch."""
+    for run, source in zip(log.runs, log.sources, strict=True):
+        part = {n: v[run] for n, v in log.columns.items() if v.dtype.kind == "f"}
+        for channel, reason in unit_suspects.find(part):
+            if channel in _NEEDED:
+                raise fault(source, f"column {channel}", reason)

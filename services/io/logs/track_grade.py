@@ -70,7 +70,8 @@ def _along(elevation_map: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) 
     length = np.hypot(x[ahead] - x[nearest], y[ahead] - y[nearest])
     passed = np.hypot(x - x[nearest], y - y[nearest])
     share = np.divide(passed, length, out=np.zeros_like(length), where=length > 0.0)
-    return np.interp(leg + np.clip(share, 0.0, 1.0), np.arange(len(marks)), grade)
+    position = leg + np.clip(share, 0.0, 1.0)
+    return np.asarray(np.interp(position, np.arange(len(marks)), grade))
 
 
 def _marks(x: Floats, y: Floats) -> NDArray[np.int64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,9 @@ from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath
 from services.io.access import fault
-from services.io.bags.bag import Recorded, messages_of, topics_of
-from services.io.bags.bag_topics import read_sources
+from services.io.bags.recording import Bag, Recorded, opened, state_of
 from services.io.bags.ros_types import GRID_MAP, PATH
+from services.io.bags.topics import MapSource, read_sources
 from services.io.maps.grid_map_message import elevation_map_of
 
 _MOST_PATHS = 100_000
@@ -29,22 +30,24 @@ def read_bag_map(path: Path, topics: Path | None = None) -> ElevationMap:
     Raises:
         InputError: names the recording, the topic and the field.
     """
-    return elevation_map_of_recorded(path, topics)[0]
+    return map_and_frame(path, topics)[0]
 
 
-def elevation_map_of_recorded(path: Path, topics: Path | None) -> tuple[ElevationMap, str]:
-    """The map, and the frame that it is in."""
+def map_and_frame(path: Path, topics: Path | None) -> tuple[ElevationMap, str]:
+    """The map, and the frame that it is in; decoded once as long as the recording is the same.
+
+    Raises:
+        InputError: names the recording, the topic and the field.
+    """
     source, _ = read_sources(topics)
-    topic = source.topic
-    if not topic:
-        found = topics_of(path, GRID_MAP)
-        if len(found) > 1:
-            words = (
-                f"expected one topic of grid maps, or --topics that names one: {', '.join(found)}"
-            )
-            raise fault(path, "topics", words)
-        topic = found[0]
-    recorded = messages_of(path, [topic], GRID_MAP, last=source.message == -1)
+    return _decoded(path, source, state_of(path))
+
+
+@lru_cache(maxsize=1)
+def _decoded(path: Path, source: MapSource, state: object) -> tuple[ElevationMap, str]:
+    with opened(path) as bag:
+        topic = source.topic or _only_topic(bag)
+        recorded = bag.messages_of([topic], GRID_MAP, last=source.message == -1)
     try:
         one = recorded[source.message]
     except IndexError:
@@ -55,6 +58,14 @@ def elevation_map_of_recorded(path: Path, topics: Path | None) -> tuple[Elevatio
     except ParameterError as error:
         raise fault(path, f"topic {topic}, {error.field}", f"expected {error.expected}") from None
     return ground, one.message.header.frame_id
+
+
+def _only_topic(bag: Bag) -> str:
+    found = bag.topics_of(GRID_MAP)
+    if len(found) > 1:
+        words = f"expected one topic of grid maps, or --topics that names one: {', '.join(found)}"
+        raise fault(bag.path, "topics", words)
+    return found[0]
 
 
 def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
@@ -69,8 +80,9 @@ def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> l
         InputError: names the recording, the topic and the field.
     """
     _, source = read_sources(topics)
-    wanted = list(source.topics) or topics_of(path, PATH)
-    recorded = messages_of(path, wanted, PATH, last=not source.all_messages)
+    with opened(path) as bag:
+        wanted = list(source.topics) or bag.topics_of(PATH)
+        recorded = bag.messages_of(wanted, PATH, last=not source.all_messages)
     if len(recorded) > _MOST_PATHS:
         raise fault(path, "", f"expected at most {_MOST_PATHS} paths, got {len(recorded)}")
     count = dict.fromkeys(wanted, 0)

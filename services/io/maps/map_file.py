@@ -11,7 +11,7 @@ from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import Floats, Ints
 from services.io.access import fault
-from services.io.bags.bag import is_bag
+from services.io.bags.recording import is_bag
 from services.io.maps import geotiff_file, npz_map_file
 from services.io.maps.grid import MAX_CELLS, Around, MapInfo, in_words
 from services.io.maps.npz_map_file import write_map_npz
@@ -30,7 +30,8 @@ def map_info(path: Path, topics: Path | None = None) -> MapInfo:
     """
     if is_bag(path):
         ground = _recorded(path, topics)
-        return MapInfo(*ground.elevation.shape, ground.resolution, ground.origin)
+        rows, columns = ground.elevation.shape
+        return MapInfo(rows, columns, ground.resolution, ground.origin)
     return _reader(path)(path)
 
 
@@ -95,9 +96,9 @@ def frame_of(path: Path, topics: Path | None = None) -> str:
     """The frame that a recorded map is in; empty for other maps, and where it says none."""
     if not is_bag(path):
         return ""
-    from services.io.maps.bag_map import elevation_map_of_recorded
+    from services.io.maps.bag_map import map_and_frame
 
-    return elevation_map_of_recorded(path, topics)[1]
+    return map_and_frame(path, topics)[1]
 
 
 def _recorded(path: Path, topics: Path | None) -> ElevationMap:

@@ -10,13 +10,13 @@ import pytest
 
 from models.errors import ParameterError
 from models.parameters import Effect, Model
-from services.config import ServiceConfig
 from services.dashboard.board import Board, FindingSeen
 from services.dashboard.parameter_board import ParameterBoard
-from services.discovery.finding import Offer, Shift
 from services.io.model_file import find_model, model_to_dict, read_model
-from services.parameters.learning_settings import StoreSettings
-from services.parameters.parameter_service import ParameterService
+from services.parameters.service import ParameterService
+from services.settings.learning import StoreSettings
+from services.settings.service import ServiceConfig
+from services.wire.offer import Offer, Shift
 
 FILE = read_model(find_model("atv"))
 LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))

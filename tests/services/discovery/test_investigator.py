@@ -15,12 +15,12 @@ import pytest
 
 from models.errors import ParameterError
 from services.discovery import investigate, investigator
-from services.discovery.finding import Outcome
+from services.discovery.finding import InvestigationOutcome
 from services.discovery.investigate import as_log
-from services.discovery.investigation_settings import Investigation
 from services.discovery.investigator import Investigator
 from services.discovery.stop_store import StoredStop
 from services.io.model_file import find_model, read_model, write_model
+from services.settings.investigation import Investigation
 from tests.services.robot_plant import ASPHALT, Vehicle
 
 FILE = read_model(find_model("atv"))
@@ -39,7 +39,7 @@ def filled(folder: Path, stops: int = 13, **settings: float) -> Investigator:
     return made
 
 
-def outcome_of(made: Investigator, seconds: float = 30.0) -> Outcome:
+def outcome_of(made: Investigator, seconds: float = 30.0) -> InvestigationOutcome:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         begun = time.monotonic()
@@ -149,10 +149,13 @@ def test_the_process_is_humble_and_leaves_with_the_service(tmp_path: Path) -> No
     folder.mkdir()
     for name in (investigate.FILE, investigate.BASE, investigate.IN_USE):
         write_model(FILE, folder / name)
-    job = investigate.Job(room=str(tmp_path), names=[], vehicle="v", cause="test", limit=20.0)
+    job = investigate.InvestigationJob(
+        store=str(tmp_path), names=[], vehicle="v", cause="test", limit=20.0
+    )
     (folder / investigate.JOB).write_bytes(msgspec.json.encode(job))
     waits = (
-        "import sys, time; from pathlib import Path; from services import investigate as i\n"
+        "import sys, time; from pathlib import Path\n"
+        "from services.discovery import investigate as i\n"
         "i._look = lambda *_: (print('here', flush=True), time.sleep(20))\n"
         f"i.main(Path({str(folder)!r}))"
     )

@@ -13,14 +13,15 @@ import pytest
 
 from models.errors import ParameterError
 from models.parameters import Effect, Model
-from services.config import ServiceConfig
-from services.discovery.finding import Offer, Outcome, Shift, is_valid
-from services.discovery.investigation_settings import Investigation
+from services.discovery.finding import InvestigationOutcome, is_valid
+from services.discovery.stops_compared import cautious, compared
 from services.io.model_file import find_model, model_to_dict, read_model
-from services.parameters.learning_settings import StoreSettings
-from services.parameters.parameter_service import ParameterService
-from services.parameters.stops_compared import cautious, compared
+from services.parameters.service import ParameterService
+from services.settings.investigation import Investigation
+from services.settings.learning import StoreSettings
+from services.settings.service import ServiceConfig
 from services.wire.observations import StopObservation
+from services.wire.offer import Offer, Shift
 
 G = 9.80665
 FILE = read_model(find_model("atv"))
@@ -270,7 +271,9 @@ def test_only_valid_findings_that_slow_plans_are_adopted_by_themselves(
     adopted: bool,
 ) -> None:  # fmt: skip
     service = make(adopt_slower=allowed)
-    outcome = Outcome(reason="", damaged=[], offer=offer_of(with_effects(effect), valid=valid))
+    outcome = InvestigationOutcome(
+        reason="", damaged=[], offer=offer_of(with_effects(effect), valid=valid)
+    )
     outcomes = iter([outcome])
     monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
     service.tick()
@@ -287,7 +290,7 @@ def test_nothing_is_adopted_by_itself_that_is_faster_than_what_stops_taught(
     weak = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.15))
     offer = offer_of(with_effects(LAG), in_use=weak)
     assert offer.slower
-    outcomes = iter([Outcome(reason="", damaged=[], offer=offer)])
+    outcomes = iter([InvestigationOutcome(reason="", damaged=[], offer=offer)])
     monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
     service.tick()
     assert service.learner.effects.offer == offer

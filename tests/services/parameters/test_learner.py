@@ -18,7 +18,7 @@ from models.parameters import Effect, Model, UphillBraking
 from services.io.model_file import find_model, read_model
 from services.parameters.intake import Intake, columns_of
 from services.parameters.learner import Learner
-from services.parameters.learning_settings import Learning
+from services.settings.learning import Learning
 from services.wire.observations import DriveSamples, StopObservation, TerrainLabel
 from tests.models.terrain import plant
 from tests.services.robot_plant import G, Surface, Vehicle
@@ -318,11 +318,11 @@ def test_terrain_parameters_get_slower_at_once_and_faster_by_a_share() -> None:
     assert values["motion_resistance"] == pytest.approx(0.31 - 0.2 * 0.27)
     assert not group.take(((9.0, 0.0), (-1.0, 0.0), (99.0, 0.0)))  # type: ignore[attr-defined]
     assert group.describe("terrain").values == pytest.approx(values)
-    assert not group.ground_changed()  # type: ignore[attr-defined]
+    assert not group._ground_changed()  # type: ignore[attr-defined]
     for _ in range(20):
         group.take(((0.03, 0.01), nan, nan))  # type: ignore[attr-defined]
     assert group.describe("terrain").values["motion_resistance"] < 0.06
-    assert group.ground_changed()  # type: ignore[attr-defined]
+    assert group._ground_changed()  # type: ignore[attr-defined]
     assert group.describe("terrain").values["motion_resistance"] == 0.13
     state = group.state("terrain")
     again = learner().group("terrain")

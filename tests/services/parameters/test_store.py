@@ -9,18 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from services.parameters.change import Change, Moment
+from services.parameters.change import Moment, StoredChange
 from services.parameters.store import Store, StoreError
 
 ANY_TIME = Moment(1e9, "boot", 50.0)
 
 
-def change(version: int, group: str = "braking", **more: object) -> Change:
+def change(version: int, group: str = "braking", **more: object) -> StoredChange:
     fields: dict[str, object] = {
         "version": version, "group": group, "fingerprint": "f", "cause": f"stop {version}",
         "who": "robot", "moment": ANY_TIME, "state": f"state {version}".encode(),
     }  # fmt: skip
-    return Change(**(fields | more))  # type: ignore[arg-type]
+    return StoredChange(**(fields | more))  # type: ignore[arg-type]
 
 
 @pytest.fixture

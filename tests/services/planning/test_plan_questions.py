@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from models.errors import InputError
-from services.config import Sizes
 from services.planning.plan_questions import check, usable_of, without_flaws
+from services.settings.service import Sizes
 from services.wire.messages import Path, PlanRequest
 
 SIZES = Sizes(candidates=3, points=50, stations=200)

@@ -9,7 +9,7 @@ import pytest
 import zenoh
 
 from models.errors import InputError
-from services.config import ServiceConfig, ZenohSettings
+from services.settings.service import ServiceConfig, ZenohSettings
 from services.wire.connect import client_session, options, words_of
 from tests.services.service_process import free_port, running
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,10 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from models.errors import InputError, ParameterError
 from services.cli.app import app
 from services.io.bags.ros_types import GRID_MAP, PATH, read_cdr, type_hashes, typestore
+from services.io.maps import bag_map
 from services.io.maps.bag_map import read_bag_map, read_bag_paths
 from services.io.maps.grid_map_message import elevation_map_of
-from services.io.maps.map_file import map_info, read_map
+from services.io.maps.map_file import frame_of, map_info, read_map
 from services.io.path_file import read_paths
 from tests.services import grid_maps
 from tests.services.faults import fault_in
@@ -127,6 +129,24 @@ def test_the_last_map_of_a_recording(tmp_path: Path, plugin: Any) -> None:
     mapping.write_text("[map]\ntopics = 3\n")
     with fault_in(mapping, "map.topics", "unknown key, did you mean topic?"):
         read_bag_map(recording, mapping)
+
+
+def test_a_recorded_map_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Grid, frame and heights come out of one decoding, until the recording is another one."""
+    recording = bag(tmp_path / "b", ("/map", GRID_MAP, grid_maps.grid_map(HEIGHTS)))
+    decoded = []
+    plain = elevation_map_of
+    monkeypatch.setattr(
+        bag_map, "elevation_map_of", lambda *given: decoded.append(1) or plain(*given)
+    )
+    assert frame_of(recording) == "map"
+    assert map_info(recording).rows == 5
+    assert read_map(recording).elevation.shape == (5, 7)
+    assert len(decoded) == 1
+    shutil.rmtree(recording)
+    bag(recording, ("/map", GRID_MAP, grid_maps.grid_map(HEIGHTS + 1.0)))
+    np.testing.assert_array_equal(read_map(recording).elevation, (HEIGHTS + 1.0)[::-1, ::-1].T)
+    assert len(decoded) == 2
 
 
 def test_what_cannot_be_guessed_is_asked(tmp_path: Path) -> None:

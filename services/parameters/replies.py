@@ -9,11 +9,11 @@ import msgspec
 
 from models.calibration.force_fit import NAMES
 from models.errors import ParameterError, SlopewiseError
-from services.parameters.change import Change
-from services.parameters.parameter_group import ParameterGroups
-from services.parameters.parameter_log import Last
-from services.parameters.parameter_service import ParameterService
-from services.parameters.parameters_in_use import fingerprint
+from services.parameters.change import StoredChange
+from services.parameters.group import ParameterGroups
+from services.parameters.in_use import fingerprint
+from services.parameters.log import Last
+from services.parameters.service import ParameterService
 from services.parameters.store import StoreError
 from services.wire.parameter_messages import (
     AdoptOffer,
@@ -122,7 +122,7 @@ def reply_of(
     )
 
 
-def _entry(change: Change) -> HistoryEntry | None:
+def _entry(change: StoredChange) -> HistoryEntry | None:
     """A change with the values that its state holds; None if nobody can read it any more."""
     values: dict[str, float] = {}
     stds: dict[str, float] = {}

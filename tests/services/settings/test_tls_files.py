@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from services.config import ZenohSettings, zenoh_config
+from services.settings.service import ZenohSettings
+from services.settings.session import zenoh_config
 from tests.services import certificates
 from tests.services.faults import fault_in
 

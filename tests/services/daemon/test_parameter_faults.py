@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 import zenoh
 
-from services.config import ServiceConfig, ZenohSettings, zenoh_config
 from services.io.model_file import find_model, read_model
-from services.parameters.learning_settings import StoreSettings
-from services.parameters.parameter_service import ParameterService
+from services.parameters.service import ParameterService
+from services.settings.learning import StoreSettings
+from services.settings.service import ServiceConfig, ZenohSettings
+from services.settings.session import zenoh_config
 from services.wire.observations import StopObservation
 from tests.services.parameter_client import Robot, block, send_ground, speeds_of
 from tests.services.service_process import Running, free_port, running
@@ -283,8 +284,8 @@ def test_more_observations_than_can_be_learned_from_are_flagged(tmp_path: Path) 
 def test_learning_that_hangs_makes_plans_slower(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from services.config import read_config
     from services.daemon import daemon
+    from services.settings.service import read_config
 
     port = free_port()
     file = tmp_path / "service.toml"

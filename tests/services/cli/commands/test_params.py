@@ -36,7 +36,7 @@ def params(service: Running, *words: str) -> subprocess.CompletedProcess[str]:
     where = ["--connect", service.endpoint, "--namespace", service.namespace]
     return subprocess.run(
         [*command, *where], capture_output=True, text=True, timeout=60.0, check=False,
-        env={"COLUMNS": "200", "PATH": "", "USER": "ann"}, cwd=Path(__file__).parents[2],
+        env={"COLUMNS": "200", "PATH": "", "USER": "ann"}, cwd=Path(__file__).parents[4],
     )  # fmt: skip
 
 

@@ -13,9 +13,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from services.parameters.change import Change, Moment
-from services.parameters.learning_settings import StoreSettings
+from services.parameters.change import Moment, StoredChange
+from services.parameters.group import State
 from services.parameters.store import Store, StoreError
+from services.settings.learning import StoreSettings
 
 _log = logging.getLogger("slopewise")
 
@@ -45,7 +46,7 @@ class ParameterLog:
         self.notes: list[str] = []
         self._store: Store | None = None
         self._fault = ""
-        self._unsaved: dict[str, Change] = {}
+        self._unsaved: dict[str, StoredChange] = {}
         self._unheard: dict[str, int] = {}
         self._tried = time.monotonic()
         if settings.path:
@@ -100,7 +101,7 @@ class ParameterLog:
     # ------------------------------------------------------------------ writing
 
     def commit(
-        self, states: Mapping[str, dict | None], cause: str, who: str, *,
+        self, states: Mapping[str, State | None], cause: str, who: str, *,
         seen: Mapping[str, int] | None = None, learned: bool = True,
         moments: Mapping[str, Moment] | None = None,
     ) -> None:  # fmt: skip
@@ -117,7 +118,7 @@ class ParameterLog:
         for group, state in states.items():
             data = json.dumps(state, allow_nan=False).encode()
             moment = (moments or {}).get(group, now)
-            self._unsaved[group] = Change(
+            self._unsaved[group] = StoredChange(
                 self.version, group, self._fingerprint, cause, who, moment, data, learned
             )
             self.last[group] = Last(self.version, cause, who)
@@ -181,7 +182,9 @@ class ParameterLog:
         """
         return self._there().groups(self._fingerprint)
 
-    def newest(self, group: str, up_to: int | None = None) -> Iterator[tuple[Change, dict | None]]:
+    def newest(
+        self, group: str, up_to: int | None = None
+    ) -> Iterator[tuple[StoredChange, State | None]]:
         """Changes of a group from the newest back with their states, those that can be read."""
         for change in self._there().newest(self._fingerprint, group, up_to):
             try:
@@ -200,6 +203,6 @@ class ParameterLog:
             raise StoreError(self._fault or "there is no store")
         return self._store
 
-    def history(self, group: str, most: int) -> list[Change]:
+    def history(self, group: str, most: int) -> list[StoredChange]:
         """Changes of a group, or of all, newest first."""
         return self._there().history(group, most)

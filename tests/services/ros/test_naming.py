@@ -12,7 +12,7 @@ from services.ros import naming
 from services.ros.settings import EdgeSettings, read_settings
 from tests.services.faults import fault_in
 
-SHIPPED = Path(__file__).parents[2] / "configs" / "ros.toml"
+SHIPPED = Path(__file__).parents[3] / "configs" / "ros.toml"
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 
 

@@ -17,14 +17,14 @@ from hypothesis import strategies as st
 from models.errors import InputError
 from planner.ground.elevation_map import ElevationMap
 from services.client import PlanClient
-from services.config import Planning, ServiceConfig, Sizes
 from services.io.model_file import find_model, read_model
-from services.parameters import parameter_replies
-from services.parameters.learning_settings import StoreSettings
-from services.parameters.parameter_service import ParameterService
-from services.parameters.parameters_in_use import ParametersInUse
+from services.parameters import replies
+from services.parameters.in_use import ParametersInUse
+from services.parameters.service import ParameterService
 from services.planning.map_store import KnownGround, MapStore
 from services.planning.plan_service import PlanService
+from services.settings.learning import StoreSettings
+from services.settings.service import Planning, ServiceConfig, Sizes
 from services.wire import codec
 from services.wire.messages import Path as Candidate
 from services.wire.messages import PlanRequest, Status
@@ -130,12 +130,12 @@ class Desk:
             kind = key.removeprefix("obs/")
             return self.parameters.observe(kind, message, key, time.monotonic()).status
         if key == "params":
-            return parameter_replies.read(self.parameters, message, "s").status
-        return parameter_replies.change(self.parameters, message, "s").status
+            return replies.read(self.parameters, message, "s").status
+        return replies.change(self.parameters, message, "s").status
 
     def known(self) -> bytes:
         """All parameters but their age, byte by byte."""
-        groups = parameter_replies.read(self.parameters, ParameterQuestion(), "s").groups
+        groups = replies.read(self.parameters, ParameterQuestion(), "s").groups
         assert groups
         raw = [msgspec.to_builtins(group) | {"age": 0.0} for group in groups]
         return msgspec.json.encode(raw, order="deterministic")
@@ -246,9 +246,9 @@ def test_a_real_service_answers_or_counts_all_of_it(tmp_path: Path) -> None:
                 if key == "map":
                     session.put(name, payload, encoding=encoding)
                     continue
-                replies = list(session.get(name, payload=payload, encoding=encoding, timeout=5.0))
-                assert len(replies) == 1, (key, payload)
-                assert replies[0].ok is not None, (key, payload)
+                answers = list(session.get(name, payload=payload, encoding=encoding, timeout=5.0))
+                assert len(answers) == 1, (key, payload)
+                assert answers[0].ok is not None, (key, payload)
         client.put_map(flat(source="after"))
         with session.declare_subscriber(started.key("status"), hear):
             until = time.monotonic() + 5.0

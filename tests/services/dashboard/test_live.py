@@ -16,11 +16,11 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from planner.ground.elevation_map import ElevationMap
 from services.client import PlanClient
-from services.config import PageSettings
 from services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
 from services.dashboard.server import PageServer, own_names
 from services.dashboard.site import Site, Source
 from services.planning.map_store import KnownGround
+from services.settings.service import PageSettings
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.messages import Parameters, Status

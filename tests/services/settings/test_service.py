@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from services.config import ServiceConfig, ZenohSettings, read_config, zenoh_config
+from services.settings.service import ServiceConfig, ZenohSettings, read_config
+from services.settings.session import zenoh_config
 from tests.services.faults import fault_in
 
-SHIPPED = Path(__file__).parents[2] / "configs" / "service.toml"
+SHIPPED = Path(__file__).parents[3] / "configs" / "service.toml"
 
 
 def test_shipped_file_says_the_defaults() -> None:

@@ -10,7 +10,7 @@ from models.errors import ParameterError
 from services.parameters.change import Moment
 from services.parameters.effects_group import EFFECTS
 from services.parameters.learner import Learner
-from services.parameters.parameter_log import Last, ParameterLog
+from services.parameters.log import Last, ParameterLog
 
 _log = logging.getLogger("slopewise")
 

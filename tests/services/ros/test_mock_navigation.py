@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.services.service_process import running
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "mock_navigation.py"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "mock_navigation.py"
 
 
 def test_it_drives_what_the_service_says(tmp_path: Path) -> None:

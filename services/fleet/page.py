@@ -11,13 +11,13 @@ from urllib.parse import quote
 
 from models.discrepancy.findings import Verdict
 from models.effects.registry import LAWS
-from services.cli.commands import discrepancy
 from services.fleet import finding
 from services.fleet.census import Census, Lacked
 from services.fleet.finding import Row
-from services.fleet.fleet_picture import picture
+from services.fleet.picture import picture
 from services.fleet.words import by_surprise, chance_words, counted, effect_words, left_out, numbers
 from services.io.access import write_atomic
+from services.io.findings_file import PAGE
 from services.report.discrepancy_page import WORDS
 from services.report.page import escaped, fact_list, notices, page
 
@@ -99,7 +99,7 @@ def _effect(one: Lacked, looked_at: int) -> str:
 
 def _vehicle(row: Row) -> str:
     name = row["vehicle"]
-    own = "/".join(quote(part) for part in (finding.VEHICLES, name, discrepancy.PAGE))
+    own = "/".join(quote(part) for part in (finding.VEHICLES, name, PAGE))
     cells = (WORDS[Verdict(row["verdict"])][0], effect_words(row).replace("_", " "))
     off = (f"{row[f'stop_distance_{when}']:.2f} m" for when in ("before", "after"))
     return (

@@ -16,17 +16,17 @@ from collections.abc import Callable, Mapping
 
 from models.errors import InputError, ParameterError
 from models.parameters import Model
-from services.config import ServiceConfig
 from services.discovery.investigator import BY_ITSELF, Investigator
 from services.parameters.change import Moment
 from services.parameters.effects_group import EFFECTS
+from services.parameters.in_use import ParametersInUse, fingerprint
 from services.parameters.intake import Intake, columns_of
 from services.parameters.learner import Learner
-from services.parameters.parameter_log import ParameterLog
-from services.parameters.parameter_past import ParameterPast
-from services.parameters.parameters_in_use import ParametersInUse, fingerprint
+from services.parameters.log import ParameterLog
+from services.parameters.past import ParameterPast
 from services.parameters.store import StoreError
-from services.wire.observations import DriveSamples, Observation, Receipt
+from services.settings.service import ServiceConfig
+from services.wire.observations import DriveSamples, Receipt, RobotObservation
 
 _log = logging.getLogger("slopewise")
 
@@ -77,7 +77,7 @@ class ParameterService:
 
     # ------------------------------------------------------------------ observations
 
-    def observe(self, kind: str, one: Observation, key: str, arrived: float) -> Receipt:
+    def observe(self, kind: str, one: RobotObservation, key: str, arrived: float) -> Receipt:
         """Learn from an observation, and keep what it led to.
 
         Args:

@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
 from planner.ground.uncertainty import Uncertainty
 from planner.horizon.answer import HorizonSettings
 from planner.settings import PlannerSettings
-from services.discovery.investigation_settings import Investigation
-from services.io.access import fault
 from services.io.decode import decode_table
 from services.io.toml_file import beside, read_toml
-from services.parameters.learning_settings import Learning, StoreSettings
-from services.wire.tls_files import settle
-
-if TYPE_CHECKING:
-    import zenoh
+from services.settings.investigation import Investigation
+from services.settings.learning import Learning, StoreSettings
 
 _KEY = re.compile(r"[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*")
 _MEGABYTE = 1_000_000
 _MOST_QUEUE = 1024
-_SLACK = 4
-"""Larger than a limit by that much, a message is not even let in; up to there it is answered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,38 +176,3 @@ def read_config(path: Path) -> ServiceConfig:
     beside(path, data, "model", "map", "zenoh.config", "learning.terrains")
     beside(path, data, "store.path", "discrepancy.samples", exists=False)
     return decode_table(ServiceConfig, data, str(path))
-
-
-def zenoh_config(settings: ZenohSettings, sizes: Sizes | None = None) -> zenoh.Config:
-    """What zenoh needs of it.
-
-    Args:
-        settings: of the session.
-        sizes: with them, what is far too large does not even come in.
-
-    Raises:
-        InputError: zenoh refuses it.
-    """
-    import zenoh
-
-    try:
-        config = zenoh.Config.from_file(settings.config) if settings.config else zenoh.Config()
-        config.insert_json5("mode", json.dumps(settings.mode))
-        if settings.mode != "client":
-            config.insert_json5("listen/endpoints", json.dumps(settings.listen))
-        if settings.connect:
-            config.insert_json5("connect/endpoints", json.dumps(settings.connect))
-        if settings.config:
-            listen = () if settings.mode == "client" else settings.listen
-            settle(config, Path(settings.config), (*listen, *settings.connect))
-        config.insert_json5("scouting/multicast/enabled", json.dumps(settings.multicast))
-        if sizes is not None:
-            largest = _SLACK * max(sizes.request_bytes, sizes.map_bytes)
-            rule = {
-                "flows": ["ingress"], "messages": ["put", "query"], "key_exprs": ["**"],
-                "size_limit": largest,
-            }  # fmt: skip
-            config.insert_json5("low_pass_filter", json.dumps([rule]))
-    except zenoh.ZError as error:
-        raise fault(settings.config or "zenoh", "", f"expected usable settings: {error}") from None
-    return config

@@ -16,12 +16,12 @@ import pytest
 
 from models.errors import ParameterError
 from models.parameters import Model
-from services.config import ServiceConfig
 from services.io.model_file import find_model, read_model
-from services.parameters.learning_settings import Learning, StoreSettings
-from services.parameters.parameter_service import ParameterService
-from services.parameters.parameters_in_use import ParametersInUse
+from services.parameters.in_use import ParametersInUse
+from services.parameters.service import ParameterService
 from services.parameters.store import Store, StoreError
+from services.settings.learning import Learning, StoreSettings
+from services.settings.service import ServiceConfig
 from services.wire.observations import Receipt, StopObservation
 from tests.services.robot_plant import G
 

@@ -20,7 +20,8 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from services.config import ZenohSettings, zenoh_config
+from services.settings.service import ZenohSettings
+from services.settings.session import zenoh_config
 from tests.services.service_process import free_port, running
 
 PEER = Path(__file__).with_name("ros_peer.py")
@@ -143,7 +144,7 @@ def test_what_is_no_path_is_refused(endpoint: str) -> None:
 def test_limits_go_on_when_the_router_comes_back(tmp_path: Path) -> None:
     from services.ros.edge import Edge
     from services.ros.settings import Asked, EdgeSettings, RosSettings
-    from tests.services import ros_peer
+    from tests.services.ros import ros_peer
 
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     listening = zenoh_config(ZenohSettings(mode="router", listen=(endpoint,)))
@@ -178,7 +179,7 @@ def test_a_map_that_was_published_once_before_we_came() -> None:
 
     from services.io.bags.ros_types import GRID_MAP
     from services.ros.node import Node, decoded
-    from tests.services import ros_peer
+    from tests.services.ros import ros_peer
 
     with router() as endpoint:
         client = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
@@ -213,7 +214,7 @@ def test_a_silent_hour_makes_the_limit_expire(tmp_path: Path) -> None:
     """The edge's own clock is put forward by an hour while nothing comes; then paths come again."""
     from services.ros.edge import Edge
     from services.ros.settings import Asked, EdgeSettings, RosSettings
-    from tests.services import ros_peer
+    from tests.services.ros import ros_peer
 
     ahead = [0.0]
     with router() as endpoint, running(tmp_path) as service:

@@ -15,17 +15,17 @@ from typing import Any
 
 import pytest
 
-from services.config import PageSettings
 from services.dashboard.board import Board, FindingSeen
 from services.dashboard.server import PageServer, own_names
 from services.dashboard.site import Site, Source
+from services.settings.service import PageSettings
 from services.wire.messages import Parameters, Status
 from tests.services import browser
 from tests.services.command_line import slopewise
+from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, look
 from tests.services.dashboard.test_finding_board import made
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import free_port, running
-from tests.services.test_findings_in_service import SETTINGS, WEAKER, drive, look
 
 EVIL = "<img src=x onerror=alert(1)>"
 

@@ -12,15 +12,15 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
-from services.config import ServiceConfig
 from services.io.bags.ros_types import SPEED_LIMIT, typestore
 from services.io.model_file import find_model, read_model
-from services.parameters.parameters_in_use import ParametersInUse
+from services.parameters.in_use import ParametersInUse
 from services.planning.map_store import KnownGround
 from services.planning.plan_service import PlanService
 from services.ros import conversions as ros
 from services.ros.settings import Timing
-from services.ros.speed_limit import Told, place_on, stop, told_by
+from services.ros.speed_limit import SpeedAdvice, place_on, stop, told_by
+from services.settings.service import ServiceConfig
 from services.wire.messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 
@@ -113,7 +113,7 @@ def test_no_plan_is_a_stop(planner: PlanService, ground: KnownGround) -> None:
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan"), float("inf")])
 def test_what_would_lift_all_limits_cannot_be_said(limit: float) -> None:
     with pytest.raises(ParameterError):
-        ros.speed_limit(Told(limit, False, ""), 0)
+        ros.speed_limit(SpeedAdvice(limit, False, ""), 0)
 
 
 def test_messages_survive_their_bytes(planner: PlanService, ground: KnownGround) -> None:
@@ -165,8 +165,8 @@ def test_angles_of_orientations(angles: tuple[float, float, float]) -> None:
         ros.angles_of(typestore().types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 0.0))
 
 
-def motion(x: float, y: float, heading: float) -> ros.Motion:
-    return ros.Motion("map", 0, x, y, heading, 1.0)
+def motion(x: float, y: float, heading: float) -> ros.OdometrySample:
+    return ros.OdometrySample("map", 0, x, y, heading, 1.0)
 
 
 def test_of_a_long_path_the_part_ahead_counts() -> None:

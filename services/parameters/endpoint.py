@@ -12,17 +12,15 @@ import logging
 import threading
 import time
 from collections import Counter, deque
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 import zenoh
 
 from models.errors import InputError
-from services.config import ServiceConfig
-from services.dashboard.board import Board
-from services.dashboard.parameter_board import ParameterBoard
-from services.parameters import parameter_replies
-from services.parameters.parameter_service import REFUSED, ParameterService
+from services.parameters import replies
+from services.parameters.service import REFUSED, ParameterService
+from services.settings.service import ServiceConfig
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.observations import DriveSamples, Receipt, StopObservation, TerrainLabel
@@ -54,17 +52,30 @@ _PATIENCE = 2.0
 _FLAGGED_FOR = 60.0
 
 
+class Audience(Protocol):
+    """Whoever is shown what is learned; called by the thread that learns."""
+
+    def recall(self) -> None:
+        """What was learned before the last start."""
+
+    def learned(self, message: ParameterGroup) -> None:
+        """A group changed."""
+
+    def show(self) -> None:
+        """Anything else that is new since the last call."""
+
+
 class ParameterEndpoint:
     """Takes what comes, one after the other; a context manager."""
 
     def __init__(
         self, session: zenoh.Session, config: ServiceConfig, service: ParameterService,
-        counters: Counter[str], board: Board,
+        counters: Counter[str], audience: Audience,
     ) -> None:  # fmt: skip
         """Declare keys and begin to work."""
         self._session, self._config, self._service = session, config, service
         self._counters = counters
-        self._board = ParameterBoard(service, board, config)
+        self._audience = audience
         self._waiting: deque[tuple[str, float, Any]] = deque()
         self._alive: dict[str, bool] = {}
         self._news = threading.Condition()
@@ -128,7 +139,7 @@ class ParameterEndpoint:
     # ------------------------------------------------------------------ own thread
 
     def _work(self) -> None:
-        self._board.recall()
+        self._audience.recall()
         while True:
             with self._news:
                 if not self._waiting and not self._alive and not self._closed:
@@ -145,7 +156,7 @@ class ParameterEndpoint:
                     self._take(*item)
                 self._service.tick()
                 self._publish()
-                self._board.show()
+                self._audience.show()
             except Exception:  # noqa: BLE001 - logged, counted and flagged; plans get slower
                 self._counters["faults"] += 1
                 _log.exception("parameters were not looked after as they should be")
@@ -191,7 +202,7 @@ class ParameterEndpoint:
             self._counters["params_malformed"] += 1
             self._reply(query, key, self._error(str(error)), _written(encoding))
             return
-        reply = parameter_replies.findings(self._service, question, self._config.id)
+        reply = replies.findings(self._service, question, self._config.id)
         self._reply(query, key, reply, _written(encoding))
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -223,7 +234,7 @@ class ParameterEndpoint:
         except InputError as error:
             self._counters["params_malformed"] += 1
             return self._error(str(error))
-        return parameter_replies.read(self._service, question, self._config.id)
+        return replies.read(self._service, question, self._config.id)
 
     def _change(self, query: zenoh.Query, name: str, encoding: str, key: str) -> ParameterReply:
         most = int(self._config.learning.observation_bytes)
@@ -232,10 +243,10 @@ class ParameterEndpoint:
         except InputError as error:
             self._counters["params_malformed"] += 1
             return self._error(str(error))
-        return parameter_replies.change(self._service, request, self._config.id)
+        return replies.change(self._service, request, self._config.id)
 
     def _error(self, reason: str) -> ParameterReply:
-        return parameter_replies.reply_of(self._service, self._config.id, "error", reason)
+        return replies.reply_of(self._service, self._config.id, "error", reason)
 
     def _reply(
         self, query: zenoh.Query, key: str, message: msgspec.Struct, written: Format
@@ -254,14 +265,14 @@ class ParameterEndpoint:
         """Tell of each group that changed; whoever is too slow misses it and may ask."""
         changed, self._service.changed = self._service.changed, set()
         for group in sorted(changed & set(self._service.learner.names())):
-            message = parameter_replies.group_message(self._service, group)
+            message = replies.group_message(self._service, group)
             self._session.put(
                 self._config.key(f"params/{group}"),
                 codec.encode(message, Format.JSON),
                 encoding=codec.encoding_of(ParameterGroup, Format.JSON),
                 congestion_control=zenoh.CongestionControl.DROP,
             )
-            self._board.learned(message)
+            self._audience.learned(message)
 
 
 def _written(encoding: str) -> Format:

@@ -1,0 +1,45 @@
+"""Stops in the drive samples of several senders."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from models.calibration.stream import StopStream, StreamedStop
+from planner.kernels.compiled import Floats
+from services.settings.learning import Learning
+
+_MOST_STREAMS = 8
+
+
+class StopStreams:
+    """One stream a sender, the latest few."""
+
+    def __init__(self, settings: Learning) -> None:
+        """Nobody was heard yet."""
+        self._mount, self._dive = settings.mount, settings.dive
+        self._streams: dict[str, StopStream] = {}
+
+    def feed(
+        self, source: str, columns: Mapping[str, Floats], dead_time: float
+    ) -> Iterator[StreamedStop]:
+        """The stops that end in these samples.
+
+        Args:
+            source: who sent them. columns: by name, each (n,), with `t`, `v`, `v_cmd`, `pitch`.
+            dead_time: as it is known now [s]; it lets late brakes not be taken for weak ones.
+        """
+        stream = self._streams.pop(source, None)
+        if stream is None:
+            stream = StopStream(dead_time, mount=self._mount, dive=self._dive)
+        stream.dead_time = dead_time
+        self._streams[source] = stream
+        while len(self._streams) > _MOST_STREAMS:
+            self._streams.pop(next(iter(self._streams)))
+        rows = [columns[name].tolist() for name in ("t", "v", "v_cmd", "pitch")]
+        size = len(rows[0])
+        grades = columns["grade"].tolist() if "grade" in columns else [math.nan] * size
+        for t, v, v_cmd, pitch, grade in zip(*rows, grades, strict=True):
+            stop = stream.feed(t, v, v_cmd, pitch, grade)
+            if stop is not None:
+                yield stop

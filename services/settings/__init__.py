@@ -1,0 +1,1 @@
+"""The service's settings: one TOML file, strict, every key with a range."""
