@@ -15,9 +15,9 @@ import numpy as np
 from models.calibration.fleet import FEWEST, VehicleStops, vehicle_stops
 from models.calibration.learn import measure_log
 from models.errors import ParameterError
-from services.cli.commands.calibrate import refuse_wrong_units
 from services.io.access import fault
 from services.io.logs.log_source import grade_by_map, read_logs
+from services.io.logs.unit_check import refuse_wrong_units
 from services.io.model_file import model_from_dict
 
 

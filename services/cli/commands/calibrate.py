@@ -17,18 +17,17 @@ from models.calibration.learn import Calibration, learn
 from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Model
-from models.stop_logs import unit_suspects
 from models.stop_logs.stop_record import StopRecord
 from services.cli.commands.calibration_rows import ROWS, surface_json
 from services.cli.screen import progress_bar
 from services.io.access import fault
 from services.io.logs.drive_log import DriveLog
 from services.io.logs.log_source import grade_by_map, names_of, read_logs
+from services.io.logs.unit_check import refuse_wrong_units
 from services.io.model_file import find_model, read_model, write_model
 from services.io.table import write_csv
 
 _LISTED = 20
-_NEEDED = ("v", "v_cmd", "pitch")
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,15 +87,6 @@ def _settings(job: CalibrateJob) -> CalibrationSettings:
         return CalibrationSettings(coverage=job.coverage)
     except ParameterError as error:
         raise fault("--coverage", "", f"expected {error.expected}") from None
-
-
-def refuse_wrong_units(log: DriveLog) -> None:
-    """A channel that everything rests on and that fits another unit is an error, not a stretch."""
-    for run, source in zip(log.runs, log.sources, strict=True):
-        part = {n: v[run] for n, v in log.columns.items() if v.dtype.kind == "f"}
-        for channel, reason in unit_suspects.find(part):
-            if channel in _NEEDED:
-                raise fault(source, f"column {channel}", reason)
 
 
 def write_learned_model(result: CalibrateResult, path: Path) -> None:
