@@ -25,7 +25,8 @@ nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terra
 bench: $(VENV)/.installed-dev  ## the planner beside its peers
 	$(BIN)/slopewise bench --json out/bench.json --plot out/bench.html
 
-docs: $(VENV)/.installed-dev  ## this documentation as a site, in out/docs
+docs: $(VENV)/.installed-dev  ## tables of docs/benchmarks.md, and this documentation as a site in out/docs
+	$(BIN)/python docs/site/results.py
 	$(BIN)/mkdocs build --strict
 
 format: $(VENV)/.installed-dev

@@ -27,7 +27,7 @@ from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
 from models.terrain.phases import Phase
 from models.terrain.settings import EstimatorSettings, FilterSettings
 from models.terrain.windows import Condition, summarise
-from services.io.model_file import read_model
+from slopewise import read_model
 
 Floats = NDArray[np.float64]
 

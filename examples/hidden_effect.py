@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.parameters import Effect, Model
+from models.parameters import Effect
 from models.stops.simulation import Track, simulate_stop
-from services.io.model_file import find_model, read_model
 from services.io.table import write_csv
+from slopewise import Model, read_model
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def height(x: Floats, y: Floats) -> Floats:
 def main(folder: Path) -> None:
     """Write drive.csv, map.npz and path.csv."""
     folder.mkdir(parents=True, exist_ok=True)
-    model = read_model(find_model("atv"))
+    model = read_model("atv")
     rng = np.random.default_rng(7)
     parts = []
     clock = 0.0

@@ -18,10 +18,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import zenoh
 
-from services.client import Outcome, PlanClient
+from services.client import Outcome
 from services.settings.service import ZenohSettings
 from services.settings.session import zenoh_config
 from services.wire.messages import MapUpdate, Path
+from slopewise import PlanClient
 
 CELL, ROWS, COLUMNS = 0.25, 240, 480
 SIGHT = 18.0  # [m] how far the robot sees

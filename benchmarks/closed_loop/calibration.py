@@ -6,15 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.closed_loop.course import Course
-from benchmarks.closed_loop.drive import run_drive
-from benchmarks.closed_loop.policies import Blind
-from benchmarks.closed_loop.quad import LIMITS, QUAD
-from benchmarks.closed_loop.route import draw_route
-from benchmarks.closed_loop.scenes import LEARNED, dem_folder
-from benchmarks.closed_loop.stop_sample import MappedGround, StopSample, samples_of
-from benchmarks.closed_loop.terrain import SURFACES, Terrain, crop, hills, slope
 from planner.ground.terrain_profile import terrain_profile
+
+from .course import Course
+from .drive import run_drive
+from .policies import Blind
+from .quad import LIMITS, QUAD
+from .route import draw_route
+from .scenes import LEARNED, dem_folder
+from .stop_sample import MappedGround, StopSample, samples_of
+from .terrain import SURFACES, Terrain, crop, hills, slope
 
 _SLOPES = 0.5  # share of drives on even slopes
 _REAL = 0.7  # share of the others on public elevation models, where there are any

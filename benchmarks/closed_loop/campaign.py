@@ -9,14 +9,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.closed_loop.calibration import stops_of_drive
-from benchmarks.closed_loop.drive import Drive, run_drive
-from benchmarks.closed_loop.jobs import Progress, do_all
-from benchmarks.closed_loop.kept import kept
-from benchmarks.closed_loop.learning import fit
-from benchmarks.closed_loop.metrics import Result, summary, targets
-from benchmarks.closed_loop.moving_horizon import MovingHorizon
-from benchmarks.closed_loop.policies import (
+from models.parameters import Model
+
+from .calibration import stops_of_drive
+from .drive import Drive, run_drive
+from .jobs import Progress, do_all
+from .kept import kept
+from .learning import fit
+from .metrics import Result, summary, targets
+from .moving_horizon import MovingHorizon
+from .policies import (
     CurvatureOnly,
     FixedSpeed,
     LevelStop,
@@ -24,9 +26,8 @@ from benchmarks.closed_loop.policies import (
     Policy,
     foresighted,
 )
-from benchmarks.closed_loop.scenes import dem_folder, scene
-from benchmarks.closed_loop.stop_sample import StopSample
-from models.parameters import Model
+from .scenes import dem_folder, scene
+from .stop_sample import StopSample
 
 OWN, PERFECT = "slopewise", "perfect knowledge"
 

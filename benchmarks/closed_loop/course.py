@@ -10,10 +10,11 @@ from typing import Literal
 
 import numpy as np
 
-from benchmarks.closed_loop.quad import QUAD
-from benchmarks.closed_loop.route import Route
-from benchmarks.closed_loop.terrain import RESOLUTION, Terrain
 from planner.kernels.compiled import Floats
+
+from .quad import QUAD
+from .route import Route
+from .terrain import RESOLUTION, Terrain
 
 Kind = Literal["forced", "obstacle", "unknown"]
 

@@ -6,17 +6,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.closed_loop.course import Course
-from benchmarks.closed_loop.policies import CYCLE, Policy, View
-from benchmarks.closed_loop.quad import OVERHANG, QUAD
-from benchmarks.closed_loop.records import Drive, ForcedStop, Trace
-from benchmarks.closed_loop.route import Route
-from benchmarks.closed_loop.sensors import Sensors
-from benchmarks.closed_loop.terrain import SURFACES, Terrain
-from benchmarks.closed_loop.tracking import Command, Tracker
-from benchmarks.closed_loop.world import TICK, World
 from models.quantity import GRAVITY
 from planner.ground.elevation_map import ElevationMap
+
+from .course import Course
+from .policies import CYCLE, Policy, View
+from .quad import OVERHANG, QUAD
+from .records import Drive, ForcedStop, Trace
+from .route import Route
+from .sensors import Sensors
+from .terrain import SURFACES, Terrain
+from .tracking import Command, Tracker
+from .world import TICK, World
 
 ROLLING = 0.5
 """A stop from below this speed is none [m/s]."""

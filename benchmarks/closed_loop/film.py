@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.closed_loop.drive import run_drive
-from benchmarks.closed_loop.policies import Policy
-from benchmarks.closed_loop.scenes import scene
-from benchmarks.closed_loop.terrain import Terrain
-from benchmarks.closed_loop.world import World
 from planner.kernels.compiled import Floats
+
+from .drive import run_drive
+from .policies import Policy
+from .scenes import scene
+from .terrain import Terrain
+from .world import World
 
 Frame = tuple[float, Any]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
-from benchmarks.closed_loop.kept import Kept
+from .kept import Kept
 
 Progress = Callable[[str, int], Callable[[int], Any]]
 """Called with a name and a total, gives what advances the bar."""

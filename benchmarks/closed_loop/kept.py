@@ -15,7 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from benchmarks.closed_loop.scenes import dem_folder
+from .scenes import dem_folder
 
 _SOURCES = ("benchmarks/closed_loop", "models", "planner")
 _SHOWING = ("film.py", "pictures.py", "tables.py")

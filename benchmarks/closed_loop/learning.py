@@ -18,14 +18,15 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linprog
 
-from benchmarks.closed_loop.quad import LIMITS, QUAD, ROLLING
-from benchmarks.closed_loop.stop_sample import StopSample
 from models.errors import ParameterError
 from models.laws import braking
 from models.parameters import Braking, Effect, Model, SurfaceBraking
 from models.quantity import GRAVITY
 from models.stops.simulation import simulate_stop
 from planner.kernels.compiled import Floats
+
+from .quad import LIMITS, QUAD, ROLLING
+from .stop_sample import StopSample
 
 _FEWEST = 20  # stops on one surface
 _FAST = 1.2  # [m/s] slower stops say little on the dead time

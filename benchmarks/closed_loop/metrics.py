@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.closed_loop.drive import Drive
-from benchmarks.closed_loop.quad import LIMITS
+from .drive import Drive
+from .quad import LIMITS
 
 Result = dict[str, Any]
 

@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.closed_loop.policies import CYCLE, HORIZON, Planned, View, with_lead
-from benchmarks.closed_loop.tracking import Command
 from models.parameters import Model
 from planner.ground.uncertainty import Uncertainty
 from planner.horizon.answer import State
 from planner.horizon.horizon import Horizon, HorizonSettings
 from planner.path import PathBatch
+
+from .policies import CYCLE, HORIZON, Planned, View, with_lead
+from .tracking import Command
 
 _STRIDE = 2  # points of the route from one station to the next
 _BEHIND = 20  # points of the route behind the vehicle

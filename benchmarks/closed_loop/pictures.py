@@ -9,16 +9,14 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.closed_loop.campaign import Campaign
-from benchmarks.closed_loop.drive import Drive
-from benchmarks.closed_loop.terrain import SURFACES
+from .campaign import Campaign
+from .drive import Drive
+from .film import Frame, film
+from .moving_horizon import MovingHorizon
+from .terrain import SURFACES
 
-STRIP = 1
-"""Number of the scene that is shown as a strip."""
-
-FRAMES = 5
-"""Of the strip."""
-
+_STRIP = 1  # number of the scene that is shown as a strip
+_FRAMES = 5
 _COLOURS = ("#35608d", "#c8862b", "#4f8a4b")
 
 
@@ -32,9 +30,18 @@ def draw(campaign: Campaign, frames: list[tuple[float, Any]]) -> dict[str, bytes
     figures = {
         "stops": stops(campaign.result["stops"]),
         "policies": policies(campaign.result["policies"]),
-        "drive": strip(campaign.drives["slopewise"][STRIP], frames),
+        "drive": strip(campaign.drives["slopewise"][_STRIP], frames),
     }
     return {name: _png(figure) for name, figure in figures.items()}
+
+
+def frames(campaign: Campaign) -> list[Frame]:
+    """Frames of one drive, for the strip.
+
+    Raises:
+        RuntimeError: nothing can be drawn here.
+    """
+    return film(_STRIP, campaign.dem, MovingHorizon(campaign.model), _FRAMES)
 
 
 def _png(figure: Figure) -> bytes:

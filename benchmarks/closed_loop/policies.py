@@ -12,9 +12,6 @@ from typing import Protocol
 
 import numpy as np
 
-from benchmarks.closed_loop.route import Route
-from benchmarks.closed_loop.sensors import State
-from benchmarks.closed_loop.tracking import Command
 from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.ground.elevation_map import ElevationMap
@@ -22,6 +19,10 @@ from planner.path import CandidatePath
 from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
+
+from .route import Route
+from .sensors import State
+from .tracking import Command
 
 CYCLE = 0.1
 """Between two decisions [s]."""

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from benchmarks.closed_loop.terrain import RESOLUTION, Terrain
 from models.vehicle import Vehicle
 from planner.kernels.compiled import Floats
+
+from .terrain import RESOLUTION, Terrain
 
 LENGTH = 50.0
 """Of a route in the plan view [m]."""

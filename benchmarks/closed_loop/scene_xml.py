@@ -7,9 +7,10 @@ stops up to a fifth too late.
 
 from __future__ import annotations
 
-from benchmarks.closed_loop.quad import OVERHANG, Hidden
-from benchmarks.closed_loop.terrain import Terrain
 from models.vehicle import Vehicle
+
+from .quad import OVERHANG, Hidden
+from .terrain import Terrain
 
 TIME_STEP = 0.0025
 """Of the physics engine [s]; with twice as much, stops with the anti-lock are 3 % longer."""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.closed_loop.course import Course
-from benchmarks.closed_loop.quad import QUAD
-from benchmarks.closed_loop.route import Route, draw_route
-from benchmarks.closed_loop.terrain import Terrain, crop, hills
+from .course import Course
+from .quad import QUAD
+from .route import Route, draw_route
+from .terrain import Terrain, crop, hills
 
 LEARNED, TESTED = (0.0, 0.4), (0.4, 1.0)
 """Rows of each elevation model, as shares: ground to learn on, and ground that only tests see."""

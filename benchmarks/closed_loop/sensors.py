@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.closed_loop.world import TICK, World
+from .world import TICK, World
 
 _ODOMETRY_NOISE = 0.05  # [m/s] of one reading
 _ODOMETRY_SCALE = 0.004  # one standard deviation of a drive's scale error

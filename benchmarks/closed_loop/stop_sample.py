@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.closed_loop.drive import Drive, Trace
-from benchmarks.closed_loop.terrain import SURFACES
 from models.laws.crest import load_loss
 from models.stops.simulation import Track
 from planner.kernels.compiled import Floats, Ints
+
+from .drive import Drive, Trace
+from .terrain import SURFACES
 
 _STANDS = 0.06  # [m/s] odometry below that is standstill
 _AROUND = 0.3  # [m] before and after a stop that must be of the same surface

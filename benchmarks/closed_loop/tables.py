@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.markup import escape
 from rich.table import Table
 
-from benchmarks.closed_loop.metrics import Result
+from .metrics import Result
 
 COLUMNS = (
     ("drives", "drives", "{:.0f}"),

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from benchmarks.closed_loop.route import Route
-from benchmarks.closed_loop.sensors import State
-from benchmarks.closed_loop.world import TICK
 from models.quantity import GRAVITY
 from models.vehicle import Vehicle
+
+from .route import Route
+from .sensors import State
+from .world import TICK
 
 _AHEAD, _AHEAD_TIME = 1.0, 0.35  # [m], [s] look-ahead of the pursuit
 _GAIN, _RESET = 3.0, 1.5  # [1/s], [1/s²]

@@ -12,12 +12,13 @@ import math
 import mujoco
 import numpy as np
 
-from benchmarks.closed_loop.quad import HIDDEN, QUAD, Hidden
-from benchmarks.closed_loop.scene_xml import TIME_STEP, WHEELS, scene_xml
-from benchmarks.closed_loop.terrain import Terrain
 from models.quantity import GRAVITY
 from models.vehicle import Vehicle
 from planner.kernels.compiled import Floats, Ints
+
+from .quad import HIDDEN, QUAD, Hidden
+from .scene_xml import TIME_STEP, WHEELS, scene_xml
+from .terrain import Terrain
 
 TICK = 0.01
 """Between two looks at drive, brakes and tyres [s]."""

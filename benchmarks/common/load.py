@@ -9,7 +9,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from benchmarks.common.measure import peak_memory
+from .measure import peak_memory
 
 
 def resident_memory() -> float:

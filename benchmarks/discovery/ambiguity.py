@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.discovery import catalogue
-from benchmarks.discovery.catalogue import HiddenSet, Order
-from benchmarks.discovery.designs import FIELD, draw
-from benchmarks.discovery.metrics import Metric, figure, record, share
-from benchmarks.discovery.physics import Floats, Physics, Stops
-from benchmarks.discovery.sealed import Finding, Inquiry, Job, tables_of
-from benchmarks.discovery.worth import SEEN, TOLD_APART, worth
+from . import catalogue
+from .catalogue import HiddenSet, Order
+from .designs import FIELD, draw
+from .metrics import Metric, figure, record, share
+from .physics import Floats, Physics, Stops
+from .sealed import Finding, Inquiry, Job, tables_of
+from .worth import SEEN, TOLD_APART, worth
 
 _NEARLY = (1.0, 12.0)  # expected χ² to the nearest rival of a case
 _EFFECTS = (

@@ -13,13 +13,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from benchmarks.discovery import ambiguity, peer
-from benchmarks.discovery.catalogue import ALL, Conditions
-from benchmarks.discovery.engine_outcomes import engine_by_effect, engine_metrics
-from benchmarks.discovery.kept import Kept
-from benchmarks.discovery.metrics import metrics, record
-from benchmarks.discovery.score import Outcome
-from benchmarks.discovery.tasks import Done, Task, do, tasks
+from . import ambiguity, peer
+from .catalogue import ALL, Conditions
+from .engine_outcomes import engine_by_effect, engine_metrics
+from .kept import Kept
+from .metrics import metrics, record
+from .score import Outcome
+from .tasks import Done, Task, do, tasks
 
 Result = dict[str, Any]
 Advance = Callable[[int], None]

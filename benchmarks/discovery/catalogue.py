@@ -8,12 +8,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from benchmarks.discovery import sensing
-from benchmarks.discovery.designs import DESIGNS, draw
-from benchmarks.discovery.hidden import NAMED, OFF_LIBRARY, PAIRS, SIZES, Hidden, draw_hidden
-from benchmarks.discovery.physics import Physics, Stops
-from benchmarks.discovery.plant import drive
-from benchmarks.discovery.worth import Worth, worth
+from . import sensing
+from .designs import DESIGNS, draw
+from .hidden import NAMED, OFF_LIBRARY, PAIRS, SIZES, Hidden, draw_hidden
+from .physics import Physics, Stops
+from .plant import drive
+from .worth import Worth, worth
 
 T = TypeVar("T")
 

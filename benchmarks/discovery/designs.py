@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.discovery.physics import Stops
+from .physics import Stops
 
 DESIGNS = ("mixed", "fast", "steep", "slow", "one-way")
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from benchmarks.discovery.physics import Floats, Stops
-from benchmarks.discovery.plant import GRAVITY, Motion
+from .physics import Floats, Stops
+from .plant import GRAVITY, Motion
 
 TICK = 0.01
 """Between two looks at brakes, drive and gravity [s]."""

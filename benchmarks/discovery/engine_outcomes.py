@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.discovery.catalogue import spread
-from benchmarks.discovery.metrics import Metric, figure, share
+from .catalogue import spread
+from .metrics import Metric, figure, share
 
 NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
     "heavier body": (("step_change",),),

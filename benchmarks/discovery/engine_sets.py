@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from benchmarks.discovery import sensing
-from benchmarks.discovery.designs import FIELD, draw
-from benchmarks.discovery.engine import Nature, drive
-from benchmarks.discovery.engine_outcomes import NAMES, EngineOrder, EngineOutcome
-from benchmarks.discovery.fresh import WORTH_CLOSING, physics_of
-from benchmarks.discovery.physics import Floats, Physics, Stops
-from benchmarks.discovery.plant import Motion, speeds
-from benchmarks.discovery.sealed import Finding
+from . import sensing
+from .designs import FIELD, draw
+from .engine import Nature, drive
+from .engine_outcomes import NAMES, EngineOrder, EngineOutcome
+from .fresh import WORTH_CLOSING, physics_of
+from .physics import Floats, Physics, Stops
+from .plant import Motion, speeds
+from .sealed import Finding
 
 _KEYS = ("m_m", "b_m", "m_b", "b_b", "dead_time")
 _STOPS, _FRESH = 70, 24

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.discovery.catalogue import HiddenSet, sampled_late
-from benchmarks.discovery.designs import draw
-from benchmarks.discovery.hidden import FIELDS
-from benchmarks.discovery.physics import Floats, Physics, Stops
-from benchmarks.discovery.plant import drive
-from benchmarks.discovery.sealed import Finding
-from benchmarks.discovery.sensing import RATE
+from .catalogue import HiddenSet, sampled_late
+from .designs import draw
+from .hidden import FIELDS
+from .physics import Floats, Physics, Stops
+from .plant import drive
+from .sealed import Finding
+from .sensing import RATE
 
 WORTH_CLOSING = 1.5
 """Gaps below this many floors have no share that can be told."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks.discovery.designs import FIELD
-from benchmarks.discovery.physics import Physics, Stops
+from .designs import FIELD
+from .physics import Physics, Stops
 
 SIZES = ("small", "medium", "large")
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import msgspec
 
-from benchmarks.discovery.catalogue import Conditions
-from benchmarks.discovery.tasks import Done, Task
+from .catalogue import Conditions
+from .tasks import Done, Task
 
 _SOURCES = (
     "benchmarks/discovery", "models/discrepancy", "models/calibration", "models/effects",

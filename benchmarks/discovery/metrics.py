@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from benchmarks.discovery.score import Outcome
+from .score import Outcome
 
 SEVERAL = 0.90  # share of sets that have to close four fifths
 

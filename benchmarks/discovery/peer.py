@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.discovery.metrics import record, share
-from benchmarks.discovery.physics import Floats
-from benchmarks.discovery.plant import GRAVITY
-from benchmarks.discovery.score import Outcome
-from benchmarks.discovery.sensing import Columns
+from .metrics import record, share
+from .physics import Floats
+from .plant import GRAVITY
+from .score import Outcome
+from .sensing import Columns
 
 Row = tuple[tuple[str, ...], Outcome]
 Hit = Callable[[Row], bool]

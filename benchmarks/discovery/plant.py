@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from benchmarks.discovery.physics import Floats, Physics, Stops
+from .physics import Floats, Physics, Stops
 
 GRAVITY = 9.80665
 STEP = 0.001

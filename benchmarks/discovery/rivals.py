@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.discovery.designs import FIELD
-from benchmarks.discovery.physics import Floats, Physics, Stops
+from .designs import FIELD
+from .physics import Floats, Physics, Stops
 
 Fields = dict[str, float]
 Doses = Mapping[str, Sequence[Sequence[Fields]]]

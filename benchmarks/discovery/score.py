@@ -6,10 +6,10 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from benchmarks.discovery.catalogue import HiddenSet
-from benchmarks.discovery.fresh import Closing, closing
-from benchmarks.discovery.hidden import Hidden
-from benchmarks.discovery.sealed import Finding
+from .catalogue import HiddenSet
+from .fresh import Closing, closing
+from .hidden import Hidden
+from .sealed import Finding
 
 _PARTNERS = {"headwind": math.tau, "directional_surface": math.pi}
 _WIDTH = 1.959964  # standard deviations that hold 95 %

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.discovery.sensing import Columns
+from .sensing import Columns
 
 
 @dataclass(frozen=True, slots=True)

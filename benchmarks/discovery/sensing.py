@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.discovery.physics import Floats, Stops
-from benchmarks.discovery.plant import Motion
+from .physics import Floats, Stops
+from .plant import Motion
 
 RATE = 50.0
 """Samples a second."""

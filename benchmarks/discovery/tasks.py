@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.discovery import ambiguity, catalogue, peer
-from benchmarks.discovery.ambiguity import Resolved
-from benchmarks.discovery.catalogue import Conditions, HiddenSet, Order, spread
-from benchmarks.discovery.engine_outcomes import EngineOrder, EngineOutcome, engine_orders
-from benchmarks.discovery.score import Outcome, score
-from benchmarks.discovery.sealed import Inquiry, Job, Seal, seal, tables_of
+from . import ambiguity, catalogue, peer
+from .ambiguity import Resolved
+from .catalogue import Conditions, HiddenSet, Order, spread
+from .engine_outcomes import EngineOrder, EngineOutcome, engine_orders
+from .score import Outcome, score
+from .sealed import Inquiry, Job, Seal, seal, tables_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def do(task: Task, conditions: Conditions, promise: Callable[[str], None]) -> Do
 
 
 def _in_the_engine(task: Task, order: EngineOrder, promise: Callable[[str], None]) -> Done:
-    from benchmarks.discovery import engine_sets
+    from . import engine_sets
 
     one = engine_sets.make(order, engine_sets.calibrated())
     sealed = _sealed(engine_sets.truth_of(one), promise)

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular, toeplitz
 
-from benchmarks.discovery.hidden import FIELDS
-from benchmarks.discovery.physics import Floats, Physics, Stops
-from benchmarks.discovery.plant import drive, speeds
-from benchmarks.discovery.rivals import (
+from .hidden import FIELDS
+from .physics import Floats, Physics, Stops
+from .plant import drive, speeds
+from .rivals import (
     FREE,
     NOT_NEGATIVE,
     ONE_SIGN,
@@ -25,7 +25,7 @@ from benchmarks.discovery.rivals import (
     amplified,
     small_doses,
 )
-from benchmarks.discovery.sensing import CORRELATED, MEMORY, QUANTUM, RATE
+from .sensing import CORRELATED, MEMORY, QUANTUM, RATE
 
 SEEN = 30.0
 """Expected χ² from which an effect counts as identifiable: found in 19 of 20 sets although the

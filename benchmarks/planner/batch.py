@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.common.measure import summary, take_turns
-from benchmarks.common.scene import SPACING, Scene
-from benchmarks.planner.passes import braking_pass, plain_pass
 from planner.bounds.speed_bounds import speed_bounds
 from planner.ground.braking_ground import ground_along
 from planner.ground.terrain_profile import terrain_profile
 from planner.kernels.limits import planning_limits
 from planner.pipeline.candidates import TimeOptimalBatch
 from planner.profile.time_optimal import time_optimal_profile, travel_cost
+
+from ..common.measure import summary, take_turns
+from ..common.scene import SPACING, Scene
+from .passes import braking_pass, plain_pass
 
 _UNBOUNDED = 1e3
 """Service deceleration that never binds: the brakes decide everywhere [m/s²]."""

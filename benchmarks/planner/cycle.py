@@ -18,12 +18,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.common.load import on_one_core, resident_memory, working
-from benchmarks.common.measure import machine
-from benchmarks.common.tables import duration
-from benchmarks.planner.driving import CANDIDATES, SMOOTHED, STATIONS, Drive
 from planner.horizon.answer import Answer
 from planner.plan import Status
+
+from ..common.load import on_one_core, resident_memory, working
+from ..common.measure import machine
+from ..common.tables import duration
+from .driving import CANDIDATES, SMOOTHED, STATIONS, Drive
 
 CYCLES, QUICK_CYCLES = 10_000, 500
 HOUR_OF_CYCLES, QUICK_MEMORY_CYCLES = 36_000, 1_000

@@ -6,12 +6,13 @@ from time import perf_counter, thread_time
 
 import numpy as np
 
-from benchmarks.common.scene import SPACING, atv, hills
 from planner.ground.uncertainty import Uncertainty
 from planner.horizon.answer import Answer, State
 from planner.horizon.horizon import Horizon, HorizonSettings
 from planner.path import PathBatch
 from planner.plan import SpeedPlan
+
+from ..common.scene import SPACING, atv, hills
 
 CANDIDATES, STATIONS, SMOOTHED = 64, 100, 4
 _PERIOD = 0.1

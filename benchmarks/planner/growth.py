@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.common.measure import peak_memory, summary, take_turns, timed
-from benchmarks.common.scene import Scene, fan, laps
-from benchmarks.planner.batch import stages
-from benchmarks.planner.one_by_one import emitted, smoother_of, smoothing_problem, tasks_of
-from benchmarks.planner.peers import PEERS
+from ..common.measure import peak_memory, summary, take_turns, timed
+from ..common.scene import Scene, fan, laps
+from .batch import stages
+from .one_by_one import emitted, smoother_of, smoothing_problem, tasks_of
+from .peers import PEERS
 
 STATIONS, CANDIDATES = 100, 16
 """What stays the same while the other one grows."""

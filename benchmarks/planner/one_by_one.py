@@ -8,11 +8,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from benchmarks.common.judge import excess, smooth_excess, travel_time
-from benchmarks.common.measure import summary, timed
-from benchmarks.common.scene import Scene
-from benchmarks.planner import quadratic
-from benchmarks.planner.peers import PEERS, Task
 from models.quantity import GRAVITY
 from planner.kernels.compiled import Floats
 from planner.kernels.limits import planning_limits
@@ -22,6 +17,12 @@ from planner.profile.smoothing import SmoothingProblem, smooth
 from planner.profile.time_optimal import time_optimal_profile
 from planner.verify.judge import check
 from planner.verify.track import track_of
+
+from ..common.judge import excess, smooth_excess, travel_time
+from ..common.measure import summary, timed
+from ..common.scene import Scene
+from . import quadratic
+from .peers import PEERS, Task
 
 Result = dict[str, Any]
 Problem = TypeVar("Problem")

@@ -16,10 +16,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.common.judge import smooth_excess, travel_time
-from benchmarks.common.measure import machine, summary, timed
-from benchmarks.common.scene import SPACING, atv, hills
-from benchmarks.common.tables import duration
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import Floats
@@ -28,6 +24,11 @@ from planner.pipeline.candidates import time_optimal_batch
 from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.profile.reference import JerkLimitedReference
 from planner.profile.smoothing import SmoothingProblem, smooth
+
+from ..common.judge import smooth_excess, travel_time
+from ..common.measure import machine, summary, timed
+from ..common.scene import SPACING, atv, hills
+from ..common.tables import duration
 
 INSTANCES, QUICK_INSTANCES = 500, 40
 WANTED_EXCESS, WANTED_RATIO = 0.01, 10.0

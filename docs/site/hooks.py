@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from latex2mathml.converter import convert
-from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 import commands
 import parameters
-import results
 
 _INLINE = re.compile(r'<span class="arithmatex">\\\((?P<tex>.*?)\\\)</span>', re.DOTALL)
 _BLOCK = re.compile(r'<div class="arithmatex">\s*\\\[(?P<tex>.*?)\\\]\s*</div>', re.DOTALL)
@@ -47,16 +45,6 @@ def on_files(files: Files, config: Any) -> Files:
     for name, make in _PAGES.items():
         files.append(File.generated(config, name, content=make()))
     return files
-
-
-def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Tables of stored benchmark results."""
-    if page.file.src_uri != "benchmarks.md":
-        return markdown
-    try:
-        return results.filled(markdown, Path(config["docs_dir"]) / "results")
-    except results.ResultError as error:
-        raise PluginError(str(error)) from None
 
 
 def on_page_content(content: str, page: Any, config: Any, files: Files) -> str:

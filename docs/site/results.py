@@ -1,15 +1,14 @@
-"""Figures of the page on benchmarks: tables of stored `slopewise bench --json` results.
+"""Tables of docs/benchmarks.md, written into it from stored `slopewise bench --json` results.
 
-A table on the page is the table that the command shows, made by the same code from the file. On the
-page a comment says where it goes; what follows the comment, up to the one that ends it, is shown
-only as long as there is no file:
+A table on the page is the table that the command shows, made by the same code from the file. It
+stands between two comments; where there is no file, what stands there stays:
 
     <!-- results: cycle -->
     measured so far: …
     <!-- end of results -->
 
-`python docs/site/results.py NAME FILE [NOTE]` puts a result into docs/results, with date, machine
-and what a reader has to know about the run.
+`python docs/site/results.py` writes the tables; `python docs/site/results.py NAME FILE [NOTE]` puts
+a result into docs/results before, with date, machine and what a reader has to know about the run.
 """
 
 from __future__ import annotations
@@ -30,7 +29,8 @@ from rich.table import Table
 from rich.text import Text
 
 _PLACE = re.compile(
-    r"^<!-- results: (?P<name>[\w-]+) -->\n(?P<so_far>.*?)^<!-- end of results -->\n",
+    r"(?P<begin>^<!-- results: (?P<name>[\w-]+) -->\n)(?P<so_far>.*?)"
+    r"(?P<end>^<!-- end of results -->\n)",
     re.DOTALL | re.MULTILINE,
 )
 _SHOWN = {
@@ -74,7 +74,9 @@ def filled(page: str, folder: Path) -> str:
 
     def put(match: re.Match[str]) -> str:
         file = files.get(match["name"])
-        return match["so_far"] if file is None else shown(match["name"], file)
+        if file is None:
+            return match[0]
+        return f"{match['begin']}\n{shown(match['name'], file)}\n{match['end']}"
 
     return _PLACE.sub(put, page)
 
@@ -173,7 +175,14 @@ def _keep(name: str, file: Path, folder: Path, note: str = "") -> Path:
     return kept
 
 
+def main(words: list[str]) -> None:
+    """Keep a result if one is given, then write all tables into the page."""
+    docs = Path(__file__).parents[1]
+    if words:
+        print(_keep(words[0], Path(words[1]), docs / "results", *words[2:]))
+    page = docs / "benchmarks.md"
+    page.write_text(filled(page.read_text(), docs / "results"))
+
+
 if __name__ == "__main__":
-    print(
-        _keep(sys.argv[1], Path(sys.argv[2]), Path(__file__).parents[1] / "results", *sys.argv[3:])
-    )
+    main(sys.argv[1:])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from models.parameters import Model
 from models.vehicle import Vehicle
 from services.io.access import fault, write_atomic
 from services.io.decode import decode_table, dotted
+from services.io.shipped import shipped_files
 from services.io.toml_file import read_toml
 
 _MOST_SURFACES = 61  # surfaces that a model can tell apart beside the base
@@ -109,9 +109,7 @@ def _plain(value: Any) -> Any:
 
 def shipped_models() -> dict[str, Path]:
     """Vehicles that come with the package: name -> file."""
-    folder = resources.files("configs") / "vehicles"
-    files = (Path(str(entry)) for entry in folder.iterdir())
-    return {file.stem: file for file in sorted(files) if file.suffix == ".toml"}
+    return shipped_files("vehicles")
 
 
 def find_model(name_or_path: str | Path) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from importlib import resources
 from pathlib import Path
 
 from models.terrain.adaptation import AdaptationSettings
@@ -19,6 +18,7 @@ from models.terrain.settings import (
 )
 from services.io.access import fault, write_atomic
 from services.io.decode import decode_table
+from services.io.shipped import shipped_files
 from services.io.toml_file import read_toml
 
 
@@ -81,9 +81,7 @@ def _class_table(one: TerrainClass) -> dict[str, object]:
 
 def shipped_terrains() -> dict[str, Path]:
     """Terrain files that come with the package: name -> file."""
-    folder = resources.files("configs") / "terrains"
-    files = (Path(str(entry)) for entry in folder.iterdir())
-    return {file.stem: file for file in sorted(files) if file.suffix == ".toml"}
+    return shipped_files("terrains")
 
 
 def find_terrains(name_or_path: str | Path) -> Path:

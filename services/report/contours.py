@@ -1,24 +1,17 @@
-"""Lines of equal height, by marching squares, as paths of a drawing."""
+"""Lines of equal height as paths of a drawing."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from contourpy import LineType, contour_generator
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _WANTED_LINES = 14
 _DIGITS = 10.0  # a path counts in tenths of a cell
-# Corners above the level as bits (1: [i, j], 2: [i, j+1], 4: [i+1, j+1], 8: [i+1, j]) -> edges that
-# a line joins (0: lower, 1: right, 2: upper, 3: left). At saddles the high corners stay apart.
-_CASES: dict[int, tuple[tuple[int, int], ...]] = {
-    1: ((3, 0),), 2: ((0, 1),), 3: ((3, 1),), 4: ((1, 2),), 5: ((3, 0), (1, 2)), 6: ((0, 2),),
-    7: ((3, 2),), 8: ((2, 3),), 9: ((2, 0),), 10: ((0, 1), (2, 3)), 11: ((2, 1),), 12: ((1, 3),),
-    13: ((1, 0),), 14: ((0, 3),),
-}  # fmt: skip
 
 
 def interval(elevation: Floats) -> float:
@@ -69,63 +62,19 @@ def contour_path(elevation: Floats, level: float, shift: float = 0.0) -> str:
     Returns:
         ``M…l…`` with x to the right (columns) and y with the rows; empty if nothing crosses.
     """
-    lines = _joined(*_segments(elevation, level))
+    known = np.ma.masked_invalid(elevation)
+    drawn = contour_generator(z=known, corner_mask=False, line_type=LineType.Separate)
     parts = []
-    for x, y in lines:
-        u, v = (np.rint(_DIGITS * (w + shift)).astype(np.int64) for w in (x, y))
-        du, dv = np.diff(u), np.diff(v)
-        moved = (du != 0) | (dv != 0)
-        if moved.any():
-            steps = " ".join(f"{a} {b}" for a, b in zip(du[moved], dv[moved], strict=True))
-            parts.append(f"M{u[0]} {v[0]}l{steps}")
+    for line in drawn.lines(level):
+        points = np.rint(_DIGITS * (np.asarray(line) + shift)).astype(np.int64)
+        steps = np.diff(points, axis=0)
+        steps = steps[steps.any(axis=1)]
+        if len(steps):
+            moves = " ".join(f"{a} {b}" for a, b in steps)
+            parts.append(f"M{points[0, 0]} {points[0, 1]}l{moves}")
     return "".join(parts)
 
 
 def outline_path(mask: NDArray[np.bool_]) -> str:
     """The edge of a region of cells as closed SVG paths, like :func:`contour_path`."""
     return contour_path(np.pad(mask.astype(np.float64), 1), 0.5, shift=-1.0)
-
-
-def _segments(elevation: Floats, level: float) -> tuple[Ints, Ints, Floats, Floats]:
-    """Pieces of line, one a cell: the grid edges they join, and where each edge is crossed."""
-    columns = elevation.shape[1]
-    above = elevation >= level
-    finite = np.isfinite(elevation)
-    whole = finite[:-1, :-1] & finite[:-1, 1:] & finite[1:, 1:] & finite[1:, :-1]
-    high = above[:-1, :-1] + 2 * above[:-1, 1:] + 4 * above[1:, 1:] + 8 * above[1:, :-1]
-    case = np.where(whole, high, 0)
-    starts: list[Ints] = []
-    ends: list[Ints] = []
-    for code, joins in _CASES.items():
-        i, j = np.nonzero(case == code)
-        cell = i * columns + j
-        edges = (2 * cell, 2 * (cell + 1) + 1, 2 * (cell + columns), 2 * cell + 1)
-        for a, b in joins:
-            starts.append(edges[a])
-            ends.append(edges[b])
-    start, end = np.concatenate(starts), np.concatenate(ends)
-    used = np.unique(np.concatenate((start, end)))
-    i, j = np.divmod(used // 2, columns)
-    upwards = used % 2
-    here = elevation[i, j]
-    there = elevation[i + upwards, j + 1 - upwards]
-    share = (level - here) / (there - here)
-    x, y = j + share * (1 - upwards), i + share * upwards
-    return np.searchsorted(used, start), np.searchsorted(used, end), x, y
-
-
-def _joined(start: Ints, end: Ints, x: Floats, y: Floats) -> list[tuple[Floats, Floats]]:
-    """Pieces put together to lines as long as they go."""
-    follows = dict(zip(start.tolist(), end.tolist(), strict=True))
-    heads = sorted(set(follows) - set(follows.values()))
-    lines = [_walk(head, follows) for head in heads]
-    while follows:
-        lines.append(_walk(next(iter(follows)), follows))
-    return [(x[line], y[line]) for line in map(np.asarray, lines)]
-
-
-def _walk(point: int, follows: dict[int, int]) -> list[int]:
-    line = [point]
-    while (following := follows.pop(line[-1], None)) is not None:
-        line.append(following)
-    return line

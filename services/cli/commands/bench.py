@@ -6,19 +6,25 @@ import json
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from rich.console import Console
 
 from models.errors import InputError
 
-if TYPE_CHECKING:
-    from benchmarks.closed_loop.campaign import Campaign
-
-
 _WIDE = 150  # columns of the widest table
+
+
+def _benchmark(module: str) -> Any:
+    """A module of the benchmarks; they are in `slopewise` when installed, else in the repository.
+
+    Product code knows nothing else of them: this is the one door.
+    """
+    installed = find_spec("slopewise.benchmarks") is not None
+    return import_module(f"{'slopewise.' if installed else ''}benchmarks.{module}")
 
 
 def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
@@ -27,10 +33,9 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
     Raises:
         InputError: plots are wanted and plotly is not installed.
     """
-    from benchmarks.planner import planner_speed
-
     if plot is not None and find_spec("plotly") is None:
         raise InputError("--plot", "", "needs plotly: pip install slopewise[bench]")
+    planner_speed = _benchmark("planner.planner_speed")
     result = planner_speed.run(quick=quick)
     console = Console()
     planner_speed.show(result, console)
@@ -44,10 +49,9 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
 
 def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
     """Time cycles (`cycle`), or hold smoothed plans against the optimum (`optimality`)."""
-    from benchmarks.planner import cycle, optimality
     from services.cli.screen import progress_bar
 
-    module = {"cycle": cycle, "optimality": optimality}[what]
+    module = _benchmark(f"planner.{what}")
     console = Console()
     with progress_bar(what, module.total(quick)) as advance:
         result = module.run(quick, advance)
@@ -72,7 +76,7 @@ def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
     from services.fleet.scheduler import check_installed
 
     check_installed()
-    from benchmarks.fleet import fleet as benchmark
+    benchmark = _benchmark("fleet.fleet")
     from services.cli.screen import progress_bar
 
     if out is not None:
@@ -112,7 +116,8 @@ def discrepancy(
         raise InputError("--plot", "", "needs plotly: pip install slopewise[bench]")
     if out is not None and out.exists() and not out.is_dir():
         raise InputError("--out", str(out), "expected a folder, got a file")
-    from benchmarks.discovery import campaign, tables
+    campaign = _benchmark("discovery.campaign")
+    tables = _benchmark("discovery.tables")
     from services.cli.screen import progress_bar
 
     size = campaign.QUICK if quick else campaign.FULL
@@ -132,9 +137,7 @@ def discrepancy(
         json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
         console.print(f"wrote {json_file}")
     if plot is not None:
-        from benchmarks.discovery.charts import charts
-
-        _write_plots(charts(result), plot)
+        _write_plots(_benchmark("discovery.charts").charts(result), plot)
         console.print(f"wrote {plot}")
 
 
@@ -152,7 +155,8 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
     for module in ("mujoco", "matplotlib"):
         if find_spec(module) is None:
             raise InputError("closed-loop", "", f"needs {module}: pip install slopewise[sim]")
-    from benchmarks.closed_loop import campaign, tables
+    campaign = _benchmark("closed_loop.campaign")
+    tables = _benchmark("closed_loop.tables")
     from services.cli.screen import progress_bar
 
     if out is not None and out.exists() and not out.is_dir():
@@ -175,15 +179,14 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
         _write_closed_loop(driven, out, console)
 
 
-def _write_closed_loop(driven: Campaign, folder: Path, console: Console) -> None:
-    from benchmarks.closed_loop import pictures, tables
-    from benchmarks.closed_loop.film import film
-    from benchmarks.closed_loop.moving_horizon import MovingHorizon
+def _write_closed_loop(driven: Any, folder: Path, console: Console) -> None:
+    pictures = _benchmark("closed_loop.pictures")
+    tables = _benchmark("closed_loop.tables")
     from services.report.closed_loop_page import write_report
 
     frames = []
     try:
-        frames = film(pictures.STRIP, driven.dem, MovingHorizon(driven.model), pictures.FRAMES)
+        frames = pictures.frames(driven)
     except RuntimeError as error:
         console.print(f"no frames of the drive: {error}")
     drawn = pictures.draw(driven, frames)

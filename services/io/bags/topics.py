@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
 from models.errors import ParameterError
@@ -11,6 +10,7 @@ from models.quantity import quantity, validate_quantities
 from services.io.access import fault
 from services.io.decode import decode_table, dotted
 from services.io.logs.drive_log import REQUIRED
+from services.io.shipped import shipped_folder
 from services.io.toml_file import read_toml
 
 ATTITUDE = ("roll", "pitch", "yaw")
@@ -91,7 +91,7 @@ def read_topics(path: Path | None) -> tuple[dict[str, Channel], str]:
     Raises:
         InputError: names the file and the dotted key.
     """
-    path = path or Path(str(resources.files("configs") / "topics.toml"))
+    path = path or shipped_folder() / "topics.toml"
     channels = {}
     for column, table in read_toml(path).items():
         if column in _SOURCES:

@@ -295,9 +295,10 @@ def test_find_model(tmp_path: Path) -> None:
 
 
 def test_shipped_vehicles_are_found_after_an_installation(tmp_path: Path) -> None:
-    for package in ("models", "services", "configs"):
-        ignore = shutil.ignore_patterns("__pycache__")
+    ignore = shutil.ignore_patterns("__pycache__")
+    for package in ("models", "services"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=ignore)
+    shutil.copytree(ROOT / "configs", tmp_path / "slopewise" / "configs", ignore=ignore)
     script = (
         "import sys; from services.io import model_file as m;"
         "heavy = {'rasterio', 'polars', 'numba', 'scipy', 'msgspec'} & set(sys.modules);"
@@ -308,7 +309,7 @@ def test_shipped_vehicles_are_found_after_an_installation(tmp_path: Path) -> Non
         [sys.executable, "-P", "-c", script],
         cwd=tmp_path.parent, env=environment, capture_output=True, text=True, check=True,
     )  # fmt: skip
-    place = tmp_path / "configs" / "vehicles" / "ugv.toml"
+    place = tmp_path / "slopewise" / "configs" / "vehicles" / "ugv.toml"
     assert done.stdout.split() == ["ugv", str(place), "light"]
 
 

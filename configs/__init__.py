@@ -1,1 +1,0 @@
-"""Files that come with the package: vehicles to begin with, each a model file of its own."""

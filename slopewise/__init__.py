@@ -1,0 +1,76 @@
+"""How fast may an off-road robot go here, so that it can always still stop?
+
+    import slopewise
+
+    model = slopewise.read_model("atv")
+    ground, paths = slopewise.read_map("dem.tif"), slopewise.read_paths("paths.csv")
+    for plan in slopewise.plan(model, ground, paths, clear=20.0):
+        print(plan.candidate, plan.status.value, plan.travel_time, plan.reason)
+
+The names below are the ones that stay as they are from release to release; everything else may
+move. SI units and radians throughout. A name is loaded when it is first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from slopewise._own_packages import check_own_packages
+
+check_own_packages()
+
+if TYPE_CHECKING:
+    from models.errors import SlopewiseError
+    from models.parameters import Model
+    from planner.ground.elevation_map import ElevationMap
+    from planner.horizon.answer import State
+    from planner.horizon.horizon import Horizon
+    from planner.path import CandidatePath
+    from planner.plan import SpeedPlan
+    from services.client import PlanClient
+    from services.io.logs.drive_log import DriveLog
+    from slopewise.files import read_drive_log, read_map, read_model, read_paths, write_model
+    from slopewise.learning import calibrate, find_discrepancies
+    from slopewise.planning import check_plan, plan
+
+__all__ = [
+    "CandidatePath", "DriveLog", "ElevationMap", "Horizon", "Model", "PlanClient", "SlopewiseError",
+    "SpeedPlan", "State", "calibrate", "check_plan", "find_discrepancies", "plan", "read_drive_log",
+    "read_map", "read_model", "read_paths", "write_model",
+]  # fmt: skip
+
+_HOMES = {
+    "CandidatePath": "planner.path",
+    "DriveLog": "services.io.logs.drive_log",
+    "ElevationMap": "planner.ground.elevation_map",
+    "Horizon": "planner.horizon.horizon",
+    "Model": "models.parameters",
+    "PlanClient": "services.client",
+    "SlopewiseError": "models.errors",
+    "SpeedPlan": "planner.plan",
+    "State": "planner.horizon.answer",
+    "calibrate": "slopewise.learning",
+    "check_plan": "slopewise.planning",
+    "find_discrepancies": "slopewise.learning",
+    "plan": "slopewise.planning",
+    "read_drive_log": "slopewise.files",
+    "read_map": "slopewise.files",
+    "read_model": "slopewise.files",
+    "read_paths": "slopewise.files",
+    "write_model": "slopewise.files",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first used."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'slopewise' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """The public names, loaded or not."""
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,66 @@
+"""What docs/extending.md says is done: each diff applies to the tree, and its check then passes."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "extending.md").read_text()
+PARTS = ("slopewise", "models", "planner", "services", "configs")
+MOST_FILES = 3
+BOX = re.compile(r"^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+def sections() -> dict[str, list[tuple[str, str]]]:
+    """Title -> boxes (kind, text) of every section that has a diff."""
+    parts = re.split(r"^## (.+)$", PAGE, flags=re.MULTILINE)[1:]
+    found = {
+        title: [(box["kind"], box["text"]) for box in BOX.finditer(text)]
+        for title, text in zip(parts[::2], parts[1::2], strict=True)
+    }
+    return {title: boxes for title, boxes in found.items() if "diff" in dict(boxes)}
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    ignore = shutil.ignore_patterns("__pycache__")
+    for part in PARTS:
+        shutil.copytree(ROOT / part, tmp_path / "tree" / part, ignore=ignore)
+    return tmp_path / "tree"
+
+
+def run(tree: Path, *words: str, text: str = "") -> subprocess.CompletedProcess[str]:
+    environment = {"PYTHONPATH": str(tree), "PATH": "/usr/bin:/bin", "HOME": str(tree)}
+    return subprocess.run(
+        words, cwd=tree, env=environment, input=text, capture_output=True, text=True, timeout=400
+    )
+
+
+@pytest.mark.parametrize("title", sections())
+def test_a_diff_applies_and_its_check_passes(title: str, tree: Path) -> None:
+    boxes = sections()[title]
+    diffs = [text for kind, text in boxes if kind == "diff"]
+    checks = [text for kind, text in boxes if kind == "python"]
+    assert checks, f"{title}: no check beside the diff"
+    before = run(tree, sys.executable, "-P", "-c", checks[0])
+    assert before.returncode != 0, f"{title}: the check passes without the diff"
+    changed = {
+        file for text in diffs for file in re.findall(r"^\+\+\+ b/(.+)$", text, re.MULTILINE)
+    }
+    assert 1 <= len(changed) <= MOST_FILES
+    for diff in diffs:
+        done = run(tree, "git", "apply", "--whitespace=error", "-", text=diff)
+        assert done.returncode == 0, done.stderr
+    for check in checks:
+        done = run(tree, sys.executable, "-P", "-c", check)
+        assert done.returncode == 0, done.stderr
+
+
+def test_there_is_something_to_extend() -> None:
+    assert sections()

@@ -1,0 +1,147 @@
+"""The public names: all there, lazily, and enough to plan, check, learn and go on."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import slopewise
+from services.io.maps.map_file import write_map_npz
+from tests import oracle
+
+
+@pytest.fixture(scope="module")
+def hill() -> slopewise.ElevationMap:
+    x, y = np.meshgrid(np.arange(0.0, 40.0, 0.25), np.arange(0.0, 20.0, 0.25))
+    height = 1.5 * np.exp(-(((x - 20.0) / 8.0) ** 2) - ((y - 10.0) / 6.0) ** 2)
+    height[(x > 34.0) & (y > 10.0)] = np.nan
+    return slopewise.ElevationMap(elevation=height, resolution=0.25, origin=(0.0, 0.0))
+
+
+def straight(y: float) -> slopewise.CandidatePath:
+    points = np.stack([np.linspace(3.0, 37.0, 80), np.full(80, y)], axis=1)
+    return slopewise.CandidatePath(name=f"y{y:.0f}", points=points)
+
+
+def test_every_name_is_documented_and_typed() -> None:
+    assert sorted(slopewise.__all__) == list(slopewise.__all__)
+    assert set(slopewise.__all__) <= set(dir(slopewise))
+    for name in slopewise.__all__:
+        value = getattr(slopewise, name)
+        assert len(inspect.getdoc(value) or "") > 20, name
+        if inspect.isfunction(value):
+            parameters = inspect.signature(value).parameters.values()
+            assert all(p.annotation is not p.empty for p in parameters), name
+    assert (Path(slopewise.__file__).parent / "py.typed").is_file()
+    with pytest.raises(AttributeError, match="no attribute 'plans'"):
+        _ = slopewise.plans
+
+
+def test_readme_and_documentation_use_public_names_only() -> None:
+    root = Path(__file__).parents[2]
+    pages = [root / "README.md", *(root / "docs").rglob("*.md")]
+    used = {name for page in pages for name in re.findall(r"slopewise\.(\w+)\(", page.read_text())}
+    assert used >= {"read_map", "read_model", "read_paths", "plan", "check_plan", "calibrate"}
+    assert used <= set(slopewise.__all__)
+
+
+def test_importing_loads_nothing_heavy() -> None:
+    script = (
+        "import sys, slopewise;"
+        "heavy = {'numpy', 'numba', 'scipy', 'zenoh', 'rasterio', 'msgspec', 'rich', 'typer'};"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout == "[]\n"
+
+
+def test_plans_are_ranked_and_pass_the_check(hill: slopewise.ElevationMap) -> None:
+    model = slopewise.read_model("atv")
+    plans = slopewise.plan(model, hill, [straight(14.0), straight(6.0)], start_speed=1.0)
+    assert [p.candidate for p in plans] == ["y6", "y14"]
+    assert [p.status.value for p in plans] == ["ok", "blocked"]
+    for plan in plans:
+        verdict = slopewise.check_plan(plan, model, hill)
+        assert verdict.valid
+        moving = plan.speed > 0.0
+        np.testing.assert_allclose(
+            verdict.stop_distance[moving], plan.stop_distance[moving], rtol=0.02, atol=0.02
+        )
+
+
+def test_the_check_bites(hill: slopewise.ElevationMap) -> None:
+    model = slopewise.read_model("atv")
+    (plan,) = slopewise.plan(model, hill, [straight(14.0)], start_speed=1.0)
+    faster = replace(plan, speed=1.2 * plan.speed)
+    assert not slopewise.check_plan(faster, model, hill).valid
+    assert not slopewise.check_plan(plan, model, hill, clear=plan.clear_distance - 3.0).valid
+    weaker = replace(model, braking=replace(model.braking, b_b=model.braking.b_b - 0.1))
+    assert not slopewise.check_plan(plan, weaker, hill).valid
+    short = replace(plan, **{n: getattr(plan, n)[:1] for n in ("station", "x", "y", "speed")})
+    with pytest.raises(slopewise.SlopewiseError, match="at least 2 stations"):
+        slopewise.check_plan(short, model, hill)
+
+
+def test_a_quantile_makes_plans_slower(hill: slopewise.ElevationMap) -> None:
+    model = slopewise.read_model("atv")
+    mean, sure = (
+        slopewise.plan(model, hill, [straight(6.0)], quantile=q)[0].travel_time
+        for q in (None, 0.999)
+    )
+    assert sure > mean
+
+
+def test_files_by_name_and_path(hill: slopewise.ElevationMap, tmp_path: Path) -> None:
+    write_map_npz(hill, tmp_path / "hill.npz")
+    again = slopewise.read_map(str(tmp_path / "hill.npz"))
+    np.testing.assert_array_equal(again.elevation, hill.elevation)
+    (tmp_path / "paths.csv").write_text("x,y\n1,1\n2,1\n3,1\n")
+    (path,) = slopewise.read_paths(tmp_path / "paths.csv")
+    assert path.points.shape == (3, 2)
+    model = replace(slopewise.read_model("husky"), name="mine")
+    slopewise.write_model(model, tmp_path / "mine.toml")
+    assert slopewise.read_model(tmp_path / "mine.toml") == model
+
+
+def test_the_horizon_takes_public_things(hill: slopewise.ElevationMap) -> None:
+    horizon = slopewise.Horizon(slopewise.read_model("atv"))
+    state = slopewise.State(x=3.0, y=6.0, heading=0.0, speed=1.0)
+    answer = horizon.step(state, [straight(6.0)], hill)
+    assert answer.chosen is not None
+    assert answer.command.speed > 0.0
+
+
+def log_of_stops(path: Path) -> slopewise.DriveLog:
+    """Forty stops with F_b/W = 0.35 after 0.25 s."""
+    random = np.random.default_rng(1)
+    rows, clock = ["run,t,v,v_cmd,pitch"], 0.0
+    for run in range(40):
+        speed, grade = random.uniform(1.0, 4.0), random.uniform(-0.2, 0.2)
+        decel = oracle.G * (0.35 + np.sin(grade))
+        for t in np.arange(-1.5, speed / decel + 1.5, 0.02):
+            v = max(speed - decel * max(t - 0.25, 0.0), 0.0) + random.normal(0.0, 0.01)
+            rows.append(f"{run},{clock + t:.3f},{v:.4f},{speed * (t < 0.0):.3f},{-grade:.4f}")
+        clock += 60.0
+    path.write_text("\n".join(rows))
+    return slopewise.read_drive_log(path)
+
+
+def test_a_log_teaches_the_brakes_and_is_held_against_them(tmp_path: Path) -> None:
+    log = log_of_stops(tmp_path / "drive.csv")
+    model = slopewise.read_model("atv")
+    learned = slopewise.calibrate(log, model).braking
+    assert abs(learned.b_b + learned.m_b * 2.5 - 0.35) < 0.02
+    assert abs(learned.dead_time - 0.25) < 0.05
+    findings = slopewise.find_discrepancies(log, replace(model, braking=learned))
+    assert findings.verdict.value == "none"
+    drifted = slopewise.find_discrepancies(log, model)
+    assert drifted.verdict.value == "parameter_drift"

@@ -1,0 +1,101 @@
+"""A wheel brings four packages and nothing else, and works away from the repository."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("hatchling", reason="the dev extra is not installed")
+
+ROOT = Path(__file__).parents[2]
+PARTS = ("slopewise", "models", "planner", "services", "configs", "benchmarks")
+FILES = ("pyproject.toml", "README.md", "LICENSE")
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    source.mkdir()
+    for part in PARTS:
+        ignore = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc")
+        shutil.copytree(ROOT / part, source / part, ignore=ignore)
+    for file in FILES:
+        shutil.copy(ROOT / file, source)
+    pip("wheel", source, "--no-build-isolation", "--wheel-dir", folder)
+    return next(folder.glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path) -> Path:
+    target = wheel.parent / "installed"
+    pip("install", wheel, "--no-compile", "--target", target)
+    return target
+
+
+def pip(command: str, what: Path, *options: object) -> None:
+    words = [command, str(what), "--no-deps", "--no-index", "--quiet", *map(str, options)]
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", "--disable-pip-version-check", *words],
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+def python(installed: Path, folder: Path, *words: str) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    done = subprocess.run(
+        [sys.executable, "-P", *words],
+        cwd=folder, env=environment, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_it_holds_four_packages_with_all_their_files(wheel: Path) -> None:
+    names = set(zipfile.ZipFile(wheel).namelist())
+    top = {name.split("/")[0] for name in names if ".dist-info/" not in name}
+    assert top == {"slopewise", "models", "planner", "services"}
+    inside = {"configs": "slopewise/configs", "benchmarks": "slopewise/benchmarks"}
+    for part in PARTS:
+        for file in (ROOT / part).rglob("*"):
+            if file.is_file() and file.suffix not in (".pyc", ".nbi", ".nbc"):
+                place = inside.get(part, part)
+                assert f"{place}/{file.relative_to(ROOT / part).as_posix()}" in names
+
+
+def test_shipped_vehicles_and_benchmarks_are_inside(installed: Path, tmp_path: Path) -> None:
+    script = (
+        "import slopewise; from services.io import model_file, terrain_file;"
+        "from services.io.bags.bag_topics import read_topics;"
+        "from services.cli.commands.bench import _benchmark;"
+        "print(model_file.find_model('atv')); print(terrain_file.find_terrains('husky'));"
+        "print(slopewise.read_model('ugv').name, read_topics(None)[1]);"
+        "[_benchmark(name) for name in ('planner.cycle', 'discovery.tables', 'fleet.fleet')];"
+        "print(_benchmark('planner.planner_speed').__file__)"
+    )
+    told = python(installed, tmp_path, "-c", script).splitlines()
+    assert told[0] == str(installed / "slopewise/configs/vehicles/atv.toml")
+    assert told[1] == str(installed / "slopewise/configs/terrains/husky.toml")
+    assert told[2].split()[0] == "ugv"
+    assert told[3] == str(installed / "slopewise/benchmarks/planner/planner_speed.py")
+
+
+def test_the_command_works(installed: Path, tmp_path: Path) -> None:
+    assert "closed-loop" in python(installed, tmp_path, "-m", "slopewise", "bench", "--help")
+    assert "slopewise 0" in python(installed, tmp_path, "-m", "slopewise", "--version")
+
+
+@pytest.mark.nightly
+def test_it_plans_and_measures(installed: Path, tmp_path: Path) -> None:
+    python(installed, tmp_path, "-m", "slopewise", "demo", "--out", "demo")
+    assert (tmp_path / "demo" / "plan.html").stat().st_size > 100_000
+    figures = tmp_path / "bench.json"
+    python(installed, tmp_path, "-m", "slopewise", "bench", "--quick", "--json", str(figures))
+    assert figures.stat().st_size > 1000
