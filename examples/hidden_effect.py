@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.parameters import Effect
-from models.stops.simulation import Track, simulate_stop
+from models.stops.simulation import GroundTrack, simulate_stop
 from services.io.table import write_csv
 from slopewise import Model, read_model
 
@@ -74,7 +74,9 @@ def _stop(model: Model, run: int, clock: float, rng: np.random.Generator) -> dic
     on = model.braking
     stronger = replace(on, b_b=on.b_b * friction, covariance=None)
     stop = simulate_stop(
-        replace(model, braking=stronger), Track(along, grade, roll, zero + yaw, zero, x, y), speed
+        replace(model, braking=stronger),
+        GroundTrack(along, grade, roll, zero + yaw, zero, x, y),
+        speed,
     )
     t = np.arange(-_LEAD, stop.time[-1] + _TAIL, 1.0 / _HZ)
     v = np.where(t < 0.0, speed, stop.speed_at(np.maximum(t, 0.0)))

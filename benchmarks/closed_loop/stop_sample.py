@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.laws.crest import load_loss
-from models.stops.simulation import Track
+from models.stops.simulation import GroundTrack
 from planner.kernels.compiled import Floats, Ints
 
 from .drive import Drive, Trace
@@ -47,7 +47,7 @@ class StopSample:
     speed: float
     distance: float
     stop_time: float
-    track: Track
+    track: GroundTrack
     body_grade: float
 
     @property
@@ -96,7 +96,7 @@ def sample(trace: Trace, ground: MappedGround) -> StopSample | None:
         return None
     near = (ahead > _SPAN[0]) & (ahead < _SPAN[1])
     zero = np.zeros(int(near.sum()))
-    track = Track(ahead[near], ground.grade[near], ground.roll[near], zero, zero, zero, zero)
+    track = GroundTrack(ahead[near], ground.grade[near], ground.roll[near], zero, zero, zero, zero)
     return StopSample(
         surface=SURFACES[int(touched[0]).bit_length() - 1],
         speed=trace.held,

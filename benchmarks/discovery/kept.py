@@ -16,9 +16,8 @@ from .tasks import Done, Task
 
 _SOURCES = (
     "benchmarks/discovery", "models/discrepancy", "models/calibration", "models/effects",
-    "models/stop_logs", "models/stops",
+    "models/laws", "models/stop_logs", "models/stops",
 )  # fmt: skip
-_LAWS = ("braking.py", "effects.py", "wheel_lockup.py")
 _SHOWING = ("campaign.py", "charts.py", "kept.py", "metrics.py", "tables.py")
 """What only counts and shows outcomes does not change them."""
 
@@ -70,7 +69,6 @@ def _append(file: Path, line: bytes) -> None:
 def _origin(conditions: Conditions) -> str:
     root = Path(__file__).resolve().parents[2]
     files = [file for part in _SOURCES for file in sorted((root / part).rglob("*.py"))]
-    files += [root / "models" / name for name in _LAWS]
     digest = hashlib.sha256(repr(conditions).encode())
     for file in files:
         if file.name not in _SHOWING:

@@ -10,6 +10,7 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 
+from models.effects.effect_law import EffectLaw, Parameter
 from models.effects.registry import LAWS
 from models.parameters import Braking, Effect, Limits, SurfaceBraking, Terrain, UphillBraking
 from models.quantity import describe_range
@@ -157,14 +158,15 @@ def _kind(hint: Any) -> str:
     return "number" if "float" in text or "int" in text else "table"
 
 
-def _effect(name: str, law: Any) -> str:
-    def one(parameter: str, unit: str, low: float, high: float) -> str:
+def _effect(name: str, law: EffectLaw) -> str:
+    def one(parameter: str, spec: Parameter) -> str:
+        low, high = spec.bounds
         bounds = [f"≥ {low:g}"] if low > -1e300 else []
         bounds += [f"≤ {high:g}"] if high < 1e300 else []
-        optional = f", optional ({law.optional[parameter]:g})" if parameter in law.optional else ""
-        return f"`{parameter}` {' and '.join(bounds)} [{unit}]{optional}"
+        optional = "" if spec.default is None else f", optional ({spec.default:g})"
+        return f"`{parameter}` {' and '.join(bounds)} [{spec.unit}]{optional}"
 
-    parameters = "; ".join(one(p, *spec) for p, spec in law.parameters.items())
+    parameters = "; ".join(one(p, spec) for p, spec in law.parameters.items())
     return f"| `{name}` | {_cell(law.missing)} | {_cell(parameters)} |"
 
 

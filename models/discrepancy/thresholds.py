@@ -312,11 +312,9 @@ BEATS_TRACE: Annotated[
 TRACE: Annotated[
     float, Row("1", _SETS, "share of the stopping distance below which a pattern is told, no more")
 ] = 0.01
-P_PLACE: Annotated[float, Row("1", _SETS, "p-value of its place that a patch needs")] = 0.003
-P_SHAPE: Annotated[float, Row("1", _SETS, "p-value of its axis that a shape over it needs")] = 0.01
-P_CHANNEL: Annotated[
-    float, Row("1", _SETS, "p-value of its axis that an effect with a channel of its own needs")
-] = 0.05
+P_SHAPE: Annotated[
+    float, Row("1", _SETS, "p-value of an axis of place that a further patch needs")
+] = 0.01
 FEWEST_IN_PATCH: Annotated[int, Row("1", _SETS, "stops inside that a patch needs")] = 5
 ONE_SIDED_WIND: Annotated[
     float, Row("1", _SETS, "length of the mean heading from which wind comes from one side only")

@@ -1,8 +1,10 @@
 """Forward simulation of stops: the braking model with its effects, integrated in time.
 
-The same laws as the planner's, by scipy's adaptive integrator instead of compiled kernels: slow,
-general and independent. It replays the stops of a drive log, so that measurement and model can be
-laid side by side.
+The one slow reference of the emergency stop: scipy's adaptive integrator in time, with the ground
+looked up anew at every step. With the planner's bound (:mod:`planner.bounds`), which marches over
+distance, and with its judge (:mod:`planner.verify`) it shares the laws of :mod:`models.laws` and
+:mod:`models.effects` and nothing else: neither integration nor terrain nor the linear bounds of the
+force. It replays the stops of a drive log, so that measurement and model can be laid side by side.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ from scipy.integrate import solve_ivp
 
 from models.arrays import Floats
 from models.effects import registry
+from models.effects.brake_fade import kept_share
+from models.effects.effect_law import Place
 from models.laws import braking, crest, wheel_lockup
 from models.parameters import Braking, Model
 from models.quantity import GRAVITY
@@ -25,12 +29,13 @@ _ROLLING = 0.05  # [m/s] slower than that there is nothing to stop
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class GroundTrack:
     """Ground along the way, linear between n points; one point means the same everywhere.
 
     Attributes:
         station: (n,) increasing [m].
         grade, roll, yaw: (n,) [rad]. curvature: (n,) [1/m]. x, y: (n,) map coordinates [m].
+        bend: (n,) change of the grade along the ground [1/m]; left out, that of `grade`.
     """
 
     station: Floats
@@ -40,9 +45,10 @@ class Track:
     curvature: Floats
     x: Floats
     y: Floats
+    bend: Floats | None = None
 
     @classmethod
-    def of_grade(cls, grade: float) -> Track:
+    def of_grade(cls, grade: float) -> GroundTrack:
         """A straight, even slope without end."""
         zero = np.zeros(1)
         return cls(zero, np.array([grade]), zero, zero, zero, zero, zero)
@@ -53,7 +59,9 @@ class Track:
         return {n: float(np.interp(station, self.station, getattr(self, n))) for n in names}
 
     def vertical_curvature(self, station: float) -> float:
-        """Change of grade along the way, of the segment that a station is in [1/m]."""
+        """Change of grade along the ground at a station, or of the segment it is in [1/m]."""
+        if self.bend is not None:
+            return float(np.interp(station, self.station, self.bend))
         if len(self.station) < 2 or not self.station[0] <= station <= self.station[-1]:
             return 0.0
         i = int(np.searchsorted(self.station, station, "right")) - 1
@@ -63,7 +71,7 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class SimulatedStop:
     """One simulated stop, from the stop command on.
 
     Attributes:
@@ -100,7 +108,7 @@ def force_ratio(
     Args:
         model: effects and motion resistance.
         on: braking model of the surface.
-        place: as of :meth:`Track.at`.
+        place: as of :meth:`GroundTrack.at`.
         onset_speed: v_i; below the trained range the coefficients at its lower end hold [m/s].
         session_time: [s]. level: share of full application, that of the model if left out.
     """
@@ -111,15 +119,14 @@ def force_ratio(
     force = braking.force_ratio_at_level(
         force, model.terrain.motion_resistance, on.level if level is None else level
     )
-    extra = registry.ground_term(
-        model.effect, grade, place["roll"], place["x"], place["y"], place["yaw"], session_time
-    )
+    here = Place(grade, place["roll"], place["x"], place["y"], place["yaw"], session_time)
+    extra = registry.ground_term(model.effect, here)
     return float(force * registry.force_scale(model.effect) + extra)
 
 
 def simulate_stop(
     model: Model,
-    track: Track,
+    track: GroundTrack,
     speed: float,
     *,
     station: float = 0.0,
@@ -127,7 +134,7 @@ def simulate_stop(
     session_time: float = 0.0,
     heat: float = 0.0,
     level: float | None = None,
-) -> Stop:
+) -> SimulatedStop:
     """Dead time at held speed, then braking with the coefficients of the speed at onset.
 
     Args:
@@ -151,7 +158,8 @@ def simulate_stop(
         s, v, f, q = state
         place = track.at(s)
         wanted = force_ratio(model, on, place, speed, session_time, level)
-        force = (f if motion.lag > 0.0 else wanted) / (1.0 + motion.fade * max(q, 0.0))
+        force = f if motion.lag > 0.0 else wanted
+        force *= kept_share(max(q, 0.0), motion.fade, motion.fade_tau)
         if math.isfinite(motion.friction):
             cap = wheel_lockup.friction_cap(place["grade"], place["roll"], motion.friction)
             force = min(force, float(cap))
@@ -177,7 +185,7 @@ def simulate_stop(
     along = np.concatenate(([station], result.y[0]))
     held = np.concatenate(([speed], np.maximum(result.y[1], 0.0)))
     distance = float(along[-1] - station) if stopped else math.inf
-    return Stop(time, along, held, stopped, distance, float(result.y[3][-1]))
+    return SimulatedStop(time, along, held, stopped, distance, float(result.y[3][-1]))
 
 
 def stop_commands(time: Floats, speed: Floats, command: Floats) -> list[int]:
@@ -196,21 +204,54 @@ def _held_speed(time: Floats, speed: Floats, i: int) -> float:
     return float(np.mean(speed[window]))
 
 
-def replay(
-    model: Model,
-    time: Floats,
-    speed: Floats,
-    command: Floats,
-    pitch: Floats,
-    *,
-    roll: Floats | None = None,
-    yaw: Floats | None = None,
-    yaw_rate: Floats | None = None,
-    x: Floats | None = None,
-    y: Floats | None = None,
-    brake: Floats | None = None,
-    surface: str = "",
-) -> Floats:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunChannels:
+    """What a drive log tells of one run, n samples; channels that it lacks are None.
+
+    Attributes:
+        time: [s]. speed, command: measured and commanded [m/s]. pitch: nose down positive [rad].
+        roll, yaw: [rad]. yaw_rate: [rad/s]. x, y: map coordinates [m]. brake: application, 0..1.
+        vertical_curvature: change of grade along the ground [1/m]; left out, that of the pitch.
+    """
+
+    time: Floats
+    speed: Floats
+    command: Floats
+    pitch: Floats
+    roll: Floats | None = None
+    yaw: Floats | None = None
+    yaw_rate: Floats | None = None
+    x: Floats | None = None
+    y: Floats | None = None
+    brake: Floats | None = None
+    vertical_curvature: Floats | None = None
+
+    def track(self) -> GroundTrack:
+        """The ground under the run; flat and straight where it is not told."""
+        v, zero = self.speed, np.zeros_like(self.time)
+        steps = 0.5 * np.maximum(v[1:] + v[:-1], 0.0) * np.diff(self.time)
+        rate = zero if self.yaw_rate is None else self.yaw_rate
+        return GroundTrack(
+            station=np.concatenate(([0.0], np.cumsum(steps))),
+            grade=-self.pitch,
+            roll=zero if self.roll is None else self.roll,
+            yaw=zero if self.yaw is None else self.yaw,
+            curvature=np.divide(rate, v, out=np.zeros_like(rate), where=v > 0.3),
+            x=zero if self.x is None else self.x,
+            y=zero if self.y is None else self.y,
+            bend=self.vertical_curvature,
+        )
+
+    def level(self, begin: int, end: int) -> float | None:
+        """Brake level that a stop was driven with; None where the log does not tell."""
+        if self.brake is None:
+            return None
+        applied = self.brake[begin:end]
+        applied = applied[applied > 0.0]
+        return float(np.clip(np.median(applied), 0.05, 1.0)) if len(applied) else None
+
+
+def replay(model: Model, run: RunChannels, surface: str = "") -> Floats:
     """Speed that the model gives for the commands of one run.
 
     From each stop command the model drives until the next command to move. In between it has
@@ -218,8 +259,7 @@ def replay(
 
     Args:
         model: one model file.
-        time, speed, command, pitch: (n,) samples [s], [m/s], [m/s], [rad nose-down positive].
-        roll, yaw, yaw_rate, x, y, brake: further channels, (n,), where the log has them.
+        run: what the log tells.
         surface: named surface of the run.
 
     Returns:
@@ -227,34 +267,19 @@ def replay(
 
     The grade is −pitch of the body, which dives under braking: up to about 1° too steep downhill.
     """
-    zero = np.zeros_like(time)
-    travelled = np.concatenate(
-        ([0.0], np.cumsum(0.5 * np.maximum(speed[1:] + speed[:-1], 0.0) * np.diff(time)))
-    )
-    rate = zero if yaw_rate is None else yaw_rate
-    track = Track(
-        travelled,
-        -pitch,
-        zero if roll is None else roll,
-        zero if yaw is None else yaw,
-        np.divide(rate, speed, out=np.zeros_like(rate), where=speed > 0.3),
-        zero if x is None else x,
-        zero if y is None else y,
-    )
+    time, speed = run.time, run.speed
+    track = run.track()
     simulated = speed.copy()
-    moving = command > 0.0
-    motion = registry.motion(model.effect)
+    moving = run.command > 0.0
+    cooling = registry.motion(model.effect).fade_tau
     heat, cooled_since = 0.0, float(time[0])
-    for i in stop_commands(time, speed, command):
+    for i in stop_commands(time, speed, run.command):
         again = np.flatnonzero(moving[i:])
         end = i + int(again[0]) if len(again) else len(time)
-        heat *= math.exp(-(float(time[i]) - cooled_since) / motion.fade_tau)
-        level = None
-        if brake is not None and np.max(brake[i:end]) > 0.0:
-            level = float(np.clip(np.median(brake[i:end][brake[i:end] > 0.0]), 0.05, 1.0))
+        heat *= math.exp(-(float(time[i]) - cooled_since) / cooling)
         stop = simulate_stop(
-            model, track, _held_speed(time, speed, i), station=float(travelled[i]),
-            surface=surface, session_time=float(time[i]), heat=heat, level=level,
+            model, track, _held_speed(time, speed, i), station=float(track.station[i]),
+            surface=surface, session_time=float(time[i]), heat=heat, level=run.level(i, end),
         )  # fmt: skip
         simulated[i:end] = stop.speed_at(time[i:end] - time[i])
         heat, cooled_since = stop.heat, float(time[i]) + float(stop.time[-1])

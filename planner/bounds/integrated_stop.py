@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.effects.registry import Motion
+from models.effects.registry import MotionTerms
 from planner.bounds.pointwise import PointwiseBounds, side_reach
 from planner.bounds.stopping_path import (
     OVERRUN,
@@ -41,7 +41,7 @@ _ROLLOVER = int(Limiting.ROLLOVER)
 
 @kernel
 def integrated_bound(
-    chosen: Ints, problem: StopProblem, motion: Motion, limits: PlanningLimits,
+    chosen: Ints, problem: StopProblem, motion: MotionTerms, limits: PlanningLimits,
     bounds: PointwiseBounds,
 ) -> None:  # fmt: skip
     """Lower bounds to speeds whose integrated stop ends before the target, loads kept.

@@ -97,9 +97,7 @@ def speed_bounds(
     clear_distance = _clear_distance(profile, clear, barrier, barrier_station)
     problem = StopProblem(terrain, forces, clear_distance - ground.distance_offset - STOP_GUARD)
     # Drag may allow more than the closed form, which knows of none: those stops are tried for.
-    drags = ground.motion.viscous + ground.motion.turning + ground.motion.drag
-    helped = drags + ground.motion.wind_drag > 0.0
-    tried = (found.limiting.copy(), speed_sq_max.copy()) if helped else ()
+    tried = (found.limiting.copy(), speed_sq_max.copy()) if ground.motion.moves else ()
     stopping_bound(problem, limits.speed, float(ground.dead_time.max()), found)
     integrated = np.flatnonzero(loads_at_risk if ground.closed_form else np.ones(shape[1]))
     if len(integrated) > 0:

@@ -15,18 +15,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.effects import registry
-from models.effects.registry import Motion
+from models.effects.registry import MotionTerms
 from models.quantity import GRAVITY
 from planner.ground.forces import Forces
 from planner.ground.terrain_profile import TerrainRows
 from planner.kernels.compiled import Floats, inlined
+from planner.kernels.motion_laws import motion_deceleration
 
 STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)
 """How an integrated stop ends."""
 
 _SUBSTEPS = 2
-_motion_deceleration = inlined(registry.motion_deceleration)
 
 
 @inlined
@@ -104,7 +103,7 @@ class StopConditions(NamedTuple):
     """
 
     target: float
-    motion: Motion
+    motion: MotionTerms
     rear_lever: float
     min_load: float
 
@@ -229,9 +228,9 @@ def _brake(
     upper = v_i * (w * path.upper_slope[i] + u * path.upper_slope[i + 1])
     upper += w * path.upper_intercept[i] + u * path.upper_intercept[i + 1]
     upper = min(upper, motion.friction * up)
-    if motion.viscous + motion.turning + motion.drag + motion.wind_drag > 0.0:
+    if motion.moves:
         bend = w * path.bend[i] + u * path.bend[i + 1]
         yaw = w * path.yaw[i] + u * path.yaw[i + 1]
-        a += _motion_deceleration(middle, bend, yaw, motion)
-        upper += max(_motion_deceleration(np.sqrt(energy), bend, yaw, motion), 0.0) / GRAVITY
+        a += motion_deceleration(middle, bend, yaw, motion)
+        upper += max(motion_deceleration(np.sqrt(energy), bend, yaw, motion), 0.0) / GRAVITY
     return a, up - conditions.rear_lever * upper, force, heat

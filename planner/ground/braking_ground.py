@@ -31,8 +31,8 @@ class GroundConditions:
     """What the planner knows of the moment, beside map and model.
 
     Attributes:
-        session_time: since the session began [s], for `session_drift`.
-        brake_heat: heat per mass in the brakes now [J/kg], for `brake_fade`.
+        session_time: since the session began [s], for effects that change with it.
+        brake_heat: heat per mass in the brakes now [J/kg], for brakes that fade.
     """
 
     session_time: float = 0.0
@@ -51,7 +51,8 @@ class BrakingGround:
         fastest: highest trained speed [m/s].
         trained: the grade lies in the trained range, or extrapolation is allowed.
         distance_offset: (M,) safety offset added to every stop [m].
-        push: what wind takes away from planned braking, <= 0, as a share of the weight.
+        push: what motion terms take away from planned braking, <= 0, as a share of the weight;
+            None where there are none.
         motion: terms that act on the motion itself; friction is in the forces already.
         closed_form: the stopping path has one: nothing acts on the motion, one slowest speed.
     """
@@ -65,8 +66,8 @@ class BrakingGround:
     fastest: Floats
     trained: Bools
     distance_offset: Floats
-    push: Floats
-    motion: registry.Motion
+    push: Floats | None
+    motion: registry.MotionTerms
     closed_form: bool
 
     @property
@@ -80,11 +81,7 @@ class BrakingGround:
     @property
     def braking_intercept(self) -> Floats:
         """Intercept of the force that planned braking may count on, (N, M) [1]."""
-        return (
-            self.lower_intercept + self.push
-            if self.motion.wind_drag > 0.0
-            else self.lower_intercept
-        )
+        return self.lower_intercept if self.push is None else self.lower_intercept + self.push
 
 
 def ground_along(
@@ -114,7 +111,7 @@ def ground_along(
     else:
         forces = on_many_surfaces(profile.grade, bits, table, margin)
     motion = known.motion._replace(heat=now.brake_heat)
-    push = forces.lower_intercept
+    push = None
     if model.effect:
         yaw = np.arctan2(profile.heading_y, profile.heading_x)
         lowest, highest = ground_terms(model, profile, yaw, now.session_time)
@@ -125,16 +122,17 @@ def ground_along(
             lower_intercept=forces.lower_intercept + lowest,
             upper_intercept=forces.upper_intercept + highest,
         )
-        pushes = [
-            registry.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
-            for speed in (0.0, model.limits.speed)
-        ]
-        push = np.minimum(0.0, np.minimum(*pushes))
+        if motion.moves:
+            pushes = [
+                registry.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
+                for speed in (0.0, model.limits.speed)
+            ]
+            push = np.minimum(0.0, np.minimum(*pushes))
     if known.margins is not None:
         forces = widened(forces, profile.grade, bits, known.margins)
     if known.slides:
         forces = capped(forces, profile, bits, table)
-    if uncertainty is not None and motion.drag + motion.viscous + motion.turning > 0.0:
+    if uncertainty is not None and motion.moves:
         # Drag needs no friction: it adds to a force that is capped.
         drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
         forces = forces._replace(upper_intercept=forces.upper_intercept + drag)

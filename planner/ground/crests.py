@@ -13,7 +13,7 @@ from planner.kernels.compiled import Floats
 def over_crests(
     forces: Forces, profile: TerrainProfile, share: float, rear_lever: float, *, lagged: bool
 ) -> Forces:
-    """Both forces with the effect `crest_unloading`, (N, M).
+    """Both forces with what the load loses over crests, (N, M).
 
     The speed of a stop is nowhere above that at its onset, so the loss at v_i is never too small.
     A weaker force keeps less of itself; the load that the rear axle loses counts as stronger force,

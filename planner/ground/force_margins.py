@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from models.effects import registry
+from models.effects.effect_law import Place
 from models.parameters import Model
 from planner.ground.forces import Forces
 from planner.ground.surface_table import FRICTION, MOST_FRICTION, braking_on
@@ -21,24 +22,24 @@ def ground_terms(
 ) -> tuple[Floats, Floats]:
     """Least and most that the ground terms can be around each station, (N, M).
 
-    Terms that bend where grade or roll change sign are zero in between. A patch has a sharp edge
-    and may lie between two stations: it counts as larger by a step where that is the safe side, and
-    for the neighbours as well.
+    Terms that bend where grade or roll change sign are zero in between. What has a sharp edge may
+    lie between two stations: it counts as larger by a step where that is the safe side, and for
+    the neighbours as well.
     """
-    place = (profile.x, profile.y, yaw, session_time)
+    place = Place(profile.grade, profile.roll, profile.x, profile.y, yaw, session_time)
     lowest, highest = np.zeros_like(profile.grade), np.zeros_like(profile.grade)
     step = float(np.max(np.diff(profile.station, axis=0)))
     for effect in model.effect:
-        own = registry.ground_term([effect], profile.grade, profile.roll, *place)
+        law = registry.LAWS[effect.name]
+        own = registry.ground_term([effect], place)
         least, most = own, own
-        if effect.name in registry.BENT_AT_LEVEL:
+        if law.kinks_at_level:
             grade, roll = (level_between(slope) for slope in (profile.grade, profile.roll))
-            level = registry.ground_term([effect], grade, roll, *place)
+            level = registry.ground_term([effect], place._replace(grade=grade, roll=roll))
             least, most = np.minimum(own, level), np.maximum(own, level)
-        elif effect.name == "surface_patch":
-            larger = {**effect.parameters, "radius": effect.parameters["radius"] + step}
-            grown = [replace(effect, parameters=larger)]
-            near = registry.ground_term(grown, profile.grade, profile.roll, *place)
+        elif law.grown is not None:
+            grown = [replace(effect, parameters=law.grown(effect.parameters, step))]
+            near = registry.ground_term(grown, place)
             least, _ = spread_to_neighbours(np.minimum(own, near))
             _, most = spread_to_neighbours(np.maximum(own, near))
         lowest, highest = lowest + least, highest + most

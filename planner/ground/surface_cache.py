@@ -38,7 +38,7 @@ class SurfaceCache:
     table: Floats
     class_bits: Ints
     margins: Floats | None
-    motion: registry.Motion
+    motion: registry.MotionTerms
     slides: bool
     crests: float | None
     closed_form: bool

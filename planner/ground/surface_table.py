@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.effects import registry
+from models.effects.effect_law import Enters
 from models.errors import ParameterError
 from models.parameters import Braking, Model
 from planner.ground.terrain_profile import TerrainProfile
@@ -89,15 +90,16 @@ def surface_table(
 
 
 def frictions(model: Model, uncertainty: Uncertainty | None) -> tuple[float, float]:
-    """Least and most friction that `wheel_lockup` may cap the force with; inf without it.
+    """Least and most friction that effects may cap the force with; inf without them.
 
     The least decides where the vehicle stops, the most how far the rear axle is unloaded.
     """
     least = most = np.inf
     for effect in model.effect:
-        if effect.name == "wheel_lockup":
-            margin = 0.0 if uncertainty is None else uncertainty.margin_of(effect, "mu")
-            mu = registry.validate(effect)["mu"]
+        law = registry.LAWS[effect.name]
+        if law.enters is Enters.CAP:
+            ((name, mu),) = registry.validate(effect).items()
+            margin = 0.0 if uncertainty is None else uncertainty.margin_of(effect, name)
             least, most = min(least, max(mu - margin, 0.0)), min(most, mu + margin)
     return least, most
 

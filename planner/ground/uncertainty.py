@@ -12,19 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
+from models.effects.effect_law import Enters
+from models.effects.registry import LAWS, validate
 from models.parameters import Braking, Effect, Model
 from models.quantity import GRAVITY, quantity, validate_quantities
 from planner.kernels.compiled import Floats
-
-_WEAKER: dict[str, dict[str, float]] = {
-    "aerodynamic_drag": {"c": -1.0},
-    "viscous_resistance": {"c": -1.0},
-    "turning_resistance": {"k": -1.0},
-    "brake_lag": {"tau": 1.0},
-    "brake_fade": {"k": 1.0, "tau": 1.0},
-    "crest_unloading": {"k": 1.0},
-}
-"""Which way a parameter goes for stops to become longer, where that is the same everywhere."""
 
 HOUR = 3600.0
 
@@ -102,10 +94,15 @@ class Uncertainty:
 
     def _weaker(self, effect: Effect) -> Effect:
         """Keeps the covariance: the loads have to survive the other end."""
+        law = LAWS[effect.name]
+        if law.enters is Enters.CAP:
+            return effect
         parameters = dict(effect.parameters)
-        for name, sign in _WEAKER.get(effect.name, {}).items():
-            moved = parameters[name] + sign * self.margin_of(effect, name)
-            parameters[name] = max(moved, 1e-9) if sign < 0.0 else moved
+        for name, parameter in law.parameters.items():
+            sign = parameter.longer_stop
+            if sign:
+                moved = parameters[name] + sign * self.margin_of(effect, name)
+                parameters[name] = max(moved, 1e-9) if sign < 0 else moved
         return replace(effect, parameters=parameters)
 
     def margin_of(self, effect: Effect, name: str) -> float:
@@ -125,13 +122,18 @@ class Uncertainty:
         """
         spread = np.zeros_like(curvature)
         for effect in effects:
-            match effect.name:
-                case "aerodynamic_drag":
-                    spread += 2.0 * self.margin_of(effect, "c") * speed**2 / GRAVITY
-                case "viscous_resistance":
-                    spread += 2.0 * self.margin_of(effect, "c") * speed
-                case "turning_resistance":
-                    spread += 2.0 * self.margin_of(effect, "k") * speed * np.fabs(curvature)
+            law = LAWS[effect.name]
+            if law.enters is not Enters.MOTION:
+                continue
+            least = validate(effect)
+            most = {
+                n: v + 2.0 * law.parameters[n].lighter_rear * self.margin_of(effect, n)
+                for n, v in least.items()
+            }
+            at_least, at_most = (
+                law.law(speed, curvature, 0.0, *ends.values()) for ends in (least, most)
+            )
+            spread += (at_most - at_least) / GRAVITY
         return spread
 
     def ground_margin(self, effect: Effect) -> float:
@@ -142,44 +144,12 @@ class Uncertainty:
         """
         margin = 0.0
         if effect.covariance is not None:
-            most = _factors(effect)
+            most = LAWS[effect.name].most_force(effect.parameters)
             factor = np.array([most.get(name, 0.0) for name in effect.parameters])
             # Each factor may have either sign where the vehicle is.
             spread = factor * np.sqrt(np.diag(np.array(effect.covariance)))
             margin = self.width * float(np.sum(spread))
-        per_slope = _PER_SLOPE.get(effect.name, 0.0)
+        per_slope = LAWS[effect.name].per_slope
         if per_slope > 0.0:
             margin += self.width * self.slope_std * per_slope * abs(effect.parameters["k"])
         return margin
-
-
-_FASTEST = 10.0
-"""No vehicle here is faster, relative to the ground [m/s]."""
-
-_FACTORS: dict[str, dict[str, float]] = {
-    "grade_asymmetry": {"k": 0.35},
-    "grade_nonlinearity": {"k": 0.12},
-    "cross_slope": {"k": 0.35},
-    "surface_patch": {"delta": 1.0},
-    "directional_surface": {"k": 1.0},
-    "step_change": {"scale": 1.0, "delta": 1.0},
-    "session_drift": {"k": 4.0 * HOUR},
-}
-"""The most that each parameter of a ground term is multiplied with: slopes of 20°, four hours."""
-
-_PER_SLOPE = {"grade_asymmetry": 1.0, "grade_nonlinearity": 0.7, "cross_slope": 1.0}
-"""The most that k of a ground term is multiplied with for each radian of slope."""
-
-
-def _factors(effect: Effect) -> dict[str, float]:
-    """The most that a change of each parameter changes F_b/W."""
-    if effect.name != "headwind":
-        return _FACTORS.get(effect.name, {})
-    # Wind helps in one direction and pushes in the other: c (u |u| − v²), u = v + wind cos(…).
-    c, wind = abs(effect.parameters["c"]), abs(effect.parameters["wind"])
-    relative = _FASTEST + wind
-    return {
-        "c": wind * (2.0 * _FASTEST + wind) / GRAVITY,
-        "wind": 2.0 * c * relative / GRAVITY,
-        "direction": 2.0 * c * relative * wind / GRAVITY,
-    }

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.effects import registry
-from models.effects.registry import Motion
+from models.effects.registry import MotionTerms
 from models.parameters import Model
 from planner.bounds.speed_bounds import SpeedBounds
 from planner.ground.braking_ground import BrakingGround
@@ -54,8 +54,8 @@ def _screen(
     count: Ints, station: Floats, grade: Floats, sin_roll: Floats, curvature: Floats, heading_x:
     Floats, heading_y: Floats, lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats,
     upper_intercept: Floats, dead_time: Floats, slowest: Floats, speed_limit: Floats, speed_sq:
-    Floats, clear: Floats, offset: Floats, body: Body, n: PlanningLimits, motion: Motion, in_time:
-    bool, between: int, h: float, worst: Floats,
+    Floats, clear: Floats, offset: Floats, body: Body, n: PlanningLimits, motion: MotionTerms,
+    in_time: bool, between: int, h: float, worst: Floats,
 ) -> None:  # fmt: skip
     stations, candidates = station.shape
     column, memory = np.empty((13, stations)), np.empty((8, stations))
@@ -66,7 +66,7 @@ def _screen(
         copy_columns(
             0, j, m, station, grade, sin_roll, curvature, heading_x, heading_y, lower_slope,
             lower_intercept, upper_slope, upper_intercept, dead_time, slowest, speed_limit,
-            motion.wind_drag > 0.0, column,
+            motion.moves, column,
         )  # fmt: skip
         for k in range(m):
             column[12, k] = speed_sq[k, j]

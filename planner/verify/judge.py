@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from models.effects import registry
-from models.effects.registry import Motion
+from models.effects.registry import MotionTerms
 from models.laws import slip_track
 from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel
 from planner.kernels.limits import PlanningLimits, planning_limits
+from planner.kernels.motion_laws import motion_deceleration
 from planner.limiting import Limiting
 from planner.verify.stop_by_energy import ends_before, loads_by_energy, stop_by_energy, work_up_to
 from planner.verify.stop_in_time import stop_in_time
@@ -32,7 +33,6 @@ BETWEEN = 3
 _TOLERANCE = 1e-6
 _OVERRUN, _AXLE, _SIDE, _SPEED, _LATERAL, _WHEEL, _ACCEL, _DECEL = range(8)
 _rim_ratio = inlined(slip_track.outer_wheel_speed_ratio)
-_motion_deceleration = inlined(registry.motion_deceleration)
 
 
 class Violations(NamedTuple):
@@ -78,7 +78,7 @@ def check(
     speed_sq: Floats,
     clear_distance: float,
     distance_offset: float,
-    motion: Motion,
+    motion: MotionTerms,
     model: Model,
     *,
     decel: float | None = None,
@@ -125,8 +125,8 @@ def _breaks(worst: Floats, kind: int, breach: float) -> bool:
 
 @kernel
 def _check(
-    track: Track, body: Body, n: PlanningLimits, motion: Motion, in_time: bool, speed_sq: Floats,
-    clear_distance: float, distance_offset: float, between: int, h: float,
+    track: Track, body: Body, n: PlanningLimits, motion: MotionTerms, in_time: bool,
+    speed_sq: Floats, clear_distance: float, distance_offset: float, between: int, h: float,
     stop_distance: Floats, rear_load: Floats, side_load: Floats, worst: Floats, bad: Bools,
 ) -> None:  # fmt: skip
     survey = survey_of(track, body, np.empty((8, speed_sq.shape[0])))
@@ -138,8 +138,9 @@ def _check(
 
 @kernel
 def judge_track(
-    track: Track, body: Body, n: PlanningLimits, motion: Motion, in_time: bool, speed_sq: Floats,
-    clear_distance: float, distance_offset: float, between: int, h: float, all_loads: bool,
+    track: Track, body: Body, n: PlanningLimits, motion: MotionTerms, in_time: bool,
+    speed_sq: Floats, clear_distance: float, distance_offset: float, between: int, h: float,
+    all_loads: bool,
     survey: Survey, stop_distance: Floats, rear_load: Floats, side_load: Floats, worst: Floats,
     bad: Bools,
 ) -> None:  # fmt: skip
@@ -221,7 +222,7 @@ def _loads_at_risk(track: Track, survey: Survey, min_load: float, fastest: float
 
 @inlined
 def _judge_segment(
-    k: int, track: Track, survey: Survey, n: PlanningLimits, motion: Motion, speed_sq: Floats,
+    k: int, track: Track, survey: Survey, n: PlanningLimits, motion: MotionTerms, speed_sq: Floats,
     worst: Floats,
 ) -> bool:  # fmt: skip
     """Does the change of speed from station k on exceed what either of its ends allows?"""
@@ -235,8 +236,8 @@ def _judge_segment(
         weak = min(max(slow, track.slowest[m]) * part, max(fast, track.slowest[m]) * part)
         # Drag and turning help to slow down, which is not counted on; wind may push.
         pushed = min(
-            _motion_deceleration(slow, track.curvature[m], track.yaw[m], motion),
-            _motion_deceleration(fast, track.curvature[m], track.yaw[m], motion),
+            motion_deceleration(slow, track.curvature[m], track.yaw[m], motion),
+            motion_deceleration(fast, track.curvature[m], track.yaw[m], motion),
         )
         braking = GRAVITY * (weak + track.lower_intercept[m] + sine) + min(pushed, 0.0)
         resistance = n.resistance + n.turning_drag * abs(track.curvature[m])

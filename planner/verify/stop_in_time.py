@@ -7,22 +7,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.effects import registry
-from models.effects.registry import Motion
+from models.effects.registry import MotionTerms
 from models.laws import wheel_loads
 from models.quantity import GRAVITY
 from planner.kernels.compiled import inlined
+from planner.kernels.motion_laws import motion_deceleration
 from planner.verify.track import Body, Track, at, segment
 
 _rear_share = inlined(wheel_loads.rear_load_share)
 _left_share = inlined(wheel_loads.left_load_share)
 _right_share = inlined(wheel_loads.right_load_share)
-_motion_deceleration = inlined(registry.motion_deceleration)
 
 
 @inlined
 def _rates(
-    track: Track, motion: Motion, s: float, v: float, f: float, q: float, v_i: float, i: int
+    track: Track, motion: MotionTerms, s: float, v: float, f: float, q: float, v_i: float, i: int
 ) -> tuple[float, float, float]:
     """Deceleration, growth of the built-up force and of the heat."""
     i = segment(track.station, s, i)
@@ -34,7 +33,7 @@ def _rates(
     force = (f if motion.lag > 0.0 else wanted) / (1.0 + motion.fade * max(q, 0.0))
     force = min(force, motion.friction * upright)
     speed = max(v, 0.0)
-    extra = _motion_deceleration(speed, at(track.curvature, i, u), at(track.yaw, i, u), motion)
+    extra = motion_deceleration(speed, at(track.curvature, i, u), at(track.yaw, i, u), motion)
     growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0
     heating = GRAVITY * max(force, 0.0) * speed - q / motion.fade_tau
     return GRAVITY * (force + np.sin(grade)) + extra, growth, heating
@@ -42,8 +41,9 @@ def _rates(
 
 @inlined
 def _shares(
-    track: Track, body: Body, motion: Motion, s: float, v: float, v_i: float, i: int, braking: bool
-) -> tuple[float, float]:
+    track: Track, body: Body, motion: MotionTerms, s: float, v: float, v_i: float, i: int,
+    braking: bool,
+) -> tuple[float, float]:  # fmt: skip
     """Least axle share and least side share at s, braking or holding the speed."""
     i = segment(track.station, s, i)
     u = min((s - track.station[i]) / (track.station[i + 1] - track.station[i]), 1.0)
@@ -54,7 +54,7 @@ def _shares(
         strong = v_i * at(track.upper_slope, i, u) + at(track.upper_intercept, i, u)
         strong = min(strong, motion.friction * np.cos(grade) * np.cos(roll))
         decel = GRAVITY * (strong + np.sin(grade))
-        decel += max(_motion_deceleration(max(v, 0.0), bend, at(track.yaw, i, u), motion), 0.0)
+        decel += max(motion_deceleration(max(v, 0.0), bend, at(track.yaw, i, u), motion), 0.0)
     rear = _rear_share(grade, roll, decel, body.wheelbase, body.cg_x, body.cg_z)
     lateral = v * v * bend / np.cos(roll)
     left = _left_share(grade, roll, lateral, body.track_width, body.cg_z)
@@ -64,7 +64,7 @@ def _shares(
 
 @inlined
 def stop_in_time(
-    track: Track, body: Body, motion: Motion, s: float, v: float, dead: float, slowest: float,
+    track: Track, body: Body, motion: MotionTerms, s: float, v: float, dead: float, slowest: float,
     i: int, limit: float, h: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Where any stop ends, and the least rear and side shares on its way.

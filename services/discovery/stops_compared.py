@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.effects.registry import LAWS
 from models.parameters import Braking, Model
-from models.stops.simulation import Track, simulate_stop
+from models.stops.simulation import GroundTrack, simulate_stop
 
 _FARTHEST = 1000.0  # [m] a stop that never ends counts as that
 _ROLLS = (-0.15, 0.0, 0.15)  # [rad]
@@ -101,7 +102,7 @@ def _sum(one: Braking, other: Braking) -> tuple[tuple[float, ...], ...] | None:
 
 def _distance(model: Model, case: _Case) -> float:
     one = np.zeros(1)
-    track = Track(
+    track = GroundTrack(
         one, one + case.grade, one + case.roll, one + case.yaw, one + case.curvature,
         one + case.place[0], one + case.place[1],
     )  # fmt: skip
@@ -114,23 +115,22 @@ def _distance(model: Model, case: _Case) -> float:
 
 def _cases(after: Model, before: Model) -> Iterator[_Case]:
     effects = (*after.effect, *before.effect)
-    names = {effect.name for effect in effects}
-    patches = [e.parameters for e in effects if e.name == "surface_patch"]
+    matters = {what for e in effects for what in LAWS[e.name].depends_on}
+    placed = [e.parameters for e in effects if "place" in LAWS[e.name].depends_on]
     surfaces = dict.fromkeys(("", *before.braking.terrain, *after.braking.terrain))
     a, b = after.braking, before.braking
-    winds = bool(names & {"headwind", "directional_surface"})
     return itertools.starmap(
         _Case,
         itertools.product(
             surfaces,
             _speeds(a.speed_range, b.speed_range),
             _between(a.grade_range, b.grade_range, 5),
-            _ROLLS if "cross_slope" in names else (0.0,),
-            _YAWS if winds else (0.0,),
-            (0.0, _TURN) if "turning_resistance" in names else (0.0,),
-            ((_FAR_AWAY, _FAR_AWAY), *((p["x"], p["y"]) for p in patches)),
-            (0.0, _LATER) if "session_drift" in names else (0.0,),
-            (0.0, _HOT) if "brake_fade" in names else (0.0,),
+            _ROLLS if "roll" in matters else (0.0,),
+            _YAWS if "yaw" in matters else (0.0,),
+            (0.0, _TURN) if "turning" in matters else (0.0,),
+            ((_FAR_AWAY, _FAR_AWAY), *((p["x"], p["y"]) for p in placed)),
+            (0.0, _LATER) if "session_time" in matters else (0.0,),
+            (0.0, _HOT) if "heat" in matters else (0.0,),
         ),
     )
 

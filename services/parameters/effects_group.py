@@ -137,7 +137,7 @@ class EffectsGroup(ParameterGroups):
             for effect in model_of(self._tables, self._file).effect[known:]:
                 for i, (name, value) in enumerate(effect.parameters.items()):
                     key = f"{effect.name}.{name}"
-                    values[key], units[key] = value, LAWS[effect.name].parameters[name][0]
+                    values[key], units[key] = value, LAWS[effect.name].parameters[name].unit
                     if effect.covariance:
                         stds[key] = max(effect.covariance[i][i], 0.0) ** 0.5
         return values, stds, units

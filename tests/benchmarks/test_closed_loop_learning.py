@@ -11,7 +11,7 @@ from benchmarks.closed_loop.calibration import stops_of_drive
 from benchmarks.closed_loop.learning import dead_time_of, fit, residuals
 from benchmarks.closed_loop.stop_sample import StopSample
 from models.errors import ParameterError
-from models.stops.simulation import Track, simulate_stop
+from models.stops.simulation import GroundTrack, simulate_stop
 
 G = 9.80665
 DEAD_TIME = 0.2
@@ -27,7 +27,7 @@ def made_up(count: int, scatter: float = 0.0) -> list[StopSample]:
         force *= 1.0 + scatter * rng.standard_normal()
         a = G * (force + np.sin(theta))
         one, zero = np.ones(2), np.zeros(2)
-        track = Track(np.array([-1.0, 15.0]), theta * one, phi * one, zero, zero, zero, zero)
+        track = GroundTrack(np.array([-1.0, 15.0]), theta * one, phi * one, zero, zero, zero, zero)
         found.append(
             StopSample("firm", v, v * DEAD_TIME + v * v / (2 * a), DEAD_TIME + v / a, track, theta)
         )

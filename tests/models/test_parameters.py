@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from models.effects.registry import LAWS, motion, validate
+from models.effects.registry import LAWS, motion, motion_deceleration, validate
 from models.errors import ParameterError
 from models.parameters import Effect, SurfaceBraking
 from tests.models.models_for_tests import BASE
@@ -72,7 +72,7 @@ def test_unknown_effects_and_unphysical_signs_are_refused() -> None:
 def test_motion_terms_add_up_and_states_stand_alone() -> None:
     drag = Effect(name="aerodynamic_drag", parameters={"c": 0.1})
     lag = Effect(name="brake_lag", parameters={"tau": 0.2})
-    assert motion([drag, drag]).drag == pytest.approx(0.2)
+    assert motion_deceleration(3.0, 0.0, 0.0, motion([drag, drag])) == pytest.approx(0.2 * 9.0)
     with pytest.raises(ParameterError, match="at most once"):
         motion([lag, lag])
     assert motion([Effect(name="wheel_lockup", parameters={"mu": 0.7})], 0.5).friction == 0.5

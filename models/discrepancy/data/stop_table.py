@@ -31,10 +31,10 @@ from models.stop_logs.dead_time import DeadTime
 from models.stop_logs.find_stops import StopWindow
 from models.stop_logs.stop_record import StopRecord
 
-_CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y")
+_CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "vertical_curvature")
 _MEANINGFUL = frozenset(
     ("run", "terrain", "t", "v", "v_cmd", "pitch", "roll", "yaw", "yaw_rate", "x", "y", "z",
-     "v_left", "v_right", "current_left", "current_right", "brake")
+     "v_left", "v_right", "current_left", "current_right", "brake", "vertical_curvature")
 )  # fmt: skip
 
 
@@ -45,7 +45,8 @@ class StopTable:
     Attributes:
         time: (S, M) since the stop command [s], even steps in each stop.
         speed: (S, M) measured, smoothed [m/s]. station: (S, M) way since the command [m].
-        grade, roll, yaw, yaw_rate: (S, M) [rad], [rad/s]. x, y: (S, M) [m]. Zero if not logged.
+        grade, roll, yaw, yaw_rate: (S, M) [rad], [rad/s]. x, y: (S, M) [m].
+        vertical_curvature: (S, M) change of grade along the ground [1/m]. Zero if not logged.
         logged: channels that the log has.
         average: (S, K, M) means of each bin over grid values. binned: (S, K) measured [m/s].
         spread: (S, K) variance of a bin's mean for white noise of one; 0 for bins that are none.
@@ -70,6 +71,7 @@ class StopTable:
     yaw_rate: Floats
     x: Floats
     y: Floats
+    vertical_curvature: Floats
     logged: frozenset[str]
     average: Floats
     binned: Floats

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import distances
-from models.discrepancy.model.prediction import ground_of, inside_patch
+from models.discrepancy.search.candidates import search_of
 from models.discrepancy.search.identify import ScoredExplanation
 from models.discrepancy.search.locate import Followed, follow
 from models.discrepancy.thresholds import (
@@ -16,32 +16,14 @@ from models.discrepancy.thresholds import (
     FEWEST_IN_PATCH,
     HARDLY,
     ONE_SIDED_WIND,
-    P_CHANNEL,
-    P_PLACE,
     P_SHAPE,
     PLAIN_EVIDENCE,
     TRACE,
 )
+from models.effects.effect_law import Search
+from models.effects.registry import LAWS
+from models.effects.surface_patch import share_inside
 from models.parameters import Effect
-
-_SHOWS_AT = {"surface_patch": ("place", "x", "y")}
-_SHOWS_ALONG = {
-    "grade_asymmetry": ("grade", "abs_grade"),
-    "grade_nonlinearity": ("grade", "abs_grade"),
-}
-_SHOWS_PLAINLY_ALONG = {
-    "step_change": ("run", "time"),
-    "session_drift": ("run", "time"),
-    "cross_slope": ("roll",),
-    "turning_resistance": ("yaw_rate",),
-    "directional_surface": ("heading",),
-}
-_ONE_AXIS = (
-    frozenset(("aerodynamic_drag", "viscous_resistance", "brake_lag")),
-    frozenset(("grade_asymmetry", "grade_nonlinearity", "wheel_lockup")),
-    frozenset(("step_change", "session_drift")),
-)
-"""Two of these together imitate any shape along their axis."""
 
 
 def weak(
@@ -56,24 +38,27 @@ def weak(
     margin = refitted.score - best.score
     if refitted.names or margin > PLAIN_EVIDENCE:
         return False
-    unseen = []
-    shows = ((P_PLACE, _SHOWS_AT), (P_SHAPE, _SHOWS_ALONG), (P_CHANNEL, _SHOWS_PLAINLY_ALONG))
-    for p_value, along in shows:
-        seen = {f.axis.name for f in located if f.p_value < p_value}
-        unseen += [n for n in best.names if n in along and not seen & set(along[n])]
-    patches = [e for e in best.fit.hypothesis.added if e.name == "surface_patch"]
+    unseen = [n for n in best.names if not _seen(search_of(n), located)]
+    patches = [e for e in best.fit.hypothesis.added if search_of(e.name).placed]
     few = any(_stops_inside(table, patch) < FEWEST_IN_PATCH for patch in patches)
     return margin < HARDLY or few or (len(best.names) == 1 and bool(unseen))
 
 
-def _placed(left: list[Followed]) -> bool:
-    """What is left follows a place."""
-    return any(f.axis.name in _SHOWS_AT["surface_patch"] and f.p_value < P_SHAPE for f in left)
+def _seen(how: Search, located: list[Followed]) -> bool:
+    """The log disagrees along an axis that has to show the effect, if one has to."""
+    seen = {f.axis.name for f in located if f.p_value < how.seen_below}
+    return not how.shows_along or bool(seen & set(how.shows_along))
+
+
+def _placed(left: list[Followed], names: set[str]) -> bool:
+    """What is left follows the places of such effects."""
+    axes = {axis for name in names for axis in search_of(name).shows_along}
+    return any(f.axis.name in axes and f.p_value < P_SHAPE for f in left)
 
 
 def _stops_inside(table: StopTable, patch: Effect) -> int:
     p = patch.parameters
-    inside = inside_patch(ground_of(table), p["x"], p["y"], p["radius"]) > 0.5
+    inside = share_inside(table.x, table.y, p["x"], p["y"], p["radius"]) > 0.5
     return int(((table.time > table.onset) & inside).any(axis=1).sum())
 
 
@@ -99,7 +84,8 @@ def plainer_one(
     as_good = [e for e in others if e.names and e.score < best.score + doubt]
     if any(set(e.names) > set(plainer.names) and not further <= set(e.names) for e in as_good):
         doubt = max(doubt, BEATS_SEVERAL)  # something more, but nobody knows what
-    if "surface_patch" in further and not _placed(follow(table, plainer.fit, seed)):
+    placed = {name for name in further if search_of(name).placed}
+    if placed and not _placed(follow(table, plainer.fit, seed), placed):
         doubt = max(doubt, PLAIN_EVIDENCE)  # a place can be found for any few stops that differ
     margin = plainer.score - best.score
     trace = _way_between(table, best, plainer) < TRACE and margin < BEATS_TRACE
@@ -115,10 +101,11 @@ def _way_between(table: StopTable, one: ScoredExplanation, other: ScoredExplanat
 def along_one_axis(table: StopTable, best: ScoredExplanation) -> list[str]:
     """Two or more names that act along the same axis, [] if there are none."""
     one_way = abs(np.mean(np.exp(1j * table.yaw))) > ONE_SIDED_WIND
-    for i, group in enumerate(_ONE_AXIS):
+    shapes: dict[str, list[str]] = {}
+    for name in (name for name in LAWS if name in best.names):
+        how = search_of(name)
         # Met from one side, a wind is a curve over speed and nothing else.
-        whole = group | {"headwind"} if i == 0 and one_way else group
-        found = sorted(whole & set(best.names))
-        if len(found) > 1:
-            return found
-    return []
+        shape = how.shape or (how.shape_one_way if one_way else "")
+        if shape:
+            shapes.setdefault(shape, []).append(name)
+    return next((sorted(names) for names in shapes.values() if len(names) > 1), [])

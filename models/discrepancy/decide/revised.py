@@ -96,7 +96,7 @@ def _scattered(braking: Braking, fit: Fit) -> Braking:
 
 
 def _inside(effect: str, name: str, value: float) -> float:
-    _, low, high = LAWS[effect].parameters[name]
+    low, high = LAWS[effect].parameters[name].bounds
     return min(max(value, low), high)
 
 

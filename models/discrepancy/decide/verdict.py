@@ -15,7 +15,6 @@ from scipy.stats import chi2
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.restraint import along_one_axis, plainer_one, weak
 from models.discrepancy.findings import Verdict
-from models.discrepancy.model.hypothesis import USUAL
 from models.discrepancy.search.absorbed import Absorbed, absorbed_explanations
 from models.discrepancy.search.identify import Identified, ScoredExplanation
 from models.discrepancy.search.locate import WITHIN, Followed
@@ -30,6 +29,7 @@ from models.discrepancy.thresholds import (
     STABLE_SHARE,
     TRACE,
 )
+from models.effects.registry import LAWS
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +85,12 @@ def decide(
         plain = [f for f in located if f.p_value < settings.structure]
         nothing = replace(found, best=ScoredExplanation(base, refitted.score))
         return _without_names(table, base, nothing, _large(table, plain), ())
-    others = tuple(e for e in others if not _cools_at_once(e))
+    others = tuple(e for e in others if not _unusually_small(e))
     near = [
         e for e in others
         if e.names and e.score < best.score + doubt and not set(e.names) > set(best.names)
     ]  # fmt: skip
-    if _cools_at_once(best) and near:
+    if _unusually_small(best) and near:
         best = min(near, key=lambda e: e.score)
         others = tuple(e for e in others if e.names != best.names)
     ends = _numbers_at_their_end(best)
@@ -181,17 +181,21 @@ def _numbers_at_their_end(best: ScoredExplanation) -> str:
     said = []
     for effect in best.fit.hypothesis.added:
         for name, value in effect.parameters.items():
-            low, high = USUAL.get((effect.name, name), (-np.inf, np.inf))
+            low, high = LAWS[effect.name].parameters[name].usual
             if value >= high * (1.0 - AT_BOUND) or (low > 0.0 and value <= low * 1.001):
                 said.append(f"{name} of {effect.name}")
     return ", ".join(said)
 
 
-def _cools_at_once(found: ScoredExplanation) -> bool:
-    """Brakes that fade and recover within each stop: a curve over speed by another name."""
-    low, _ = USUAL["brake_fade", "tau"]
-    added = found.fit.hypothesis.added
-    return any(e.name == "brake_fade" and e.parameters["tau"] <= low * 1.001 for e in added)
+def _unusually_small(found: ScoredExplanation) -> bool:
+    """A number at the lower end of what is usual: brakes, say, that recover within each stop, which
+    is a curve over speed by another name.
+    """
+    return any(
+        0.0 < LAWS[e.name].parameters[name].usual[0] >= value / 1.001
+        for e in found.fit.hypothesis.added
+        for name, value in e.parameters.items()
+    )
 
 
 def _leads(

@@ -1,7 +1,7 @@
-"""What brakes bring of the force that is wanted: build-up, heat, friction.
+"""What brakes bring of the force that is wanted: build-up, heat, friction, crests.
 
 Source: Braking Sec. 5.2 names heat and friction; the laws are those of
-:mod:`models.effects.registry` and :mod:`models.laws.wheel_lockup`.
+:mod:`models.effects`.
 """
 
 from __future__ import annotations
@@ -12,25 +12,34 @@ from typing import NamedTuple
 import numpy as np
 
 from models.arrays import Floats
+from models.discrepancy.data.stop_ground import StopGround
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.thresholds import HEATINGS, LEAST_COOLING, LEAST_MEAN_FORCE
 from models.effects import registry
-from models.laws import wheel_lockup
+from models.effects.brake_fade import kept_share
+from models.effects.brake_lag import missing_share
+from models.laws import crest, wheel_lockup
 from models.quantity import GRAVITY
 
 
-def motion_of(hypothesis: Hypothesis) -> registry.Motion:
+def motion_of(hypothesis: Hypothesis) -> registry.MotionTerms:
     """Terms of motion of the model's effects and of those that were added."""
     model = hypothesis.model
     return registry.motion((*model.effect, *hypothesis.added), model.braking.sliding_friction)
+
+
+def crest_of(hypothesis: Hypothesis) -> float | None:
+    """Share of the load lost over a crest that the force loses; None where nothing is known."""
+    return registry.crest_share((*hypothesis.model.effect, *hypothesis.added))
 
 
 class Brought(NamedTuple):
     """What brakes bring of the force that is wanted, (S, M) each.
 
     Attributes:
-        force: F_b/W once it has built up. given: what fade and friction leave of it.
+        force: F_b/W once it has built up. given: what fade, friction and crests leave of
+            it.
         passes: share of a small change of the force that they let through.
     """
 
@@ -40,30 +49,35 @@ class Brought(NamedTuple):
 
 
 def brought_force(
-    table: StopTable, hypothesis: Hypothesis, wanted: Floats, speed: Floats, grade: Floats,
-    roll: Floats, time: Floats,
+    table: StopTable, hypothesis: Hypothesis, wanted: Floats, speed: Floats, place: StopGround,
+    time: Floats,
 ) -> Brought:  # fmt: skip
     """From the wanted force to that on the ground.
 
     Args:
         table: stops. hypothesis: what to believe. wanted: (S, M) F_b/W.
-        speed: (S, M) [m/s]. grade, roll: (S, M) [rad]. time: (S, M) since the command [s].
+        speed: (S, M) [m/s]. place: what is met. time: (S, M) since the command [s].
     """
     terms = motion_of(hypothesis)
     since = np.maximum(time - hypothesis.dead_time, 0.0)
     force = lagged(wanted, since, terms.lag) if terms.lag > 0.0 else wanted
     cap = np.full_like(force, np.inf)
     if math.isfinite(terms.friction):
-        cap = np.asarray(wheel_lockup.friction_cap(grade, roll, terms.friction))
+        cap = np.asarray(wheel_lockup.friction_cap(place.grade, place.roll, terms.friction))
     passes = np.ones_like(force)
     if terms.fade > 0.0:
         onset = hypothesis.dead_time
         for _ in range(HEATINGS):  # brakes that fade heat less from then on
             even = _even(np.minimum(force * passes, cap), _braking(time, onset))
             q = heat(table, terms.fade_tau, speed, time, onset, even)
-            passes = 1.0 / (1.0 + terms.fade * q)
+            passes = kept_share(q, terms.fade, terms.fade_tau)
     given = force * passes
-    return Brought(force, np.minimum(given, cap), np.where(given > cap, 0.0, passes))
+    given, passes = np.minimum(given, cap), np.where(given > cap, 0.0, passes)
+    share = crest_of(hypothesis)
+    if share is not None:
+        kept = crest.kept_force(speed, place.vertical_curvature, share)
+        given, passes = given * kept, passes * kept
+    return Brought(force, given, passes)
 
 
 def _braking(time: Floats, onset: float) -> Floats:
@@ -83,7 +97,7 @@ def _even(force: Floats, braking: Floats) -> Floats:
 def lagged(wanted: Floats, since: Floats, lag: float) -> Floats:
     """First-order build-up from 0 at the onset along axis 1, exact for an even force in a step."""
     force = np.zeros_like(wanted)
-    keep = np.exp(-np.diff(since, axis=1) / lag)
+    keep = missing_share(np.diff(since, axis=1), lag)
     middle = 0.5 * (wanted[:, 1:] + wanted[:, :-1]) * (1.0 - keep)
     for k in range(keep.shape[1]):
         force[:, k + 1] = force[:, k] * keep[:, k] + middle[:, k]

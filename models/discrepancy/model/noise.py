@@ -27,6 +27,8 @@ from models.discrepancy.thresholds import (
     ONSET_STEP,
     RIDGE,
 )
+from models.effects.effect_law import Enters
+from models.effects.registry import LAWS
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +97,7 @@ def shapes(table: StopTable, hypothesis: Hypothesis, capped: bool = True) -> Flo
     here = predict(table, hypothesis)
     open_end = hypothesis
     if not capped:
-        kept = tuple(e for e in hypothesis.added if e.name != "wheel_lockup")
+        kept = tuple(e for e in hypothesis.added if LAWS[e.name].enters is not Enters.CAP)
         open_end = replace(hypothesis, added=kept)
     share = FORCE_STEP / max(float(np.median(table.force)), FORCE_STEP)
     friction = predict(table, open_end, stronger=share)

@@ -10,45 +10,24 @@ Source: Braking (2), (7), (8) with the effects of :mod:`models.effects.registry`
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from models.arrays import Bools, Floats
+from models.discrepancy.data.stop_ground import StopGround, ground_of, session_time
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.brakes import brought_force, lagged, motion_of
+from models.discrepancy.model.brakes import brought_force, crest_of, lagged, motion_of
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.thresholds import (
-    LATEST_SESSION_CLOCK,
     LEAST_TURNING_SPEED,
     OUTPUT_SWEEPS,
     SAME_SPEED,
 )
 from models.effects import registry
+from models.effects.effect_law import Enters, Place
+from models.effects.registry import LAWS
 from models.laws import braking
 from models.quantity import GRAVITY
-
-
-class StopGround(NamedTuple):
-    """What the vehicle meets along its way, (S, M) each."""
-
-    grade: Floats
-    roll: Floats
-    yaw: Floats
-    turning: Floats
-    x: Floats
-    y: Floats
-
-
-def ground_of(table: StopTable) -> StopGround:
-    """As it was met by the measured vehicle."""
-    return StopGround(table.grade, table.roll, table.yaw, table.yaw_rate, table.x, table.y)
-
-
-def session_time(table: StopTable) -> Floats:
-    """(S,) since the session began [s]: the log's clock, or since its first stop."""
-    late = float(table.clock[0]) > LATEST_SESSION_CLOCK
-    return table.clock - table.clock[0] if late else table.clock
 
 
 def predict(
@@ -68,9 +47,9 @@ def predict(
     terms = motion_of(hypothesis)
     wanted = (1.0 + stronger) * wanted_force(table, hypothesis, place)
     step = t[:, 1:2] - t[:, :1]
-    brought = brought_force(table, hypothesis, wanted, v, place.grade, place.roll, t)
+    brought = brought_force(table, hypothesis, wanted, v, place, t)
     rest = np.sin(place.grade) + brought.given - brought.force
-    if terms.drag or terms.viscous or terms.turning or terms.wind_drag:
+    if terms.moves:
         curvature = np.abs(place.turning) / np.maximum(v, LEAST_TURNING_SPEED)
         rest = rest + registry.motion_deceleration(v, curvature, place.yaw, terms) / GRAVITY
     fall = _since_onset(wanted + rest, step, t, hypothesis.dead_time)
@@ -83,10 +62,7 @@ def passed(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S, M) share of a small change of the wanted force that reaches the measured ground."""
     place = ground_of(table)
     wanted = wanted_force(table, hypothesis, place)
-    found = brought_force(
-        table, hypothesis, wanted, table.speed, place.grade, place.roll, table.time
-    )
-    return found.passes
+    return brought_force(table, hypothesis, wanted, table.speed, place, table.time).passes
 
 
 def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) -> Floats:
@@ -110,32 +86,20 @@ def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) ->
         )  # fmt: skip
     clock = session_time(table)[:, None]
     force = force * registry.force_scale(model.effect)
-    lasting = [e for e in hypothesis.added if e.name == "step_change"]
-    everywhere = (*model.effect, *(e for e in hypothesis.added if e.name != "step_change"))
-    passing = [e for e in everywhere if e.name != "surface_patch"]
+    lasting = [e for e in hypothesis.added if LAWS[e.name].enters is Enters.LASTING]
+    everywhere = (*model.effect, *(e for e in hypothesis.added if e not in lasting))
     for effect in lasting:
-        changed = (table.run >= effect.parameters["run"])[:, None]
         values = registry.validate(effect)
-        force = np.where(changed, force * values["scale"] + values["delta"], force)
+        changed = (table.run >= values["run"])[:, None]
+        force = np.where(changed, LAWS[effect.name].law(force, *values.values()), force)
+    here = Place(place.grade, place.roll, place.x, place.y, place.yaw, clock)
     for effect in everywhere:
-        if effect.name == "surface_patch":
-            p = registry.validate(effect)
-            force = force + p["delta"] * inside_patch(place, p["x"], p["y"], p["radius"])
-    result: Floats = force + registry.ground_term(
-        passing, place.grade, place.roll, place.x, place.y, place.yaw, clock
-    )
+        along = LAWS[effect.name].along
+        if along is not None:
+            force = force + along(here, *registry.validate(effect).values())
+    even = [e for e in everywhere if LAWS[e.name].along is None]
+    result: Floats = force + registry.ground_term(even, here)
     return result
-
-
-def inside_patch(place: StopGround, x: float, y: float, radius: float) -> Floats:
-    """(S, M) share of the way around each grid time that lies inside a patch.
-
-    A grid time next to the edge counts in part, so that it does not matter where grids lie.
-    """
-    away = np.hypot(place.x - x, place.y - y)
-    step = np.maximum(np.abs(np.gradient(away, axis=1)), 1e-6)
-    inside: Floats = np.clip((radius - away) / step + 0.5, 0.0, 1.0)
-    return inside
 
 
 def _lines(c: Floats, speed: Floats) -> tuple[Floats, Floats]:
@@ -161,6 +125,7 @@ def integral(table: StopTable, hypothesis: Hypothesis, shares: Floats, forces: B
     """
     terms = motion_of(hypothesis)
     alike = terms.lag == 0.0 and terms.fade == 0.0 and math.isinf(terms.friction)
+    alike = alike and crest_of(hypothesis) is None
     built = shares[:, :, forces]
     if forces.any() and not alike:
         since = np.maximum(table.time - hypothesis.dead_time, 0.0)[:, :, None]

@@ -22,6 +22,7 @@ from models.discrepancy.findings import Experiment, PlannedStop
 from models.discrepancy.model.hypothesis import BASE
 from models.discrepancy.model.noise import Whitener, whitener
 from models.discrepancy.model.prediction import predict
+from models.discrepancy.search.candidates import search_of
 from models.discrepancy.search.refine import Fit, jacobian
 from models.discrepancy.thresholds import (
     PROPOSED_PAUSES,
@@ -138,7 +139,6 @@ def _possible(table: StopTable, best: Fit) -> tuple[list[PlannedStop], StopTable
 def _choices(table: StopTable, best: Fit) -> dict[str, tuple[float | None, ...]]:
     low, high = np.quantile(table.held, [0.03, 0.97])
     grades = np.quantile(table.grade, [0.03, 0.97])
-    names = set(best.hypothesis.names)
     choices: dict[str, tuple[float | None, ...]] = {
         "speed": (float(low), float(0.5 * (low + high)), float(high)),
         "grade": (float(grades[0]), float(np.mean(grades)), float(grades[1])),
@@ -149,12 +149,12 @@ def _choices(table: StopTable, best: Fit) -> dict[str, tuple[float | None, ...]]
         choices["roll"] = (0.0, float(np.quantile(np.abs(table.roll), 0.95)))
     if "yaw_rate" in table.logged and float(np.quantile(np.abs(table.yaw_rate), 0.95)) > 0.05:
         choices["yaw_rate"] = (0.0, float(np.quantile(np.abs(table.yaw_rate), 0.95)))
-    patch = next((e for e in best.hypothesis.added if e.name == "surface_patch"), None)
+    patch = next((e for e in best.hypothesis.added if search_of(e.name).placed), None)
     if patch is not None:
         inside = patch.parameters["x"]
         choices["x"] = (inside, inside + 2.0 * patch.parameters["radius"])
         choices["y"] = (patch.parameters["y"],)
-    if names & {"brake_fade", "session_drift", "step_change"}:
+    if any(search_of(name).pause_tells for name in best.hypothesis.names):
         choices["pause"] = PROPOSED_PAUSES
     return choices
 
@@ -189,7 +189,7 @@ def _sheet(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopTab
     return replace(
         table, time=time, speed=v, station=np.cumsum(v, axis=1) * (time[:, 1:2] - time[:, :1]),
         grade=grade[:, None] * one, roll=column("roll"), yaw=column("heading"),
-        yaw_rate=column("yaw_rate"), x=column("x"), y=column("y"),
+        yaw_rate=column("yaw_rate"), x=column("x"), y=column("y"), vertical_curvature=0.0 * one,
         average=np.repeat(average[None], count, axis=0), binned=np.zeros((count, SHEET_BINS)),
         spread=np.full((count, SHEET_BINS), float(spread)), held=speed, clock=clock,
         run=np.full(count, int(table.run.max()) + 1), run_names=("",) * count,

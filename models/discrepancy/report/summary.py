@@ -20,15 +20,6 @@ from models.discrepancy.thresholds import LOCATED
 from models.effects.registry import LAWS
 from models.parameters import Effect
 
-ACTS_ALONG = {
-    "aerodynamic_drag": "speed", "headwind": "heading", "viscous_resistance": "speed",
-    "brake_lag": "time_since_onset", "brake_fade": "brake_heat", "wheel_lockup": "grade",
-    "grade_asymmetry": "grade", "grade_nonlinearity": "grade", "cross_slope": "roll",
-    "turning_resistance": "yaw_rate", "surface_patch": "place", "directional_surface": "heading",
-    "step_change": "run", "session_drift": "time",
-}  # fmt: skip
-"""The axis along which each effect changes the force."""
-
 
 def named_effects(
     decision: Decision, located: Sequence[Followed], widths: dict[str, dict[str, float]]
@@ -53,13 +44,13 @@ def named_effects(
         for name, value in effect.parameters.items():
             error = float(std[k + free.index(name)]) if name in free else 0.0
             error = widths.get(effect.name, {}).get(name, error)
-            values[name] = Estimate(float(value), error, law[name][0])
+            values[name] = Estimate(float(value), error, law[name].unit)
         k += len(free)
         others = []
         for rival in decision.rivals:
             if effect.name not in rival.names:
                 others += [n for n in rival.names if n not in own and n not in others]
-        along = next((f for f in located if f.axis.name == ACTS_ALONG[effect.name]), None)
+        along = next((f for f in located if f.axis.name == LAWS[effect.name].axis), None)
         named.append(
             NamedEffect(effect.name, values, confidence, tuple(others), _where(effect, along))
         )
@@ -77,7 +68,7 @@ def located_axes(
         above_floor: mean square of its residual speeds above that of a perfect model [m²/s²].
     """
     certain = [f for f in located if f.p_value < LOCATED]
-    acting = [ACTS_ALONG[n] for n in decision.explanation.fit.hypothesis.names]
+    acting = [LAWS[n].axis for n in decision.explanation.fit.hypothesis.names]
     if decision.axis is not None and not acting:
         acting = [decision.axis.axis.name]
     certain.sort(key=lambda f: (f.axis.name not in acting, -f.strength))
@@ -90,12 +81,10 @@ def located_axes(
 
 
 def _where(effect: Effect, along: Followed | None) -> str:
-    p = effect.parameters
-    if effect.name == "surface_patch":
-        return f"within {p['radius']:.1f} m of ({p['x']:.1f}, {p['y']:.1f}) m"
-    if effect.name == "step_change":
-        return f"from the log's run {p['run']:.0f} on, the first being 0"
-    axis = ACTS_ALONG[effect.name]
+    where = LAWS[effect.name].where
+    if where is not None:
+        return where(effect.parameters)
+    axis = LAWS[effect.name].axis
     if along is None:
         return f"along {axis}"
     low, high = part_of_axis(along)

@@ -21,6 +21,7 @@ from models.discrepancy.search.patches import left_of
 from models.discrepancy.search.refine import Fit, fit, residual
 from models.discrepancy.search.screening import reduced, scores
 from models.discrepancy.thresholds import ABSORBED_SHARE, P_ABSORBED, USUAL_GRADE_BIAS
+from models.effects.registry import LAWS
 
 GRADE_BIAS = "grade_bias"
 """A pitch sensor or a map that is off by the same angle everywhere."""
@@ -40,25 +41,10 @@ class Absorbed:
     test: str
 
 
-TESTS = {
-    GRADE_BIAS: "stand still on ground of known slope, or drive the same slope both ways, and read "
-    "the pitch; or coast: without brakes a wrong grade shows and brakes do not",
-    "cross_slope": "stop along the slope leaning to the other side, and without leaning",
-    "directional_surface": "stop across the present heading",
-    "headwind": "stop in the opposite direction",
-    "surface_patch": "stop outside the place of these stops",
-    "turning_resistance": "stop straight, and in turns of several rates",
-    "brake_fade": "stop with cold brakes, and again right after five hard stops",
-    "session_drift": "repeat these stops much later in the session",
-    "step_change": "repeat these stops as the vehicle was before",
-    "brake_lag": "log the brake pressure, or the speed at 100 Hz, around the onset",
-    "wheel_lockup": "stop with less brake: locked wheels give the same force",
-    "aerodynamic_drag": "coast from the highest speed",
-    "viscous_resistance": "coast from the highest speed",
-    "grade_asymmetry": "stop uphill as well as downhill",
-    "grade_nonlinearity": "stop on steeper ground, up and down",
-}
-"""What to drive to see an effect that this log hides."""
+_TELLS_BIAS = (
+    "stand still on ground of known slope, or drive the same slope both ways, and read the pitch; "
+    "or coast: without brakes a wrong grade shows and brakes do not"
+)
 
 
 def absorbed_explanations(
@@ -78,7 +64,7 @@ def absorbed_explanations(
     found = []
     bias = _bias(table, configured, base)
     if bias is not None and abs(bias[0]) <= USUAL_GRADE_BIAS and bias[1] < limit:
-        found.append(Absorbed(GRADE_BIAS, bias[0], TESTS[GRADE_BIAS]))
+        found.append(Absorbed(GRADE_BIAS, bias[0], _TELLS_BIAS))
     names = {name for name, share in taken_up.items() if share >= ABSORBED_SHARE}
     if names:
         found += _effects(table, as_it_is, names, limit)
@@ -117,14 +103,14 @@ def _effects(table: StopTable, as_it_is: Fit, names: set[str], limit: float) -> 
     white = as_it_is.white
     nothing = np.zeros((*table.time.shape, 1))
     sums = reduced(white, nothing, columns[:, :, own], np.ones(1))
-    one_sided = np.array([library[i].one_sided for i in own])
+    one_sided = np.array([library[i].search.one_sided for i in own])
     scored = scores(sums, left_of(table, as_it_is), white.noise.scatter, one_sided)
     found: dict[str, Absorbed] = {}
     for i in np.argsort(-np.abs(scored.z)):
         candidate = library[own[i]]
-        wrong_sign = candidate.one_sided and scored.z[i] <= 0.0
+        wrong_sign = candidate.search.one_sided and scored.z[i] <= 0.0
         if wrong_sign or as_it_is.deviance - float(scored.z[i]) ** 2 > limit:
             continue
-        text = TESTS[candidate.name]
+        text = LAWS[candidate.name].experiment
         found.setdefault(candidate.name, Absorbed(candidate.name, float(scored.strength[i]), text))
     return list(found.values())

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.arrays import Floats
+from models.discrepancy.data.stop_ground import session_time
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.brakes import heat
 from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import session_time
 from models.discrepancy.thresholds import (
     AXIS_COOLING,
     COARSE_BUMPS,
@@ -65,6 +65,8 @@ def axes_of(table: StopTable, hypothesis: Hypothesis) -> list[Axis]:
         found.append(Axis("yaw_rate", "rad/s", table.yaw_rate))
     if "roll" in table.logged:
         found.append(Axis("roll", "rad", table.roll))
+    if "vertical_curvature" in table.logged:
+        found.append(Axis("vertical_curvature", "1/m", table.vertical_curvature))
     if {"x", "y"} <= table.logged:
         found.append(Axis("x", "m", table.x, repeats=True))
         found.append(Axis("y", "m", table.y, repeats=True))

@@ -15,7 +15,13 @@ from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import BASE, free_parameters
 from models.discrepancy.search import screening
-from models.discrepancy.search.candidates import Candidate, candidates, finer_patches, patch_column
+from models.discrepancy.search.candidates import (
+    EffectColumn,
+    candidates,
+    finer_patches,
+    patch_column,
+    search_of,
+)
 from models.discrepancy.search.patches import left_of
 from models.discrepancy.search.refine import Fit, prior_precision
 from models.discrepancy.thresholds import (
@@ -27,6 +33,8 @@ from models.discrepancy.thresholds import (
     NORMAL_95,
     UNFITTED_SHARE,
 )
+from models.effects.effect_law import Enters
+from models.effects.registry import LAWS
 from models.parameters import Effect
 
 
@@ -38,9 +46,9 @@ def extents(table: StopTable, found: Fit) -> dict[str, dict[str, float]]:
     """
     widths = {}
     for index, effect in enumerate(found.hypothesis.added):
-        if effect.name == "surface_patch":
+        if search_of(effect.name).placed:
             widths[effect.name] = _of_patch(table, found, index, effect)
-        elif effect.name == "step_change":
+        elif LAWS[effect.name].enters is Enters.LASTING:
             widths[effect.name] = _of_change(table, found, index, effect)
     return widths
 
@@ -49,7 +57,7 @@ def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[
     names = ("x", "y", "radius")
     inner = {name: float(effect.parameters[name]) for name in names}
     without = _without(found, index)
-    here = Candidate("surface_patch", "delta", False, inner)
+    here = EffectColumn(effect.name, inner)
     best = float(_chi_squares(table, without, patch_column(table, without.hypothesis, here))[0])
     kept = [(best, here)]
     for draw in range(EXTENT_ROUNDS):
@@ -98,7 +106,7 @@ def _edges(table: StopTable, inner: dict[str, float]) -> dict[str, float]:
 def _of_change(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[str, float]:
     without = _without(found, index)
     library, columns = candidates(table, without.hypothesis)
-    own = [i for i, c in enumerate(library) if c.name == "step_change"]
+    own = [i for i, c in enumerate(library) if c.name == effect.name]
     if not own:
         return {"run": 0.0}
     z_square = _chi_squares(table, without, columns[:, :, own])

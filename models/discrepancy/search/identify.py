@@ -21,7 +21,12 @@ from models.discrepancy.model.brakes import lag_of
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.noise import Noise
 from models.discrepancy.search import screening
-from models.discrepancy.search.candidates import Candidate, candidates, patch_column
+from models.discrepancy.search.candidates import (
+    EffectColumn,
+    candidates,
+    is_cap,
+    patch_column,
+)
 from models.discrepancy.search.patches import left_of, moved_patch, placed_patch
 from models.discrepancy.search.refine import (
     Fit,
@@ -44,12 +49,8 @@ from models.discrepancy.thresholds import (
     WORTH_MOVING,
     WORTH_REFITTING,
 )
+from models.effects.registry import LAWS
 from models.parameters import Effect
-
-_STARTS = {"wheel_lockup": 1, "headwind": 2, "brake_fade": 2, "surface_patch": 2}
-_EVENS_OUT = ("wheel_lockup",)
-_NUMBERS = {"surface_patch": 4, "step_change": 2, "headwind": 3, "brake_fade": 2}
-_DIRECTIONS = {"directional_surface": 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,9 @@ class Identified:
 
 def numbers(name: str) -> int:
     """Numbers that naming an effect chooses."""
-    return _NUMBERS.get(name, _DIRECTIONS.get(name, 1))
+    law = LAWS[name]
+    chosen = None if law.search is None else law.search.chosen
+    return len(law.parameters) if chosen is None else chosen
 
 
 def score(found: Fit, stops: int) -> float:
@@ -179,7 +182,7 @@ def _extended(
     """Children of an explanation, its strongest candidate beside chance, absorbed shares."""
     fit = parent.fit
     found, sums, scored = screen(table, fit)
-    one_sided = np.array([c.one_sided for c in found])
+    one_sided = np.array([c.search.one_sided for c in found])
     able = np.where(one_sided, np.maximum(scored.z, 0.0), np.abs(scored.z)) ** 2
     strength = scored.gain
     chances = screening.chance(
@@ -194,7 +197,7 @@ def _extended(
     children = []
     for name, members in _leaders(found, strength):
         # A friction cap shows less in what it takes than in stops that no longer differ.
-        hidden = name in _EVENS_OUT
+        hidden = is_cap(name)
         if name in fit.hypothesis.names or not (hidden or strength[members[0]] >= 0.5 * floor):
             continue
         if strongest[0] < needed and not hidden:
@@ -238,55 +241,52 @@ def rescued(
 
 def screen(
     table: StopTable, fit: Fit
-) -> tuple[list[Candidate], screening.Reduced, screening.Scores]:
+) -> tuple[list[EffectColumn], screening.Reduced, screening.Scores]:
     """Scores of all candidates beyond a fit."""
     found, columns = candidates(table, fit.hypothesis)
-    patches = [i for i, c in enumerate(found) if c.name == "surface_patch"]
-    placed = placed_patch(table, fit) if patches else None
+    patches = [i for i, c in enumerate(found) if c.search.placed]
+    placed = placed_patch(table, fit, found[patches[0]].name) if patches else None
     if placed is not None:
         found[patches[0]] = placed[0]
         columns[:, :, patches[:1]] = patch_column(table, fit.hypothesis, placed[0])
     precision = prior_precision(fit.hypothesis)
     sums = screening.reduced(fit.white, fit.jacobian, columns, precision)
-    one_sided = np.array([c.one_sided for c in found])
+    one_sided = np.array([c.search.one_sided for c in found])
     scored = screening.scores(sums, left_of(table, fit), fit.noise.scatter, one_sided)
     return found, sums, scored
 
 
-def _leaders(found: Sequence[Candidate], strength: Floats) -> list[tuple[str, list[int]]]:
+def _leaders(found: Sequence[EffectColumn], strength: Floats) -> list[tuple[str, list[int]]]:
     """Names with the grid points to start from, the strongest names first."""
     members: dict[str, list[int]] = {}
     for i in np.argsort(-strength):
         own = members.setdefault(found[i].name, [])
-        if (strength[i] > 0.0 or found[i].name in _EVENS_OUT) and len(own) < _STARTS.get(
-            found[i].name, 1
-        ):
+        if (strength[i] > 0.0 or is_cap(found[i].name)) and len(own) < found[i].search.starts:
             own.append(int(i))
     leaders = [(name, own) for name, own in members.items() if own]
-    late = [leader for leader in leaders[NAMES_REFITTED:] if leader[0] in _EVENS_OUT]
+    late = [leader for leader in leaders[NAMES_REFITTED:] if is_cap(leader[0])]
     return leaders[:NAMES_REFITTED] + late
 
 
-def _refined(table: StopTable, fit: Fit, candidate: Candidate, strength: float) -> Fit:
+def _refined(table: StopTable, fit: Fit, candidate: EffectColumn, strength: float) -> Fit:
     h = fit.hypothesis
     trials = [h.plus(candidate.effect(strength))]
     noise = replace(fit.noise, capped=True)
-    if candidate.name == "step_change":
-        run, scale = (trials[0].added[-1].parameters[n] for n in ("run", "scale"))
-        delta = (scale - 1.0) * float(np.median(table.force))
-        more = Effect(name="step_change", parameters={"delta": delta, "run": run})
-        trials.append(h.plus(more))
-    if candidate.name == "wheel_lockup":
+    other_form = candidate.search.other_form
+    if other_form is not None:
+        values = other_form(trials[0].added[-1].parameters, float(np.median(table.force)))
+        trials.append(h.plus(Effect(name=candidate.name, parameters=values)))
+    if is_cap(candidate.name):
         # Where nearly all stops slide, coefficients fitted to them say nothing of the brakes.
         strong = replace(h, shift=np.zeros(4)).plus(candidate.effect(strength))
         free = strong.free
         sliding = np.quantile(table.force / np.cos(table.grade[:, -1]), SLIDING_QUANTILE)
         free[-1] = max(float(sliding), 0.02)
         trials.append(strong.moved(free))
-    refit = fit_either_way if candidate.name in _EVENS_OUT else fit_with_scatter
+    refit = fit_either_way if is_cap(candidate.name) else fit_with_scatter
     fits = [refit(table, t, noise, rounds=1) for t in trials]
     best = min(fits, key=lambda f: f.deviance)
-    if candidate.name == "surface_patch" and fit.deviance - best.deviance > WORTH_MOVING:
+    if candidate.search.placed and fit.deviance - best.deviance > WORTH_MOVING:
         best = moved_patch(table, best)
     return best
 

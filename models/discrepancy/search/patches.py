@@ -16,7 +16,7 @@ from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import free_parameters
 from models.discrepancy.model.prediction import integral
 from models.discrepancy.search import screening
-from models.discrepancy.search.candidates import Candidate, finer_patches
+from models.discrepancy.search.candidates import EffectColumn, finer_patches
 from models.discrepancy.search.refine import Fit, fit_with_scatter, prior_precision, residual
 from models.discrepancy.thresholds import (
     CIRCLE_MOVES,
@@ -37,17 +37,19 @@ def left_of(table: StopTable, fit: Fit) -> tuple[Floats, Floats]:
     return r[0][:, 0], r[1].ravel()
 
 
-def placed_patch(table: StopTable, fit: Fit, seed: int = 0) -> tuple[Candidate, float] | None:
+def placed_patch(
+    table: StopTable, fit: Fit, name: str, seed: int = 0
+) -> tuple[EffectColumn, float] | None:
     """The patch that explains most of what a fit leaves, and its strength; None if there is none.
 
     Args:
-        table: stops. fit: without the patch. seed: of the patches tried.
+        table: stops. fit: without the patch. name: of the effect. seed: of the patches tried.
     """
     circle = _Between(table, fit).best_circle(np.random.default_rng(seed))
     if circle is None:
         return None
     x, y, radius = circle.tolist()
-    nearest = Candidate("surface_patch", "delta", False, {"x": x, "y": y, "radius": radius})
+    nearest = EffectColumn(name, {"x": x, "y": y, "radius": radius})
     left = left_of(table, fit)
     precision = prior_precision(fit.hypothesis)
     strength, draw = 0.0, 100 * seed
@@ -147,7 +149,7 @@ def moved_patch(table: StopTable, found: Fit) -> Fit:
         hypothesis=replace(h, added=h.added[:-1]),
         jacobian=found.jacobian[:, :, : -len(free_parameters(patch))],
     )
-    placed = placed_patch(table, without, seed=1)
+    placed = placed_patch(table, without, patch.name, seed=1)
     if placed is None:
         return found
     nearest, strength = placed

@@ -13,12 +13,12 @@ from scipy.optimize import minimize_scalar
 
 from models.arrays import Floats
 from models.calibration.force_fit import WEAK_PRIOR
+from models.discrepancy.data.stop_ground import ground_of
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.body_oscillation import OSCILLATION, oscillation_columns
 from models.discrepancy.model.hypothesis import BASE, LAWFUL, Hypothesis
 from models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
 from models.discrepancy.model.prediction import (
-    ground_of,
     integral,
     predict,
     simulate,
@@ -36,6 +36,8 @@ from models.discrepancy.thresholds import (
     OSCILLATES,
     USUAL_OSCILLATION,
 )
+from models.effects.effect_law import Enters
+from models.effects.registry import LAWS
 from models.parameters import Model
 
 
@@ -256,7 +258,7 @@ def fit_with_scatter(
 def fit_either_way(table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int = 2) -> Fit:
     """As :func:`fit_with_scatter`; whether a friction cap hides scatter is left to likelihood."""
     found = fit_with_scatter(table, hypothesis, noise, rounds)
-    if "wheel_lockup" not in hypothesis.names:
+    if not any(LAWS[name].enters is Enters.CAP for name in hypothesis.names):
         return found
     other = replace(noise, capped=not noise.capped)
     return min(found, fit_with_scatter(table, hypothesis, other, rounds), key=lambda f: f.deviance)

@@ -12,13 +12,13 @@ from rich.console import Console
 from rich.table import Table
 
 from models.parameters import Model
-from models.stops.simulation import replay, stop_commands
+from models.stops.simulation import RunChannels, replay, stop_commands
 from services.cli.screen import progress_bar
 from services.io.logs.drive_log import DriveLog, read_drive_log
 from services.io.model_file import find_model, read_model
 from services.io.table import write_csv
 
-_CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "brake")
+_CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "brake", "vertical_curvature")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +82,11 @@ def _replay_run(model: Model, log: DriveLog, part: slice) -> NDArray[np.float64]
     }
     surfaces = columns["terrain"][part] if "terrain" in columns else np.array([""])
     names, counts = np.unique(surfaces, return_counts=True)
-    return replay(
-        model, columns["t"][part], columns["v"][part], columns["v_cmd"][part],
-        columns["pitch"][part], surface=str(names[counts.argmax()]), **further,
+    channels = RunChannels(
+        time=columns["t"][part], speed=columns["v"][part], command=columns["v_cmd"][part],
+        pitch=columns["pitch"][part], **further,
     )  # fmt: skip
+    return replay(model, channels, str(names[counts.argmax()]))
 
 
 def _summary(log: DriveLog, part: slice, simulated: NDArray[np.float64]) -> RunSummary:

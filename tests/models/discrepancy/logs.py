@@ -28,6 +28,14 @@ WORLDS = {
     "pair": World(
         effects={"brake_lag": {"tau": 0.2}, "directional_surface": {"k": 0.04, "direction": 0.6}}
     ),
+    "waves": World(waves=0.12, grades=(-0.1, 0.1), speeds=(2.0, 4.0), curvature_told=True),
+    "crests": World(
+        effects={"crest_unloading": {"k": 1.5}},
+        waves=0.12,
+        grades=(-0.1, 0.1),
+        speeds=(2.0, 4.0),
+        curvature_told=True,
+    ),
     "ambient": World(off_library="ambient", size=0.04),
     "slow_drag": World(effects={"aerodynamic_drag": {"c": 0.06}}, speeds=(1.0, 2.8)),
 }

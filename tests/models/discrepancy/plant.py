@@ -20,7 +20,10 @@ Effects = dict[str, dict[str, float]]
 
 @dataclass(frozen=True)
 class World:
-    """True values. Angles in rad, noise in m/s, scatter as a share of the force."""
+    """True values. Angles in rad, noise in m/s, scatter as a share of the force.
+
+    The grade waves along each stop.
+    """
 
     effects: Effects = field(default_factory=dict)
     coefficients: tuple[float, float, float, float] = (-0.03, -0.35, 0.015, 0.40)
@@ -34,6 +37,8 @@ class World:
     grades: tuple[float, float] = (-0.22, 0.22)
     one_way: bool = False
     quantum: float = 0.0
+    waves: float = 0.02
+    curvature_told: bool = False
     off_library: str = ""
     size: float = 0.0
 
@@ -66,7 +71,11 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
         k = world.coefficients
 
         def ground(s: float, i: int = i) -> float:
-            return base[i] + 0.02 * np.sin(2 * np.pi * s / wave[i] + phase[i])
+            return base[i] + world.waves * np.sin(2 * np.pi * s / wave[i] + phase[i])
+
+        def bend(s: float, i: int = i) -> float:
+            turns = 2 * np.pi / wave[i]
+            return world.waves * turns * np.cos(turns * s + phase[i])
 
         v, s, t, force, x, y, yaw = speed[i], 0.0, -LEAD, 0.0, x0[i], y0[i], yaw0[i]
         rows, done, told = [], np.nan, clock + LEAD
@@ -80,7 +89,7 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
                     if np.isnan(done)
                     else -0.05 * np.exp(-(t - done) / 0.1) * np.sin((t - done) / 0.04)
                 )
-                rows.append((t, v + rock, theta, x, y, yaw, rate[i] * (v > 0)))
+                rows.append((t, v + rock, theta, x, y, yaw, rate[i] * (v > 0), bend(s)))
             share = float(np.clip((t + STEP - world.dead_time) / STEP, 0.0, 1.0))
             if share > 0.0 and np.isnan(done):
                 wanted = (k[0] * speed[i] + k[1]) * theta + k[2] * speed[i] + k[3]
@@ -122,6 +131,10 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
                     given /= 1.0 + fade["k"] * heat
                 if "wheel_lockup" in e:
                     given = min(given, e["wheel_lockup"]["mu"] * np.cos(theta) * np.cos(roll[i]))
+                if "crest_unloading" in e:
+                    # The ground that falls away carries less: W cos θ + m v² dθ/ds.
+                    carried = 1.0 + min(bend(s), 0.0) * v * v / G
+                    given *= max(1.0 - e["crest_unloading"]["k"] * (1.0 - carried), 0.0)
                 a = G * (given + np.sin(theta))
                 if "aerodynamic_drag" in e:
                     a += e["aerodynamic_drag"]["c"] * v * v
@@ -164,6 +177,8 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
             "yaw": table[5], "yaw_rate": table[6] + 0.01 * rng.standard_normal(n),
             "x": table[3], "y": table[4], "ambient": np.full(n, ambient[i]),
         }  # fmt: skip
+        if world.curvature_told:
+            row["vertical_curvature"] = table[7] + 0.002 * rng.standard_normal(n)
         for name, values in row.items():
             columns.setdefault(name, []).append(values)
         runs.append(slice(begin, begin + n))

@@ -10,7 +10,7 @@ import pytest
 from models.discrepancy.findings import Findings, Verdict
 from models.discrepancy.workflow import investigate
 from models.errors import ParameterError
-from models.stops.simulation import Track, simulate_stop
+from models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.discrepancy.logs import WORLDS, log
 from tests.models.models_for_tests import BASE
 
@@ -27,6 +27,12 @@ def test_a_log_that_the_model_explains_lacks_nothing() -> None:
     assert f.added == ()
     assert f.model == BASE  # the offset of 0.2 m covers this log
     assert f.gap.closed is None  # nothing to close: no percentage
+
+
+def test_ground_that_waves_is_no_effect_of_crests() -> None:
+    f = found("waves")
+    assert f.verdict is Verdict.NONE
+    assert f.effects == ()
 
 
 def test_other_coefficients_are_drift_and_no_effect() -> None:
@@ -48,6 +54,7 @@ def test_other_coefficients_are_drift_and_no_effect() -> None:
     [
         ("drag", "aerodynamic_drag"), ("lag", "brake_lag"), ("lockup", "wheel_lockup"),
         ("cross", "cross_slope"), ("step", "step_change"), ("patch", "surface_patch"),
+        ("crests", "crest_unloading"),
     ],
 )  # fmt: skip
 def test_the_hidden_effect_is_named_with_its_numbers(name: str, effect: str) -> None:
@@ -128,7 +135,7 @@ def test_drag_that_slow_stops_cannot_tell_is_ambiguous_and_an_experiment_is_prop
 
 
 def test_weaker_brakes_make_the_next_stop_longer() -> None:
-    level = Track.of_grade(-0.1)
+    level = GroundTrack.of_grade(-0.1)
     before = simulate_stop(BASE, level, 3.5).distance
     for name in ("lag", "step", "lockup"):
         assert simulate_stop(found(name).model, level, 3.5).distance > before + 0.05, name

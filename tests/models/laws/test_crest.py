@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from models.laws.crest import kept_force, load_loss
 from models.parameters import Effect
-from models.stops.simulation import Track, simulate_stop
+from models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.models_for_tests import BASE
 from tests.models.parity import G, check_parity
 
@@ -56,7 +56,7 @@ def test_a_simulated_stop_over_a_crest_is_that_of_the_energy_along_the_way() -> 
     k, bend, speed = 0.9, -0.06, 3.5
     crest = Effect(name="crest_unloading", parameters={"k": k})
     station, zero = np.linspace(0.0, 9.0, 4), np.zeros(4)
-    track = Track(station, bend * station, zero, zero, zero, zero, zero)
+    track = GroundTrack(station, bend * station, zero, zero, zero, zero, zero)
     onset = 0.3 * speed
 
     def energy(s: float, e: np.ndarray) -> list[float]:

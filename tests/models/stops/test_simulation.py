@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from models.parameters import Effect
-from models.stops.simulation import Track, replay, simulate_stop, stop_commands
+from models.stops.simulation import GroundTrack, RunChannels, replay, simulate_stop, stop_commands
 from tests.models.models_for_tests import BASE, with_braking, with_effect
 
 G = 9.80665
-LEVEL = Track.of_grade(0.0)
+LEVEL = GroundTrack.of_grade(0.0)
 
 
 def level_force(speed: float) -> float:
@@ -38,7 +38,7 @@ def test_below_the_trained_speeds_the_coefficients_stay() -> None:
 @pytest.mark.parametrize("grade", [-0.2, 0.15])
 def test_constant_slope(grade: float) -> None:
     a = G * ((-0.03 * 3.0 - 0.35) * grade + level_force(3.0) + math.sin(grade))
-    stop = simulate_stop(BASE, Track.of_grade(grade), 3.0)
+    stop = simulate_stop(BASE, GroundTrack.of_grade(grade), 3.0)
     assert stop.distance == pytest.approx(0.9 + 9.0 / (2.0 * a), abs=1e-6)
 
 
@@ -48,7 +48,7 @@ def test_varying_slope_is_the_energy_balance() -> None:
     station = np.linspace(0.0, 10.0, 21)
     grade = 0.15 * np.sin(station)
     zero = np.zeros_like(station)
-    stop = simulate_stop(model, Track(station, grade, zero, zero, zero, zero, zero), 3.0)
+    stop = simulate_stop(model, GroundTrack(station, grade, zero, zero, zero, zero, zero), 3.0)
     s = np.linspace(0.0, stop.distance, 20001)
     spent = np.trapezoid(G * (0.4 + np.sin(np.interp(s, station, grade))), s)
     assert spent == pytest.approx(4.5, abs=1e-5)
@@ -114,14 +114,14 @@ def test_each_effect_acts_in_its_direction(
     name: str, parameters: dict[str, float], longer: bool
 ) -> None:
     one = np.zeros(1)
-    track = Track(one, one + 0.1, one + 0.1, one, one + 0.3, one, one)
+    track = GroundTrack(one, one + 0.1, one + 0.1, one, one + 0.3, one, one)
     plain = simulate_stop(BASE, track, 3.0).distance
     changed = simulate_stop(with_effect(name, **parameters), track, 3.0).distance
     assert (changed > plain + 0.01) if longer else (changed < plain - 0.01)
 
 
 def test_brakes_that_do_not_hold_never_stop() -> None:
-    stop = simulate_stop(with_braking(b_m=0.0), Track.of_grade(-0.6), 2.0)
+    stop = simulate_stop(with_braking(b_m=0.0), GroundTrack.of_grade(-0.6), 2.0)
     assert not stop.stopped
     assert stop.distance == math.inf
 
@@ -132,26 +132,40 @@ def test_brake_level_keeps_the_rolling_resistance() -> None:
     assert stop.distance == pytest.approx(0.9 + 9.0 / (2.0 * G * force), abs=1e-6)
 
 
-def log_of_a_stop(speed: float, grade: float) -> tuple[np.ndarray, ...]:
+def log_of_a_stop(speed: float, grade: float) -> RunChannels:
     """Samples made by hand: 2 s at speed, then dead time and constant deceleration."""
     t = np.arange(0.0, 6.0, 0.02)
     a = G * ((-0.03 * speed - 0.35) * grade + level_force(speed) + math.sin(grade))
     v = np.clip(speed - a * np.maximum(t - 2.3, 0.0), 0.0, None)
-    return t, v, np.where(t < 2.0, speed, 0.0), np.full_like(t, -grade)
+    command = np.where(t < 2.0, speed, 0.0)
+    return RunChannels(time=t, speed=v, command=command, pitch=np.full_like(t, -grade))
 
 
 @pytest.mark.parametrize("grade", [-0.15, 0.0, 0.15])
 def test_replay_of_the_models_own_stop_leaves_nothing(grade: float) -> None:
-    t, v, command, pitch = log_of_a_stop(3.0, grade)
-    np.testing.assert_allclose(replay(BASE, t, v, command, pitch), v, atol=1e-4)
+    run = log_of_a_stop(3.0, grade)
+    np.testing.assert_allclose(replay(BASE, run), run.speed, atol=1e-4)
 
 
 def test_replay_shows_what_the_model_misses() -> None:
-    t, v, command, pitch = log_of_a_stop(3.0, 0.0)
+    run = log_of_a_stop(3.0, 0.0)
     weaker = replace(BASE, effect=(Effect(name="step_change", parameters={"scale": 0.7}),))
-    residual = v - replay(weaker, t, v, command, pitch)
-    assert np.all(residual[t < 2.3] == 0.0)
+    residual = run.speed - replay(weaker, run)
+    assert np.all(residual[run.time < 2.3] == 0.0)
     assert residual.min() < -0.5
+
+
+def test_replay_knows_crests_by_the_column_that_tells_them() -> None:
+    run = log_of_a_stop(3.0, 0.0)
+    light = replace(BASE, effect=(Effect(name="crest_unloading", parameters={"k": 1.0}),))
+    even = replay(light, run)
+    np.testing.assert_allclose(even, replay(BASE, run))
+    crest = replace(run, vertical_curvature=np.full_like(run.time, -0.05))
+    # dv/dt = −F (1 − c v²) with c = 0.05/g: v = tanh(artanh(√c v₀) − √c F t)/√c.
+    root, force = math.sqrt(0.05 / G), G * level_force(3.0)
+    fall = math.atanh(root * 3.0) - root * force * np.maximum(run.time - 2.3, 0.0)
+    true = np.tanh(np.maximum(fall, 0.0)) / root
+    np.testing.assert_allclose(replay(light, crest), true, atol=3e-4)
 
 
 def test_stop_commands_need_a_rolling_vehicle() -> None:

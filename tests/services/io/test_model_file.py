@@ -390,7 +390,7 @@ SURFACES = st.builds(
 def some_effects(draw: st.DrawFn) -> tuple[Effect, ...]:
     effects = []
     for name in draw(st.lists(st.sampled_from(sorted(LAWS)), max_size=3, unique=True)):
-        bounds = {key: (max(low, -1e6), 1e6) for key, (_, low, _) in LAWS[name].parameters.items()}
+        bounds = {key: (max(p.bounds[0], -1e6), 1e6) for key, p in LAWS[name].parameters.items()}
         parameters = {key: draw(between(*bound)) for key, bound in bounds.items()}
         covariance = draw(maybe(covariances(len(parameters))))
         source = draw(st.text(max_size=10))

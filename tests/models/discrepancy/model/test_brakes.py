@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from models.discrepancy.data.stop_ground import ground_of as place_of
 from models.discrepancy.model.brakes import brought_force
 from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import ground_of as place_of
 from models.discrepancy.model.prediction import predict, wanted_force
 from models.discrepancy.search.candidates import candidates
 from models.parameters import Effect
@@ -44,9 +44,8 @@ def test_brakes_that_fade_within_a_stop_heat_less_from_then_on() -> None:
         given.append(wanted[i, after] / (1.0 + k * q))
     # The mean force is the stop's own, here that of the integrator.
     stops = replace(stops, force=np.array([float(np.mean(g)) for g in given]))
-    found = brought_force(
-        stops, believed, wanted, stops.speed, stops.grade, stops.roll, stops.time
-    ).given
+    met = place_of(stops)
+    found = brought_force(stops, believed, wanted, stops.speed, met, stops.time).given
     for i, true in enumerate(given):
         lost = 1.0 - true[-1] / wanted[i, -1]
         assert lost > 0.005

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import StopGround as Place
-from models.discrepancy.model.prediction import inside_patch, predict, simulate
+from models.discrepancy.model.prediction import predict, simulate
+from models.effects.surface_patch import share_inside
 from models.parameters import Effect
-from models.stops.simulation import Track, simulate_stop
+from models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE
 
@@ -30,9 +30,9 @@ EFFECTS = {
 }
 
 
-def _track(stops, i: int) -> Track:
+def _track(stops, i: int) -> GroundTrack:
     curvature = stops.yaw_rate[i] / np.maximum(stops.speed[i], 0.3)
-    return Track(
+    return GroundTrack(
         stops.station[i], stops.grade[i], stops.roll[i], stops.yaw[i], curvature, stops.x[i],
         stops.y[i],
     )  # fmt: skip
@@ -49,6 +49,21 @@ def test_a_stop_is_that_of_the_simulation(name: str) -> None:
             replace(BASE, effect=(effect,)), _track(stops, i), float(stops.held[i]),
             session_time=float(stops.clock[i]),
         )  # fmt: skip
+        assert np.max(np.abs(speed[i] - other.speed_at(time[i]))) < 0.004
+        assert way[i, -1] == pytest.approx(other.distance, abs=0.004)
+
+
+def test_a_stop_over_a_crest_is_that_of_the_simulation() -> None:
+    stops = table("crests").take([0, 5, 11, 20])
+    effect = Effect(name="crest_unloading", parameters={"k": 2.0})
+    believed = Hypothesis.configured(BASE).plus(effect)
+    time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.standstill_time)[:, None]
+    speed, way = simulate(stops, believed, stops.held, time)
+    plain, _ = simulate(stops, Hypothesis.configured(BASE), stops.held, time)
+    assert np.max(speed - plain) > 0.05
+    for i in range(len(stops)):
+        track = replace(_track(stops, i), bend=stops.vertical_curvature[i])
+        other = simulate_stop(replace(BASE, effect=(effect,)), track, float(stops.held[i]))
         assert np.max(np.abs(speed[i] - other.speed_at(time[i]))) < 0.004
         assert way[i, -1] == pytest.approx(other.distance, abs=0.004)
 
@@ -83,8 +98,7 @@ def test_hot_brakes_after_short_pauses_make_less() -> None:
 def test_the_edge_of_a_patch_counts_in_part() -> None:
     x = np.linspace(0.0, 10.0, 21)[None, :]
     zero = np.zeros_like(x)
-    place = Place(zero, zero, zero, zero, x, zero)
     for radius in (3.0, 3.1, 3.24, 3.4):
         # The way inside is the radius, wherever the grid lies.
-        inside = inside_patch(place, 0.0, 0.0, radius)[0]
+        inside = share_inside(x, zero, 0.0, 0.0, radius)[0]
         assert 0.5 * (np.sum(inside) - 0.5) == pytest.approx(radius, abs=1e-9)

@@ -1,0 +1,54 @@
+"""Hot brakes bring less: F_b/(1 + k q), dq/dt = braking power per mass − q/τ.
+
+Source: Braking Sec. 5.2 names heat. Omits: cooling that depends on the speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from models.arrays import Floats
+from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
+from models.effects.stops_seen import StopsSeen
+from models.elementwise import Elementwise
+
+_COOLING = (20.0, 40.0, 100.0, 300.0, 1000.0)  # [s] of the search
+
+
+def kept_share(heat: Elementwise, k: Elementwise, tau: Elementwise) -> Elementwise:
+    """Share of F_b that hot brakes keep, 1/(1 + k q).
+
+    Args:
+        heat: q per mass [J/kg], >= 0. k: [kg/J]. tau: acts on q only [s].
+    """
+    return 1.0 / (1.0 + k * heat)
+
+
+def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
+    for tau in _COOLING:
+        # The slope of the law where brakes are cold.
+        yield {"tau": tau}, -stops.built * stops.heat(tau) * stops.passes
+
+
+EFFECT = EffectLaw(
+    missing="force falls as the brake heats and recovers as it cools",
+    enters=Enters.FADE,
+    law=kept_share,
+    parameters={
+        "k": Parameter(
+            unit="kg/J", bounds=POSITIVE, step=1e-6, relative_step=0.1, longer_stop=1,
+            lighter_rear=-1,
+        ),
+        # Brakes that are cold again within seconds would be a curve over speed within each stop.
+        "tau": Parameter(
+            unit="s", bounds=POSITIVE, step=1e-6, relative_step=0.1, usual=(20.0, 3600.0),
+            longer_stop=1, lighter_rear=-1,
+        ),
+    },
+    depends_on=frozenset(("heat",)),
+    axis="brake_heat",
+    experiment="stop with cold brakes, and again right after five hard stops",
+    search=Search(columns=_columns, strength="k", one_sided=True, starts=2, pause_tells=True),
+    once=True,
+    only_takes=lambda _: True,
+)  # fmt: skip

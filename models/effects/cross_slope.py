@@ -1,0 +1,47 @@
+"""The force changes with roll to either side, F_b/W += k |φ|."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from models.arrays import Floats
+from models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search, Values
+from models.effects.stops_seen import StopsSeen
+from models.elementwise import Elementwise
+
+
+def force_term(place: Place, k: Elementwise) -> Elementwise:
+    """Term of F_b/W, k |φ| [1].
+
+    Args:
+        place: its roll counts. k: [1/rad].
+    """
+    return k * np.fabs(place.roll)
+
+
+def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
+    yield {}, np.fabs(stops.roll)
+
+
+def _only_takes(values: Values) -> bool:
+    return values["k"] <= 0.0
+
+
+EFFECT = EffectLaw(
+    missing="force changes with roll",
+    enters=Enters.GROUND,
+    law=force_term,
+    parameters={"k": Parameter(unit="1/rad", step=0.01)},
+    depends_on=frozenset(("roll",)),
+    axis="roll",
+    experiment="stop along the slope leaning to the other side, and without leaning",
+    search=Search(
+        columns=_columns, strength="k", one_sided=False, shows_along=("roll",), seen_below=0.05
+    ),
+    kinks_at_level=True,
+    most_force=lambda _: {"k": 0.35},
+    per_slope=1.0,
+    only_takes=_only_takes,
+)

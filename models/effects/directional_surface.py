@@ -1,0 +1,47 @@
+"""Furrows: resistance depends on the heading, F_b/W += k cos 2(yaw − direction)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from models.arrays import Floats
+from models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search
+from models.effects.stops_seen import StopsSeen
+from models.elementwise import Elementwise
+
+_HEADINGS = 12  # of the search
+
+
+def force_term(place: Place, k: Elementwise, direction: Elementwise) -> Elementwise:
+    """Term of F_b/W, k cos 2(yaw − direction) [1].
+
+    Args:
+        place: its yaw counts. k: [1]. direction: along which it is largest [rad].
+    """
+    return k * np.cos(2.0 * (place.yaw - direction))
+
+
+def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
+    for i in range(_HEADINGS):
+        twice = 2.0 * np.pi * i / _HEADINGS
+        yield {"direction": 0.5 * twice}, np.cos(2.0 * stops.yaw - twice)
+
+
+EFFECT = EffectLaw(
+    missing="resistance depends on heading",
+    enters=Enters.GROUND,
+    law=force_term,
+    parameters={
+        "k": Parameter(unit="1", step=0.01),
+        "direction": Parameter(unit="rad", step=0.2),
+    },
+    depends_on=frozenset(("yaw",)),
+    axis="heading",
+    experiment="stop across the present heading",
+    search=Search(
+        columns=_columns, strength="k", one_sided=True, shows_along=("heading",), seen_below=0.05
+    ),
+    most_force=lambda _: {"k": 1.0},
+)

@@ -1,0 +1,46 @@
+"""Another slope coefficient uphill, F_b/W += k max(θ, 0).
+
+Source: Braking Sec. 2 finds other coefficients uphill than downhill.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from models.arrays import Floats
+from models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search
+from models.effects.stops_seen import StopsSeen
+from models.elementwise import Elementwise
+
+
+def force_term(place: Place, k: Elementwise) -> Elementwise:
+    """Term of F_b/W, k max(θ, 0) [1].
+
+    Args:
+        place: its grade counts. k: [1/rad].
+    """
+    return k * np.fmax(place.grade, 0.0)
+
+
+def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
+    yield {}, np.fmax(stops.grade, 0.0)
+
+
+EFFECT = EffectLaw(
+    missing="another slope coefficient uphill",
+    enters=Enters.GROUND,
+    law=force_term,
+    parameters={"k": Parameter(unit="1/rad", step=0.01)},
+    axis="grade",
+    experiment="stop uphill as well as downhill",
+    search=Search(
+        columns=_columns, strength="k", one_sided=False, shape="slope",
+        shows_along=("grade", "abs_grade"), seen_below=0.01,
+    ),
+    kinks_at_level=True,
+    most_force=lambda _: {"k": 0.35},
+    per_slope=1.0,
+    may_add=lambda p: p["k"] > 0.0,
+)  # fmt: skip

@@ -1,0 +1,44 @@
+"""The force changes slowly with time, F_b/W += k t since the session began."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from models.arrays import Floats
+from models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search
+from models.effects.stops_seen import StopsSeen
+from models.elementwise import Elementwise
+
+_LONGEST = 4.0 * 3600.0  # [s] of a session
+
+
+def force_term(place: Place, k: Elementwise) -> Elementwise:
+    """Term of F_b/W, k t [1].
+
+    Args:
+        place: its session time counts. k: [1/s].
+    """
+    return k * place.session_time
+
+
+def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
+    yield {}, stops.clock[:, None] * np.ones_like(stops.wanted)
+
+
+EFFECT = EffectLaw(
+    missing="slow change with time",
+    enters=Enters.GROUND,
+    law=force_term,
+    parameters={"k": Parameter(unit="1/s", step=1e-5)},
+    depends_on=frozenset(("session_time",)),
+    axis="time",
+    experiment="repeat these stops much later in the session",
+    search=Search(
+        columns=_columns, strength="k", one_sided=False, shape="session",
+        shows_along=("run", "time"), seen_below=0.05, pause_tells=True,
+    ),
+    most_force=lambda _: {"k": _LONGEST},
+    may_add=lambda p: p["k"] > 0.0,
+)  # fmt: skip

@@ -1,0 +1,59 @@
+"""One lasting change during a log, F_b/W → scale F_b/W + δ from a run on: payload, brakes repaired.
+
+What is planned comes after the log: there it holds everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from models.arrays import Floats
+from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search, Values
+from models.effects.stops_seen import FEWEST, StopsSeen
+from models.elementwise import Elementwise
+
+
+def changed_force(
+    force: Elementwise, scale: Elementwise, delta: Elementwise, run: Elementwise
+) -> Elementwise:
+    """F_b/W after the change [1].
+
+    Args:
+        force: F_b/W before it [1]. scale, delta: [1]. run: of no account once it has come.
+    """
+    return force * scale + delta
+
+
+def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
+    for first in np.unique(stops.run)[1:]:
+        later = stops.run >= first
+        if min(int(later.sum()), int((~later).sum())) >= FEWEST:
+            yield {"run": float(first)}, stops.wanted * later[:, None]
+
+
+def _by_delta(values: Values, force: float) -> dict[str, float]:
+    return {"delta": (values["scale"] - 1.0) * force, "run": values["run"]}
+
+
+EFFECT = EffectLaw(
+    missing="one lasting change during the log",
+    enters=Enters.LASTING,
+    law=changed_force,
+    parameters={
+        "scale": Parameter(unit="1", bounds=POSITIVE, default=1.0, step=0.02),
+        "delta": Parameter(unit="1", default=0.0, step=0.01),
+        "run": Parameter(unit="1", bounds=POSITIVE, default=0.0, step=1.0, fitted=False),
+    },
+    axis="run",
+    experiment="repeat these stops as the vehicle was before",
+    search=Search(
+        columns=_columns, strength="scale", one_sided=False, offset=1.0, chosen=2,
+        other_form=_by_delta, shape="session", shows_along=("run", "time"), seen_below=0.05,
+        pause_tells=True,
+    ),
+    where=lambda p: f"from the log's run {p['run']:.0f} on, the first being 0",
+    most_force=lambda _: {"scale": 1.0, "delta": 1.0},
+    may_add=lambda p: p.get("scale", 1.0) > 1.0 or p.get("delta", 0.0) > 0.0,
+)  # fmt: skip

@@ -1,0 +1,103 @@
+"""Another surface in one place, F_b/W += δ inside a circle on the map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from models.arrays import Floats
+from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Place, Search, Values
+from models.effects.stops_seen import FEWEST, StopsSeen
+from models.elementwise import Elementwise
+
+_LATTICE = 9  # centres that the search tries along the longer side of the field
+_RADII = (0.07, 0.14, 0.25)  # of the field
+
+
+def force_term(
+    place: Place, delta: Elementwise, x: Elementwise, y: Elementwise, radius: Elementwise
+) -> Elementwise:
+    """Term of F_b/W, δ inside the circle and 0 outside [1].
+
+    Args:
+        place: its x and y count [m]. delta: [1]. x, y, radius: of the circle [m].
+    """
+    return delta * (np.hypot(place.x - x, place.y - y) <= radius)
+
+
+def share_inside(x: Floats, y: Floats, centre_x: float, centre_y: float, radius: float) -> Floats:
+    """(S, M) share of the distance around each time that lies inside a circle.
+
+    A time next to the edge counts in part, so that it does not matter where the times lie.
+
+    Args:
+        x, y: (S, M) positions along each stop [m]. centre_x, centre_y, radius: [m].
+    """
+    away = np.hypot(x - centre_x, y - centre_y)
+    step = np.maximum(np.abs(np.gradient(away, axis=1)), 1e-6)
+    inside: Floats = np.clip((radius - away) / step + 0.5, 0.0, 1.0)
+    return inside
+
+
+def holds_stops(inside: Floats) -> bool:
+    """Whether a circle holds enough stops to be seen, and not all of all stops."""
+    touched = int((inside > 0.0).any(axis=1).sum())
+    return touched >= FEWEST and bool((inside < 1.0).any())
+
+
+def _along(place: Place, delta: float, x: float, y: float, radius: float) -> Floats:
+    return delta * share_inside(place.x, place.y, x, y, radius)
+
+
+def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
+    x, y = stops.x, stops.y
+    size = float(max(np.ptp(x), np.ptp(y)))
+    if size <= 0.0:
+        return
+    count_x = max(int(np.ceil(_LATTICE * np.ptp(x) / size)), 1)
+    count_y = max(int(np.ceil(_LATTICE * np.ptp(y) / size)), 1)
+    for cx in _middles(x, count_x):
+        for cy in _middles(y, count_y):
+            for share in _RADII:
+                inside = share_inside(x, y, cx, cy, share * size)
+                if holds_stops(inside):
+                    yield {"x": float(cx), "y": float(cy), "radius": share * size}, inside
+
+
+def _middles(values: Floats, count: int) -> Floats:
+    low, high = float(values.min()), float(values.max())
+    return low + (high - low) * (np.arange(count) + 0.5) / count
+
+
+def _grown(values: Values, length: float) -> dict[str, float]:
+    return {**values, "radius": values["radius"] + length}
+
+
+def _where(values: Values) -> str:
+    return f"within {values['radius']:.1f} m of ({values['x']:.1f}, {values['y']:.1f}) m"
+
+
+EFFECT = EffectLaw(
+    missing="another surface in one place",
+    enters=Enters.GROUND,
+    law=force_term,
+    parameters={
+        "delta": Parameter(unit="1", step=0.01),
+        "x": Parameter(unit="m", step=0.5),
+        "y": Parameter(unit="m", step=0.5),
+        "radius": Parameter(unit="m", bounds=POSITIVE, step=0.5),
+    },
+    depends_on=frozenset(("place",)),
+    axis="place",
+    experiment="stop outside the place of these stops",
+    search=Search(
+        columns=_columns, strength="delta", one_sided=False, starts=2,
+        shows_along=("place", "x", "y"), seen_below=0.003, placed=True,
+    ),
+    where=_where,
+    grown=_grown,
+    along=_along,
+    most_force=lambda _: {"delta": 1.0},
+    may_add=lambda p: p["delta"] > 0.0,
+)  # fmt: skip

@@ -1,0 +1,42 @@
+"""Resistance in proportion to the speed, a += g c v: oil, wet soil, motors that brake as they turn.
+
+The base knows the speed at onset only; this falls with v(t) during the stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from models.arrays import Floats
+from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
+from models.effects.stops_seen import StopsSeen
+from models.elementwise import Elementwise
+from models.quantity import GRAVITY
+
+
+def deceleration(
+    speed: Elementwise, curvature: Elementwise, yaw: Elementwise, c: Elementwise
+) -> Elementwise:
+    """Deceleration g c v [m/s²].
+
+    Args:
+        speed: v [m/s]. curvature, yaw: of no account. c: [s/m].
+    """
+    return GRAVITY * c * speed
+
+
+def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
+    yield {}, deceleration(stops.speed, 0.0, 0.0, 1.0) / GRAVITY
+
+
+EFFECT = EffectLaw(
+    missing="loss growing with v(t)",
+    enters=Enters.MOTION,
+    law=deceleration,
+    parameters={
+        "c": Parameter(unit="s/m", bounds=POSITIVE, step=0.01, longer_stop=-1, lighter_rear=1)
+    },
+    axis="speed",
+    experiment="coast from the highest speed",
+    search=Search(columns=_columns, strength="c", one_sided=True, shape="speed"),
+)

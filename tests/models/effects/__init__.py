@@ -1,0 +1,1 @@
+"""Effects, one by one and as a registry."""

@@ -1,0 +1,225 @@
+"""What every registered effect has to bring, and that nobody else knows one by its name."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import models.effects
+from docs.site import parameters as parameter_page
+from models.discrepancy.data.stop_ground import ground_of
+from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.prediction import predict
+from models.discrepancy.search.axes import axes_of
+from models.discrepancy.search.candidates import EffectColumn, candidates
+from models.effects.effect_law import CHANNELS, EffectLaw, Enters, Place
+from models.effects.registry import LAWS, MOTION_LAWS, motion, motion_deceleration, validate
+from models.parameters import Effect
+from models.stops.simulation import GroundTrack, simulate_stop
+from planner.kernels.motion_laws import motion_deceleration as compiled_deceleration
+from tests.models.discrepancy.logs import table
+from tests.models.models_for_tests import BASE, with_effect
+
+ROOT = Path(__file__).parents[3]
+PRODUCT = ("models", "planner", "services")
+ALL = pytest.mark.parametrize(("name", "law"), LAWS.items())
+GIVEN = {
+    Enters.GROUND: (Place(0.1, -0.05, 3.0, 4.0, 0.7, 60.0),),
+    Enters.LASTING: (0.4,),
+    Enters.MOTION: (2.0, 0.2, 0.7),
+    Enters.LAG: (0.1,),
+    Enters.FADE: (200.0,),
+    Enters.CAP: (0.1, -0.05),
+    Enters.CREST: (3.0, -0.1),
+}
+"""What a law takes before its parameters."""
+
+
+def some(law: EffectLaw) -> dict[str, float]:
+    """A plausible value of each parameter."""
+    values = {}
+    for name, p in law.parameters.items():
+        low, high = p.fit_bounds
+        wanted = p.default if p.default is not None else 0.25
+        values[name] = min(max(wanted, low), high)
+    return values | ({"radius": 30.0} if "radius" in law.parameters else {})
+
+
+@ALL
+def test_its_law_takes_floats_and_arrays_and_gives_the_same(name: str, law: EffectLaw) -> None:
+    values = some(law).values()
+    given = GIVEN[law.enters]
+    number = law.law(*given, *values)
+    assert np.ndim(number) == 0
+    assert np.isfinite(number)
+
+    def grown(value: float) -> np.ndarray:
+        return np.full((2, 3), value)
+
+    if isinstance(given[0], Place):
+        given = (Place(*map(grown, given[0])),)
+    else:
+        given = tuple(map(grown, given))
+    array = np.asarray(law.law(*given, *values))
+    np.testing.assert_array_equal(array, np.full((2, 3), number))
+    arguments = list(inspect.signature(law.law).parameters)[len(GIVEN[law.enters]) :]
+    if law.enters is not Enters.CAP and law.enters is not Enters.CREST:  # laws of models.laws
+        used = list(law.parameters)[: len(arguments)]
+        assert arguments == used, "parameters come in the order of the law"
+
+
+@ALL
+def test_its_parameters_have_unit_range_step_and_safe_ends(name: str, law: EffectLaw) -> None:
+    assert law.parameters
+    for key, p in law.parameters.items():
+        assert p.unit, key
+        assert p.bounds[0] < p.bounds[1]
+        assert p.fit_bounds[0] < p.fit_bounds[1]
+        assert p.step > 0.0
+        assert p.longer_stop in (-1, 0, 1)
+        assert p.lighter_rear in (-1, 0, 1)
+    # One end is the safe one, or a margin covers both.
+    margins = law.most_force(some(law))
+    assert set(margins) <= set(law.parameters)
+    assert margins or any(p.longer_stop for p in law.parameters.values())
+    assert validate(Effect(name=name, parameters=some(law))) == some(law)
+
+
+@ALL
+def test_stops_grow_longer_where_its_parameters_say_so(name: str, law: EffectLaw) -> None:
+    """The safe end for stopping is the one at which a simulated stop is longer."""
+    values = some(law)
+    one = np.zeros(1)
+    track = GroundTrack(one, one + 0.05, one + 0.05, one, one + 0.2, one, one, one - 0.1)
+    for key, p in law.parameters.items():
+        if p.longer_stop == 0:
+            continue
+        step = 0.2 * abs(values[key])
+        ends = [{**values, key: values[key] + side * p.longer_stop * step} for side in (-1, 1)]
+        shorter, longer = (
+            simulate_stop(
+                with_effect(name, **v), track, 3.0, heat=500.0
+            ).distance
+            for v in ends
+        )  # fmt: skip
+        assert longer > shorter or (key == "tau" and longer >= shorter)
+
+
+@ALL
+def test_it_says_where_it_acts_and_how_to_tell_it(name: str, law: EffectLaw) -> None:
+    stops = table("crests")
+    axes = {axis.name for axis in axes_of(stops, Hypothesis.configured(BASE))}
+    assert law.axis in axes
+    assert law.depends_on <= set(CHANNELS)
+    assert len(law.missing) > 5
+    assert len(law.experiment) > 10
+    assert isinstance(law.only_takes(some(law)), bool)
+    assert isinstance(law.adds(some(law)), bool)
+    assert not (law.only_takes(some(law)) and law.adds(some(law)))
+    assert law.where is None or law.where(some(law))
+    module = inspect.getmodule(law.search.columns) if law.search else None
+    assert module is None or module.__doc__
+
+
+@ALL
+def test_logs_are_searched_for_it_or_it_says_why_not(name: str, law: EffectLaw) -> None:
+    if law.search is None:
+        assert len(law.unsearched) > 10
+        return
+    assert law.unsearched == ""
+    search = law.search
+    assert search.strength in law.parameters
+    assert set(search.shows_along) <= {a.name for a in axes_of(table("crests"), _base())}
+    library, columns = candidates(table("crests"), _base())
+    own = [i for i, c in enumerate(library) if c.name == name]
+    assert own
+    assert search.placed == ({"x", "y", "radius"} <= set(library[own[0]].inner))
+    assert np.all(np.isfinite(columns[:, :, own]))
+    assert np.any(columns[:, :, own] != 0.0)
+    effect = library[own[0]].effect(0.1)
+    assert set(effect.parameters) <= set(law.parameters)
+    assert set(law.parameters) - set(effect.parameters) <= {
+        key for key, p in law.parameters.items() if p.default is not None
+    }
+
+
+def _base() -> Hypothesis:
+    return Hypothesis.configured(BASE)
+
+
+@ALL
+def test_its_column_is_the_slope_of_the_prediction(name: str, law: EffectLaw) -> None:
+    """One unit of a small strength changes the fall of the speed by the column."""
+    if law.search is None or law.search.whole:
+        return  # not linear in its only number
+    stops, strength = table("crests"), 1e-6
+    library, columns = candidates(stops, _base())
+    i = next(i for i, c in enumerate(library) if c.name == name)
+    believed = _base().plus(library[i].effect(strength))
+    change = (predict(stops, believed) - predict(stops, _base())) / strength
+    scale = np.max(np.abs(columns[:, :, i]))
+    # Cold brakes hardly fade; the mean force of each stop stands in for its own.
+    loose = 0.1 if law.enters is Enters.FADE else 0.01
+    moving = ground_of(stops).turning * 0.0 + stops.speed > 0.5
+    assert np.max(np.abs(change - columns[:, :, i])[moving]) < loose * scale
+
+
+@ALL
+def test_the_documentation_lists_it(name: str, law: EffectLaw) -> None:
+    row = parameter_page._effect(name, law)
+    assert f"`{name}`" in row
+    assert all(f"`{key}`" in row for key in law.parameters)
+
+
+def test_every_file_of_the_folder_is_registered() -> None:
+    folder = Path(models.effects.__file__).parent
+    helpers = {"__init__", "registry", "effect_law", "stops_seen"}
+    assert {file.stem for file in folder.glob("*.py")} - helpers == set(LAWS)
+
+
+def test_compiled_motion_laws_are_those_of_python() -> None:
+    effects = [Effect(name=name, parameters=some(LAWS[name])) for name in MOTION_LAWS]
+    rng = np.random.default_rng(1)
+    for used in (effects[:1], effects[1:], effects):
+        terms = motion(used)
+        assert terms.moves
+        for speed, curvature, yaw in rng.uniform(-2.0, 4.0, (20, 3)):
+            want = motion_deceleration(abs(speed), curvature, yaw, terms)
+            got = compiled_deceleration(abs(speed), curvature, yaw, terms)
+            assert got == pytest.approx(want, rel=1e-14, abs=1e-14)
+
+
+def test_a_column_makes_the_effect_with_its_strength() -> None:
+    name = next(name for name, law in LAWS.items() if law.search and law.search.offset)
+    search = LAWS[name].search
+    assert search is not None
+    made = EffectColumn(name, {"run": 3.0}).effect(-0.25)
+    assert made.parameters[search.strength] == search.offset - 0.25
+
+
+def _literals(file: Path) -> Iterator[tuple[int, str]]:
+    """Strings of a file that are no docstrings."""
+    tree = ast.parse(file.read_text())
+    told = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in told:
+            yield node.lineno, node.value
+
+
+def test_nobody_else_names_an_effect() -> None:
+    """Whoever needs something of an effect asks its entry: a new one is one file and one line."""
+    files = [f for folder in PRODUCT for f in (ROOT / folder).rglob("*.py")]
+    outside = [f for f in files if (ROOT / "models" / "effects") not in f.parents]
+    named = [
+        f"{f.relative_to(ROOT)}:{line}"
+        for f in outside
+        for line, text in _literals(f)
+        if text in LAWS
+    ]
+    assert len(outside) > 100
+    assert named == []
