@@ -9,6 +9,7 @@ forward.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +71,22 @@ class CandidatePath:
 
 
 @dataclass(frozen=True, slots=True)
+class EvenPath:
+    """One candidate on even stations, made once by :func:`resample`.
+
+    Attributes:
+        name: of the candidate.
+        points: (N, 2) stations, N >= 3, the first and last of them those of the polyline [m].
+        speed_limit: (N,) the lowest of the polyline's limits around each station [m/s], None if
+            there is none.
+    """
+
+    name: str
+    points: Floats
+    speed_limit: Floats | None
+
+
+@dataclass(frozen=True, slots=True)
 class PathBatch:
     """M candidates on even stations, station-major and padded with their last point.
 
@@ -86,24 +103,32 @@ class PathBatch:
     count: Ints
     speed_limit: Floats | None
 
+    def only(self, usable: Ints) -> PathBatch:
+        """Some of the candidates, by their indices (m,)."""
+        x, y = (np.ascontiguousarray(a[:, usable]) for a in (self.x, self.y))
+        limit = self.speed_limit
+        if limit is not None:
+            limit = np.ascontiguousarray(limit[:, usable])
+        return PathBatch(tuple(self.names[j] for j in usable), x, y, self.count[usable], limit)
+
 
 def joined(paths: PathBatch, other: PathBatch) -> PathBatch:
     """Two batches in one, the other's candidates last."""
     parts = (paths, other)
     rows = max(len(part.x) for part in parts)
-    x, y = (_side_by_side([getattr(part, name) for part in parts], rows) for name in "xy")
+    x, y = (_columns([getattr(part, name) for part in parts], rows) for name in "xy")
     limit = None
     if any(part.speed_limit is not None for part in parts):
         known = [
             np.full(part.x.shape, np.inf) if part.speed_limit is None else part.speed_limit
             for part in parts
         ]
-        limit = _side_by_side(known, rows)
+        limit = _columns(known, rows)
     count = np.concatenate([part.count for part in parts])
     return PathBatch(paths.names + other.names, x, y, count, limit)
 
 
-def _side_by_side(arrays: list[Floats], rows: int) -> Floats:
+def _columns(arrays: list[Floats], rows: int) -> Floats:
     """Columns of all arrays, each padded with its last row."""
     out = np.empty((rows, sum(a.shape[1] for a in arrays)))
     j = 0
@@ -157,17 +182,18 @@ def clean(path: CandidatePath) -> tuple[Floats, Floats | None]:
     return points, limit
 
 
-def resample(path: CandidatePath, spacing: float) -> tuple[Floats, Floats | None]:
-    """Even stations along a smoothed path.
+def resample(path: CandidatePath | EvenPath, spacing: float) -> EvenPath:
+    """Even stations along a smoothed path; a path that has them already stays as it is.
 
     Args:
         path: polyline.
         spacing: wanted distance between stations in the plan view [m].
 
-    Returns:
-        (N, 2) points, N >= 3, first and last those of the polyline; and (N,) speed limits, each the
-        lowest of the polyline's limits around the station.
+    Raises:
+        ParameterError: too short, too long, a cusp, or driven backwards.
     """
+    if isinstance(path, EvenPath):
+        return path
     points, limit = clean(path)
     share = _arc(points) / _arc(points)[-1]
     points, stray = _average_noise(points)
@@ -184,25 +210,29 @@ def resample(path: CandidatePath, spacing: float) -> tuple[Floats, Floats | None
         even = points[0] + (wanted / length)[:, None] * (points[1] - points[0])
     else:
         even = _smooth(points, along, wanted, stray)
-    return even, None if limit is None else _lowest_around(wanted / length, share, limit)
+    limits = None if limit is None else _lowest_around(wanted / length, share, limit)
+    return EvenPath(path.name, even, limits)
 
 
-def batch(paths: list[CandidatePath], spacing: float) -> PathBatch:
-    """Resample paths and lay them side by side."""
-    resampled = [resample(path, spacing) for path in paths]
-    count = np.array([len(points) for points, _ in resampled], np.int64)
+def batch(paths: Sequence[CandidatePath | EvenPath], spacing: float) -> PathBatch:
+    """Paths on even stations, side by side; see :func:`resample`."""
+    return side_by_side([resample(path, spacing) for path in paths])
+
+
+def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:
+    """Paths of different lengths as one batch."""
+    count = np.array([len(path.points) for path in paths], np.int64)
     shape = (int(count.max()), len(paths))
     x, y = np.empty(shape), np.empty(shape)
-    limits = np.full(shape, np.inf)
-    for j, (points, limit) in enumerate(resampled):
-        n = len(points)
-        x[:n, j], y[:n, j] = points.T
-        x[n:, j], y[n:, j] = points[-1]
-        if limit is not None:
-            limits[:n, j] = limit
-    any_limit = any(limit is not None for _, limit in resampled)
-    names = tuple(path.name for path in paths)
-    return PathBatch(names, x, y, count, limits if any_limit else None)
+    limits = None
+    if any(path.speed_limit is not None for path in paths):
+        limits = np.full(shape, np.inf)
+    for j, (path, n) in enumerate(zip(paths, count, strict=True)):
+        x[:n, j], y[:n, j] = path.points.T
+        x[n:, j], y[n:, j] = path.points[-1]
+        if limits is not None and path.speed_limit is not None:
+            limits[:n, j] = path.speed_limit
+    return PathBatch(tuple(path.name for path in paths), x, y, count, limits)
 
 
 def noise(points: Floats) -> float:

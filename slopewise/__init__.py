@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from models.errors import SlopewiseError
     from models.parameters import Model
     from planner.ground.elevation_map import ElevationMap
-    from planner.horizon.answer import State
+    from planner.horizon.answer import PlanarState
     from planner.horizon.horizon import Horizon
     from planner.path import CandidatePath
     from planner.plan import SpeedPlan
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from slopewise.planning import check_plan, plan
 
 __all__ = [
-    "CandidatePath", "DriveLog", "ElevationMap", "Horizon", "Model", "PlanClient", "SlopewiseError",
-    "SpeedPlan", "State", "calibrate", "check_plan", "find_discrepancies", "plan", "read_drive_log",
-    "read_map", "read_model", "read_paths", "write_model",
+    "CandidatePath", "DriveLog", "ElevationMap", "Horizon", "Model", "PlanClient", "PlanarState",
+    "SlopewiseError", "SpeedPlan", "calibrate", "check_plan", "find_discrepancies", "plan",
+    "read_drive_log", "read_map", "read_model", "read_paths", "write_model",
 ]  # fmt: skip
 
 _HOMES = {
@@ -47,9 +47,9 @@ _HOMES = {
     "Horizon": "planner.horizon.horizon",
     "Model": "models.parameters",
     "PlanClient": "services.client",
+    "PlanarState": "planner.horizon.answer",
     "SlopewiseError": "models.errors",
     "SpeedPlan": "planner.plan",
-    "State": "planner.horizon.answer",
     "calibrate": "slopewise.learning",
     "check_plan": "slopewise.planning",
     "find_discrepancies": "slopewise.learning",

@@ -14,7 +14,8 @@ from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import terrain_profile
 from planner.ground.uncertainty import Uncertainty
 from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner, rank
+from planner.pipeline.candidates import CandidatePlanner
+from planner.pipeline.ranking import rank
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 from planner.verify.judge import Judgement, check

@@ -8,7 +8,7 @@ import numpy as np
 
 from models.parameters import Model
 from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import State
+from planner.horizon.answer import PlanarState
 from planner.horizon.horizon import Horizon, HorizonSettings
 from planner.path import PathBatch
 
@@ -49,7 +49,7 @@ class MovingHorizon:
     def command(self, view: View) -> Command:
         """One cycle of the horizon."""
         seen = view.state
-        state = State(x=seen.x, y=seen.y, heading=seen.yaw, speed=max(seen.speed, 0.0))
+        state = PlanarState(x=seen.x, y=seen.y, heading=seen.yaw, speed=max(seen.speed, 0.0))
         ahead = _ahead(view)
         clear = max(view.station + view.clear - self._reserve - ahead.begins, 0.0)
         answer = self._horizon.step(state, ahead.paths, view.elevation_map, clear=clear)

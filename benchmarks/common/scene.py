@@ -10,7 +10,8 @@ from models.parameters import Braking, Limits, Model, Terrain
 from models.vehicle import Vehicle
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import Floats, Ints
-from planner.pipeline.candidates import TimeOptimalBatch, time_optimal_batch
+from planner.path import PathBatch
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 
 SPACING = 0.25
 """Between stations in the plan view [m]."""
@@ -40,7 +41,9 @@ class Scene:
 
     def plan(self) -> TimeOptimalBatch:
         """From poses to time-optimal plans with their cost."""
-        return time_optimal_batch(self.elevation_map, self.x, self.y, self.count, self.model)
+        names = tuple(str(j) for j in range(len(self.count)))
+        paths = PathBatch(names, self.x, self.y, self.count, None)
+        return time_optimal_batch(self.elevation_map, paths, self.model)
 
 
 def fan(stations: int, candidates: int) -> Scene:

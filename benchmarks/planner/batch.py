@@ -11,7 +11,7 @@ from planner.bounds.speed_bounds import speed_bounds
 from planner.ground.braking_ground import ground_along
 from planner.ground.terrain_profile import terrain_profile
 from planner.kernels.limits import planning_limits
-from planner.pipeline.candidates import TimeOptimalBatch
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from planner.profile.time_optimal import time_optimal_profile, travel_cost
 
 from ..common.measure import summary, take_turns

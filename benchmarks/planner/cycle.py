@@ -18,7 +18,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from planner.horizon.answer import Answer
+from planner.horizon.answer import CycleAnswer
 from planner.plan import Status
 
 from ..common.load import on_one_core, resident_memory, working
@@ -43,7 +43,7 @@ class Tally:
     statuses: Counter[str] = field(default_factory=Counter)
     fewer: int = 0
 
-    def add(self, seconds: float, worked: float, answer: Answer) -> None:
+    def add(self, seconds: float, worked: float, answer: CycleAnswer) -> None:
         """One cycle."""
         self.seconds.append(seconds)
         self.worked.append(worked)

@@ -7,7 +7,7 @@ from time import perf_counter, thread_time
 import numpy as np
 
 from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import Answer, State
+from planner.horizon.answer import CycleAnswer, PlanarState
 from planner.horizon.horizon import Horizon, HorizonSettings
 from planner.path import PathBatch
 from planner.plan import SpeedPlan
@@ -43,7 +43,7 @@ class Drive:
         self._fan = self._draw()
         self.metres = 0.0
 
-    def step(self) -> tuple[float, float, Answer]:
+    def step(self) -> tuple[float, float, CycleAnswer]:
         """One cycle, and what the vehicle does after it.
 
         Returns:
@@ -52,7 +52,7 @@ class Drive:
         if self._cycle % self._kept == 0:
             self._fan = self._draw()
         self._cycle += 1
-        state = State(x=self._x, y=self._y, heading=self._heading, speed=self._speed)
+        state = PlanarState(x=self._x, y=self._y, heading=self._heading, speed=self._speed)
         worked, begun = thread_time(), perf_counter()
         answer = self.horizon.step(state, self._fan, self._map)
         seconds, worked = perf_counter() - begun, thread_time() - worked
@@ -71,7 +71,7 @@ class Drive:
         names = tuple(f"{self._cycle // self._kept}.{j}" for j in range(CANDIDATES))
         return PathBatch(names, x, y, np.full(CANDIDATES, STATIONS), None)
 
-    def _obey(self, answer: Answer) -> None:
+    def _obey(self, answer: CycleAnswer) -> None:
         plan, wanted = answer.chosen, answer.command.speed
         way = 0.5 * (self._speed + wanted) * _PERIOD
         if plan is not None and way > 0.0:

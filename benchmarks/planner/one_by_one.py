@@ -11,7 +11,8 @@ import numpy as np
 from models.quantity import GRAVITY
 from planner.kernels.compiled import Floats
 from planner.kernels.limits import planning_limits
-from planner.pipeline.candidates import CandidatePlanner, TimeOptimalBatch
+from planner.pipeline.candidates import finished
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from planner.profile.reference import JerkLimitedReference, time_optimal_problem
 from planner.profile.smoothing import SmoothingProblem, smooth
 from planner.profile.time_optimal import time_optimal_profile
@@ -140,7 +141,6 @@ def smooth_answer(problem: SmoothingProblem, speed_sq: Floats) -> Answer:
 def emitted(scene: Scene, chosen: Sequence[int], rounds: int) -> list[Result]:
     """What each plan that is emitted costs: the judge alone, and all of it."""
     solved, model = scene.plan(), scene.model
-    planner = CandidatePlanner(model)
     judging: list[float] = []
     finishing: list[float] = []
     for j in chosen:
@@ -149,7 +149,7 @@ def emitted(scene: Scene, chosen: Sequence[int], rounds: int) -> list[Result]:
             np.ascontiguousarray(solved.speed_sq[:, j]), float(solved.bounds.clear_distance[j]),
             float(solved.ground.distance_offset[j]), solved.ground.motion, model,
         )  # fmt: skip
-        finish = partial(planner.finish, solved, j, "plan", 0.0)
+        finish = partial(finished, solved, j, "plan", smooth=True)
         for action, seconds in ((judge, judging), (finish, finishing)):
             action()
             seconds += [timed(action)[0] for _ in range(rounds)]

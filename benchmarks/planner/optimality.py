@@ -19,9 +19,9 @@ from rich.table import Table
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import Floats
-from planner.kernels.limits import planning_limits
-from planner.pipeline.candidates import time_optimal_batch
-from planner.pipeline.plan_finalizer import PlanFinalizer
+from planner.path import PathBatch
+from planner.pipeline.candidate_column import CandidateColumn
+from planner.pipeline.time_optimal_batch import time_optimal_batch
 from planner.profile.reference import JerkLimitedReference
 from planner.profile.smoothing import SmoothingProblem, smooth
 
@@ -145,18 +145,13 @@ def _draw(rng: np.random.Generator, grounds: list[ElevationMap]) -> Instance | N
     x, y = _path(rng, stations)
     start = float(rng.choice([0.0, rng.uniform(0.0, 2.5)]))
     clear = float(rng.choice([np.inf, rng.uniform(4.0, 20.0)]))
-    solved = time_optimal_batch(
-        ground, x, y, np.array([stations]), model, start_speed=start, clear=clear
-    )
+    path = PathBatch(("path",), x, y, np.array([stations]), None)
+    solved = time_optimal_batch(ground, path, model, start_speed=start, clear=clear)
     # A start that is too fast for service braking is not for smoothing.
     if solved.speed_sq[:, 0].max() < 0.25 or solved.reachable_start_sq[0] < start**2:
         return None
-    finalizer = PlanFinalizer(
-        model, planning_limits(model), solved.profile, solved.ground, solved.bounds, 0,
-        np.array([start**2]),
-    )  # fmt: skip
-    top = np.ascontiguousarray(solved.speed_sq[:, 0])
-    accel, decel = finalizer.segment_limits(top)
+    top = solved.profile_of(0)
+    accel, decel = CandidateColumn(solved, 0, solved.start_sq).segment_limits(top)
     before = float(rng.uniform(-0.5 * decel[0], 0.5 * accel[0])) if start > 0.0 else None
     limits = model.limits
     name = (

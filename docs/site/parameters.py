@@ -83,7 +83,7 @@ def messages_page() -> str:
         "| `v1/params`, `v1/params/GROUP` | queryable and published: parameters |",
         "| `v1/params/set`, `v1/params/rollback`, `v1/params/adopt` | queryable: changes |",
         "| `v1/discrepancy` | queryable: what stored stops say, a look at them |",
-        "| `v1/status` | out: `Status`, JSON |",
+        "| `v1/status` | out: `ServiceStatus`, JSON |",
         "| `v1/alive/ID` | liveliness token |\n",
     ]
     for module in (messages, observations, parameter_messages, finding):

@@ -19,12 +19,13 @@ import numpy as np
 from models.parameters import Model
 from planner.explain.measurements import MEASURABLE
 from planner.explain.relaxed import without
-from planner.explain.what_if import Question, WhatIf
+from planner.explain.what_if import Assumptions, WhatIf
 from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
-from planner.path import CandidatePath
+from planner.path import CandidatePath, EvenPath
+from planner.pipeline.ranking import travel_cost
 from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
 
@@ -32,11 +33,11 @@ _SMOOTHING = 5e-4
 """Share of the travel time by which smoothing may differ from one plan to the next."""
 
 _HARDLY = 0.05
-"""A way farther than that is farther [m]."""
+"""A plan that gets farther by more than that gets farther [m]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class LimitedStretch:
     """Neighbouring stations that the same bound limits.
 
     Attributes:
@@ -93,7 +94,7 @@ class Explanation:
     """
 
     plan: SpeedPlan
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[LimitedStretch, ...]
     costs: tuple[BoundCost, ...]
     measurements: tuple[Measurement, ...]
 
@@ -101,7 +102,7 @@ class Explanation:
 def explain(
     model: Model,
     elevation_map: ElevationMap,
-    path: CandidatePath,
+    path: CandidatePath | EvenPath,
     *,
     settings: PlannerSettings | None = None,
     uncertainty: Uncertainty | None = None,
@@ -129,16 +130,18 @@ def explain(
         elevation_map, path, model, settings=settings, start_speed=start_speed,
         conditions=conditions,
     )  # fmt: skip
-    question = Question(model=model, uncertainty=uncertainty, clear=clear, smooth=settings.smooth)
-    plan = what_if.plan(question)
+    assumptions = Assumptions(
+        model=model, uncertainty=uncertainty, clear=clear, smooth=settings.smooth
+    )
+    plan = what_if.plan(assumptions)
 
-    def gain(other: Question) -> tuple[float, float]:
+    def gain(other: Assumptions) -> tuple[float, float]:
         return _gain(plan, what_if.plan(other), settings)
 
-    costs = [BoundCost(bound, *gain(without(bound, question))) for bound in Limiting]
+    costs = [BoundCost(bound, *gain(without(bound, assumptions))) for bound in Limiting]
     measurements = []
     for measurable in MEASURABLE:
-        seconds, reach = gain(measurable.known(question))
+        seconds, reach = gain(measurable.known(assumptions))
         sentence = f"{measurable.text}: {_bought(seconds, reach)}"
         measurements.append(Measurement(measurable.name, seconds, reach, sentence))
     return Explanation(
@@ -149,7 +152,7 @@ def explain(
     )
 
 
-def stretches(plan: SpeedPlan) -> tuple[Stretch, ...]:
+def stretches(plan: SpeedPlan) -> tuple[LimitedStretch, ...]:
     """Where what limits a plan. What holds at a station holds up to the next."""
     moving = np.flatnonzero(plan.speed > 0.0)
     if len(moving) == 0:
@@ -158,7 +161,7 @@ def stretches(plan: SpeedPlan) -> tuple[Stretch, ...]:
     codes = plan.limiting[:rest]
     edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), rest]
     return tuple(
-        Stretch(
+        LimitedStretch(
             float(plan.station[i]), float(plan.station[k]), Limiting(int(codes[i])),
             float(plan.time[k] - plan.time[i]),
         )
@@ -172,16 +175,11 @@ def _gain(plan: SpeedPlan, other: SpeedPlan, settings: PlannerSettings) -> tuple
     The plan itself stays possible when a bound is lifted, so nothing can be lost; differences
     within the tolerance of smoothing are none.
     """
-    seconds = _cost(plan, settings) - _cost(other, settings)
+    seconds = travel_cost(plan, settings) - travel_cost(other, settings)
     if seconds <= _SMOOTHING * plan.travel_time:
         return 0.0, 0.0
     reach = other.progress - plan.progress
     return seconds, reach if reach > _HARDLY else 0.0
-
-
-def _cost(plan: SpeedPlan, settings: PlannerSettings) -> float:
-    missed = float(plan.station[-1]) - plan.progress
-    return plan.travel_time + settings.horizon_penalty * missed
 
 
 def _bought(seconds: float, reach: float) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from models.parameters import Model
 from planner.explain.relaxed import trained_for
-from planner.explain.what_if import Question
+from planner.explain.what_if import Assumptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,34 +20,34 @@ class Measurable:
     Attributes:
         name: in files.
         text: what to do, the beginning of a sentence.
-        known: the question as it were if that were known exactly.
+        known: the assumptions as it were if that were known exactly.
     """
 
     name: str
     text: str
-    known: Callable[[Question], Question]
+    known: Callable[[Assumptions], Assumptions]
 
 
-def _braking_known(question: Question) -> Question:
-    effects = tuple(replace(e, covariance=None) for e in question.model.effect)
-    model = replace(_everywhere(question.model, covariance=None, force_std=0.0), effect=effects)
-    uncertainty = question.uncertainty
+def _braking_known(assumptions: Assumptions) -> Assumptions:
+    effects = tuple(replace(e, covariance=None) for e in assumptions.model.effect)
+    model = replace(_everywhere(assumptions.model, covariance=None, force_std=0.0), effect=effects)
+    uncertainty = assumptions.uncertainty
     fresh = None if uncertainty is None else replace(uncertainty, age=0.0)
-    return replace(question, model=model, uncertainty=fresh)
+    return replace(assumptions, model=model, uncertainty=fresh)
 
 
-def _dead_time_known(question: Question) -> Question:
-    return replace(question, model=_everywhere(question.model, dead_time_std=0.0))
+def _dead_time_known(assumptions: Assumptions) -> Assumptions:
+    return replace(assumptions, model=_everywhere(assumptions.model, dead_time_std=0.0))
 
 
-def _no_offset(question: Question) -> Question:
-    return replace(question, model=_everywhere(question.model, distance_offset=0.0))
+def _no_offset(assumptions: Assumptions) -> Assumptions:
+    return replace(assumptions, model=_everywhere(assumptions.model, distance_offset=0.0))
 
 
-def _slopes_known(question: Question) -> Question:
-    uncertainty = question.uncertainty
+def _slopes_known(assumptions: Assumptions) -> Assumptions:
+    uncertainty = assumptions.uncertainty
     exact = None if uncertainty is None else replace(uncertainty, slope_std=0.0)
-    return replace(question, uncertainty=exact)
+    return replace(assumptions, uncertainty=exact)
 
 
 def _everywhere(model: Model, **changes: Any) -> Model:

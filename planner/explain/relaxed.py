@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from models.parameters import Model
-from planner.explain.what_if import Question
+from planner.explain.what_if import Assumptions
 from planner.limiting import Limiting
 
 _FAR = 1e3
@@ -21,20 +21,22 @@ _FAR = 1e3
 _ANY_GRADE = (-1.5, 1.5)
 
 
-def without(bound: Limiting, question: Question) -> Question:
-    """The question with one bound lifted."""
+def without(bound: Limiting, assumptions: Assumptions) -> Assumptions:
+    """The assumptions with one bound lifted."""
     match bound:
         case Limiting.STOPPING_PATH:
-            return replace(question, stops_at_once=True)
+            return replace(assumptions, stops_at_once=True)
         case Limiting.JERK:
-            return replace(question, smooth=False)
+            return replace(assumptions, smooth=False)
         case Limiting.UNKNOWN_TERRAIN:
-            return replace(question, ground_known=True)
+            return replace(assumptions, ground_known=True)
         case Limiting.MODEL_VALIDITY:
-            return replace(question, model=trained_for(question.model, grades=True, speeds=True))
+            return replace(
+                assumptions, model=trained_for(assumptions.model, grades=True, speeds=True)
+            )
         case Limiting.SPEED_LIMIT:
-            return replace(question, path_limits=False, relax=_as_fast_as_trained)
-    return replace(question, relax=_LIFTS[bound])
+            return replace(assumptions, path_limits=False, relax=_as_fast_as_trained)
+    return replace(assumptions, relax=_LIFTS[bound])
 
 
 def trained_for(model: Model, *, grades: bool = False, speeds: bool = False) -> Model:

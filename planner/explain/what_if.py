@@ -1,8 +1,8 @@
 """One candidate planned again with something changed: a bound lifted, something known better.
 
-Path and terrain are sampled once; each question then costs one plan of one candidate, a few
-milliseconds. What comes out went through the same bounds, smoother and judge as any plan. Answers
-are for explanations only: a plan with a lifted bound must not be driven.
+Path and terrain are sampled once; each plan then costs a few milliseconds. What comes out went
+through the same bounds, smoother and judge as any plan. Answers are for explanations only: a plan
+with a lifted bound must not be driven.
 """
 
 from __future__ import annotations
@@ -13,18 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.parameters import Model
-from planner.bounds.speed_bounds import speed_bounds
 from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.surface_table import resolve_surface
 from planner.ground.terrain_profile import terrain_profile
 from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import Floats
-from planner.kernels.limits import planning_limits
-from planner.path import CandidatePath, batch
-from planner.pipeline.plan_finalizer import PlanFinalizer
+from planner.path import CandidatePath, EvenPath, batch
+from planner.pipeline.candidates import finished
+from planner.pipeline.time_optimal_batch import solve
 from planner.plan import SpeedPlan
-from planner.profile.time_optimal import time_optimal_profile
 from planner.settings import PlannerSettings
 
 _AT_ONCE = 50.0
@@ -32,19 +30,19 @@ _AT_ONCE = 50.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
+class Assumptions:
     """What a candidate is planned with; the defaults change nothing.
 
     Attributes:
         model: its mean.
         uncertainty: what the plan has to survive, None for nothing beside the mean.
         clear: station up to which the way is known free [m].
-        lift: applied to the model after uncertainty moved it to the cautious side.
+        relax: applied to the model after uncertainty moved it to the cautious side.
         smooth: limit jerk.
         path_limits: the speed limits of the path count.
         ground_known: unknown ground counts as level and known.
         surfaces_known: surfaces that the model never learned count as the ground it learned on.
-        stops_at_once: emergency stops take no way; the loads they cause stay as they are.
+        stops_at_once: emergency stops take no distance; the loads they cause stay as they are.
     """
 
     model: Model
@@ -59,12 +57,12 @@ class Question:
 
 
 class WhatIf:
-    """One path on one map, for any number of questions."""
+    """One path on one map, planned under any number of assumptions."""
 
     def __init__(
         self,
         elevation_map: ElevationMap,
-        path: CandidatePath,
+        path: CandidatePath | EvenPath,
         model: Model,
         *,
         settings: PlannerSettings | None = None,
@@ -76,7 +74,7 @@ class WhatIf:
         Args:
             elevation_map: ground.
             path: the candidate.
-            model: for its footprint, which no question changes.
+            model: for its footprint, which no assumption changes.
             settings: of planning.
             start_speed: at the first station [m/s].
             conditions: of the moment.
@@ -84,51 +82,38 @@ class WhatIf:
         Raises:
             ParameterError: the path is malformed.
         """
-        settings = settings or PlannerSettings()
-        part = batch([path], settings.spacing_on(elevation_map.resolution))
+        self._settings = settings or PlannerSettings()
+        part = batch([path], self._settings.spacing_on(elevation_map.resolution))
         vehicle = model.vehicle
         self._name, self._limit = path.name, part.speed_limit
         self._profile = terrain_profile(
             elevation_map, part.x, part.y, part.count, vehicle.wheelbase, vehicle.track_width
         )
         self._classes = elevation_map.class_names
-        self._start_sq = np.array([start_speed**2])
+        self._start_speed = start_speed
         self._conditions = conditions
-        self._smooth = settings.smooth
 
-    def plan(self, question: Question) -> SpeedPlan:
-        """The plan under the question's conditions."""
-        model, uncertainty = question.model, question.uncertainty
+    def plan(self, assumptions: Assumptions) -> SpeedPlan:
+        """The plan under these assumptions."""
+        model, uncertainty = assumptions.model, assumptions.uncertainty
         if uncertainty is not None:
             model = uncertainty.cautious(model)
-        if question.relax is not None:
-            model = question.relax(model)
+        if assumptions.relax is not None:
+            model = assumptions.relax(model)
         profile = self._profile
-        if question.ground_known:
+        if assumptions.ground_known:
             profile = replace(profile, known=np.ones_like(profile.known))
         classes = self._classes
-        if question.surfaces_known:
+        if assumptions.surfaces_known:
             classes = tuple(_learned_surface(model, name) for name in classes)
         ground = ground_along(profile, model, classes, self._conditions, uncertainty)
-        if question.stops_at_once:
+        if assumptions.stops_at_once:
             ground = _stopping_at_once(ground)
-        limit = self._limit if question.path_limits else None
-        bounds = speed_bounds(profile, ground, model, np.array([question.clear]), limit)
-        scalars = planning_limits(model)
-        speed_sq, reachable = time_optimal_profile(
-            profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
-            ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
-            self._start_sq, scalars,
+        solved = solve(
+            profile, ground, model, start_speed=self._start_speed, clear=assumptions.clear,
+            speed_limit=self._limit if assumptions.path_limits else None,
         )  # fmt: skip
-        finalizer = PlanFinalizer(
-            model, scalars, profile, ground, bounds, 0, self._start_sq, speed_limit=limit
-        )
-        return finalizer.finish(
-            self._name,
-            np.ascontiguousarray(speed_sq[:, 0]),
-            smoothed=self._smooth and question.smooth,
-            reachable=bool(reachable[0] >= self._start_sq[0] - 1e-9),
-        )
+        return finished(solved, 0, self._name, smooth=self._settings.smooth and assumptions.smooth)
 
 
 def _learned_surface(model: Model, name: str) -> str:
@@ -138,7 +123,10 @@ def _learned_surface(model: Model, name: str) -> str:
 
 
 def _stopping_at_once(ground: BrakingGround) -> BrakingGround:
-    """Ground on which stops take no way; the stronger force, which decides loads, is kept."""
+    """Ground on which stops take no distance.
+
+    The upper bound of the force, which decides loads, is kept.
+    """
 
     def nothing(array: Floats) -> Floats:
         return np.zeros_like(array)

@@ -22,7 +22,8 @@ class HorizonSettings:
     period: float = quantity("s", "From one cycle to the next.", default=0.1, above=0.0)
     switch_gain: float = quantity(
         "s",
-        "By how much, beside a station of progress, a rival must be better to be chosen.",
+        "By how much, beside a station of progress, a candidate must be better than the previous "
+        "plan to be chosen.",
         default=0.3,
         at_least=0.0,
     )
@@ -49,7 +50,7 @@ class HorizonSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class PlanarState:
     """Where the vehicle is: the middle of its wheelbase, in map coordinates.
 
     Attributes:
@@ -70,7 +71,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class SpeedCommand:
     """What to do until the next cycle.
 
     Attributes:
@@ -86,12 +87,12 @@ class Command:
     valid_for: float
 
 
-FULL_STOP = Command(0.0, 0.0, True, 0.0)
+FULL_STOP = SpeedCommand(0.0, 0.0, True, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Deficit:
-    """What the plan that was driven lacks, now that something got worse.
+    """What the previous plan lacks, now that something got worse.
 
     Attributes:
         amount: by how much, in the unit of the bound.
@@ -126,24 +127,24 @@ class Ranked:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class CycleAnswer:
     """The answer of one cycle.
 
     Attributes:
         status, reason: in a word and a sentence; those of the chosen plan, if there is one.
         chosen: the plan to drive, None where there is nothing to drive along.
         command: what to do now; always there.
-        plans: those that were finished, best first; the plan driven so far may be one.
+        plans: those that were finished, best first; the previous one may be among them.
         ranking: all candidates, best first.
-        deficit: what the plan driven so far lacks, None if that was not asked or is nothing.
-        kept: the plan driven so far is driven on as it is.
+        deficit: what the previous plan lacks, None if that was not asked or is nothing.
+        kept: the previous plan is driven on as it is.
         seconds: what each stage took.
     """
 
     status: Status
     reason: str
     chosen: SpeedPlan | None
-    command: Command
+    command: SpeedCommand
     plans: tuple[SpeedPlan, ...] = ()
     ranking: tuple[Ranked, ...] = ()
     deficit: Deficit | None = None
@@ -151,7 +152,7 @@ class Answer:
     seconds: dict[str, float] = field(default_factory=dict)
 
 
-def command_of(plan: SpeedPlan, station: float, now: float, period: float) -> Command:
+def command_of(plan: SpeedPlan, station: float, now: float, period: float) -> SpeedCommand:
     """What to do at a station of a plan.
 
     Args:
@@ -165,4 +166,4 @@ def command_of(plan: SpeedPlan, station: float, now: float, period: float) -> Co
     speed = 0.0
     if later < plan.travel_time:
         speed = max(float(plan.speed[m] + plan.accel[m] * (later - plan.time[m])), 0.0)
-    return Command(speed, float(plan.accel[k]), False, max(plan.travel_time - now, 0.0))
+    return SpeedCommand(speed, float(plan.accel[k]), False, max(plan.travel_time - now, 0.0))

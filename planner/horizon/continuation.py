@@ -1,265 +1,196 @@
-"""The path that is being driven, and how it goes on from one cycle to the next.
+"""The previous plan in this cycle: continued, kept as it is, or braked to a stop.
 
-It keeps its stations, so that the plan of the last cycle is one of this cycle's profiles, exactly.
+All of it happens on the stations of that plan. What is left of it is one of the profiles that are
+possible now; if nothing got worse, the judge can have no objection (docs/decisions/0008).
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.horizon.path_projection import PathProjection, locate, project
-from planner.kernels.compiled import Floats, Ints, kernel
+from planner.horizon.answer import Deficit
+from planner.horizon.cycle_planner import CyclePlanner
+from planner.horizon.offered_path import OfferedPath
+from planner.horizon.path_projection import PathProjection
+from planner.horizon.polyline import Polyline, station_of
+from planner.horizon.previous_plan import BEHIND, PreviousPlan
+from planner.kernels.compiled import Floats
 from planner.path import PathBatch
-from planner.plan import SpeedPlan
+from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from planner.plan import Status
+from planner.verify.judge import Violations
 
-BEHIND = 2
-"""Stations kept behind the vehicle: a station's force is that of its neighbours too, and their
-headings are those of theirs."""
+_LONG = 0.5
+"""A plan that takes longer than that to the next station crawls [s]."""
 
-_WINDOW = 1.0
-_DRIFT = 0.1
-"""A place is looked for on so much of another path, a metre and a share of the way there [m]."""
-
-_AT_END = 1e-6
-
-
-class Points(NamedTuple):
-    """Positions of stations, (N,) [m]."""
-
-    x: Floats
-    y: Floats
-
-    def arc(self) -> Floats:
-        """Distance from the first one in the plan view, (N,) [m]."""
-        arc = np.zeros(len(self.x))
-        _arc(self.x, self.y, arc)
-        return arc
-
-    def foot(
-        self, x: Floats, y: Floats, low: int = 0, high: int | None = None
-    ) -> tuple[Ints, Floats, Floats]:
-        """Where other points are on this polyline.
-
-        Args:
-            x, y: (n,) positions [m].
-            low, high: segments among which the nearest is looked for; all of them if left out.
-
-        Returns:
-            (n,) nearest segments; shares of them, < 0 before and > 1 beyond; distances [m].
-        """
-        segment, share, off = np.empty(len(x), np.int64), np.empty(len(x)), np.empty(len(x))
-        last = len(self.x) - 1
-        _foot(self.x, self.y, x, y, low, last if high is None else high, segment, share, off)
-        return segment, share, off
-
-
-@kernel
-def _arc(x: Floats, y: Floats, arc: Floats) -> None:
-    for i in range(1, x.shape[0]):
-        arc[i] = arc[i - 1] + np.hypot(x[i] - x[i - 1], y[i] - y[i - 1])
-
-
-@kernel
-def _foot(
-    own_x: Floats, own_y: Floats, x: Floats, y: Floats, low: int, high: int,
-    segment: Ints, share: Floats, off: Floats,
-) -> None:  # fmt: skip
-    for j in range(x.shape[0]):
-        segment[j], share[j], least = low, 0.0, np.inf
-        for i in range(low, high):
-            u, away = project(own_x[i], own_y[i], own_x[i + 1], own_y[i + 1], x[j], y[j])
-            if away < least:
-                segment[j], share[j], least = i, u, away
-        off[j] = np.sqrt(least)
+_EXACT = 1e-6
+"""Accelerations closer than this are the same [m/s²]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Driven:
-    """The plan that is being driven, on its own stations.
+class PathAhead:
+    """A path to go on along, with stations behind the vehicle.
 
     Attributes:
-        plan: as it was emitted.
-        speed_limit: (N,) limits of the path itself [m/s], None if it has none.
-        behind: stations that the path had before those of the plan, at most `BEHIND`.
+        path: as a batch of one. first: station of it behind which the vehicle is.
+        clear: station up to which it is free [m]; start: speed at its first station [m/s].
     """
 
-    plan: SpeedPlan
-    speed_limit: Floats | None
-    behind: Points
-
-    def locate(self, at: tuple[float, float], heading: float) -> PathProjection:
-        """The vehicle on the plan's path."""
-        x, y = self.plan.x[:, None], self.plan.y[:, None]
-        return locate(x, y, np.array([len(x)]), at, heading)
-
-    def _share(self, place: PathProjection) -> float:
-        """How much of its segment the vehicle has driven."""
-        x, y, i = self.plan.x, self.plan.y, int(place.segment[0])
-        step = math.hypot(x[i + 1] - x[i], y[i + 1] - y[i])
-        gone = math.hypot(place.x[0] - x[i], place.y[0] - y[i])
-        return min(gone / max(step, 1e-9), 1.0)
-
-    def speed_at(self, place: PathProjection) -> tuple[float, float]:
-        """Speed [m/s] and acceleration [m/s²] of the plan where the vehicle is."""
-        plan, i, u = self.plan, int(place.segment[0]), self._share(place)
-        speed_sq = (1.0 - u) * plan.speed[i] ** 2 + u * plan.speed[i + 1] ** 2
-        return math.sqrt(speed_sq), float(plan.accel[i])
-
-    def station_at(self, place: PathProjection) -> float:
-        """Station of the vehicle on the plan [m]."""
-        station, i = self.plan.station, int(place.segment[0])
-        return float(station[i] + self._share(place) * (station[i + 1] - station[i]))
-
-    def time_at(self, place: PathProjection) -> float:
-        """Time of the plan where the vehicle is [s]."""
-        plan, i = self.plan, int(place.segment[0])
-        mean = 0.5 * float(plan.speed[i] + self.speed_at(place)[0])
-        gone = self._share(place) * float(plan.station[i + 1] - plan.station[i])
-        return float(plan.time[i]) + (gone / mean if mean > 0.0 else 0.0)
-
-    def ahead(self, place: PathProjection) -> Points:
-        """The vehicle's place and the stations after it."""
-        i = int(place.segment[0])
-        return Points(
-            np.concatenate((place.x, self.plan.x[i + 1 :])),
-            np.concatenate((place.y, self.plan.y[i + 1 :])),
-        )
-
-    def agrees(self, place: PathProjection, x: Floats, y: Floats, tolerance: float) -> bool:
-        """Does a path run along this one from the vehicle on, as far as both go?
-
-        Args:
-            place: the vehicle on this path.
-            x, y: (n,) stations of the other path, from the vehicle on [m].
-            tolerance: [m].
-        """
-        own = self.ahead(place)
-        common = Points(x, y).arc() <= own.arc()[-1]
-        nearest, share, off = own.foot(x[common], y[common])
-        # What lies before or beyond this path says nothing.
-        before = (nearest == 0) & (share < 0.0)
-        beyond = (nearest == len(own.x) - 2) & (share > 1.0)
-        return bool(np.all((off <= tolerance) | before | beyond))
-
-    def rest(self, place: PathProjection, behind: int = BEHIND) -> tuple[PathBatch, int]:
-        """The path around and ahead of the vehicle.
-
-        Args:
-            place: the vehicle on this path.
-            behind: stations before the segment in which it is, if there are so many.
-
-        Returns:
-            The path, and the index in it of the station behind the vehicle.
-        """
-        i, known = int(place.segment[0]), len(self.behind.x)
-        first = max(known + i - behind, 0)
-        x, y = (
-            np.concatenate((early, late))[first:]
-            for early, late in ((self.behind.x, self.plan.x), (self.behind.y, self.plan.y))
-        )
-        limit = self.speed_limit
-        if limit is not None:
-            # What the vehicle has left says nothing of what is ahead.
-            limit = np.concatenate((np.full(known, np.inf), limit))[first:]
-        return _alone(self.plan, x, y, limit), known + i - first
-
-    def going_on(
-        self,
-        place: PathProjection,
-        offered: tuple[Floats, Floats, Floats | None],
-        behind: int = BEHIND,
-        *,
-        extended: bool,
-    ) -> tuple[PathBatch, int]:
-        """As :meth:`rest`, under the limits of the path as it is offered now.
-
-        Args:
-            place: the vehicle on this path.
-            offered: stations x, y and limits (n,), from a few behind the vehicle on [m, m, m/s].
-            behind: as of :meth:`rest`.
-            extended: with the stations with which the path goes on now.
-        """
-        path, first = self.rest(place, behind)
-        x, y, limit = offered
-        begin = self._extension(place, x, y) if extended else len(x)
-        limits = None
-        if limit is not None or path.speed_limit is not None:
-            new = np.full(len(x), np.inf) if limit is None else limit
-            now = _limits_along(Points(path.x[:, 0], path.y[:, 0]), first, x, y, new)
-            if path.speed_limit is not None:
-                now = np.minimum(now, path.speed_limit[:, 0])
-            limits = np.concatenate((now, new[begin:]))
-        further = (
-            np.concatenate((path.x[:, 0], x[begin:])),
-            np.concatenate((path.y[:, 0], y[begin:])),
-        )
-        return _alone(self.plan, *further, limits), first
-
-    def _extension(self, place: PathProjection, x: Floats, y: Floats) -> int:
-        """Index of the first offered station beyond the end of this path."""
-        own_x, own_y = self.plan.x, self.plan.y
-        step = float(np.hypot(own_x[-1] - own_x[-2], own_y[-1] - own_y[-2]))
-        direction = (own_x[-1] - own_x[-2]) / step, (own_y[-1] - own_y[-2]) / step
-        length = float(self.ahead(place).arc()[-1])
-        points = Points(x, y)
-        here, _, _ = points.foot(place.x, place.y, high=min(BEHIND + 2, len(x) - 1))
-        along = points.arc()
-        along = along - along[here[0]]
-        off = np.hypot(x - own_x[-1], y - own_y[-1])
-        near = np.abs(along - length) <= _WINDOW + _DRIFT * length
-        if not near.any():
-            return len(x)
-        begin = int(np.argmin(np.where(near, off, np.inf)))
-        further = (x - own_x[-1]) * direction[0] + (y - own_y[-1]) * direction[1]
-        while begin < len(x) and further[begin] < 0.5 * step:
-            begin += 1
-        return begin
+    path: PathBatch
+    first: int
+    clear: float
+    start: float
 
 
-def reached(path: Points, station: Floats, place: tuple[float, float], expected: float) -> float:
-    """Station of a place on a path; inf at its end and beyond.
+@dataclass(frozen=True, slots=True)
+class Continuation:
+    """The previous plan, where the vehicle is on it, and as what its path is offered now.
 
-    Args:
-        path: (N,) stations; station: (N,) of them along the ground [m].
-        place: on another path that runs along this one [m].
-        expected: about where it is: the path may cross itself [m].
+    Attributes:
+        planner: of this cycle.
+        previous: the plan; projection: of the vehicle on it.
+        offered: None if no candidate is that path.
     """
-    window = _WINDOW + _DRIFT * abs(expected)
-    low = int(np.searchsorted(station[1:], expected - window))
-    high = int(np.searchsorted(station[:-1], expected + window, "right"))
-    if low >= high:
-        return np.inf if expected > station[-1] else 0.0
-    segment, share, _ = path.foot(np.array([place[0]]), np.array([place[1]]), low, high)
-    k, u = int(segment[0]), float(share[0])
-    if k == len(station) - 2 and u >= 1.0 - _AT_END:
-        return np.inf
-    return float(station[k] + min(max(u, 0.0), 1.0) * (station[k + 1] - station[k]))
 
+    planner: CyclePlanner
+    previous: PreviousPlan
+    projection: PathProjection
+    offered: OfferedPath | None
 
-def _limits_along(path: Points, first: int, x: Floats, y: Floats, limit: Floats) -> Floats:
-    """Limits of another path at the stations of one that runs along it, (N,) [m/s].
+    @property
+    def _segment(self) -> int:
+        return int(self.projection.segment[0])
 
-    Between two stations of the other path the lower limit counts; up to station ``first``, where
-    the vehicle has been, either one allowed it to be.
-    """
-    k, u, _ = Points(x, y).foot(path.x, path.y)
-    lower, higher = np.minimum(limit[k], limit[k + 1]), np.maximum(limit[k], limit[k + 1])
-    between = np.where(np.arange(len(k)) <= first, higher, lower)
-    here: Floats = np.where(u >= 1.0 - _AT_END, limit[k + 1], between)
-    here = np.where(u <= _AT_END, limit[k], here)
-    # Before the other path begins it has no say.
-    return np.where((k == 0) & (u < -_AT_END), np.inf, here)
+    @property
+    def motion(self) -> tuple[float, float]:
+        """Speed [m/s] and acceleration [m/s²] that the previous plan has here."""
+        return self.previous.speed_at(self.projection)
 
+    @property
+    def rests(self) -> bool:
+        """The plan comes to rest before the next station."""
+        return bool(self.previous.plan.speed[self._segment + 1] <= 0.0)
 
-def _alone(plan: SpeedPlan, x: Floats, y: Floats, limit: Floats | None) -> PathBatch:
-    """One path as a batch."""
-    column = None if limit is None else np.ascontiguousarray(limit[:, None])
-    count = np.array([len(x)], np.int64)
-    return PathBatch(
-        (plan.candidate,), np.ascontiguousarray(x[:, None]), np.ascontiguousarray(y[:, None]),
-        count, column,
-    )  # fmt: skip
+    @property
+    def lingers(self) -> bool:
+        """The plan rests before the next station, or takes long to it."""
+        plan, i = self.previous.plan, self._segment
+        left = float(plan.station[i + 1]) - self.previous.station_at(self.projection)
+        mean = 0.5 * (self.motion[0] + float(plan.speed[i + 1]))
+        return self.rests or left > mean * _LONG
+
+    def path_ahead(self) -> PathAhead | None:
+        """The path of a plan that goes on from this one; None if it has to begin anew."""
+        # What brakes harder than planned braking may has to be planned from where it is by now.
+        service = self.planner.equipment.model.limits.decel
+        if self.rests or -self.previous.plan.accel[self._segment] > service + _EXACT:
+            return None
+        return self._path_ahead(BEHIND, extended=True)
+
+    def go_on(self, ahead: PathAhead, solved: TimeOptimalBatch) -> PreviousPlan | None:
+        """A new plan that goes on from the end of the segment; None if it has to begin anew.
+
+        Args:
+            ahead: of :meth:`path_ahead`. solved: a batch whose last candidate that is.
+        """
+        i, plan = self._segment, self.previous.plan
+        if solved.bounds.barrier_station[-1] >= ahead.first:
+            last = len(solved.cost) - 1
+            finalizer = PlanFinalizer(solved, last, self._fixed_prefix, ahead.first)
+        else:
+            ahead, finalizer = self._finalizer(extended=True, behind=BEHIND - 1)
+        speed_sq, reachable = finalizer.column.fastest()
+        if not reachable:
+            return None
+        profile = Unfinished(speed_sq, passed=True, start_accel=float(plan.accel[i]))
+        first_try = [finalizer]
+        answer = self.planner.finish(
+            plan.candidate,
+            lambda: first_try.pop() if first_try else self._finalizer(extended=True)[1],
+            profile,
+        )
+        # A plan that cannot be repaired stands still: that is none for a vehicle that moves.
+        if answer.speed[0] != plan.speed[i]:
+            return None
+        return PreviousPlan.on(ahead.path, ahead.first, answer)
+
+    def keep(self) -> tuple[PreviousPlan | None, Deficit | None]:
+        """What is left of the plan, as it is; or what it lacks by what is known now."""
+        i, plan = self._segment, self.previous.plan
+        ahead, finalizer = self._finalizer(extended=False)
+        speed_sq = plan.speed[i:] ** 2
+        kept = finalizer.keep(plan.candidate, speed_sq)
+        if kept is not None:
+            if plan.status is Status.DEGRADED:
+                kept = replace(kept, status=plan.status, reason=plan.reason)
+            return PreviousPlan.on(ahead.path, ahead.first, kept), None
+        if plan.status is Status.DEGRADED:
+            return None, None
+        verdict = finalizer.column.judge(speed_sq)
+        kind = int(np.argmax(verdict.violation))
+        k = int(verdict.where[0]) if len(verdict.where) else 0
+        distance = float(plan.station[i + k]) - self.previous.station_at(self.projection)
+        name = Violations._fields[kind]
+        return None, Deficit(float(verdict.violation[kind]), max(distance, 0.0), name)
+
+    def stop(self, why: str) -> PreviousPlan | None:
+        """Service braking on this path, None if that breaches anything."""
+        i, plan = self._segment, self.previous.plan
+        ahead, finalizer = self._finalizer(extended=False)
+        station = plan.station[i:]
+        decel = self.planner.equipment.model.limits.decel
+        slowing = plan.speed[i + 1] ** 2 - 2.0 * decel * (station - station[1])
+        speed_sq = np.minimum(plan.speed[i:] ** 2, np.maximum(slowing, 0.0))
+        speed_sq[:2] = self._fixed_prefix
+        stop = finalizer.keep(plan.candidate, speed_sq)
+        if stop is None:
+            return None
+        reason = f"{why}: stops on the path driven so far"
+        stop = replace(stop, status=Status.DEGRADED, reason=reason)
+        return PreviousPlan.on(ahead.path, ahead.first, stop)
+
+    def _finalizer(
+        self, *, extended: bool, behind: int = BEHIND
+    ) -> tuple[PathAhead, PlanFinalizer]:
+        """The path from the vehicle's segment on, judged with the stations behind it.
+
+        Ground behind the vehicle that is not known any more, or never was, bars nothing ahead: then
+        fewer stations are taken from there.
+        """
+        for stations in range(behind, -1, -1):
+            ahead = self._path_ahead(stations, extended=extended)
+            solved = self.planner.solve(ahead.path, np.array([ahead.clear]), ahead.start)
+            if solved.bounds.barrier_station[0] >= ahead.first:
+                break
+        return ahead, PlanFinalizer(solved, 0, self._fixed_prefix, ahead.first)
+
+    @property
+    def _fixed_prefix(self) -> Floats:
+        """v² at both ends of the vehicle's segment, (2,) [m²/s²]."""
+        i = self._segment
+        fixed_prefix: Floats = self.previous.plan.speed[i : i + 2] ** 2
+        return fixed_prefix
+
+    def _path_ahead(self, behind: int, *, extended: bool) -> PathAhead:
+        if self.offered is None:
+            path, first = self.previous.rest(self.projection, behind)
+        else:
+            path, first = self.previous.going_on(
+                self.projection, self.offered.stations, behind, extended=extended
+            )
+        start = float(self.previous.plan.speed[self._segment])
+        return PathAhead(path, first, self._clear(path, first), start)
+
+    def _clear(self, path: PathBatch, first: int) -> float:
+        """Station of the path up to which it is free: what is offered, else what was known [m]."""
+        station = self.planner.stations(path)
+        i, plan = self._segment, self.previous.plan
+        if self.offered is None:
+            return float(station[first] + plan.clear_distance - plan.station[i])
+        here = self.previous.station_at(self.projection) - float(plan.station[i])
+        expected = float(station[first]) + here + self.offered.free
+        line = Polyline(path.x[:, 0], path.y[:, 0])
+        return station_of(line, station, self.offered.far, expected)

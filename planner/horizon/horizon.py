@@ -1,7 +1,7 @@
 """The moving horizon: from state, candidates and map of this cycle to one plan and one command.
 
-All candidates are planned and judged; the best are smoothed, as many as the time allows. The plan
-that is being driven stays among them on stations of its own: as long as nothing got worse it may be
+All candidates are planned and judged; the best are smoothed, as many as the time allows. The
+previous plan stays among them on stations of its own: as long as nothing got worse it may be
 driven on, so an answer that was `ok` stays `ok` (docs/decisions/0008-horizon.md).
 """
 
@@ -13,18 +13,18 @@ from time import perf_counter
 
 import numpy as np
 
+from models.errors import ParameterError
 from models.parameters import Model
 from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import Answer, State
+from planner.horizon.answer import CycleAnswer, PlanarState
 from planner.horizon.answer import HorizonSettings as HorizonSettings
-from planner.horizon.continuation import Driven
-from planner.horizon.cycle import Cycle, checked_clear
+from planner.horizon.cycle import Cycle
 from planner.horizon.cycle_planner import CyclePlanner, Equipment
+from planner.horizon.previous_plan import PreviousPlan
 from planner.kernels.compiled import Floats
-from planner.kernels.limits import planning_limits
-from planner.path import CandidatePath, PathBatch, batch
+from planner.path import CandidatePath, EvenPath, PathBatch, batch
 from planner.settings import PlannerSettings
 
 
@@ -48,7 +48,7 @@ class Horizon:
         self.settings = settings or HorizonSettings()
         self.planner = planner or PlannerSettings()
         self.uncertainty = uncertainty or Uncertainty()
-        self._driven: Driven | None = None
+        self._previous: PreviousPlan | None = None
         self.learn(model)
 
     @property
@@ -60,29 +60,27 @@ class Horizon:
         """Go on with other parameters, or with the same ones, aged."""
         self.uncertainty = uncertainty or self.uncertainty
         cautious = self.uncertainty.cautious(model)
-        self._equipment = Equipment(
-            cautious, planning_limits(cautious), self.uncertainty, self.settings, self.planner
-        )
+        self._equipment = Equipment(cautious, self.uncertainty, self.settings, self.planner)
 
     def forget(self) -> None:
-        """Go on without the plan driven so far."""
-        self._driven = None
+        """Go on without the previous plan."""
+        self._previous = None
 
     def step(
         self,
-        state: State,
-        paths: PathBatch | Sequence[CandidatePath],
+        state: PlanarState,
+        paths: PathBatch | Sequence[CandidatePath | EvenPath],
         elevation_map: ElevationMap,
         *,
         clear: float | Floats = np.inf,
         conditions: GroundConditions | None = None,
-    ) -> Answer:
+    ) -> CycleAnswer:
         """One cycle.
 
         Args:
             state: of the vehicle now.
-            paths: candidates, at best as stations that are even already. One that is called as the
-                one that is driven, and runs along it, is the same path.
+            paths: candidates, at best as stations that are even already. One that is called as
+                that of the previous plan, and runs along it, is the same path.
             elevation_map: ground as it is known now.
             clear: station up to which the way is known free, counted from the first point of each
                 candidate; one for all, or (M,) [m]. Below 0 nothing is free.
@@ -91,15 +89,28 @@ class Horizon:
         Raises:
             ParameterError: a candidate is malformed, or ``clear`` has another shape.
         """
-        begun = perf_counter()
+        started = perf_counter()
         offered = paths if isinstance(paths, PathBatch) else None
         if not isinstance(paths, PathBatch) and len(paths) > 0:
             offered = batch(list(paths), self.planner.spacing_on(elevation_map.resolution))
         if offered is not None and len(offered.names) == 0:
             offered = None
-        free = checked_clear(clear, 0 if offered is None else len(offered.names))
+        free = _checked_clear(clear, 0 if offered is None else len(offered.names))
         cycle = Cycle(
-            CyclePlanner(self._equipment, elevation_map, conditions, begun), state, self._driven
+            CyclePlanner(self._equipment, elevation_map, conditions, started), state, self._previous
         )
-        answer, self._driven = cycle.run(offered, free)
+        answer, self._previous = cycle.run(offered, free)
         return replace(answer, seconds=cycle.seconds)
+
+
+def _checked_clear(clear: float | Floats, candidates: int) -> Floats:
+    """Clear distances of all candidates, (M,) [m].
+
+    Raises:
+        ParameterError: neither one number nor one for each candidate.
+    """
+    try:
+        return np.broadcast_to(np.asarray(clear, np.float64), (candidates,))
+    except ValueError:
+        expected = f"one distance [m], or {candidates}, one for each candidate"
+        raise ParameterError("clear", f"{expected}; got shape {np.shape(clear)}") from None

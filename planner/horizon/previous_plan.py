@@ -1,234 +1,189 @@
-"""The plan of the last cycle in this one: gone on with, kept as it is, or braked to a stop.
+"""The plan of the last cycle on its own stations, and how its path goes on from there.
 
-All of it happens on the stations of that plan. What is left of it is one of the profiles that are
-possible now; if nothing got worse, the judge can have no objection (docs/decisions/0008).
+It keeps its stations, so that this plan is one of the next cycle's profiles, exactly.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from planner.horizon.answer import Deficit
-from planner.horizon.continuation import BEHIND, Driven, Points, reached
-from planner.horizon.cycle_planner import CyclePlanner, Work
-from planner.horizon.path_projection import PathProjection
+from planner.horizon.path_projection import PathProjection, locate
+from planner.horizon.polyline import Polyline, limits_along, window
 from planner.kernels.compiled import Floats
 from planner.path import PathBatch
-from planner.pipeline.candidates import TimeOptimalBatch
-from planner.pipeline.plan_finalizer import PlanFinalizer
-from planner.plan import SpeedPlan, Status
-from planner.verify.judge import Violations
+from planner.plan import SpeedPlan
 
-_LONG = 0.5
-"""A plan that takes longer than that to the next station crawls [s]."""
-
-_EXACT = 1e-6
-"""Accelerations closer than this are the same [m/s²]."""
+BEHIND = 2
+"""Stations kept behind the vehicle: a station's force is that of its neighbours too, and their
+headings are those of theirs."""
 
 
-@dataclass(frozen=True, slots=True)
-class Offered:
-    """The driven path as it is offered in this cycle.
+class OfferedStations(NamedTuple):
+    """A path as it is offered now: n stations from a few behind the vehicle on.
 
     Attributes:
-        x, y: (n,) stations from a few behind the vehicle on [m].
+        line: their positions.
         limit: (n,) limits of the path itself [m/s], None if it has none.
-        far: end of the path or of the free way, whichever is first [m].
-        free: way along the ground from the vehicle to there [m].
     """
 
-    x: Floats
-    y: Floats
+    line: Polyline
     limit: Floats | None
-    far: tuple[float, float]
-    free: float
-
-
-def offered_path(
-    path: PathBatch, segment: int, station: Floats, left: float, clear: float
-) -> Offered:
-    """What a path offers.
-
-    Args:
-        path: as it came, alone; segment: index of its station behind the vehicle.
-        station: (n,) stations of it along the ground [m].
-        left: station of the vehicle on it; clear: station up to which it is free [m].
-    """
-    n, first = int(path.count[0]), max(segment - BEHIND, 0)
-    end = min(max(clear, 0.0), float(station[n - 1]))
-    far = tuple(float(np.interp(end, station[:n], a[:n, 0])) for a in (path.x, path.y))
-    limit = None if path.speed_limit is None else path.speed_limit[first:n, 0]
-    x, y = path.x[first:n, 0], path.y[first:n, 0]
-    return Offered(x, y, limit, (far[0], far[1]), end - left)
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """A path to go on along, with stations behind the vehicle.
+class PreviousPlan:
+    """The plan that was chosen last, of N stations.
 
     Attributes:
-        path: as a batch of one. first: station of it behind which the vehicle is.
-        clear: station up to which it is free [m]; start: speed at its first station [m/s].
+        plan: as it was answered.
+        speed_limit: (N,) limits of the path itself [m/s], None if it has none.
+        behind: stations that the path had before those of the plan, at most `BEHIND`.
     """
 
-    path: PathBatch
-    first: int
-    clear: float
-    start: float
+    plan: SpeedPlan
+    speed_limit: Floats | None
+    behind: Polyline
 
+    @classmethod
+    def on(cls, path: PathBatch, first: int, plan: SpeedPlan) -> PreviousPlan:
+        """A plan that begins at station ``first`` of a path."""
+        limit = None if path.speed_limit is None else path.speed_limit[first:, 0]
+        behind = slice(max(first - BEHIND, 0), first)
+        return cls(plan, limit, Polyline(path.x[behind, 0], path.y[behind, 0]))
 
-@dataclass(frozen=True, slots=True)
-class PreviousPlanFollower:
-    """The plan driven so far, where the vehicle is on it, and as what it is offered now.
+    def locate(self, at: tuple[float, float], heading: float) -> PathProjection:
+        """The vehicle at a position [m] and heading [rad] on the plan's path."""
+        x, y = self.plan.x[:, None], self.plan.y[:, None]
+        return locate(x, y, np.array([len(x)]), at, heading)
 
-    Attributes:
-        driven: the plan; place: of the vehicle on it.
-        offered: None if no candidate is that path.
-    """
+    def _share(self, projection: PathProjection) -> float:
+        """How much of its segment the vehicle has driven."""
+        x, y, i = self.plan.x, self.plan.y, int(projection.segment[0])
+        step = math.hypot(x[i + 1] - x[i], y[i + 1] - y[i])
+        gone = math.hypot(projection.x[0] - x[i], projection.y[0] - y[i])
+        return min(gone / max(step, 1e-9), 1.0)
 
-    planner: CyclePlanner
-    driven: Driven
-    place: PathProjection
-    offered: Offered | None
+    def speed_at(self, projection: PathProjection) -> tuple[float, float]:
+        """Speed [m/s] and acceleration [m/s²] of the plan where the vehicle is."""
+        plan, i, u = self.plan, int(projection.segment[0]), self._share(projection)
+        speed_sq = (1.0 - u) * plan.speed[i] ** 2 + u * plan.speed[i + 1] ** 2
+        return math.sqrt(speed_sq), float(plan.accel[i])
 
-    @property
-    def _segment(self) -> int:
-        return int(self.place.segment[0])
+    def station_at(self, projection: PathProjection) -> float:
+        """Station of the vehicle on the plan [m]."""
+        station, i = self.plan.station, int(projection.segment[0])
+        return float(station[i] + self._share(projection) * (station[i + 1] - station[i]))
 
-    @property
-    def rests(self) -> bool:
-        """The plan comes to rest before the next station."""
-        return bool(self.driven.plan.speed[self._segment + 1] <= 0.0)
+    def time_at(self, projection: PathProjection) -> float:
+        """Time of the plan where the vehicle is [s]."""
+        plan, i = self.plan, int(projection.segment[0])
+        mean = 0.5 * float(plan.speed[i] + self.speed_at(projection)[0])
+        gone = self._share(projection) * float(plan.station[i + 1] - plan.station[i])
+        return float(plan.time[i]) + (gone / mean if mean > 0.0 else 0.0)
 
-    @property
-    def lingers(self) -> bool:
-        """The plan rests before the next station, or takes long to it."""
-        plan, i = self.driven.plan, self._segment
-        left = float(plan.station[i + 1]) - self.driven.station_at(self.place)
-        mean = 0.5 * (self.driven.speed_at(self.place)[0] + float(plan.speed[i + 1]))
-        return self.rests or left > mean * _LONG
+    def ahead(self, projection: PathProjection) -> Polyline:
+        """The vehicle's projection and the stations after it."""
+        i = int(projection.segment[0])
+        return Polyline(
+            np.concatenate((projection.x, self.plan.x[i + 1 :])),
+            np.concatenate((projection.y, self.plan.y[i + 1 :])),
+        )
 
-    def way_on(self) -> Way | None:
-        """The way of a plan that goes on from this one; None if it has to begin anew."""
-        # What brakes harder than planned braking may has to be planned from where it is by now.
-        service = self.planner.equipment.model.limits.decel
-        if self.rests or -self.driven.plan.accel[self._segment] > service + _EXACT:
-            return None
-        return self._way(BEHIND, extended=True)
-
-    def go_on(self, way: Way, solved: TimeOptimalBatch, limit: Floats | None) -> Driven | None:
-        """A new plan that goes on from the end of the segment; None if it has to begin anew.
+    def agrees(self, projection: PathProjection, other: Polyline, tolerance: float) -> bool:
+        """Does a path run along this one from the vehicle on, as far as both go?
 
         Args:
-            way: of :meth:`way_on`. solved: a batch whose last candidate that is. limit: of all of
-                them [m/s].
+            projection: the vehicle on this path.
+            other: stations of the other path, from the vehicle on.
+            tolerance: [m].
         """
-        i, plan = self._segment, self.driven.plan
-        path, first = way.path, way.first
-        if solved.bounds.barrier_station[-1] >= first:
-            j = len(solved.cost) - 1
-            finalizer = self.planner.finalizer(solved, j, self._fixed_prefix, limit, first)
-        else:
-            path, first, finalizer = self._finalizer(extended=True, behind=BEHIND - 1)
-        speed_sq, reachable = finalizer.fastest()
-        if not reachable:
-            return None
-        work = Work(speed_sq, innocent=True, start_accel=float(plan.accel[i]))
-        again = [finalizer]
-        answer = self.planner.finish(
-            plan.candidate,
-            lambda: again.pop() if again else self._finalizer(extended=True)[2],
-            work,
-        )
-        # A plan that cannot be repaired stands still: that is none for a vehicle that moves.
-        return _driven(answer, path, first) if answer.speed[0] == plan.speed[i] else None
+        ahead = self.ahead(projection)
+        common = other.arc() <= ahead.arc()[-1]
+        nearest, share, off = ahead.foot(Polyline(other.x[common], other.y[common]))
+        # What lies before or beyond this path says nothing.
+        before = (nearest == 0) & (share < 0.0)
+        beyond = (nearest == len(ahead.x) - 2) & (share > 1.0)
+        return bool(np.all((off <= tolerance) | before | beyond))
 
-    def keep(self) -> tuple[Driven | None, Deficit | None]:
-        """What is left of the plan, as it is; or what it lacks by what is known now."""
-        i, plan = self._segment, self.driven.plan
-        path, first, finalizer = self._finalizer(extended=False)
-        speed_sq = plan.speed[i:] ** 2
-        kept = finalizer.keep(plan.candidate, speed_sq)
-        if kept is not None:
-            if plan.status is Status.DEGRADED:
-                kept = replace(kept, status=plan.status, reason=plan.reason)
-            return _driven(kept, path, first), None
-        if plan.status is Status.DEGRADED:
-            return None, None
-        verdict = finalizer.judge(speed_sq)
-        kind = int(np.argmax(verdict.violation))
-        k = int(verdict.where[0]) if len(verdict.where) else 0
-        distance = float(plan.station[i + k]) - self.driven.station_at(self.place)
-        name = Violations._fields[kind]
-        return None, Deficit(float(verdict.violation[kind]), max(distance, 0.0), name)
+    def rest(self, projection: PathProjection, behind: int = BEHIND) -> tuple[PathBatch, int]:
+        """The path around and ahead of the vehicle.
 
-    def stop(self, why: str) -> Driven | None:
-        """Service braking on this path, None if that breaches anything."""
-        i, plan = self._segment, self.driven.plan
-        path, first, finalizer = self._finalizer(extended=False)
-        station = plan.station[i:]
-        decel = self.planner.equipment.model.limits.decel
-        slowing = plan.speed[i + 1] ** 2 - 2.0 * decel * (station - station[1])
-        speed_sq = np.minimum(plan.speed[i:] ** 2, np.maximum(slowing, 0.0))
-        speed_sq[:2] = plan.speed[i : i + 2] ** 2
-        stop = finalizer.keep(plan.candidate, speed_sq)
-        if stop is None:
-            return None
-        reason = f"{why}: stops on the path driven so far"
-        return _driven(replace(stop, status=Status.DEGRADED, reason=reason), path, first)
+        Args:
+            projection: the vehicle on this path.
+            behind: stations before the segment in which it is, if there are so many.
 
-    def _finalizer(
-        self, *, extended: bool, behind: int = BEHIND
-    ) -> tuple[PathBatch, int, PlanFinalizer]:
-        """The path from the vehicle's segment on, judged with the stations behind it.
-
-        Ground behind the vehicle that is not known any more, or never was, bars nothing ahead: then
-        fewer stations are taken from there.
+        Returns:
+            The path, and the index in it of the station behind the vehicle.
         """
-        for some in range(behind, -1, -1):
-            way = self._way(some, extended=extended)
-            path, first = way.path, way.first
-            solved = self.planner.solve(path, np.array([way.clear]), way.start)
-            if solved.bounds.barrier_station[0] >= first:
-                break
-        return (
-            path,
-            first,
-            self.planner.finalizer(solved, 0, self._fixed_prefix, path.speed_limit, first),
+        i, known = int(projection.segment[0]), len(self.behind.x)
+        first = max(known + i - behind, 0)
+        x, y = (
+            np.concatenate((early, late))[first:]
+            for early, late in ((self.behind.x, self.plan.x), (self.behind.y, self.plan.y))
         )
+        limit = self.speed_limit
+        if limit is not None:
+            # What the vehicle has left says nothing of what is ahead.
+            limit = np.concatenate((np.full(known, np.inf), limit))[first:]
+        return self._alone(x, y, limit), known + i - first
 
-    @property
-    def _fixed_prefix(self) -> Floats:
-        """v² at both ends of the vehicle's segment, (2,) [m²/s²]."""
-        i = self._segment
-        fixed_prefix: Floats = self.driven.plan.speed[i : i + 2] ** 2
-        return fixed_prefix
+    def going_on(
+        self,
+        projection: PathProjection,
+        offered: OfferedStations,
+        behind: int = BEHIND,
+        *,
+        extended: bool,
+    ) -> tuple[PathBatch, int]:
+        """As :meth:`rest`, under the limits of the path as it is offered now.
 
-    def _way(self, behind: int, *, extended: bool) -> Way:
-        if self.offered is None:
-            path, first = self.driven.rest(self.place, behind)
-        else:
-            now = self.offered.x, self.offered.y, self.offered.limit
-            path, first = self.driven.going_on(self.place, now, behind, extended=extended)
-        start = float(self.driven.plan.speed[self._segment])
-        return Way(path, first, self._clear(path, first), start)
+        Args:
+            projection: the vehicle on this path.
+            offered: the same path.
+            behind: as of :meth:`rest`.
+            extended: with the stations with which the path goes on now.
+        """
+        path, first = self.rest(projection, behind)
+        line, limit = offered
+        begin = self._extension(projection, line) if extended else len(line.x)
+        limits = None
+        if limit is not None or path.speed_limit is not None:
+            new = np.full(len(line.x), np.inf) if limit is None else limit
+            now = limits_along(Polyline(path.x[:, 0], path.y[:, 0]), first, line, new)
+            if path.speed_limit is not None:
+                now = np.minimum(now, path.speed_limit[:, 0])
+            limits = np.concatenate((now, new[begin:]))
+        x = np.concatenate((path.x[:, 0], line.x[begin:]))
+        y = np.concatenate((path.y[:, 0], line.y[begin:]))
+        return self._alone(x, y, limits), first
 
-    def _clear(self, path: PathBatch, first: int) -> float:
-        """Station of the path up to which it is free: what is offered, else what was known [m]."""
-        station = self.planner.stations(path)
-        i, plan = self._segment, self.driven.plan
-        if self.offered is None:
-            return float(station[first] + plan.clear_distance - plan.station[i])
-        here = self.driven.station_at(self.place) - float(plan.station[i])
-        expected = float(station[first]) + here + self.offered.free
-        points = Points(path.x[:, 0], path.y[:, 0])
-        return reached(points, station, self.offered.far, expected)
+    def _extension(self, projection: PathProjection, offered: Polyline) -> int:
+        """Index of the first offered station beyond the end of this path."""
+        x, y = self.plan.x, self.plan.y
+        step = float(np.hypot(x[-1] - x[-2], y[-1] - y[-2]))
+        direction = (x[-1] - x[-2]) / step, (y[-1] - y[-2]) / step
+        length = float(self.ahead(projection).arc()[-1])
+        here, _, _ = offered.foot(
+            Polyline(projection.x, projection.y), high=min(BEHIND + 2, len(offered.x) - 1)
+        )
+        along = offered.arc()
+        along = along - along[here[0]]
+        off = np.hypot(offered.x - x[-1], offered.y - y[-1])
+        near = np.abs(along - length) <= window(length)
+        if not near.any():
+            return len(offered.x)
+        begin = int(np.argmin(np.where(near, off, np.inf)))
+        further = (offered.x - x[-1]) * direction[0] + (offered.y - y[-1]) * direction[1]
+        while begin < len(offered.x) and further[begin] < 0.5 * step:
+            begin += 1
+        return begin
 
-
-def _driven(plan: SpeedPlan, path: PathBatch, first: int) -> Driven:
-    """A plan that begins at station ``first`` of a path."""
-    limit = None if path.speed_limit is None else path.speed_limit[first:, 0]
-    early = slice(max(first - BEHIND, 0), first)
-    return Driven(plan, limit, Points(path.x[early, 0], path.y[early, 0]))
+    def _alone(self, x: Floats, y: Floats, limit: Floats | None) -> PathBatch:
+        """One path as a batch."""
+        column = None if limit is None else np.ascontiguousarray(limit[:, None])
+        x, y = (np.ascontiguousarray(values[:, None]) for values in (x, y))
+        return PathBatch((self.plan.candidate,), x, y, np.array([len(x)], np.int64), column)

@@ -1,13 +1,15 @@
-"""Why candidates cannot be planned in a cycle: malformed, or out of the vehicle's reach."""
+"""Which candidates can be planned in a cycle; the others are malformed, or out of reach."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from planner.horizon.answer import HorizonSettings
-from planner.horizon.path_projection import FEWEST, PathProjection
+from planner.horizon.answer import HorizonSettings, PlanarState, Ranked
+from planner.horizon.path_cut import FEWEST
+from planner.horizon.path_projection import PathProjection, locate
 from planner.kernels.compiled import Bools, Floats, Ints, kernel
 from planner.path import PathBatch
 
@@ -16,6 +18,48 @@ _ENDS = 0.01
 
 _STEP = 1e-4
 """Stations closer than that are one place [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drivable:
+    """Candidates that can be driven from where the vehicle is.
+
+    Attributes:
+        paths: M candidates, as they came. projection: the vehicle on them.
+        clear: (M,) station up to which the way is known free [m].
+    """
+
+    paths: PathBatch
+    projection: PathProjection
+    clear: Floats
+
+
+def drivable_of(
+    paths: PathBatch, clear: Floats, state: PlanarState, settings: HorizonSettings
+) -> tuple[Drivable | None, tuple[Ranked, ...]]:
+    """Candidates that can be driven, None if there is none; and the others, with reasons.
+
+    Args:
+        paths: M candidates; clear: (M,) station up to which each is known free [m].
+        state: of the vehicle.
+        settings: how far a path may lie from it.
+    """
+    reasons = malformed(paths, clear)
+    sound = np.flatnonzero([not why for why in reasons])
+    drivable = None
+    if len(sound) > 0:
+        part = paths.only(sound) if len(sound) < len(reasons) else paths
+        projection = locate(part.x, part.y, part.count, (state.x, state.y), state.heading)
+        for j, why in zip(sound, out_of_reach(projection, settings), strict=True):
+            reasons[j] = why
+        usable = np.flatnonzero([not why for why in reasons])
+        if len(usable) == len(reasons):
+            drivable = Drivable(paths, projection, clear)
+        elif len(usable) > 0:
+            projection = projection.only(np.searchsorted(sound, usable))
+            drivable = Drivable(paths.only(usable), projection, clear[usable])
+    refused = zip(paths.names, reasons, strict=True)
+    return drivable, tuple(Ranked(name, np.inf, False, why) for name, why in refused if why)
 
 
 def malformed(paths: PathBatch, clear: Floats) -> list[str]:
@@ -42,12 +86,14 @@ def malformed(paths: PathBatch, clear: Floats) -> list[str]:
     return reasons
 
 
-def out_of_reach(place: PathProjection, most: HorizonSettings) -> list[str]:
+def out_of_reach(projection: PathProjection, most: HorizonSettings) -> list[str]:
     """Why candidates cannot be driven from where the vehicle is, empty for those that can."""
-    near = (place.beside <= most.beside) & (-place.along <= most.ahead)
-    drivable = near & (place.turned <= most.turned) & (place.left > _ENDS)
+    near = (projection.beside <= most.beside) & (-projection.along <= most.ahead)
+    drivable = near & (projection.turned <= most.turned) & (projection.remaining > _ENDS)
     reasons = [""] * len(drivable)
-    beside, along, turned = (a.tolist() for a in (place.beside, place.along, place.turned))
+    beside, along, turned = (
+        values.tolist() for values in (projection.beside, projection.along, projection.turned)
+    )
     for j in np.flatnonzero(~drivable).tolist():
         reasons[j] = _refusal(beside[j], -along[j], turned[j], most)
     return reasons

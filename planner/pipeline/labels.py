@@ -21,7 +21,7 @@ _JERK = int(Limiting.JERK)
 
 @inlined
 def _least_force(track: Track, k: int, fast: float) -> float:
-    """The part of the weaker force that depends on speed, up to this one."""
+    """The part of the lower bound of the force that depends on speed, up to this one."""
     slow, part = track.slowest[k], track.lower_slope[k]
     return float(min(slow * part, max(fast, slow) * part))
 
@@ -29,8 +29,8 @@ def _least_force(track: Track, k: int, fast: float) -> float:
 @kernel
 def segment_limits(
     track: Track, speed_sq: Floats, accel_max: Floats, demand: Floats, braking_intercept: Floats,
-    n: PlanningLimits, accel: Floats, decel: Floats,
-) -> None:  # fmt: skip
+    n: PlanningLimits,
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Accelerations allowed on each segment at any speed up to a profile.
 
     Args:
@@ -38,8 +38,11 @@ def segment_limits(
         speed_sq: (N,) the profile [m²/s²].
         accel_max, demand, braking_intercept: (N,) as of bounds and ground.
         n: the model.
-        accel, decel: (N − 1,) out, both >= 0 [m/s²].
+
+    Returns:
+        Acceleration and deceleration, (N − 1,) each, both >= 0 [m/s²].
     """
+    accel, decel = np.empty(speed_sq.shape[0] - 1), np.empty(speed_sq.shape[0] - 1)
     sine_before = np.sin(track.grade[0])
     for k in range(speed_sq.shape[0] - 1):
         sine = np.sin(track.grade[k + 1])
@@ -53,13 +56,14 @@ def segment_limits(
         accel[k] = max(min(accel_max[k], accel_max[k + 1], powered), 0.0)
         decel[k] = max(min(GRAVITY * braking, n.decel), 0.0)
         sine_before = sine
+    return accel, decel
 
 
 @kernel
 def labels(
     speed_sq: Floats, accel: Floats, bound: Floats, bound_label: Ints, accel_max: Floats,
-    decel_max: Floats, most_accel: float, smoothed: bool, result: Ints,
-) -> None:  # fmt: skip
+    decel_max: Floats, most_accel: float, smoothed: bool,
+) -> Ints:  # fmt: skip
     """What holds at each station: its bound, or how fast the speed may change around it.
 
     Args:
@@ -68,8 +72,11 @@ def labels(
         accel_max, decel_max: (N − 1,) of :func:`segment_limits`.
         most_accel: by comfort; less than that is for want of traction [m/s²].
         smoothed: what holds neither bound nor acceleration back is jerk.
-        result: (N,) out, as :class:`planner.limiting.Limiting`.
+
+    Returns:
+        (N,) codes of :class:`planner.limiting.Limiting`.
     """
+    result = np.empty(speed_sq.shape[0], np.int64)
     for k in range(speed_sq.shape[0]):
         if speed_sq[k] >= bound[k] - 1e-3 * max(bound[k], 0.05):
             result[k] = bound_label[k]
@@ -83,3 +90,4 @@ def labels(
             label = _TRACTION if accel_max[segment] < 0.99 * most_accel else _ACCEL
             full = highest >= accel_max[segment] * 0.99 - _HARDLY
         result[k] = label if full or not smoothed else _JERK
+    return result

@@ -43,7 +43,7 @@ from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import words_of
 from services.wire.messages import Path as CandidateMessage
-from services.wire.messages import PlanRequest, Status
+from services.wire.messages import PlanRequest, ServiceStatus
 
 _log = logging.getLogger("slopewise")
 
@@ -140,10 +140,10 @@ class Service:
         """Let :meth:`wait` return; may be called from anywhere."""
         self._stopped.set()
 
-    def status(self) -> Status:
+    def status(self) -> ServiceStatus:
         """How the service is."""
         ground = self.maps.ground
-        return Status(
+        return ServiceStatus(
             service=self.config.id,
             uptime=time.monotonic() - self._begun,
             parameters=self.plans.parameters.message(),
@@ -167,7 +167,7 @@ class Service:
         """Another service with this id tells of itself here, too; anything else is none of ours."""
         with contextlib.suppress(InputError):
             other = codec.decode(
-                Status, sample.payload, str(sample.encoding), "status", _LARGEST_STATUS
+                ServiceStatus, sample.payload, str(sample.encoding), "status", _LARGEST_STATUS
             )
             if other.service == self.config.id and other.instance != self._instance:
                 self._has_twin()
@@ -179,7 +179,7 @@ class Service:
         publisher = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP
         )
-        encoding = codec.encoding_of(Status, Format.JSON)
+        encoding = codec.encoding_of(ServiceStatus, Format.JSON)
         while not self._stopped.wait(self.config.status.period):
             publisher.put(codec.encode(self.status(), Format.JSON), encoding=encoding)
             self._watch_learning()

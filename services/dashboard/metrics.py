@@ -13,13 +13,13 @@ from prometheus_client.core import (
 )
 from prometheus_client.registry import Collector
 
-from services.wire.messages import Status
+from services.wire.messages import ServiceStatus
 
 
 class StatusCollector(Collector):
     """Metrics out of the status, made when somebody asks."""
 
-    def __init__(self, status: Callable[[], Status]) -> None:
+    def __init__(self, status: Callable[[], ServiceStatus]) -> None:
         """Ask for the status there."""
         self._status = status
 
@@ -73,7 +73,7 @@ _MOST_FLAGS = 32
 _QUANTILES = {"median": "0.5", "p99": "0.99"}
 
 
-def registry(status: Callable[[], Status]) -> CollectorRegistry:
+def registry(status: Callable[[], ServiceStatus]) -> CollectorRegistry:
     """Metrics of the service and of its process: processor time, memory, open files."""
     made = CollectorRegistry()
     made.register(StatusCollector(status))

@@ -21,7 +21,7 @@ from services.planning.map_store import KnownGround
 from services.report.page import asset, page
 from services.report.plan_data import relief
 from services.report.png import data_uri
-from services.wire.messages import Status
+from services.wire.messages import ServiceStatus
 
 _SCRIPTS = ("helpers.js", "axes.js", "live_map.js", "live_plan.js", "live_learned.js",
             "live_finding.js", "live.js")  # fmt: skip
@@ -44,7 +44,7 @@ Start = Callable[[str, list[tuple[str, str]]], Any]
 class Source:
     """Where the site takes things from; all may be asked from any thread."""
 
-    status: Callable[[], Status]
+    status: Callable[[], ServiceStatus]
     ground: Callable[[], KnownGround | None]
     board: Board
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.dashboard.board import Board, FindingSeen, GroupSeen, PlanSeen
-from services.wire.messages import Plan, Status
+from services.wire.messages import Plan, ServiceStatus
 
 _MOST_STATIONS = 240
 _MOST_OTHERS = 60
@@ -21,7 +21,7 @@ _COLUMNS = ("station", "x", "y", "speed", "speed_bound", "stop_distance")
 _DECIMALS = 3
 
 
-def state(status: Status, board: Board) -> dict[str, Any]:
+def state(status: ServiceStatus, board: Board) -> dict[str, Any]:
     """What changes all the time: status, and the last plan."""
     seen = board.plan
     return {

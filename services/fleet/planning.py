@@ -11,7 +11,7 @@ from pathlib import Path
 
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath, batch
+from planner.path import CandidatePath, EvenPath, resample
 from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan
 from services.fleet import results
@@ -63,16 +63,15 @@ def _planned(
     question: FleetQuestion,
 ) -> list[SpeedPlan | Refused]:
     spacing = planner.settings.spacing_on(ground.resolution)
-    answers: list[SpeedPlan | Refused | None] = [_refused(path, spacing) for path in paths]
-    good = [path for path, answer in zip(paths, answers, strict=True) if answer is None]
+    even = [_even(path, spacing) for path in paths]
+    good = [path for path in even if isinstance(path, EvenPath)]
     plans = iter(planner.plan(ground, good, start_speed=question.start_speed, clear=question.clear))
-    return [next(plans) if answer is None else answer for answer in answers]
+    return [path if isinstance(path, Refused) else next(plans) for path in even]
 
 
-def _refused(path: CandidatePath, spacing: float) -> Refused | None:
+def _even(path: CandidatePath, spacing: float) -> EvenPath | Refused:
     """One path that is none must not keep the others from being planned."""
     try:
-        batch([path], spacing)
+        return resample(path, spacing)
     except ParameterError as error:
         return Refused(path.name, f"{error.field}: expected {error.expected}")
-    return None

@@ -11,7 +11,7 @@ _MOST_TURNED_AWAY = 1024
 """Beyond that nobody is left who could say busy in time."""
 
 
-class Question:
+class PendingQuery:
     """A query from its arrival until somebody answered it."""
 
     __slots__ = ("arrived", "due", "query", "taken")
@@ -30,9 +30,9 @@ class Admission:
     def __init__(self, capacity: int) -> None:
         """Let so many wait."""
         self._capacity = capacity
-        self._waiting: deque[Question] = deque()
-        self._open: set[Question] = set()
-        self._away: deque[Question] = deque()
+        self._waiting: deque[PendingQuery] = deque()
+        self._open: set[PendingQuery] = set()
+        self._away: deque[PendingQuery] = deque()
         self._lock = threading.Lock()
         self._work = threading.Condition(self._lock)
         self._alarm = threading.Condition(self._lock)
@@ -43,7 +43,7 @@ class Admission:
         """Questions that wait."""
         return len(self._waiting)
 
-    def offer(self, question: Question) -> bool:
+    def offer(self, question: PendingQuery) -> bool:
         """Let a question wait, or be told busy; False if there is room for neither."""
         with self._lock:
             if self._closed or len(self._away) >= _MOST_TURNED_AWAY:
@@ -59,14 +59,14 @@ class Admission:
                 self._alarm.notify()
             return True
 
-    def take(self) -> Question | None:
+    def take(self) -> PendingQuery | None:
         """The next question to work on; None once closed."""
         with self._lock:
             while not self._waiting and not self._closed:
                 self._work.wait()
             return None if self._closed else self._waiting.popleft()
 
-    def claim(self, question: Question) -> bool:
+    def claim(self, question: PendingQuery) -> bool:
         """Whoever answers first asks; everybody else is told False."""
         with self._lock:
             first = not question.taken
@@ -74,7 +74,7 @@ class Admission:
             self._open.discard(question)
             return first
 
-    def late(self) -> list[Question] | None:
+    def late(self) -> list[PendingQuery] | None:
         """Questions that have to be told busy now, claimed already; None once closed."""
         with self._lock:
             while not self._closed:
@@ -94,7 +94,7 @@ class Admission:
                 self._wakes_at = 0.0
             return None
 
-    def close(self) -> list[Question]:
+    def close(self) -> list[PendingQuery]:
         """Let everybody go; the questions that nobody answered."""
         with self._lock:
             self._closed = True

@@ -18,7 +18,7 @@ import numpy as np
 import zenoh
 
 from models.errors import InputError
-from services.planning.admission import Admission, Question
+from services.planning.admission import Admission, PendingQuery
 from services.planning.map_store import MapStore
 from services.planning.plan_service import PlanService
 from services.settings.service import ServiceConfig
@@ -87,7 +87,7 @@ class PlanEndpoint:
         deadline = min(deadline, planning.longest_deadline)
         self._counters["queries"] += 1
         early = min(planning.early, 0.5 * deadline)
-        if not self._admission.offer(Question(query, deadline - early)):
+        if not self._admission.offer(PendingQuery(query, deadline - early)):
             self._counters["queries_lost"] += 1
 
     def _work(self) -> None:
@@ -104,7 +104,7 @@ class PlanEndpoint:
             finally:
                 self._working.pop(name, None)
 
-    def _answer(self, question: Question) -> None:
+    def _answer(self, question: PendingQuery) -> None:
         begun = time.monotonic()
         query, client = question.query, ""
         encoding = str(query.encoding or "")
@@ -142,7 +142,7 @@ class PlanEndpoint:
                 self._counters["busy"] += 1
                 self._say(question, messages.BUSY, "too many questions to answer this one in time")
 
-    def _say(self, question: Question, status: str, reason: str) -> None:
+    def _say(self, question: PendingQuery, status: str, reason: str) -> None:
         """An answer without plans, to a question that was claimed."""
         written = codec.format_of(str(question.query.encoding or ""))
         reply = PlanReply(status=status, reason=reason, service=self._config.id)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.errors import InputError, ParameterError
-from planner.path import CandidatePath, batch
+from planner.path import CandidatePath, EvenPath, resample
 from services.settings.service import Sizes
-from services.wire.messages import Candidate, Path, PlanRequest
+from services.wire.messages import Path, PlanRequest, RankedCandidate
 
 _FEWEST_POINTS = 3
 _FARTHEST = 1e9
@@ -26,9 +26,9 @@ _FASTEST = 1e3
 
 @dataclass(frozen=True, slots=True)
 class Usable:
-    """A candidate, and the station up to which its way is known free [m]."""
+    """A candidate, and the station up to which it is known free [m]."""
 
-    path: CandidatePath
+    path: CandidatePath | EvenPath
     clear: float
 
 
@@ -56,7 +56,7 @@ def check(request: PlanRequest, sizes: Sizes, source: str) -> None:
 
 def usable_of(
     request: PlanRequest, sizes: Sizes, spacing: float, source: str
-) -> tuple[list[Usable], list[Candidate]]:
+) -> tuple[list[Usable], list[RankedCandidate]]:
     """Candidates in the order given; and those that are refused at a glance, with reasons.
 
     Args:
@@ -66,7 +66,7 @@ def usable_of(
         InputError: all of them together are too long.
     """
     usable: dict[str, Usable] = {}
-    refused: list[Candidate] = []
+    refused: list[RankedCandidate] = []
     stations = 0.0
     for path, length in zip(request.paths, _lengths(request.paths, sizes), strict=True):
         try:
@@ -80,25 +80,24 @@ def usable_of(
             candidate = CandidatePath(path.name, path.points, path.speed_limit)
             usable[path.name] = Usable(candidate, _clear_of(path, request))
         except ParameterError as error:
-            refused.append(Candidate(name=path.name, usable=False, reason=str(error)))
+            refused.append(RankedCandidate(name=path.name, usable=False, reason=str(error)))
     if stations > sizes.stations:
         words = f"expected at most {sizes.stations} stations in all, got {stations:.0f}"
         raise InputError(source, "paths", words)
     return list(usable.values()), refused
 
 
-def without_flaws(
+def resampled(
     offered: Sequence[Usable], spacing: float
-) -> tuple[list[Usable], list[Candidate]]:
-    """Candidates that stations can be laid along; and the others, with reasons."""
+) -> tuple[list[Usable], list[RankedCandidate]]:
+    """Candidates on even stations; and those on which none can be laid, with reasons."""
     usable: list[Usable] = []
-    refused: list[Candidate] = []
+    refused: list[RankedCandidate] = []
     for one in offered:
         try:
-            batch([one.path], spacing)
-            usable.append(one)
+            usable.append(Usable(resample(one.path, spacing), one.clear))
         except ParameterError as error:
-            refused.append(Candidate(name=one.path.name, usable=False, reason=str(error)))
+            refused.append(RankedCandidate(name=one.path.name, usable=False, reason=str(error)))
     return usable, refused
 
 

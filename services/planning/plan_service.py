@@ -16,18 +16,18 @@ import numpy as np
 from models.errors import InputError, ParameterError
 from planner.ground.braking_ground import GroundConditions
 from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import FULL_STOP, State, command_of
-from planner.horizon.answer import Command as PlannedCommand
+from planner.horizon.answer import FULL_STOP, PlanarState, SpeedCommand, command_of
 from planner.horizon.horizon import Horizon
 from planner.limiting import Limiting
-from planner.pipeline.candidates import CandidatePlanner, rank
+from planner.pipeline.candidates import CandidatePlanner
+from planner.pipeline.ranking import rank, ranking_cost
 from planner.plan import SpeedPlan, Status
 from services.parameters.in_use import ParametersInUse
 from services.planning.map_store import KnownGround
-from services.planning.plan_questions import Usable, check, usable_of, without_flaws
+from services.planning.plan_questions import Usable, check, resampled, usable_of
 from services.settings.service import ServiceConfig
 from services.wire import messages
-from services.wire.messages import Candidate, Command, Limit, Plan, PlanReply, PlanRequest
+from services.wire.messages import Limit, Plan, PlanReply, PlanRequest, RankedCandidate, WireCommand
 
 
 class _Client:
@@ -81,14 +81,12 @@ class PlanService:
         usable, refused = usable_of(request, self.config.sizes, spacing, source)
         checked = time.perf_counter()
         plan = self._go_on if request.client else self._stand_alone
+        even, flawed = resampled(usable, spacing)
         try:
-            reply = plan(request, parameters, ground, usable)
+            reply = plan(request, parameters, ground, even)
         except ParameterError as error:
-            usable, more = without_flaws(usable, spacing)
-            if not more:
-                raise InputError(source, error.field, f"expected {error.expected}") from None
-            refused += more
-            reply = plan(request, parameters, ground, usable)
+            raise InputError(source, error.field, f"expected {error.expected}") from None
+        refused += flawed
         seconds = {
             **reply.seconds,
             "check": checked - begun,
@@ -104,7 +102,7 @@ class PlanService:
     ) -> PlanReply:  # fmt: skip
         assert request.pose is not None
         x, y, heading = request.pose
-        state = State(x=x, y=y, heading=heading, speed=request.speed)
+        state = PlanarState(x=x, y=y, heading=heading, speed=request.speed)
         client = self._client(request.client, parameters)
         with client.lock:
             if client.identity != parameters.identity:
@@ -116,7 +114,7 @@ class PlanService:
                 conditions=_conditions(request),
             )  # fmt: skip
         ranking = [
-            Candidate(name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost))
+            RankedCandidate(name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost))
             for r in answer.ranking
         ]
         reply = self._reply(
@@ -148,21 +146,21 @@ class PlanService:
         if not usable:
             return self._reply(request, parameters, ground, "no candidate is usable: full braking")
         planner = self._planner(parameters)
-        plans: list[SpeedPlan] = []
-        for free in sorted({u.clear for u in usable}):
-            plans += planner.plan(
-                ground.elevation_map, [u.path for u in usable if u.clear == free],
-                start_speed=request.speed, clear=free, conditions=_conditions(request),
-            )  # fmt: skip
+        # Of plans as good as each other the one with the shorter clear distance comes first.
+        usable = sorted(usable, key=lambda one: one.clear)
+        plans = planner.plan(
+            ground.elevation_map, [u.path for u in usable], start_speed=request.speed,
+            clear=np.array([u.clear for u in usable]), conditions=_conditions(request),
+        )  # fmt: skip
         settings = self.config.planning.planner()
         plans = rank(plans, settings)
         best = plans[0]
         ranking = [
-            Candidate(
+            RankedCandidate(
                 name=p.candidate,
                 usable=p.status is not Status.INFEASIBLE,
                 reason=p.reason,
-                cost=p.travel_time + settings.horizon_penalty * (float(p.station[-1]) - p.progress),
+                cost=ranking_cost(p, settings),
             )
             for p in plans
         ]
@@ -190,7 +188,7 @@ class PlanService:
 
     def _reply(
         self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround | None,
-        reason: str, status: Status = Status.DEGRADED, command: PlannedCommand = FULL_STOP,
+        reason: str, status: Status = Status.DEGRADED, command: SpeedCommand = FULL_STOP,
         chosen: SpeedPlan | None = None, plans: Sequence[SpeedPlan] = (),
     ) -> PlanReply:  # fmt: skip
         return PlanReply(
@@ -201,7 +199,7 @@ class PlanService:
             parameters=parameters.message(),
             map_version=0 if ground is None else ground.version,
             map_age=None if ground is None else ground.age(),
-            command=Command(
+            command=WireCommand(
                 speed=command.speed,
                 accel=command.accel,
                 stop=command.stop,

@@ -57,6 +57,18 @@ class Planning:
     )
     smooth: bool = True
     spacing: float = quantity("m", "Distance between stations.", default=0.25, above=0.0)
+    horizon_penalty: float = quantity(
+        "s/m", "Ranking: time charged for each metre of path not reached.", default=2.0,
+        at_least=0.0,
+    )  # fmt: skip
+    margin_weight: float = quantity(
+        "s/m", "Ranking: time that a metre of spare clear distance is worth.", default=0.0,
+        at_least=0.0,
+    )  # fmt: skip
+    margin_enough: float = quantity(
+        "m", "Ranking: spare clear distance beyond which more is worth nothing.", default=1.0,
+        at_least=0.0,
+    )  # fmt: skip
     budget: float = quantity("s", "Time for one cycle of a client.", default=0.02, above=0.0)
     period: float = quantity("s", "From one cycle of a client to the next.", default=0.1, above=0.0)
     quantile: float = quantity(
@@ -81,7 +93,13 @@ class Planning:
 
     def planner(self) -> PlannerSettings:
         """What planning takes of it."""
-        return PlannerSettings(spacing=self.spacing, smooth=self.smooth)
+        return PlannerSettings(
+            spacing=self.spacing,
+            smooth=self.smooth,
+            horizon_penalty=self.horizon_penalty,
+            margin_weight=self.margin_weight,
+            margin_enough=self.margin_enough,
+        )
 
     def uncertainty(self) -> Uncertainty:
         """What plans have to survive."""

@@ -40,8 +40,12 @@ class Format(Enum):
 
 
 def schema_of(kind: type[msgspec.Struct]) -> str:
-    """Name and major version of a schema, e.g. ``slopewise.plan_request.v1``."""
-    return f"slopewise.{_CAPITAL.sub('_', kind.__name__).lower()}.v{VERSION}"
+    """Name and major version of a schema, e.g. ``slopewise.plan_request.v1``.
+
+    The name is that of the class, unless the class gives another one as ``SCHEMA``.
+    """
+    name = getattr(kind, "SCHEMA", _CAPITAL.sub("_", kind.__name__).lower())
+    return f"slopewise.{name}.v{VERSION}"
 
 
 def encoding_of(kind: type[msgspec.Struct], written: Format) -> str:

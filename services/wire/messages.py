@@ -5,7 +5,7 @@ Arrays are float64: (n, 2) is n rows of two. What each word means is in docs/nom
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -85,7 +85,7 @@ class Parameters(Message, frozen=True):
     age: float
 
 
-class Command(Message, frozen=True):
+class WireCommand(Message, frozen=True):
     """What to do until the next answer: reach ``speed`` [m/s] within a period at ``accel`` [m/s²];
     ``stop``: brake as hard as the brakes can. The plan may be followed for ``valid_for`` [s].
     """
@@ -96,7 +96,7 @@ class Command(Message, frozen=True):
     valid_for: float
 
 
-class Candidate(Message, frozen=True):
+class RankedCandidate(Message, frozen=True):
     """How one candidate fared. ``cost`` [s] is None where it was not planned."""
 
     name: str
@@ -165,10 +165,10 @@ class PlanReply(Message, frozen=True):
     parameters: Parameters | None = None
     map_version: int = 0
     map_age: float | None = None
-    command: Command | None = None
+    command: WireCommand | None = None
     chosen: str | None = None
     kept: bool = False
-    ranking: list[Candidate] = []
+    ranking: list[RankedCandidate] = []
     plans: list[Plan] = []
     flags: list[str] = []
     seconds: dict[str, float] = {}
@@ -195,8 +195,8 @@ class MapUpdate(Message, frozen=True):
     class_names: Annotated[list[Text], Meta(min_length=1, max_length=62)] | None = None
 
 
-class Status(Message, frozen=True):
-    """How the service is.
+class ServiceStatus(Message, frozen=True):
+    """How the service is; on the wire its schema is called ``status``.
 
     Attributes:
         service: its id. uptime: [s]. parameters, map_version, map_age: as in a reply.
@@ -204,6 +204,8 @@ class Status(Message, frozen=True):
         counters: since the start. instance: differs from one process to the next.
         seconds: median and 99th percentile of late answers, from arrival to reply [s].
     """
+
+    SCHEMA: ClassVar[str] = "status"
 
     service: str
     uptime: float

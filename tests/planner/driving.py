@@ -14,7 +14,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import Answer, State
+from planner.horizon.answer import CycleAnswer, PlanarState
 from planner.horizon.horizon import Horizon, HorizonSettings
 from planner.path import CandidatePath, PathBatch, batch
 from planner.plan import SpeedPlan, Status
@@ -51,26 +51,26 @@ class Drive:
             model_of(self.tables), self.settings, PlannerSettings(), self.uncertainty
         )
         self.rng = np.random.default_rng(self.seed)
-        self.answers: list[Answer] = []
+        self.answers: list[CycleAnswer] = []
 
-    def state(self) -> State:
+    def state(self) -> PlanarState:
         """What is measured: up to the noise in speed, and half as many metres sideways."""
         off, aside = self.rng.uniform(-1.0, 1.0, 2) * self.noise
-        return State(
+        return PlanarState(
             x=self.x - 0.5 * aside * np.sin(self.heading),
             y=self.y + 0.5 * aside * np.cos(self.heading),
             heading=self.heading,
             speed=max(self.speed + off, 0.0),
         )
 
-    def cycle(self) -> Answer:
+    def cycle(self) -> CycleAnswer:
         """Ask once, and drive for one period."""
         answer = self.horizon.step(self.state(), self.paths, self.ground, clear=self.clear)
         self.answers.append(answer)
         self.move(answer)
         return answer
 
-    def move(self, answer: Answer) -> None:
+    def move(self, answer: CycleAnswer) -> None:
         """One period on along the chosen plan; noise makes the way a little shorter or longer.
 
         Speed is that of the plan where the vehicle gets to: near rest a few millimetres matter.

@@ -51,7 +51,8 @@ def distance_to(polyline: np.ndarray, points: np.ndarray) -> np.ndarray:
 def test_two_points_become_even_stations_on_their_line(
     length: float, heading: float, spacing: float
 ) -> None:
-    even, limit = resample(straight(length, heading), spacing)
+    path = resample(straight(length, heading), spacing)
+    even, limit = path.points, path.speed_limit
     along = even @ (np.cos(heading), np.sin(heading))
     across = even @ (-np.sin(heading), np.cos(heading))
     assert limit is None
@@ -64,7 +65,7 @@ def test_two_points_become_even_stations_on_their_line(
 
 
 def test_three_distinct_points_in_a_row_stay_in_their_row() -> None:
-    even, _ = resample(path_of((0, 0), (1, 0), (5, 0)), 0.25)
+    even = resample(path_of((0, 0), (1, 0), (5, 0)), 0.25).points
     np.testing.assert_allclose(even[:, 1], 0.0, atol=1e-9)
     np.testing.assert_allclose(even[[0, -1], 0], (0.0, 5.0), atol=1e-12)
 
@@ -72,7 +73,7 @@ def test_three_distinct_points_in_a_row_stay_in_their_row() -> None:
 @pytest.mark.parametrize("curvature", [-1.0, -0.2, 0.05, 0.5, 1.0])
 def test_arcs_keep_their_curvature_and_even_spacing(curvature: float) -> None:
     path = arc(min(20.0, 5.0 / abs(curvature)), curvature)
-    even, _ = resample(path, 0.1)
+    even = resample(path, 0.1).points
     steps = steps_of(even)
     assert steps.max() / steps.min() < 1.001
     np.testing.assert_allclose(curvature_of(even)[1:-1], curvature, rtol=0.1)
@@ -84,7 +85,7 @@ def test_noise_of_centimetres_does_not_become_curvature(seed: int) -> None:
     points = circle(10.0, 0.1, 2.0, sigma=0.03, seed=seed)
     # Differentiated twice the points themselves would be useless.
     assert np.abs(curvature_of(points)).max() > 3.0
-    even, _ = resample(CandidatePath("noisy", points), 0.25)
+    even = resample(CandidatePath("noisy", points), 0.25).points
     inner = even[8:-8]
     assert np.abs(np.hypot(*inner.T) - 10.0).max() < 0.06
     assert np.abs(curvature_of(inner) - 0.1).max() < 0.02
@@ -92,7 +93,7 @@ def test_noise_of_centimetres_does_not_become_curvature(seed: int) -> None:
 
 def test_distant_vertices_round_the_corner_but_the_path_stays_near_the_polyline() -> None:
     corner = np.array([(0.0, 0.0), (10.0, 0.0), (17.0, 7.0), (27.0, 7.0)])
-    even, _ = resample(CandidatePath("corner", corner), 0.25)
+    even = resample(CandidatePath("corner", corner), 0.25).points
     assert distance_to(corner, even).max() < 0.15
     assert np.abs(curvature_of(even)).max() < 1.0
 
@@ -100,14 +101,14 @@ def test_distant_vertices_round_the_corner_but_the_path_stays_near_the_polyline(
 def test_drawn_points_without_noise_are_kept_within_centimetres() -> None:
     x = np.arange(0.0, 20.0, 0.5)
     points = np.stack([x, np.sin(x / 3.0)], axis=1)
-    even, _ = resample(CandidatePath("sine", points), 0.1)
+    even = resample(CandidatePath("sine", points), 0.1).points
     assert np.abs(even[:, 1] - np.sin(even[:, 0] / 3.0)).max() < 0.06
 
 
 def test_closed_loops_come_back_to_their_start() -> None:
     points = circle(5.0, 0.25, 2.0 * np.pi)
     points = np.concatenate([points, points[:1]])
-    even, _ = resample(CandidatePath("loop", points), 0.25)
+    even = resample(CandidatePath("loop", points), 0.25).points
     np.testing.assert_array_equal(even[0], even[-1])
     assert np.abs(np.hypot(*even.T) - 5.0).max() < 0.07
     assert steps_of(even).sum() == pytest.approx(2.0 * np.pi * 5.0, rel=0.01)
@@ -116,7 +117,7 @@ def test_closed_loops_come_back_to_their_start() -> None:
 def test_a_figure_eight_crosses_itself_freely() -> None:
     t = np.linspace(0.0, 2.0 * np.pi, 120)
     points = np.stack([6.0 * np.sin(t), 3.0 * np.sin(2.0 * t)], axis=1)
-    even, _ = resample(CandidatePath("eight", points), 0.2)
+    even = resample(CandidatePath("eight", points), 0.2).points
     assert distance_to(points, even).max() < 0.08
 
 
@@ -124,7 +125,7 @@ def test_a_u_turn_of_one_metre_radius_is_fine() -> None:
     angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, 30)
     turn = np.stack([4.0 + np.cos(angle), 1.0 + np.sin(angle)], axis=1)
     points = np.concatenate([[(0.0, 0.0)], turn, [(0.0, 2.0)]])
-    even, _ = resample(CandidatePath("u", points), 0.1)
+    even = resample(CandidatePath("u", points), 0.1).points
     assert distance_to(points, even).max() < 0.1
     assert curvature_of(even).max() == pytest.approx(1.0, rel=0.35)
 
@@ -133,7 +134,9 @@ def test_a_u_turn_of_one_metre_radius_is_fine() -> None:
 def test_duplicate_points_change_nothing(copies: int) -> None:
     path = arc(12.0, 0.1)
     twice = CandidatePath("twice", np.repeat(path.points, copies, axis=0))
-    np.testing.assert_allclose(resample(twice, 0.25)[0], resample(path, 0.25)[0], atol=1e-12)
+    np.testing.assert_allclose(
+        resample(twice, 0.25).points, resample(path, 0.25).points, atol=1e-12
+    )
 
 
 def test_the_lowest_limit_of_duplicates_holds() -> None:
@@ -168,20 +171,20 @@ def test_a_cusp_is_refused_with_its_place_and_angle() -> None:
 
 
 def test_a_right_angle_is_no_cusp() -> None:
-    even, _ = resample(path_of((0, 0), (8, 0), (8, 8)), 0.25)
+    even = resample(path_of((0, 0), (8, 0), (8, 8)), 0.25).points
     assert distance_to(np.array([(0, 0), (8, 0), (8, 8)], float), even).max() < 0.15
 
 
 def test_centimetres_of_noise_are_no_cusps() -> None:
     points = circle(10.0, 0.02, 1.0, sigma=0.03, seed=3)
-    even, _ = resample(CandidatePath("noisy", points), 0.25)
+    even = resample(CandidatePath("noisy", points), 0.25).points
     assert np.abs(np.hypot(*even[4:-4].T) - 10.0).max() < 0.05
 
 
 def test_driven_backwards_is_refused_by_its_yaw() -> None:
     path = arc(10.0, 0.1)
     forward = 0.1 * np.linspace(0.0, 10.0, len(path.points))
-    even, _ = resample(CandidatePath("forward", path.points, yaw=forward), 0.25)
+    even = resample(CandidatePath("forward", path.points, yaw=forward), 0.25).points
     assert len(even) > 3
     error = refusal(CandidatePath("back", path.points, yaw=forward + np.pi))
     assert error.field == "yaw"
@@ -234,7 +237,8 @@ def test_resampling_never_raises_a_speed_limit(
     along = np.concatenate([[0.0], np.cumsum(gaps)])
     limit = np.array(limits[: len(along)])
     points = np.stack([along, np.zeros_like(along)], axis=1)
-    even, out = resample(CandidatePath("l", points, speed_limit=limit), spacing)
+    path = resample(CandidatePath("l", points, speed_limit=limit), spacing)
+    even, out = path.points, path.speed_limit
     assert out is not None
     share, place = even[:, 0] / even[-1, 0], along / along[-1]
     for k, s in enumerate(share):
@@ -254,7 +258,8 @@ def test_resampling_never_raises_a_speed_limit(
 def test_limits_are_not_spread_over_the_whole_path() -> None:
     points = np.stack([np.linspace(0.0, 20.0, 11), np.zeros(11)], axis=1)
     limit = np.where(np.arange(11) == 5, 1.0, 3.0)
-    even, out = resample(CandidatePath("l", points, speed_limit=limit), 0.25)
+    path = resample(CandidatePath("l", points, speed_limit=limit), 0.25)
+    even, out = path.points, path.speed_limit
     assert out is not None
     low = even[out == 1.0, 0]
     assert 7.5 <= low.min() <= 10.0
@@ -267,17 +272,27 @@ def test_limits_are_not_spread_over_the_whole_path() -> None:
 
 def test_a_batch_is_its_paths_side_by_side_padded_with_their_ends() -> None:
     paths = [straight(3.0, name="a"), arc(10.0, 0.1, name="b")]
-    side_by_side = batch(paths, 0.25)
-    assert side_by_side.names == ("a", "b")
-    assert side_by_side.speed_limit is None
-    assert side_by_side.x.shape == (side_by_side.count.max(), 2)
+    together = batch(paths, 0.25)
+    assert together.names == ("a", "b")
+    assert together.speed_limit is None
+    assert together.x.shape == (together.count.max(), 2)
     for j, path in enumerate(paths):
-        alone, _ = resample(path, 0.25)
-        n = side_by_side.count[j]
+        alone = resample(path, 0.25).points
+        n = together.count[j]
         assert n == len(alone)
-        np.testing.assert_array_equal(side_by_side.x[:n, j], alone[:, 0])
-        np.testing.assert_array_equal(side_by_side.y[:n, j], alone[:, 1])
-        assert np.all(side_by_side.x[n:, j] == alone[-1, 0])
+        np.testing.assert_array_equal(together.x[:n, j], alone[:, 0])
+        np.testing.assert_array_equal(together.y[:n, j], alone[:, 1])
+        assert np.all(together.x[n:, j] == alone[-1, 0])
+
+
+def test_even_paths_are_not_resampled() -> None:
+    points = arc(10.0, 0.1).points
+    noisy = CandidatePath("noisy", points + 0.01 * np.sin(np.arange(len(points)))[:, None])
+    even = resample(noisy, 0.25)
+    assert resample(even, 0.1) is even
+    together, alone = batch([even], 0.1), batch([noisy], 0.25)
+    np.testing.assert_array_equal(together.x, alone.x)
+    np.testing.assert_array_equal(together.y, alone.y)
 
 
 def test_paths_without_limits_are_free_beside_those_that_have_some() -> None:

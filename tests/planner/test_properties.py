@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath, batch
-from planner.pipeline.candidates import CandidatePlanner, TimeOptimalBatch, time_optimal_batch
+from planner.pipeline.candidates import CandidatePlanner
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from planner.plan import SpeedPlan, Status
 from tests.oracle import describe
 from tests.planner import generated
@@ -61,8 +62,7 @@ def solve(
 ) -> TimeOptimalBatch:
     part = batch([path], 0.25)
     return time_optimal_batch(
-        ground, part.x, part.y, part.count, model_of(tables), speed_limit=part.speed_limit,
-        **options,
+        ground, part, model_of(tables), **options,
     )  # fmt: skip
 
 

@@ -18,7 +18,8 @@ from models.errors import InputError
 from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner, rank
+from planner.pipeline.candidates import CandidatePlanner
+from planner.pipeline.ranking import rank
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 from services.io.model_file import find_model, read_model

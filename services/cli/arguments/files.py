@@ -14,8 +14,11 @@ from services.cli.arguments.options import (
     Coverage,
     FalseAlarm,
     GroundMap,
+    HorizonPenalty,
     LogFiles,
     MapFile,
+    MarginEnough,
+    MarginWeight,
     ModelFile,
     PathFile,
     Quantile,
@@ -45,6 +48,9 @@ def plan(
         bool, typer.Option("--explain", help="Say what the best candidate loses to each bound.")
     ] = False,
     smooth: Smooth = True,
+    horizon_penalty: HorizonPenalty = None,
+    margin_weight: MarginWeight = None,
+    margin_enough: MarginEnough = None,
     topics: Topics = None,
     out: Annotated[
         Path | None,
@@ -66,18 +72,23 @@ def plan(
     """
     import math
 
-    from planner.settings import PlannerSettings
     from services.cli.commands import plan as command
     from services.cli.commands import plan_view as view
 
-    settings = PlannerSettings(smooth=smooth)
+    settings = command.settings_of(
+        smooth,
+        spacing=spacing,
+        horizon_penalty=horizon_penalty,
+        margin_weight=margin_weight,
+        margin_enough=margin_enough,
+    )
     job = command.PlanJob(
         map_file,
         path_file,
         model,
         speed,
         math.inf if clear is None else clear,
-        command.with_spacing(settings, spacing),
+        settings,
         command.uncertainty_at(quantile),
         explain,
         topics,

@@ -76,13 +76,12 @@ def fleet_plan(
     """
     import math
 
-    from planner.settings import PlannerSettings
     from services.cli.commands import fleet_plan as command
     from services.cli.commands import plan as one
 
     job = command.FleetPlanJob(
         map_file, path_files, model, out, speed, math.inf if clear is None else clear,
-        one.with_spacing(PlannerSettings(smooth=smooth), spacing), one.uncertainty_at(quantile),
+        one.settings_of(smooth, spacing=spacing), one.uncertainty_at(quantile),
         workers, scheduler,
     )  # fmt: skip
     result = command.run(job, quiet=as_json)

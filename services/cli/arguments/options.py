@@ -49,6 +49,20 @@ ClearDistance = Annotated[
     ),
 ]
 Spacing = Annotated[float | None, typer.Option(metavar="METRES", help="Distance between stations.")]
+HorizonPenalty = Annotated[
+    float | None,
+    typer.Option(
+        metavar="S/M", help="Ranking: seconds charged for each metre of path not reached."
+    ),
+]
+MarginWeight = Annotated[
+    float | None,
+    typer.Option(metavar="S/M", help="Ranking: seconds that a metre of spare distance is worth."),
+]
+MarginEnough = Annotated[
+    float | None,
+    typer.Option(metavar="METRES", help="Ranking: spare distance beyond which more is worth 0."),
+]
 Quantile = Annotated[
     float | None,
     typer.Option(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,8 @@ from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import is_first_run
 from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner, rank
+from planner.pipeline.candidates import CandidatePlanner
+from planner.pipeline.ranking import rank
 from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
 from services.cli.screen import progress_bar
@@ -92,8 +93,9 @@ def plan_on(
     what = "compiling once, then planning" if is_first_run() else "planning"
     with progress_bar(what, len(paths), quiet=quiet) as advance:
         try:
+            even = planner.resampled(elevation_map, paths)
             plans = planner.plan(
-                elevation_map, paths, start_speed=job.start_speed, clear=job.clear,
+                elevation_map, even, start_speed=job.start_speed, clear=job.clear,
                 progress=advance,
             )  # fmt: skip
         except ParameterError as error:
@@ -104,7 +106,7 @@ def plan_on(
     ranked = rank(plans, job.settings)
     explanation = None
     if job.explain:
-        best = next(path for path in paths if path.name == ranked[0].candidate)
+        best = next(path for path in even if path.name == ranked[0].candidate)
         explanation = explain(
             model, elevation_map, best, settings=job.settings, uncertainty=job.uncertainty,
             start_speed=job.start_speed, clear=job.clear,
@@ -161,11 +163,15 @@ def uncertainty_at(quantile: float | None) -> Uncertainty | None:
         raise InputError("--quantile", "", f"expected {error.expected}") from None
 
 
-def with_spacing(settings: PlannerSettings, spacing: float | None) -> PlannerSettings:
-    """Settings with another spacing of stations, if one is given [m]."""
-    if spacing is None:
-        return settings
+def settings_of(smooth: bool, **given: float | None) -> PlannerSettings:
+    """Settings by their names; what is None keeps its default.
+
+    Raises:
+        InputError: names the option.
+    """
+    values = {name: value for name, value in given.items() if value is not None}
     try:
-        return replace(settings, spacing=spacing)
+        return PlannerSettings(smooth=smooth, **values)
     except ParameterError as error:
-        raise InputError("--spacing", "", f"expected {error.expected}") from None
+        option = f"--{error.field.replace('_', '-')}"
+        raise InputError(option, "", f"expected {error.expected}") from None

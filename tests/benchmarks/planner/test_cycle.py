@@ -13,7 +13,7 @@ import pytest
 from benchmarks.common import load
 from benchmarks.planner import cycle
 from benchmarks.planner.driving import CANDIDATES, STATIONS, Drive
-from planner.horizon.answer import FULL_STOP, Answer, Ranked
+from planner.horizon.answer import FULL_STOP, CycleAnswer, Ranked
 from planner.plan import Status
 
 
@@ -48,7 +48,9 @@ def test_cycles_that_smooth_fewer_are_counted() -> None:
     late = replace(whole.plans[1], status=Status.DEGRADED, reason="not smoothed within 20 ms")
     tally.add(3.0, 0.5, replace(whole, plans=(whole.plans[0], late, *whole.plans[2:])))
     assert tally.fewer == 2
-    alone = Answer(Status.DEGRADED, "", None, FULL_STOP, ranking=(Ranked("a", np.inf, False, ""),))
+    alone = CycleAnswer(
+        Status.DEGRADED, "", None, FULL_STOP, ranking=(Ranked("a", np.inf, False, ""),)
+    )
     tally.add(4.0, 0.5, alone)
     assert tally.fewer == 2, "where nothing can be smoothed nothing is missing"
     found = tally.result("x", 1.0)

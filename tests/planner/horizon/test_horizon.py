@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
-from planner.horizon.answer import FULL_STOP, Answer
+from planner.horizon.answer import FULL_STOP, CycleAnswer
 from planner.horizon.horizon import HorizonSettings
 from planner.path import PathBatch, batch
 from planner.pipeline import plan_finalizer
@@ -36,7 +36,7 @@ CYCLES = 50
 EXAMPLES = 25
 
 
-def still_safe(last: Answer, now: Answer) -> None:
+def still_safe(last: CycleAnswer, now: CycleAnswer) -> None:
     """If nothing got worse, nothing is worse."""
     told = f"{last.status.value} {last.reason!r}, then {now.status.value} {now.reason!r}"
     if last.status is Status.OK:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.horizon.path_projection import cut, left_behind, locate, only, only_places
+from planner.horizon.path_cut import cut, passed_stations
+from planner.horizon.path_projection import locate
 from planner.path import CandidatePath, batch
 from tests.planner.scenes import arc, plane, straight
 
@@ -16,30 +17,30 @@ def located(paths: object, at: tuple[float, float], heading: float = 0.0) -> obj
 
 def test_place_on_a_straight_line() -> None:
     paths = batch([straight(10.0), straight(6.0, heading=np.pi / 2, name="up")], 0.25)
-    place = located(paths, (3.1, -0.2))
-    assert place.segment[0] == 12
-    assert (place.x[0], place.y[0]) == pytest.approx((3.1, 0.0))
-    assert place.along[0] == pytest.approx(3.1)
-    assert place.left[0] == pytest.approx(6.9)
-    assert place.beside[0] == pytest.approx(0.2)
-    assert place.turned == pytest.approx([0.0, np.pi / 2])
-    assert place.along[1] == pytest.approx(-0.2)
-    assert place.beside[1] == pytest.approx(3.1)
+    projection = located(paths, (3.1, -0.2))
+    assert projection.segment[0] == 12
+    assert (projection.x[0], projection.y[0]) == pytest.approx((3.1, 0.0))
+    assert projection.along[0] == pytest.approx(3.1)
+    assert projection.remaining[0] == pytest.approx(6.9)
+    assert projection.beside[0] == pytest.approx(0.2)
+    assert projection.turned == pytest.approx([0.0, np.pi / 2])
+    assert projection.along[1] == pytest.approx(-0.2)
+    assert projection.beside[1] == pytest.approx(3.1)
 
 
 def test_before_its_begin_and_beyond_its_end() -> None:
     paths = batch([straight(10.0)], 0.25)
     assert located(paths, (-0.7, 0.0)).along[0] == pytest.approx(-0.7)
     beyond = located(paths, (10.4, 0.0))
-    assert beyond.left[0] == pytest.approx(0.0)
+    assert beyond.remaining[0] == pytest.approx(0.0)
     assert beyond.beside[0] == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize("station", [2.0, 14.9, 15.1, 15.6, 40.0, 59.5])
 def test_found_anywhere_on_a_long_path(station: float) -> None:
-    place = located(batch([straight(60.0)], 0.25), (station, 0.3))
-    assert place.along[0] == pytest.approx(station)
-    assert place.beside[0] == pytest.approx(0.3)
+    projection = located(batch([straight(60.0)], 0.25), (station, 0.3))
+    assert projection.along[0] == pytest.approx(station)
+    assert projection.beside[0] == pytest.approx(0.3)
 
 
 def test_at_a_crossing_the_branch_that_goes_its_way() -> None:
@@ -57,8 +58,8 @@ def test_at_a_crossing_the_branch_that_goes_its_way() -> None:
 @pytest.mark.parametrize("driven", [0.05, 0.2, 3.1, 9.6, 9.9])
 def test_what_is_cut_begins_at_the_vehicle_and_ends_where_it_ended(driven: float) -> None:
     paths = batch([straight(10.0), straight(10.0, name="other", speed_limit=[1.0, 2.0])], 0.25)
-    place = located(paths, (driven, 0.1))
-    rest = cut(paths, place, (driven, 0.1))
+    projection = located(paths, (driven, 0.1))
+    rest = cut(paths, projection, (driven, 0.1))
     for j in range(2):
         x, n = rest.x[:, j], int(rest.count[j])
         assert n >= 3
@@ -80,25 +81,25 @@ def test_a_path_that_begins_ahead_is_joined_from_the_vehicle() -> None:
 
 def test_nothing_is_cut_from_paths_that_begin_at_the_vehicle() -> None:
     paths = batch([straight(10.0), arc(9.0, 0.1)], 0.25)
-    place = located(paths, (0.0, 0.0))
-    assert cut(paths, place, (0.0, 0.0)) is paths
-    assert not left_behind(paths, place, plane()).any()
+    projection = located(paths, (0.0, 0.0))
+    assert cut(paths, projection, (0.0, 0.0)) is paths
+    assert not passed_stations(paths, projection, plane()).any()
 
 
 def test_what_is_left_behind_counts_along_the_ground() -> None:
     paths = batch([straight(10.0), straight(10.0, heading=np.pi / 2, name="level")], 0.25)
     slope = 0.3
     east = located(paths, (4.1, 0.0))
-    left = left_behind(paths, east, plane(slope))
+    left = passed_stations(paths, east, plane(slope))
     assert left[0] == pytest.approx(4.1 * np.hypot(1.0, slope), abs=1e-9)
     ahead = located(paths, (-0.5, 0.0))
-    assert left_behind(paths, ahead, plane(slope))[0] == pytest.approx(-0.5)
+    assert passed_stations(paths, ahead, plane(slope))[0] == pytest.approx(-0.5)
 
 
 def test_some_of_the_candidates() -> None:
     paths = batch([straight(10.0), arc(9.0, 0.1), arc(8.0, 0.2, name="last")], 0.25)
-    some = only(paths, np.array([2, 0]))
+    some = paths.only(np.array([2, 0]))
     assert some.names == ("last", "straight")
     assert np.array_equal(some.x[:, 0], paths.x[:, 2])
-    place = only_places(located(paths, (1.0, 0.0)), np.array([1]))
-    assert place.along.shape == (1,)
+    projection = located(paths, (1.0, 0.0)).only(np.array([1]))
+    assert projection.along.shape == (1,)

@@ -16,9 +16,11 @@ from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
 from planner.pipeline import plan_finalizer
-from planner.pipeline.candidates import CandidatePlanner, ranking_cost, time_optimal_batch
+from planner.pipeline.candidates import CandidatePlanner
+from planner.pipeline.time_optimal_batch import time_optimal_batch
 from planner.plan import SpeedPlan, Status, motion_of
 from planner.profile.smoothing import Smoothed, SmoothingProblem, smooth
+from planner.profile.time_optimal import travel_cost
 from planner.settings import PlannerSettings
 from tests.planner.scenes import (
     ATV,
@@ -473,7 +475,7 @@ def test_impossible_questions_are_refused(options: dict[str, float], field: str)
 def test_ranking_is_travel_time_plus_a_charge_for_what_is_not_reached() -> None:
     station = np.stack([np.arange(5.0)] * 2, axis=1)
     speed_sq = np.array([(4.0, 4.0), (4.0, 4.0), (4.0, 0.0), (4.0, 0.0), (4.0, 0.0)])
-    cost = ranking_cost(station, speed_sq, PlannerSettings(horizon_penalty=3.0))
+    cost = travel_cost(station, speed_sq, 3.0)
     np.testing.assert_allclose(cost, [4 / 2.0, 1 / 2.0 + 2.0 / 2.0 + 3.0 * 2.0])
 
 
@@ -481,7 +483,7 @@ def test_a_blocked_candidate_costs_more_than_a_detour() -> None:
     ground = plane(y=(-6.0, 15.0), unknown=lambda x, y: (x > 9.0) & (y < 1.0))
     ahead, around = straight(16.0, name="ahead"), arc(16.0, 0.12, name="around")
     part = batch([ahead, around], 0.25)
-    solved = time_optimal_batch(ground, part.x, part.y, part.count, model_of(ATV))
+    solved = time_optimal_batch(ground, part, model_of(ATV))
     assert solved.cost[0] > solved.cost[1]
     plans = CandidatePlanner(model_of(ATV)).plan(ground, [ahead, around])
     assert [p.status for p in plans] == [Status.BLOCKED, Status.OK]
@@ -491,9 +493,7 @@ def test_the_batch_is_what_plans_are_made_from() -> None:
     ground, paths = ground_map(hills), fan()
     part = batch(paths, 0.25)
     model = model_of(ATV)
-    solved = time_optimal_batch(
-        ground, part.x, part.y, part.count, model, start_speed=0.7, clear=5.0
-    )
+    solved = time_optimal_batch(ground, part, model, start_speed=0.7, clear=5.0)
     rough = CandidatePlanner(model, PlannerSettings(smooth=False)).plan(
         ground, paths, start_speed=0.7, clear=5.0
     )

@@ -33,9 +33,7 @@ def drawn(seed: int) -> tuple[Track, dict[str, np.ndarray]]:
 
 
 def limits_of(track: Track, arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    accel, decel = np.empty((2, N - 1))
-    segment_limits(track, *arrays.values(), track.lower_intercept, SCALARS, accel, decel)
-    return accel, decel
+    return segment_limits(track, *arrays.values(), track.lower_intercept, SCALARS)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -85,18 +83,16 @@ def test_limits_are_no_lower_than_need_be() -> None:
     ],
 )
 def test_each_label(speed_sq: float, accel: float, smoothed: bool, expected: Limiting) -> None:
-    found = np.empty(3, np.int64)
-    labels(
+    found = labels(
         np.full(3, speed_sq), np.full(3, accel), np.full(3, 4.0),
-        np.full(3, int(Limiting.LATERAL)), np.full(2, 1.0), np.full(2, 1.5), 1.0, smoothed, found,
+        np.full(3, int(Limiting.LATERAL)), np.full(2, 1.0), np.full(2, 1.5), 1.0, smoothed,
     )  # fmt: skip
     assert set(found) == {int(expected)}
 
 
 def test_weak_drive_is_traction() -> None:
-    found = np.empty(3, np.int64)
-    labels(
+    found = labels(
         np.ones(3), np.full(3, 0.4), np.full(3, 4.0), np.zeros(3, np.int64), np.full(2, 0.4),
-        np.full(2, 1.5), 1.0, True, found,
+        np.full(2, 1.5), 1.0, True,
     )  # fmt: skip
     assert set(found) == {int(Limiting.TRACTION)}

@@ -9,7 +9,8 @@ import pytest
 
 from planner.kernels.limits import planning_limits
 from planner.path import batch
-from planner.pipeline.candidates import CandidatePlanner, time_optimal_batch
+from planner.pipeline.candidates import CandidatePlanner
+from planner.pipeline.time_optimal_batch import time_optimal_batch
 from planner.profile.reference import (
     JerkLimitedReference,
     TimeOptimalProblem,
@@ -69,7 +70,7 @@ def test_candidates_out_of_a_batch_are_optimal(unknown_from: float) -> None:
     model = model_of(tables_with())
     ground = ground_map(hills, unknown=lambda x, y: x > unknown_from)
     part = batch([straight(16.0), arc(12.0, 0.12)], 0.25)
-    solved = time_optimal_batch(ground, part.x, part.y, part.count, model, start_speed=0.5)
+    solved = time_optimal_batch(ground, part, model, start_speed=0.5)
     for j in range(2):
         n = int(part.count[j])
         problem = time_optimal_problem(
@@ -100,7 +101,7 @@ def test_plans_of_the_planner_are_within_a_percent_of_the_optimum() -> None:
     path = arc(16.0, 0.05)
     (plan,) = CandidatePlanner(model).plan(ground, [path])
     part = batch([path], 0.25)
-    solved = time_optimal_batch(ground, part.x, part.y, part.count, model)
+    solved = time_optimal_batch(ground, part, model)
     n = len(plan.station)
     top = solved.speed_sq[:n, 0]
     ds = np.diff(plan.station)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.path import PathBatch, batch
-from planner.pipeline.candidates import TimeOptimalBatch, time_optimal_batch
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from planner.verify.batch_judge import screen
 from planner.verify.judge import Violations, check
 from planner.verify.track import track_of
@@ -69,9 +70,7 @@ def test_the_batch_is_judged_as_each_candidate_alone(
     ]
     paths = batch(fan, 0.25)
     ground = ground_map(height, x=(-4.0, 16.0), y=(-14.0, 14.0))
-    solved = time_optimal_batch(
-        ground, paths.x, paths.y, paths.count, model, start_speed=start, clear=clear
-    )
+    solved = time_optimal_batch(ground, paths, model, start_speed=start, clear=clear)
     assert_agree(*verdicts(solved, paths, share * solved.speed_sq, model))
 
 
@@ -96,9 +95,7 @@ def test_each_kind_of_breach_is_found_in_the_right_candidate(
 ) -> None:
     model = model_of(tables_with(**changes))
     paths = batch([arc(12.0, 0.15, name="first"), arc(15.0, 0.15, name="second")], 0.25)
-    solved = time_optimal_batch(
-        plane(y=(-14.0, 14.0)), paths.x, paths.y, paths.count, model, clear=10.0
-    )
+    solved = time_optimal_batch(plane(y=(-14.0, 14.0)), paths, model, clear=10.0)
     speed_sq = solved.speed_sq * np.array([1.0, share])
     together, single = verdicts(solved, paths, speed_sq, model)
     assert_agree(together, single)
@@ -109,7 +106,7 @@ def test_each_kind_of_breach_is_found_in_the_right_candidate(
 def test_limits_of_the_paths_themselves_count() -> None:
     model = model_of(tables_with())
     paths = batch([straight(12.0), straight(12.0, name="slow", speed_limit=[1.0, 1.0])], 0.25)
-    solved = time_optimal_batch(plane(), paths.x, paths.y, paths.count, model)
+    solved = time_optimal_batch(plane(), replace(paths, speed_limit=None), model)
     together, single = verdicts(solved, paths, solved.speed_sq, model)
     assert_agree(together, single)
     speed = Violations._fields.index("speed")

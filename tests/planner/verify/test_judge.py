@@ -11,7 +11,7 @@ import pytest
 from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
-from planner.pipeline.candidates import TimeOptimalBatch, time_optimal_batch
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from planner.verify.judge import VIOLATION_LIMITING, Judgement, Violations, check
 from planner.verify.track import Track, track_of
 from tests import oracle
@@ -47,8 +47,8 @@ class Case:
         self.tables, self.model = tables, model_of(tables)
         part = batch([path], spacing)
         self.solved: TimeOptimalBatch = time_optimal_batch(
-            elevation_map, part.x, part.y, part.count, self.model,
-            speed_limit=part.speed_limit, **options,
+            elevation_map, part, self.model,
+            **options,
         )  # fmt: skip
         self.track: Track = track_of(self.solved.profile, self.solved.ground, 0, part.speed_limit)
         self.speed_sq = self.solved.speed_sq[:, 0].copy()

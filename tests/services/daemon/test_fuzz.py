@@ -27,7 +27,7 @@ from services.settings.learning import StoreSettings
 from services.settings.service import Planning, ServiceConfig, Sizes
 from services.wire import codec
 from services.wire.messages import Path as Candidate
-from services.wire.messages import PlanRequest, Status
+from services.wire.messages import PlanRequest, ServiceStatus
 from services.wire.observations import DriveSamples, StopObservation, TerrainLabel
 from services.wire.parameter_messages import ParameterQuestion, RollBack, SetParameters
 from tests.services.malformed import Malformed
@@ -232,11 +232,11 @@ def test_a_real_service_answers_or_counts_all_of_it(tmp_path: Path) -> None:
         started.session() as session,
         PlanClient(session, namespace=started.namespace, timeout=5.0) as client,
     ):
-        heard: list[Status] = []
+        heard: list[ServiceStatus] = []
 
         def hear(sample: Any) -> None:
             told = str(sample.encoding)
-            heard.append(codec.decode(Status, sample.payload, told, "status", _MOST))
+            heard.append(codec.decode(ServiceStatus, sample.payload, told, "status", _MOST))
 
         for key in KEYS:
             supply = Malformed(messages_of[key], 7)
@@ -264,6 +264,6 @@ def test_a_real_service_answers_or_counts_all_of_it(tmp_path: Path) -> None:
         assert client.plan(1.0, fan(2)).reply is not None
 
 
-def _maps(status: Status) -> int:
+def _maps(status: ServiceStatus) -> int:
     names = ("map_updates", "map_updates_refused", "map_updates_ignored", "map_updates_lost")
     return sum(status.counters.get(name, 0) for name in names)

@@ -16,7 +16,7 @@ from services.client import PlanClient
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import client_session
-from services.wire.messages import PlanReply, Status
+from services.wire.messages import PlanReply, ServiceStatus
 from services.wire.observations import Receipt, StopObservation, TerrainLabel
 from services.wire.parameter_messages import (
     AdoptOffer,
@@ -257,11 +257,11 @@ def test_an_estimator_teaches_and_an_operator_sets(folder: Path, service: Runnin
 
 def degraded(session: zenoh.Session, service: Running, wanted: bool) -> bool:
     """Whether the status says so within five seconds."""
-    heard: list[Status] = []
+    heard: list[ServiceStatus] = []
 
     def hear(sample: zenoh.Sample) -> None:
         told = str(sample.encoding)
-        heard.append(codec.decode(Status, sample.payload, told, "status", 10**6))
+        heard.append(codec.decode(ServiceStatus, sample.payload, told, "status", 10**6))
 
     with session.declare_subscriber(service.key("status"), hear):
         until = time.monotonic() + 5.0

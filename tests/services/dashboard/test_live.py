@@ -23,7 +23,7 @@ from services.planning.map_store import KnownGround
 from services.settings.service import PageSettings
 from services.wire import codec
 from services.wire.codec import Format
-from services.wire.messages import Parameters, Status
+from services.wire.messages import Parameters, ServiceStatus
 from services.wire.messages import Path as Candidate
 from services.wire.observations import Receipt, StopObservation
 from tests.services import browser
@@ -224,7 +224,7 @@ def board() -> Board:
 
 
 def test_what_was_learned_is_shown(board: Board) -> None:
-    status = Status(
+    status = ServiceStatus(
         service=EVIL, uptime=1.0, map_version=1, map_age=0.5, flags=[EVIL], counters={},
         parameters=Parameters(version=30, name="atv", fingerprint="f", age=1.0),
         seconds={"median": 0.0, "p99": 0.0},

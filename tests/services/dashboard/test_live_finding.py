@@ -19,7 +19,7 @@ from services.dashboard.board import Board, FindingSeen
 from services.dashboard.server import PageServer, own_names
 from services.dashboard.site import Site, Source
 from services.settings.service import PageSettings
-from services.wire.messages import Parameters, Status
+from services.wire.messages import Parameters, ServiceStatus
 from tests.services import browser
 from tests.services.command_line import slopewise
 from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, look
@@ -32,7 +32,7 @@ EVIL = "<img src=x onerror=alert(1)>"
 
 @contextmanager
 def page_of(board: Board) -> Iterator[str]:
-    status = Status(
+    status = ServiceStatus(
         service="robot", uptime=1.0, map_version=0, map_age=None, flags=[], counters={},
         parameters=Parameters(version=30, name="atv", fingerprint="f", age=1.0),
         seconds={"median": 0.0, "p99": 0.0},

@@ -16,7 +16,7 @@ from services.planning.map_store import MapStore
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.messages import Path as Candidate
-from services.wire.messages import PlanReply, PlanRequest, Status
+from services.wire.messages import PlanReply, PlanRequest, ServiceStatus
 from tests.services.service_process import Running, fan, flat, running
 
 LARGEST = 10**8
@@ -58,14 +58,14 @@ def ask(
     return codec.decode(PlanReply, reply.ok.payload, told, "reply", LARGEST)
 
 
-def counters(session: zenoh.Session, service: Running) -> Status:
+def counters(session: zenoh.Session, service: Running) -> ServiceStatus:
     heard: list[zenoh.Sample] = []
     with session.declare_subscriber(service.key("status"), heard.append):
         until = time.monotonic() + 5.0
         while len(heard) < 2 and time.monotonic() < until:
             time.sleep(0.02)
     last = heard[-1]
-    return codec.decode(Status, last.payload, str(last.encoding), "status", LARGEST)
+    return codec.decode(ServiceStatus, last.payload, str(last.encoding), "status", LARGEST)
 
 
 def mapped(client: PlanClient, session: zenoh.Session, service: Running, **changes: object) -> int:

@@ -1,0 +1,70 @@
+"""All candidates of a cycle, planned and judged together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.horizon.answer import Ranked
+from planner.kernels.compiled import Bools, Floats
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from planner.verify.batch_judge import screen
+from planner.verify.judge import Violations
+
+
+@dataclass(frozen=True, slots=True)
+class CycleBatch:
+    """Time-optimal profiles of M candidates, with the judge's word on them.
+
+    Attributes:
+        names: (M,) of the candidates.
+        solved: their profiles; one more may be the path on which the previous plan goes on.
+        violation: (M, kinds) the worst breach of each kind, as in
+            :class:`planner.verify.judge.Violations`.
+        too_fast: (M,) service braking cannot bring down the speed at the start.
+    """
+
+    names: tuple[str, ...]
+    solved: TimeOptimalBatch
+    violation: Floats
+    too_fast: Bools
+
+    @classmethod
+    def judged(cls, names: tuple[str, ...], solved: TimeOptimalBatch) -> CycleBatch:
+        """The first M candidates of a batch."""
+        violation = screen(
+            solved.profile, solved.ground, solved.bounds, solved.speed_sq, solved.model,
+            solved.speed_limit,
+        )  # fmt: skip
+        m = len(names)
+        return cls(names, solved, violation[:m], ~solved.reachable[:m])
+
+    def passed(self, j: int) -> bool:
+        """The judge has no objection to the profile of candidate j."""
+        return not self.violation[j].max() > 0.0
+
+    def ranked(self, previous: int | None, gain: float) -> tuple[tuple[Ranked, ...], list[int]]:
+        """All candidates by cost, those that the judge objects to last; and their indices.
+
+        Args:
+            previous: index of the candidate that is the previous plan's path, if any is.
+            gain: by how much another one has to be better than it [s].
+        """
+        invalid = (self.violation.max(axis=1) > 0.0) | self.too_fast
+        cost = self.solved.cost[: len(self.names)]
+        is_previous = np.arange(len(self.names)) == previous
+        order: list[int] = np.lexsort((cost - gain * is_previous, invalid)).tolist()
+        costs, flawed = cost.tolist(), invalid.tolist()
+        ranking = tuple(
+            Ranked(self.names[j], costs[j], not flawed[j], self._objection(j) if flawed[j] else "")
+            for j in order
+        )
+        return ranking, order
+
+    def _objection(self, j: int) -> str:
+        """What the judge objects to in a time-optimal profile."""
+        if self.too_fast[j]:
+            return "starts faster than service braking can bring down"
+        kind = int(np.argmax(self.violation[j]))
+        return f"{Violations._fields[kind]} by {self.violation[j, kind]:.3g}"

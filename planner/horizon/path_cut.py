@@ -1,0 +1,119 @@
+"""Candidates from the vehicle on, and how far it is along them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.terrain_profile import stations_along
+from planner.horizon.path_projection import PathProjection
+from planner.kernels.compiled import Bools, Floats, Ints, kernel
+from planner.path import PathBatch
+
+FEWEST = 3
+"""Stations that a path needs, so that it has a curvature."""
+
+_HERE = 1e-4
+"""A path that begins this close to the vehicle begins at it [m]."""
+
+
+def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -> PathBatch:
+    """Candidates from the vehicle on.
+
+    Each begins at the vehicle's projection, at the vehicle itself where the path begins ahead of
+    it. The rest of a path keeps its stations; one shorter than two segments gets a new one.
+
+    Args:
+        paths: as they came. projection: the vehicle on them, before their ends. at: its position
+            [m].
+    """
+    if np.all(np.abs(projection.along) <= _HERE):
+        return paths
+    stations, candidates = paths.x.shape
+    ahead = projection.along < 0.0
+    start = np.where(ahead, at[0], projection.x), np.where(ahead, at[1], projection.y)
+    x, y = np.empty((2, stations + 1, candidates))
+    kept, near, count = _cut(
+        paths.x, paths.y, paths.count, np.where(ahead, -1, projection.segment), start, x, y
+    )
+    most = int(count.max())
+    limit = paths.speed_limit
+    if limit is not None:
+        limit = _cut_limits(limit, paths.count, kept, near | ahead, most)
+    return PathBatch(paths.names, x[:most], y[:most], count, limit)
+
+
+@kernel
+def _cut(
+    x: Floats, y: Floats, count: Ints, segment: Ints, start: tuple[Floats, Floats],
+    new_x: Floats, new_y: Floats,
+) -> tuple[Ints, Bools, Ints]:  # fmt: skip
+    """Lay ``new_x`` and ``new_y``, (N + 1, M) each [m].
+
+    Args:
+        x, y: (N, M) paths [m]; count: (M,) stations of each.
+        segment: (M,) station behind the vehicle, −1 where the path begins ahead of it.
+        start: x and y of the first station, (M,) each [m].
+
+    Returns:
+        (M,) index of the first station that is kept; whether one before it was left out, because
+        it is too near; number of stations.
+    """
+    candidates = x.shape[1]
+    kept, new_count = np.empty(candidates, np.int64), np.empty(candidates, np.int64)
+    near = np.empty(candidates, np.bool_)
+    for j in range(candidates):
+        last, first = count[j] - 1, segment[j] + 1
+        # A first step that is too short would have no direction.
+        spacing = np.hypot(x[1, j] - x[0, j], y[1, j] - y[0, j])
+        near[j] = np.hypot(x[first, j] - start[0][j], y[first, j] - start[1][j]) < 0.3 * spacing
+        kept[j] = min(first + int(near[j]), last)
+        new_count[j] = max(count[j] - kept[j] + 1, FEWEST)
+        new_x[0, j], new_y[0, j] = start[0][j], start[1][j]
+        for i in range(1, new_x.shape[0]):
+            k = min(kept[j] + i - 1, last)
+            new_x[i, j], new_y[i, j] = x[k, j], y[k, j]
+        if kept[j] == last:
+            # Only its end is left of it.
+            new_x[1, j] = 0.5 * (start[0][j] + new_x[2, j])
+            new_y[1, j] = 0.5 * (start[1][j] + new_y[2, j])
+    return kept, near, new_count
+
+
+def _cut_limits(limit: Floats, count: Ints, kept: Ints, own: Bools, rows: int) -> Floats:
+    """Limits at the new stations, (rows, M) [m/s].
+
+    Between two stations either one's limit holds; of one left out, and ahead of a path, its own.
+
+    Args:
+        limit: (N, M) of the paths [m/s]; count: (M,) their stations.
+        kept: (M,) first station that is kept; own: (M,) the limit before it holds up to it.
+    """
+    lanes = np.arange(len(kept))
+    before = limit[np.maximum(kept - 1, 0), lanes]
+    first = np.where(own, before, np.maximum(before, limit[kept, lanes]))
+    further = np.minimum(kept + np.arange(rows - 1)[:, None], count - 1)
+    return np.concatenate((first[None], limit[further, lanes]))
+
+
+def passed_stations(
+    paths: PathBatch, projection: PathProjection, elevation_map: ElevationMap
+) -> Floats:
+    """Station of the vehicle on each candidate, along the ground; < 0 before it begins, (M,) [m].
+
+    Args:
+        paths: as they came. projection: the vehicle on them.
+        elevation_map: ground.
+    """
+    if np.all(np.abs(projection.along) <= _HERE):
+        return np.zeros(len(paths.names))
+    lanes, i = np.arange(len(paths.names)), projection.segment
+    rows = min(max(int(i.max()) + 2, FEWEST), len(paths.x))
+    x, y = np.ascontiguousarray(paths.x[:rows]), np.ascontiguousarray(paths.y[:rows])
+    station = stations_along(elevation_map, x, y, np.minimum(paths.count, rows))
+    step = np.hypot(x[i + 1, lanes] - x[i, lanes], y[i + 1, lanes] - y[i, lanes])
+    gone = np.hypot(projection.x - x[i, lanes], projection.y - y[i, lanes])
+    share = np.minimum(gone / np.maximum(step, 1e-9), 1.0)
+    along = station[i, lanes] + share * (station[i + 1, lanes] - station[i, lanes])
+    passed: Floats = np.where(projection.along < 0.0, projection.along, along)
+    return passed

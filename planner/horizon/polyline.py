@@ -1,0 +1,123 @@
+"""Polylines of stations: where points of another path lie on them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.kernels.compiled import Floats, Ints, inlined, kernel
+
+_WINDOW = 1.0
+_DRIFT = 0.1
+"""A point is looked for on so much of another path, a metre and a share of the distance to it."""
+
+AT_END = 1e-6
+"""Share of a segment so close to its ends is at its end."""
+
+
+class Polyline(NamedTuple):
+    """Positions of stations, (N,) each, N >= 2 wherever something is projected on it [m]."""
+
+    x: Floats
+    y: Floats
+
+    def arc(self) -> Floats:
+        """Distance from the first station in the plan view, (N,) [m]."""
+        return _arc(self)
+
+    def foot(
+        self, points: Polyline, low: int = 0, high: int | None = None
+    ) -> tuple[Ints, Floats, Floats]:
+        """Where other points are on this polyline.
+
+        Args:
+            points: (n,) positions.
+            low, high: segments among which the nearest is looked for; all of them if left out.
+
+        Returns:
+            (n,) nearest segments; shares of them, < 0 before and > 1 beyond; distances [m].
+        """
+        return _foot(self, points, low, len(self.x) - 1 if high is None else high)
+
+
+@inlined
+def project(
+    x: float, y: float, x_2: float, y_2: float, at_x: float, at_y: float
+) -> tuple[float, float]:
+    """Where a point lies along a segment, < 0 before and > 1 behind it; squared distance to it."""
+    dx, dy = x_2 - x, y_2 - y
+    to_x, to_y = at_x - x, at_y - y
+    share = (to_x * dx + to_y * dy) / max(dx * dx + dy * dy, 1e-18)
+    inside = min(max(share, 0.0), 1.0)
+    return share, (inside * dx - to_x) ** 2 + (inside * dy - to_y) ** 2
+
+
+@kernel
+def _arc(line: Polyline) -> Floats:
+    arc = np.zeros(line.x.shape[0])
+    for i in range(1, line.x.shape[0]):
+        arc[i] = arc[i - 1] + np.hypot(line.x[i] - line.x[i - 1], line.y[i] - line.y[i - 1])
+    return arc
+
+
+@kernel
+def _foot(line: Polyline, points: Polyline, low: int, high: int) -> tuple[Ints, Floats, Floats]:
+    n = points.x.shape[0]
+    segment, share, distance = np.empty(n, np.int64), np.empty(n), np.empty(n)
+    for j in range(n):
+        segment[j], share[j], least = low, 0.0, np.inf
+        for i in range(low, high):
+            u, away = project(
+                line.x[i], line.y[i], line.x[i + 1], line.y[i + 1], points.x[j], points.y[j]
+            )
+            if away < least:
+                segment[j], share[j], least = i, u, away
+        distance[j] = np.sqrt(least)
+    return segment, share, distance
+
+
+def window(expected: float) -> float:
+    """How far from where it is expected a point may be found [m]."""
+    return _WINDOW + _DRIFT * abs(expected)
+
+
+def station_of(
+    path: Polyline, station: Floats, point: tuple[float, float], expected: float
+) -> float:
+    """Station of a point on a path; inf at its end and beyond.
+
+    Args:
+        path: N stations; station: (N,) of them along the ground [m].
+        point: on another path that runs along this one [m].
+        expected: about where it is: the path may cross itself [m].
+    """
+    around = window(expected)
+    low = int(np.searchsorted(station[1:], expected - around))
+    high = int(np.searchsorted(station[:-1], expected + around, "right"))
+    if low >= high:
+        return np.inf if expected > station[-1] else 0.0
+    segment, share, _ = path.foot(Polyline(*np.array(point)[:, None]), low, high)
+    k, u = int(segment[0]), float(share[0])
+    if k == len(station) - 2 and u >= 1.0 - AT_END:
+        return np.inf
+    return float(station[k] + min(max(u, 0.0), 1.0) * (station[k + 1] - station[k]))
+
+
+def limits_along(path: Polyline, first: int, other: Polyline, limit: Floats) -> Floats:
+    """Limits of another path at the stations of one that runs along it, (N,) [m/s].
+
+    Between two stations of the other path the lower limit counts; up to station ``first``, where
+    the vehicle has been, either one allowed it to be.
+
+    Args:
+        path: N stations; first: index of the one behind the vehicle.
+        other: n stations; limit: (n,) at them [m/s].
+    """
+    k, u, _ = other.foot(path)
+    lower, higher = np.minimum(limit[k], limit[k + 1]), np.maximum(limit[k], limit[k + 1])
+    between = np.where(np.arange(len(k)) <= first, higher, lower)
+    here: Floats = np.where(u >= 1.0 - AT_END, limit[k + 1], between)
+    here = np.where(u <= AT_END, limit[k], here)
+    # Before the other path begins it has no say.
+    return np.where((k == 0) & (u < -AT_END), np.inf, here)

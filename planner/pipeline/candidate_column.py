@@ -1,0 +1,138 @@
+"""One candidate of a batch, alone: what bounds its plan, and what its profiles are judged by.
+
+The stopping of a vehicle that starts too fast may move a station, and repair lowers the bound: a
+column belongs to one plan.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.quantity import GRAVITY
+from planner.kernels.compiled import Floats, Ints
+from planner.limiting import Limiting
+from planner.pipeline import labels
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from planner.profile.time_optimal import time_optimal_profile
+from planner.verify.judge import Judgement, check
+from planner.verify.track import track_of
+
+
+class CandidateColumn:
+    """N stations of candidate j, contiguous and without padding; arrays are (N,).
+
+    Attributes:
+        model, scalars: vehicle, braking, limits; and its numbers.
+        fixed_prefix: (h,) v² of the first h >= 1 stations, which no profile changes [m²/s²].
+        track: geometry and braking as the judge takes them; x, y, z: positions [m].
+        clear: station before which every stop ends [m]; offset: safety offset of a stop [m].
+        barrier, barrier_station: what ends the clear distance, and the first station it bars.
+        speed_sq_max: highest v² as the bounds have it; bound: the same, lowered by repairs [m²/s²].
+        label: which bound that is, as :class:`Limiting`.
+        demand: thrust that holds the speed, as a share of the weight.
+    """
+
+    def __init__(
+        self, solved: TimeOptimalBatch, j: int, fixed_prefix: Floats, first: int = 0
+    ) -> None:
+        """Take candidate j out of a batch.
+
+        Args:
+            solved: the batch.
+            j: index of the candidate.
+            fixed_prefix: (h,) v² of its first h >= 1 stations, from ``first`` on [m²/s²].
+            first: stations at the beginning that are left out; they only give the next one its
+                heading.
+        """
+        profile, ground, bounds = solved.profile, solved.ground, solved.bounds
+        self.model, self.scalars = solved.model, solved.scalars
+        self.fixed_prefix = fixed_prefix
+        self.track = track_of(profile, ground, j, solved.speed_limit, first)
+        n = first + len(self.track.station)
+        self.x, self.y, self.z = (a[first:n, j] for a in (profile.x, profile.y, profile.z))
+        self.clear = float(bounds.clear_distance[j]) - float(profile.station[first, j])
+        self.offset = float(ground.distance_offset[j])
+        self.barrier = Limiting(int(bounds.barrier[j]))
+        self.barrier_station = int(bounds.barrier_station[j]) - first
+        self.speed_sq_max = bounds.speed_sq_max[first:n, j]
+        self.bound = self.speed_sq_max.copy()
+        self.label = np.ascontiguousarray(bounds.limiting[first:n, j])
+        self._accel_max, self.demand, self._braking_intercept = (
+            np.ascontiguousarray(array[first:n, j])
+            for array in (bounds.accel_max, bounds.demand, ground.braking_intercept)
+        )
+        self._motion = ground.motion
+        self._sine = np.sin(self.track.grade)
+
+    def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Judgement:
+        """Exact constraints of a profile (N,); see :func:`planner.verify.judge.check`."""
+        return check(
+            self.track, speed_sq, self.clear, self.offset, self._motion, self.model, decel=decel
+        )
+
+    def fastest(self) -> tuple[Floats, bool]:
+        """The fastest profile with the fixed prefix; and does service braking get it there?"""
+        begin, last = len(self.fixed_prefix) - 1, float(self.fixed_prefix[-1])
+        answer, reachable = self.fastest_from(begin, last)
+        fits = bool(reachable >= last - 1e-9)
+        return np.concatenate((self.fixed_prefix[:-1], answer)), fits
+
+    def fastest_from(self, begin: int, start_sq: float) -> tuple[Floats, float]:
+        """The fastest profile from a station on, and the highest v² it could start with."""
+
+        def column(array: Floats) -> Floats:
+            return np.ascontiguousarray(array[begin:, None])
+
+        track = self.track
+        answer, reachable = time_optimal_profile(
+            column(track.station), column(self.bound), column(self._sine),
+            column(track.lower_slope), column(self._braking_intercept), column(track.slowest),
+            column(self._accel_max), column(self.demand), np.array([start_sq]), self.scalars,
+        )  # fmt: skip
+        return answer[:, 0], float(reachable[0])
+
+    def full_braking(self, k: int, speed_sq: float) -> float:
+        """Least deceleration of full braking at station k from this v² down [m/s²]."""
+        track = self.track
+        slow = float(track.slowest[k])
+        fast = max(float(np.sqrt(speed_sq)), slow)
+        force = min(slow * track.lower_slope[k], fast * track.lower_slope[k])
+        force += self._braking_intercept[k]
+        return float(GRAVITY * (force + self._sine[k]))
+
+    def rest_at(self, rest: float, k: int) -> None:
+        """Move station k back to where the vehicle comes to rest before it.
+
+        A hard stop ends where it ends; to move on to the next station would be further. The end of
+        the path stays where it is.
+        """
+        track = self.track
+        u = (rest - track.station[k - 1]) / (track.station[k] - track.station[k - 1])
+        if u >= 1.0 or k == len(track.station) - 1:
+            return
+        u = max(u, 1e-6)
+
+        def moved(values: Floats) -> Floats:
+            values = values.copy()
+            values[k] = values[k - 1] + u * (values[k] - values[k - 1])
+            return values
+
+        names = ("station", "grade", "roll", "curvature", "yaw")
+        self.track = track._replace(**{name: moved(getattr(track, name)) for name in names})
+        self.x, self.y, self.z = moved(self.x), moved(self.y), moved(self.z)
+        self._sine = np.sin(self.track.grade)
+
+    def segment_limits(self, speed_sq: Floats) -> tuple[Floats, Floats]:
+        """Accelerations and decelerations allowed on each segment, (N − 1,) each [m/s²]."""
+        return labels.segment_limits(
+            self.track, speed_sq, self._accel_max, self.demand, self._braking_intercept,
+            self.scalars,
+        )  # fmt: skip
+
+    def limiting(self, speed_sq: Floats, accel: Floats, smoothed: bool) -> Ints:
+        """What holds a profile at each station, as :class:`Limiting`."""
+        accel_max, decel_max = self.segment_limits(speed_sq)
+        return labels.labels(
+            speed_sq, accel, self.bound, self.label, accel_max, decel_max, self.scalars.accel,
+            smoothed,
+        )  # fmt: skip

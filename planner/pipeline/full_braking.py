@@ -1,0 +1,101 @@
+"""Plans of a vehicle that starts faster than service braking can bring down."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.kernels.compiled import Floats
+from planner.limiting import Limiting
+from planner.pipeline.candidate_column import CandidateColumn
+from planner.plan import Status, motion_of
+from planner.verify.judge import Judgement
+
+
+class Judged(NamedTuple):
+    """A profile v² (N,) [m²/s²], what the judge found, and what the plan says of itself."""
+
+    speed_sq: Floats
+    verdict: Judgement
+    status: Status
+    reason: str
+
+
+def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
+    """Brake fully until service braking can take over; the emergency stop where that is too late.
+
+    Args:
+        column: the candidate; its fixed prefix begins too fast.
+        status, reason: of its plan, if nothing were wrong.
+    """
+    station, start_sq = column.track.station, float(column.fixed_prefix[0])
+    speed = np.sqrt(start_sq)
+    answer, _ = column.fastest_from(0, start_sq)
+    reachable = answer[0]
+    answer[0] = start_sq
+    for k in range(len(station) - 1):
+        ds = station[k + 1] - station[k]
+        braking = min(column.full_braking(k, answer[k]), column.full_braking(k + 1, answer[k]))
+        after = answer[k] - 2.0 * ds * max(braking, 0.0)
+        if after <= answer[k + 1]:
+            if answer[k + 1] == 0.0:
+                column.rest_at(float(station[k] + 0.5 * answer[k] / braking), k + 1)
+            break
+        answer[k + 1] = after
+    verdict = column.judge(answer, decel=np.inf)
+    breach = verdict.violation
+    if max(breach.overrun, breach.axle_load, breach.side_load, breach.decel) > 0.0:
+        return emergency_stop(column)
+    if column.bound[0] < start_sq:
+        label = Limiting(int(column.label[0])).label
+        allowed = f"{np.sqrt(column.bound[0]):.2f} m/s ({label})"
+    else:
+        allowed = f"{np.sqrt(reachable):.2f} m/s, what service braking can bring down"
+    hardest = -motion_of(column.track.station, answer)[0].min()
+    text = f"starts at {speed:.2f} m/s, above {allowed}: brakes at {hardest:.2f} m/s²"
+    text += f"; {reason}" if status is Status.BLOCKED else ""
+    return Judged(answer, verdict, Status.DEGRADED, text)
+
+
+def emergency_stop(column: CandidateColumn) -> Judged:
+    """Full braking from the start, and why even that is not enough, if it is not."""
+    station, start_sq = column.track.station, float(column.fixed_prefix[0])
+    speed = np.sqrt(start_sq)
+    only_start = np.zeros_like(station)
+    only_start[0] = start_sq
+    verdict = column.judge(only_start, decel=np.inf)
+    stop = float(verdict.stop_distance[0])
+    onset = speed * column.track.dead_time[0]
+    braking = max(stop - column.offset - onset, 1e-6)
+    speed_sq = start_sq * np.clip(1.0 - (station - onset) / braking, 0.0, 1.0)
+    k = int(np.argmin(speed_sq > 0.0))
+    if k > 0:
+        column.rest_at(float(onset + braking), k)
+        station = column.track.station
+    moving = speed_sq > 0.0
+    # It brakes already: what is left of this one stop, and its least loads.
+    verdict = Judgement(
+        np.where(moving, np.maximum(stop - station, 0.0), 0.0),
+        np.where(moving, verdict.rear_load[0], verdict.rear_load),
+        np.where(moving, verdict.side_load[0], verdict.side_load),
+        verdict.violation,
+        verdict.where,
+    )
+    reason = _why_at_once(column, stop, min(verdict.rear_load[0], verdict.side_load[0]))
+    return Judged(speed_sq, verdict, Status.INFEASIBLE, reason)
+
+
+def _why_at_once(column: CandidateColumn, stop: float, lightest: float) -> str:
+    speed, over = np.sqrt(float(column.fixed_prefix[0])), stop - column.clear
+    if over > 0.0:
+        return (
+            f"even full braking from {speed:.2f} m/s takes {stop:.2f} m, "
+            f"{over:.2f} m beyond the clear distance of {column.clear:.2f} m"
+        )
+    if lightest < column.scalars.min_load:
+        return (
+            f"braking from {speed:.2f} m/s leaves an axle or side {lightest:.1%} of its load, "
+            f"{column.scalars.min_load:.0%} is wanted"
+        )
+    return f"starts at {speed:.2f} m/s: only full braking at once stops in time"

@@ -1,0 +1,67 @@
+"""Whether a plan reaches the end of its path, and what stops it before, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.quantity import GRAVITY
+from planner.kernels.compiled import Floats
+from planner.limiting import Limiting
+from planner.pipeline.candidate_column import CandidateColumn
+from planner.plan import Status
+
+
+def standing(column: CandidateColumn) -> tuple[Status, str]:
+    """Status by what ends the clear distance, if nothing goes wrong, and the reason."""
+    station = column.track.station
+    length = float(station[-1])
+    k = column.barrier_station
+    if k >= len(station) and column.clear >= length:
+        return Status.OK, ""
+    where = f"stops before {column.clear:.2f} m of {length:.2f} m"
+    if k >= len(station) or (k > 0 and column.clear < station[k - 1]):
+        return Status.BLOCKED, f"{where}: the way is known free up to there"
+    return Status.BLOCKED, f"{where}: {_why_barred(column, k)}"
+
+
+def stands_early(
+    column: CandidateColumn, speed_sq: Floats, status: Status, reason: str
+) -> tuple[Status, str]:
+    """A plan that rests well before the end of its path is not ok, whatever the cause."""
+    station = column.track.station
+    moving = np.flatnonzero(speed_sq > 0.0)
+    k = min(int(moving[-1]) + 1, len(station) - 1) if len(moving) else 0
+    short = float(station[-1] - station[k])
+    if status is not Status.OK or short <= column.offset + 1.0:
+        return status, reason
+    label = Limiting(int(column.label[k])).label
+    return Status.BLOCKED, f"stops at {station[k]:.2f} m of {station[-1]:.2f} m: {label}"
+
+
+def _why_barred(column: CandidateColumn, k: int) -> str:
+    station = column.track.station[k]
+    grade, roll = np.rad2deg(column.track.grade[k]), np.rad2deg(column.track.roll[k])
+    vehicle = column.model.vehicle
+    match column.barrier:
+        case Limiting.UNKNOWN_TERRAIN:
+            return f"unknown ground under the wheels at {station:.2f} m"
+        case Limiting.MODEL_VALIDITY:
+            low, high = np.rad2deg(column.model.braking.grade_range)
+            return (
+                f"grade {grade:.1f}° at {station:.2f} m is outside the trained "
+                f"{low:.1f}° … {high:.1f}°"
+            )
+        case Limiting.TIP_OVER:
+            return f"an axle keeps too little load on grade {grade:.1f}° at {station:.2f} m"
+        case Limiting.ROLLOVER:
+            return f"a side keeps too little load on roll {roll:.1f}° at {station:.2f} m"
+        case Limiting.SPEED_LIMIT:
+            return f"the speed limit of the path is 0 at {station:.2f} m"
+        case Limiting.TRACTION:
+            needed = column.demand[k] * vehicle.mass * GRAVITY
+            return (
+                f"grade {grade:.1f}° at {station:.2f} m needs {needed:.0f} N of thrust, "
+                f"the drive has {vehicle.max_drive_force:.0f} N"
+            )
+        case _:
+            return f"the brakes do not hold on grade {grade:.1f}° at {station:.2f} m"

@@ -1,0 +1,133 @@
+"""Terrain, ground, bounds and time-optimal profiles of a batch: the first half of every plan.
+
+Plans of single questions, cycles of the moving horizon and plans under changed assumptions all come
+from here; the second half is :mod:`planner.pipeline.plan_finalizer`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.parameters import Model
+from planner.bounds.speed_bounds import SpeedBounds, speed_bounds
+from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.terrain_profile import TerrainProfile, terrain_profile
+from planner.ground.uncertainty import Uncertainty
+from planner.kernels.compiled import Bools, Floats
+from planner.kernels.limits import PlanningLimits, planning_limits
+from planner.path import PathBatch
+from planner.profile.time_optimal import time_optimal_profile, travel_cost
+from planner.settings import PlannerSettings
+
+_ROUNDING = 1e-9
+"""By so much v² at the start may exceed what service braking can bring down [m²/s²]."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeOptimalBatch:
+    """Time-optimal profiles of M candidates, not judged yet; arrays are (N, M).
+
+    Attributes:
+        model, scalars: vehicle, braking, limits; and its numbers.
+        profile, ground, bounds: what the profiles were made from.
+        speed_limit: limits of the paths themselves [m/s], None if none has any.
+        start_sq: (M,) v² at the first stations [m²/s²].
+        speed_sq: v² [m²/s²].
+        reachable_start_sq: (M,) highest v² at the start that service braking can bring down.
+        cost: (M,) travel time plus the charge for what is not reached [s].
+    """
+
+    model: Model
+    scalars: PlanningLimits
+    profile: TerrainProfile
+    ground: BrakingGround
+    bounds: SpeedBounds
+    speed_limit: Floats | None
+    start_sq: Floats
+    speed_sq: Floats
+    reachable_start_sq: Floats
+    cost: Floats
+
+    @property
+    def reachable(self) -> Bools:
+        """(M,) service braking can bring down the speed at the start."""
+        reachable: Bools = self.reachable_start_sq >= self.start_sq - _ROUNDING
+        return reachable
+
+    def profile_of(self, j: int) -> Floats:
+        """v² of candidate j without padding, (count,) [m²/s²]."""
+        return np.ascontiguousarray(self.speed_sq[: self.profile.count[j], j])
+
+
+def time_optimal_batch(
+    elevation_map: ElevationMap,
+    paths: PathBatch,
+    model: Model,
+    *,
+    start_speed: float | Floats = 0.0,
+    clear: float | Floats = np.inf,
+    settings: PlannerSettings | None = None,
+    conditions: GroundConditions | None = None,
+    uncertainty: Uncertainty | None = None,
+) -> TimeOptimalBatch:
+    """Time-optimal profiles along candidates that are on even stations already.
+
+    Args:
+        elevation_map: ground.
+        paths: M candidates.
+        model: vehicle, braking, limits.
+        start_speed: speed at the first station, one for all or (M,) [m/s].
+        clear: station up to which the way is known free, one for all or (M,) [m].
+        settings: weights of the ranking.
+        conditions: of the moment.
+        uncertainty: what the plans are to survive; then ``model`` is its cautious one already.
+    """
+    vehicle = model.vehicle
+    profile = terrain_profile(
+        elevation_map, paths.x, paths.y, paths.count, vehicle.wheelbase, vehicle.track_width
+    )
+    ground = ground_along(profile, model, elevation_map.class_names, conditions, uncertainty)
+    return solve(
+        profile, ground, model, start_speed=start_speed, clear=clear,
+        speed_limit=paths.speed_limit, settings=settings,
+    )  # fmt: skip
+
+
+def solve(
+    profile: TerrainProfile,
+    ground: BrakingGround,
+    model: Model,
+    *,
+    start_speed: float | Floats,
+    clear: float | Floats,
+    speed_limit: Floats | None,
+    settings: PlannerSettings | None = None,
+) -> TimeOptimalBatch:
+    """Time-optimal profiles on ground that was sampled before.
+
+    Args:
+        profile: terrain under the wheels of M candidates; ground: braking along them.
+        model: vehicle, braking, limits.
+        start_speed: speed at the first station, one for all or (M,) [m/s].
+        clear: station up to which the way is known free, one for all or (M,) [m].
+        speed_limit: (N, M) limits of the paths themselves [m/s].
+        settings: weights of the ranking.
+    """
+    candidates = len(profile.count)
+    scalars, start_sq = planning_limits(model), np.full(candidates, np.square(start_speed))
+    bounds = speed_bounds(
+        profile, ground, model, np.full(candidates, clear, np.float64), speed_limit
+    )
+    speed_sq, reachable = time_optimal_profile(
+        profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
+        ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand, start_sq,
+        scalars,
+    )  # fmt: skip
+    penalty = (settings or PlannerSettings()).horizon_penalty
+    cost = travel_cost(profile.station, speed_sq, penalty)
+    return TimeOptimalBatch(
+        model, scalars, profile, ground, bounds, speed_limit, start_sq, speed_sq, reachable, cost
+    )
