@@ -22,6 +22,8 @@ OF_SINGLE_EFFECTS = {
 }  # fmt: skip
 """Sizes and grids of one effect, which stand with it."""
 
+ELSEWHERE = COUNTS | OF_SINGLE_EFFECTS
+
 
 def chosen_numbers(path: Path) -> list[str]:
     """Constants of a module that are or hold a number beyond 0, 1 and 2."""
