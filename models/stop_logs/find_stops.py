@@ -74,15 +74,15 @@ class StopWindow:
     """One stop as samples of its log.
 
     Attributes:
-        begin, command, rest, end: first sample that belongs to it, the stop command, the first
-            sample at standstill (or the last of an unfinished stop), one behind the last.
+        begin, command, standstill, end: first sample that belongs to it, the stop command, the
+            first sample at standstill (or the last of an unfinished stop), one behind the last.
         held_speed: mean speed just before the command [m/s].
         verdict, reason: whether it may be learned from; the reason adds numbers.
     """
 
     begin: int
     command: int
-    rest: int
+    standstill: int
     end: int
     held_speed: float
     verdict: Usability
@@ -115,7 +115,7 @@ def find_stops(
     offset = run.start
     return [
         StopWindow(
-            w.begin + offset, w.command + offset, w.rest + offset, w.end + offset,
+            w.begin + offset, w.command + offset, w.standstill + offset, w.end + offset,
             w.held_speed, w.verdict, w.reason,
         )
         for w in search.windows()
@@ -152,18 +152,20 @@ class _Search:
         again = np.flatnonzero(~self.told[i:])
         released = i + int(again[0]) if len(again) else len(self.t)
         last = int(np.searchsorted(self.t, self.t[i] + s.longest, side="right"))
-        rest = self._rest(i, min(last, len(self.t)))
-        if rest is None:
+        standstill = self._standstill(i, min(last, len(self.t)))
+        if standstill is None:
             verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
             end = min(released, last)
             return StopWindow(begin, i, end - 1, end, held, verdict)
-        if rest > released:
+        if standstill > released:
             return StopWindow(begin, i, released - 1, released, held, Usability.ABORTED)
-        end = min(int(np.searchsorted(self.t, self.t[rest] + s.after, side="right")), released)
-        verdict, reason = self._verdict(begin, i, rest, held)
-        return StopWindow(begin, i, rest, max(end, rest + 1), held, verdict, reason)
+        end = min(
+            int(np.searchsorted(self.t, self.t[standstill] + s.after, side="right")), released
+        )
+        verdict, reason = self._verdict(begin, i, standstill, held)
+        return StopWindow(begin, i, standstill, max(end, standstill + 1), held, verdict, reason)
 
-    def _rest(self, i: int, stop: int) -> int | None:
+    def _standstill(self, i: int, stop: int) -> int | None:
         """First sample at zero or below, or the first of a settled stretch."""
         v, good = self.v[i:stop], self.good[i:stop]
         crossed = np.flatnonzero(good & (v <= 0.0))
@@ -176,10 +178,10 @@ class _Search:
                 break
         return i + min(candidates) if candidates else None
 
-    def _verdict(self, begin: int, i: int, rest: int, held: float) -> tuple[Usability, str]:
+    def _verdict(self, begin: int, i: int, standstill: int, held: float) -> tuple[Usability, str]:
         s = self.settings
-        braking = slice(i, rest + 1)
-        near = self._samples(self.t[i] - 0.5 * s.before, rest + 1)
+        braking = slice(i, standstill + 1)
+        near = self._samples(self.t[i] - 0.5 * s.before, standstill + 1)
         if not self.good[near].all():
             return Usability.SUSPECT, f"{int((~self.good[near]).sum())} suspect samples"
         if self.v_cmd[i] < -_TOLD:
@@ -203,6 +205,6 @@ class _Search:
                 return Usability.PARTIAL, f"brakes applied to {float(np.median(brake)):.0%}"
         falling = np.flatnonzero(self.v[braking] > 0.9 * held)
         onset = int(falling[-1]) if len(falling) else 0
-        if rest - i - onset < s.fewest:
-            return Usability.SPARSE, f"{rest - i - onset} samples while it braked"
+        if standstill - i - onset < s.fewest:
+            return Usability.SPARSE, f"{standstill - i - onset} samples while it braked"
         return Usability.USABLE, ""

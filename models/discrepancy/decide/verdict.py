@@ -134,7 +134,7 @@ def _doubted(
 
 
 def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
-    """Patterns that matter for the way of a stop.
+    """Patterns that matter for the stopping distance.
 
     What follows time or speed within a stop follows all axes of that kind; the surest of them
     decides whether it matters.
@@ -142,12 +142,12 @@ def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
     within = [f for f in sure if f.axis.name in WITHIN]
     apart = within[:1] + [f for f in sure if f.axis.name not in WITHIN]
     least = TRACE * float(np.mean(table.distance))
-    return sorted((f for f in apart if f.way > least), key=lambda f: -f.strength)
+    return sorted((f for f in apart if f.distance > least), key=lambda f: -f.strength)
 
 
 def _said_of(left: Followed) -> tuple[str, ...]:
-    way = 1000.0 * left.way
-    return (f"a little is left that follows {left.axis.name}: {way:.0f} mm of way a stop",)
+    millimetres = 1000.0 * left.distance
+    return (f"a little is left that follows {left.axis.name}: {millimetres:.0f} mm of way a stop",)
 
 
 def _far(base: Fit) -> ScoredExplanation:

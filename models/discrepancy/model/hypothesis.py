@@ -57,7 +57,7 @@ class Hypothesis:
         added: effects beyond those of the model. A `step_change` holds from its run on.
         oscillation: (OSCILLATION,) of the body at the onset, see
             :mod:`models.discrepancy.model.body_oscillation` [m/s].
-        swings: whether it may be anything but zero.
+        oscillates: whether it may be anything but zero.
     """
 
     model: Model

@@ -224,7 +224,7 @@ def as_output(table: StopTable, found: Fit) -> StopTable:
     """The table with the speeds that a fit gives, each stop with its own friction.
 
     A fit to these speeds sees no noise in the terms of motion. Without its friction a stop would
-    come to rest elsewhere, and terms that grow towards the rest would be far off.
+    stop elsewhere, and terms that grow towards standstill would be far off.
     """
     stronger = own_friction(found) / max(float(np.median(table.force)), LEAST_FORCE)
     speed, _ = simulate(table, found.hypothesis, table.held, table.time, stronger[:, None])
