@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from models.arrays import Bools, Floats
 
-_TOLD = 0.01  # [m/s] a command of at most this is the stop command
+TOLD = 0.01
+"""A command of at most this is the stop command [m/s]."""
 
 
 class Usability(Enum):
@@ -128,7 +129,7 @@ class _Search:
     def __init__(self, part: Mapping[str, Floats], good: Bools, settings: StopSettings) -> None:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
         self.part, self.good, self.settings = part, good, settings
-        self.told = self.v_cmd <= _TOLD
+        self.told = self.v_cmd <= TOLD
 
     def windows(self) -> list[StopWindow]:
         starts = np.flatnonzero(self.told & ~np.concatenate(([True], self.told[:-1])))
@@ -184,7 +185,7 @@ class _Search:
         near = self._samples(self.t[i] - 0.5 * s.before, standstill + 1)
         if not self.good[near].all():
             return Usability.SUSPECT, f"{int((~self.good[near]).sum())} suspect samples"
-        if self.v_cmd[i] < -_TOLD:
+        if self.v_cmd[i] < -TOLD:
             return Usability.REVERSED, f"command of {self.v_cmd[i]:.2f} m/s"
         # A command that came down before it reached zero is no step. Commands may be off by a
         # factor from the speed, so they are also compared with themselves.

@@ -103,7 +103,10 @@ class StopTable:
         return len(self.held)
 
     def take(self, rows: Sequence[int] | Ints | Bools) -> StopTable:
-        """Some of the stops; the others go on heating the brakes only through their clocks."""
+        """The stops of ``rows``: indices, or (S,) whether to take each.
+
+        The others go on heating the brakes only through their clocks.
+        """
         index = np.arange(len(self))[np.asarray(rows)]
         arrays = {
             name: getattr(self, name)[index]

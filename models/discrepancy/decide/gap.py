@@ -40,7 +40,10 @@ def distances(table: StopTable, hypothesis: Hypothesis) -> Floats:
 
 
 def folds(table: StopTable, count: int, seed: int) -> list[Bools]:
-    """Stops of each part; stops of a run stay together, or where runs are few, those nearby."""
+    """(S,) whether a stop is in a part, for each of ``count`` parts.
+
+    Stops of a run stay together, or where runs are few, those that were driven one after another.
+    """
     groups = table.run
     if len(np.unique(groups)) < count:
         groups = np.arange(len(table)) * 4 * count // len(table)

@@ -107,7 +107,7 @@ class Hypothesis:
         return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *[0.01] * OSCILLATION, *own])
 
     def moved(self, free: Floats) -> Hypothesis:
-        """The same with other numbers."""
+        """The same with other numbers (P,), in the order of :attr:`free`."""
         rest = list(free[BASE:])
         added = []
         for effect in self.added:

@@ -137,7 +137,7 @@ class _Space:
         return np.concatenate((between[:, None, :] * self.weight[:, None, None], within), axis=1)
 
     def groups(self, axis: int, shapes: Floats, whole: bool) -> list[_Group]:
-        """Orthonormal directions of shapes beyond the fit, by all rows and by those of friction.
+        """Orthonormal directions of shapes (S, M, p) beyond the fit, by all rows and by friction.
 
         What happens within stops may be far off for reasons of its own, and drown what differs
         from stop to stop.
@@ -163,7 +163,7 @@ class _Space:
     def followed(
         self, axis: Axis, group: _Group, rows: Floats, strength: float, p_value: float
     ) -> Followed:
-        """What the best shapes along an axis look like."""
+        """What the best shapes along an axis look like, for rows (S, K + 1) of the residual."""
         along = group.basis.T @ rows.ravel()
         flat = self.rows(group.columns).reshape(self.count, -1)
         wanted = group.basis @ along

@@ -125,7 +125,11 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
 
 
 def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = FIT_PASSES) -> Fit:
-    """Least squares of the whitened residuals with a given noise."""
+    """Least squares of the whitened residuals with a given noise.
+
+    Its own bounded Gauss–Newton, not one of scipy's: damping, the step and where it ends are part
+    of what the thresholds were chosen with, and slopes are made anew only where they bend.
+    """
     weight = 1.0 / np.sqrt(1.0 + white.noise.scatter**2 * white.power)
     precision = prior_precision(hypothesis)
     centre = _centre(hypothesis)
@@ -263,7 +267,12 @@ def fit_either_way(table: StopTable, hypothesis: Hypothesis, noise: Noise, round
 
 
 def likely_scatter(between: Floats, power: Floats) -> float:
-    """Maximum likelihood of the standard deviation of F_b/W from stop to stop."""
+    """Maximum likelihood of the standard deviation of F_b/W from stop to stop [1].
+
+    Args:
+        between: (S,) whitened residual along the friction of each stop.
+        power: (S,) its variance for a scatter of one, see :class:`Whitener`.
+    """
 
     def cost(log_scatter: float) -> float:
         variance = 1.0 + np.exp(2.0 * log_scatter) * power
