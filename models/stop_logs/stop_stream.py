@@ -1,12 +1,13 @@
 """Stops out of a stream of samples: constant time and memory a sample, nothing kept.
 
 It is the pipeline of :mod:`models.stop_logs.measured_log` for a robot whose log has no end: each
-stop by itself, and the measurement of :mod:`models.stop_logs.onset` by running sums. v + g ∫ sin θ dt
-falls along a straight line whose slope is −g F_b/W, whatever the slope of the ground does meanwhile.
-The line is taken from the dead time on until little speed is left.
+stop by itself, and the measurement of :mod:`models.stop_logs.onset` by running sums. The sum
+v + g ∫ sin θ dt falls along a straight line whose slope is −g F_b/W, whatever the slope of the
+ground does meanwhile. The line is taken from the dead time on until little speed is left.
 
-Validity: as of the onset. Near standstill the last samples are chosen by a speed that is noisy itself: at
-6 cm/s noise the force of a stop from 1 m/s comes out up to 2 % too low, which is the safe side.
+Validity: as of the onset. Near standstill the last samples are chosen by a speed that is noisy
+itself: at 6 cm/s noise the force of a stop from 1 m/s comes out up to 2 % too low, which is the
+safe side.
 Source: Braking (1), (2), Sec. 4.2.
 """
 
