@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from models.terrain.adaptation import classes_of
 from models.terrain.classes import TerrainClasses
 from models.terrain.classifier import NONE, TerrainClassifier
+from models.terrain.estimator import DriveSample
 from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
 from models.terrain.phases import Phase
 from models.terrain.settings import EstimatorSettings, FilterSettings
@@ -71,7 +72,7 @@ def drive(rows: Iterable[tuple[Any, ...]]) -> list[Classified | GroundChange]:
     fresh = monitor()
     found: list[Classified | GroundChange] = []
     for row in rows:
-        found += fresh.update(*row)
+        found += fresh.update(DriveSample(*row[:8]), *row[8:])
     return [*found, *fresh.finish()]
 
 

@@ -44,20 +44,23 @@ class ForceFit:
     regression: LinearFit
 
     def force_ratio(self, speed: Floats | float, grade: Floats | float) -> Floats:
-        """F_b/W at onset speeds [m/s] and grades [rad], broadcast."""
+        """F_b/W at onset speeds [m/s] and grades [rad], (n,) or numbers, broadcast."""
         m_m, b_m, m_b, b_b = self.coefficients
         result: Floats = np.asarray((m_m * speed + b_m) * grade + m_b * speed + b_b)
         return result
 
     def force_std(self, speed: Floats | float, grade: Floats | float) -> Floats:
-        """Standard deviation of F_b/W, from the coefficients alone."""
+        """(n,) standard deviation of F_b/W at speeds [m/s] and grades [rad], (n,) or numbers.
+
+        From the coefficients alone.
+        """
         x = design(np.atleast_1d(speed), np.atleast_1d(grade))
         std: Floats = np.sqrt(np.einsum("ni,ij,nj->n", x, self.covariance, x))
         return std
 
 
 def design(speed: Floats, grade: Floats) -> Floats:
-    """Rows [v θ, θ, v, 1], (n, 4)."""
+    """(n, 4) rows [v θ, θ, v, 1] of onset speeds v [m/s] and grades θ [rad], broadcast to (n,)."""
     speed, grade = np.broadcast_arrays(speed, grade)
     return np.column_stack((speed * grade, grade, speed, np.ones_like(speed)))
 

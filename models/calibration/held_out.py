@@ -56,8 +56,11 @@ def leave_sessions_out(
     The stops of a session are measured as they are in a calibration of the whole log.
 
     Args:
-        columns: channels of a drive log. sessions: the runs of each. known, settings: as of
+        columns: channels of a drive log, (n,). sessions: the runs of each. known, settings: as of
             :func:`models.calibration.learn.learn`.
+
+    Raises:
+        ParameterError: too few usable stops in all sessions together.
     """
     everything = learn(columns, [run for s in sessions for run in s], known, settings=settings)
     records = [r for surface in everything.surfaces for r in surface.records]

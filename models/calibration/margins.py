@@ -45,7 +45,7 @@ def offset_for(coverage: float, shortfall: Floats) -> float:
 
 
 def normal_bound(coverage: float, shortfall: Floats) -> float:
-    """Upper tolerance bound of a normal distribution: mean + k std."""
+    """Upper tolerance bound of a normal distribution behind shortfalls (n,): mean + k std."""
     n = len(shortfall)
     z = float(stats.norm.ppf(coverage))
     if n <= _EXACT:

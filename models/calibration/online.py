@@ -20,8 +20,8 @@ from models.calibration.force_fit import WEAK_PRIOR, ForceFit, fit_force
 from models.calibration.learned_force import LearnedForce
 from models.calibration.published import PublishedForce, PublishSettings
 from models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
-from models.calibration.stream import StopStream, StreamedStop
 from models.parameters import Braking
+from models.stop_logs.stop_stream import StopStream, StreamedStop
 
 
 @dataclass(frozen=True, slots=True)

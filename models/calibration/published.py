@@ -87,7 +87,7 @@ class PublishedForce:
         return self._force.copy()
 
     def follow(self, coefficients: Floats) -> None:
-        """Take over an estimate: at once where it is lower, a step where it is higher."""
+        """Take over an estimate (4,): at once where it is lower, a step where it is higher."""
         wanted = self._estimate = self._bounded(self._corners @ coefficients)
         risen = self._force + self.settings.rise
         if self.settings.only_valid and not self.valid:

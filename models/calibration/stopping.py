@@ -1,7 +1,10 @@
 """Stopping distance along a measured, varying slope: the integral form of Braking (12).
 
-v dv = −g (F_b/W(θ(s), v_i) + sin θ(s)) ds, so the way from the onset to rest is where the work done
-equals v_i²/2. Independent of time steps, quick enough for every stop of a log.
+v dv = −g (F_b/W(θ(s), v_i) + sin θ(s)) ds, so the distance from the onset to standstill is where
+the work done equals v_i²/2. :mod:`models.laws.braking` has (12) for one grade, and
+:mod:`models.stops.simulation` integrates every effect in time. This stands between them because a
+calibration predicts each stop of a log, or of a fleet, on the ground that was measured under it:
+independent of time steps, and without an integrator.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ _FARTHEST = 500.0  # [m] a vehicle that rolls that far does not stop
 def stopping_distance(
     speed: float, dead_time: float, coefficients: Floats, station: Floats, grade: Floats
 ) -> float:
-    """Way from stop command to rest, without safety offset [m]; inf if it does not stop.
+    """Distance from stop command to standstill, without offset [m]; inf if it does not stop.
 
     Args:
         speed: at the stop command, held during the dead time [m/s].
@@ -50,7 +53,7 @@ def stopping_distance(
 
 
 def stopping_time(speed: float, dead_time: float, distance: float) -> float:
-    """Time from stop command to rest [s] for a stopping distance [m], at an even deceleration.
+    """Time from stop command to standstill [s] for a distance [m], at an even deceleration.
 
     Source: Braking (11), (12): v/a with the a that gives the distance.
     """

@@ -1,4 +1,4 @@
-"""The whole way: replay, refit, locate, name, add, show, propose.
+"""The whole workflow: replay, refit, locate, name, add, show, propose.
 
 Arrays in, findings out; files and screens are for others.
 """

@@ -38,9 +38,9 @@ def force_ratio(
         grade: θ of the ground along the direction of travel [rad], uphill positive.
         onset_speed: speed v_i when the brakes take hold [m/s], >= 0.
         m_m: change of the slope coefficient with onset speed [s/m].
-        b_m: slope coefficient at rest [1].
+        b_m: slope coefficient towards standstill [1].
         m_b: change of the level force with onset speed [s/m].
-        b_b: level force at rest [1].
+        b_b: level force towards standstill [1].
     """
     m = m_m * onset_speed + b_m
     b = m_b * onset_speed + b_b
@@ -108,7 +108,7 @@ def mean_deceleration(
 def stopping_time(
     speed: Elementwise, deceleration: Elementwise, dead_time: Elementwise, time_offset: Elementwise
 ) -> Elementwise:
-    """Time from stop command to rest, t_s = v/a + t_delay + t_offset [s].
+    """Time from stop command to standstill, t_s = v/a + t_delay + t_offset [s].
 
     Source: Braking (11).
 
@@ -127,7 +127,7 @@ def stopping_distance(
     dead_time: Elementwise,
     distance_offset: Elementwise,
 ) -> Elementwise:
-    """Distance from stop command to rest, s = v²/(2a) + t_delay v + s_offset [m].
+    """Distance from stop command to standstill, s = v²/(2a) + t_delay v + s_offset [m].
 
     The speed controller holds v during the dead time. Valid on constant grade; along a varying
     slope integrate v dv = −a ds instead. Source: Braking (12), corrected: see

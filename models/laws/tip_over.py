@@ -79,11 +79,8 @@ def rear_share_under_braking(
 
 
 def downhill_limit_under_braking(
-    onset_speed: float,
-    m_m: float,
-    b_m: float,
-    m_b: float,
-    b_b: float,
+    slope: float,
+    level_force: float,
     wheelbase: float,
     cg_x: float,
     cg_z: float,
@@ -95,29 +92,25 @@ def downhill_limit_under_braking(
     at the onset speed. The left side is concave in θ, so it suffices between two roots: the lower
     one is bracketed by −π/2 and the grade of the highest load, sin θ = −cg_z m/(L − cg_x). Without
     a root: −π/2 where the load suffices down to the vertical, +π/2 where it suffices nowhere.
-    Plain floats. Outside the trained grades (about ±15°) the force extrapolates. Omits: roll.
+    Plain floats, for the design of a vehicle; the planner bounds speeds at the grades it meets.
+    Outside the trained grades (about ±15°) the force extrapolates. Omits: roll.
     Source: Braking Sec. 5.2 with (2), (7), (8).
 
     Args:
-        onset_speed: v_i [m/s].
-        m_m: change of the slope coefficient with onset speed [s/m].
-        b_m: slope coefficient at rest [1].
-        m_b: change of the level force with onset speed [s/m].
-        b_b: level force at rest [1].
+        slope: coefficient m = m_m v_i + b_m at the onset speed [1].
+        level_force: b = m_b v_i + b_b at the onset speed [1].
         wheelbase: L [m].
         cg_x: centre of gravity ahead of the rear axle [m].
         cg_z: height of the centre of gravity [m].
         min_rear_share: share of the level static rear load to keep [1].
     """
     lever = cg_z / (wheelbase - cg_x)
-    m = m_m * onset_speed + b_m
-    b = m_b * onset_speed + b_b
 
     def spare(grade: float) -> float:
-        return math.cos(grade) - lever * (m * grade + b) - min_rear_share
+        return math.cos(grade) - lever * (slope * grade + level_force) - min_rear_share
 
     vertical = -0.5 * math.pi
-    best = math.asin(min(max(-lever * m, -1.0), 1.0))
+    best = math.asin(min(max(-lever * slope, -1.0), 1.0))
     if spare(vertical) >= 0.0:
         return vertical
     if spare(best) < 0.0:

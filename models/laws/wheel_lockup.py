@@ -18,7 +18,7 @@ from models.elementwise import Elementwise
 _LEAST_LEVER = 1e-9
 
 
-def front_lockup_force_ratio(
+def lockup_force_ratios(
     grade: Elementwise,
     roll: Elementwise,
     front_brake_share: Elementwise,
@@ -26,11 +26,14 @@ def front_lockup_force_ratio(
     wheelbase: Elementwise,
     cg_x: Elementwise,
     cg_z: Elementwise,
-) -> Elementwise:
-    """F_b/W [1] at which the front axle locks: μ_s cg_x c / (β L − μ_s cg_z).
+) -> tuple[Elementwise, Elementwise]:
+    """F_b/W [1] at which (front, rear) axle locks; the lower one locks first.
 
+    Front: μ_s cg_x c / (β L − μ_s cg_z). Rear: μ_s (L − cg_x) c / ((1 − β) L + μ_s cg_z).
     Braking loads the front: with β L <= μ_s cg_z its friction grows faster than its part of the
-    force and it never locks; a number above 10⁶ stands for that.
+    force and it never locks; a number above 10⁶ stands for that. The lower one is never above
+    :func:`friction_cap`, and both equal it for the ideal share β = (cg_x + μ_s cg_z)/L.
+    For judging an axle by itself; no bound of the planner divides the force so far.
 
     Args:
         grade: θ [rad], uphill positive.
@@ -41,63 +44,11 @@ def front_lockup_force_ratio(
         cg_x: centre of gravity ahead of the rear axle [m].
         cg_z: height of the centre of gravity [m].
     """
-    c = np.cos(grade) * np.cos(roll)
-    lever = np.fmax(front_brake_share * wheelbase - sliding_friction * cg_z, _LEAST_LEVER)
-    return sliding_friction * cg_x * c / lever
-
-
-def rear_lockup_force_ratio(
-    grade: Elementwise,
-    roll: Elementwise,
-    front_brake_share: Elementwise,
-    sliding_friction: Elementwise,
-    wheelbase: Elementwise,
-    cg_x: Elementwise,
-    cg_z: Elementwise,
-) -> Elementwise:
-    """F_b/W [1] at which the rear axle locks: μ_s (L − cg_x) c / ((1 − β) L + μ_s cg_z).
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        front_brake_share: β, front axle's part of the braking force [1], 0 to 1.
-        sliding_friction: μ_s [1].
-        wheelbase: L [m].
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height of the centre of gravity [m].
-    """
-    c = np.cos(grade) * np.cos(roll)
-    lever = (1.0 - front_brake_share) * wheelbase + sliding_friction * cg_z
-    return sliding_friction * (wheelbase - cg_x) * c / lever
-
-
-def lockup_force_ratio(
-    grade: Elementwise,
-    roll: Elementwise,
-    front_brake_share: Elementwise,
-    sliding_friction: Elementwise,
-    wheelbase: Elementwise,
-    cg_x: Elementwise,
-    cg_z: Elementwise,
-) -> Elementwise:
-    """F_b/W [1] at which the first axle locks, the lower one of front and rear.
-
-    Never above :func:`friction_cap`; equal to it for the ideal share β = (cg_x + μ_s cg_z)/L.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        front_brake_share: β, front axle's part of the braking force [1], 0 to 1.
-        sliding_friction: μ_s [1].
-        wheelbase: L [m].
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height of the centre of gravity [m].
-    """
-    c = np.cos(grade) * np.cos(roll)
+    friction = sliding_friction * np.cos(grade) * np.cos(roll)
     transfer = sliding_friction * cg_z
-    front = cg_x / np.fmax(front_brake_share * wheelbase - transfer, _LEAST_LEVER)
-    rear = (wheelbase - cg_x) / ((1.0 - front_brake_share) * wheelbase + transfer)
-    return sliding_friction * c * np.fmin(front, rear)
+    front = np.fmax(front_brake_share * wheelbase - transfer, _LEAST_LEVER)
+    rear = (1.0 - front_brake_share) * wheelbase + transfer
+    return friction * cg_x / front, friction * (wheelbase - cg_x) / rear
 
 
 def friction_cap(

@@ -1,9 +1,8 @@
 """The dead time of the brakes out of the onsets of all stops.
 
 It is a property of the hardware, so all stops share it up to a scatter from stop to stop. Knowing
-it
-sharpens each single stop: onset and force of a knee are correlated, and an onset pulled towards the
-common dead time takes its force along.
+it sharpens each single stop: onset and force of a knee are correlated, and an onset pulled towards
+the common dead time takes its force along.
 
 A stop command is logged with the first sample that shows it, and the dead time counts from that
 sample. Source: Braking Sec. 2, where it is read off a plot as 0.3 s on average.
@@ -65,7 +64,12 @@ class Sharpened:
 
 
 def sharpen(knees: Sequence[Knee], noise: Floats, common: DeadTime) -> Sharpened:
-    """Condition every knee on the common dead time, as normal distributions are conditioned."""
+    """Condition every knee on the common dead time, as normal distributions are conditioned.
+
+    Args:
+        knees: n of them. noise: (n,) of the speed [m/s], as for :func:`dead_time`.
+        common: dead time of all.
+    """
     covariance = np.stack([knee.covariance for knee in knees]) * (noise**2)[:, None, None]
     onset = np.array([knee.onset_time for knee in knees])
     speed = np.array([knee.onset_speed for knee in knees])

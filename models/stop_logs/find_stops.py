@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from models.arrays import Bools, Floats
 
-_TOLD = 0.01  # [m/s] a command of at most this is the stop command
+TOLD = 0.01
+"""A command of at most this is the stop command [m/s]."""
 
 
 class Usability(Enum):
@@ -74,15 +75,15 @@ class StopWindow:
     """One stop as samples of its log.
 
     Attributes:
-        begin, command, rest, end: first sample that belongs to it, the stop command, the first
-            sample at standstill (or the last of an unfinished stop), one behind the last.
+        begin, command, standstill, end: first sample that belongs to it, the stop command, the
+            first sample at standstill (or the last of an unfinished stop), one behind the last.
         held_speed: mean speed just before the command [m/s].
         verdict, reason: whether it may be learned from; the reason adds numbers.
     """
 
     begin: int
     command: int
-    rest: int
+    standstill: int
     end: int
     held_speed: float
     verdict: Usability
@@ -115,7 +116,7 @@ def find_stops(
     offset = run.start
     return [
         StopWindow(
-            w.begin + offset, w.command + offset, w.rest + offset, w.end + offset,
+            w.begin + offset, w.command + offset, w.standstill + offset, w.end + offset,
             w.held_speed, w.verdict, w.reason,
         )
         for w in search.windows()
@@ -128,7 +129,7 @@ class _Search:
     def __init__(self, part: Mapping[str, Floats], good: Bools, settings: StopSettings) -> None:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
         self.part, self.good, self.settings = part, good, settings
-        self.told = self.v_cmd <= _TOLD
+        self.told = self.v_cmd <= TOLD
 
     def windows(self) -> list[StopWindow]:
         starts = np.flatnonzero(self.told & ~np.concatenate(([True], self.told[:-1])))
@@ -152,18 +153,20 @@ class _Search:
         again = np.flatnonzero(~self.told[i:])
         released = i + int(again[0]) if len(again) else len(self.t)
         last = int(np.searchsorted(self.t, self.t[i] + s.longest, side="right"))
-        rest = self._rest(i, min(last, len(self.t)))
-        if rest is None:
+        standstill = self._standstill(i, min(last, len(self.t)))
+        if standstill is None:
             verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
             end = min(released, last)
             return StopWindow(begin, i, end - 1, end, held, verdict)
-        if rest > released:
+        if standstill > released:
             return StopWindow(begin, i, released - 1, released, held, Usability.ABORTED)
-        end = min(int(np.searchsorted(self.t, self.t[rest] + s.after, side="right")), released)
-        verdict, reason = self._verdict(begin, i, rest, held)
-        return StopWindow(begin, i, rest, max(end, rest + 1), held, verdict, reason)
+        end = min(
+            int(np.searchsorted(self.t, self.t[standstill] + s.after, side="right")), released
+        )
+        verdict, reason = self._verdict(begin, i, standstill, held)
+        return StopWindow(begin, i, standstill, max(end, standstill + 1), held, verdict, reason)
 
-    def _rest(self, i: int, stop: int) -> int | None:
+    def _standstill(self, i: int, stop: int) -> int | None:
         """First sample at zero or below, or the first of a settled stretch."""
         v, good = self.v[i:stop], self.good[i:stop]
         crossed = np.flatnonzero(good & (v <= 0.0))
@@ -176,13 +179,13 @@ class _Search:
                 break
         return i + min(candidates) if candidates else None
 
-    def _verdict(self, begin: int, i: int, rest: int, held: float) -> tuple[Usability, str]:
+    def _verdict(self, begin: int, i: int, standstill: int, held: float) -> tuple[Usability, str]:
         s = self.settings
-        braking = slice(i, rest + 1)
-        near = self._samples(self.t[i] - 0.5 * s.before, rest + 1)
+        braking = slice(i, standstill + 1)
+        near = self._samples(self.t[i] - 0.5 * s.before, standstill + 1)
         if not self.good[near].all():
             return Usability.SUSPECT, f"{int((~self.good[near]).sum())} suspect samples"
-        if self.v_cmd[i] < -_TOLD:
+        if self.v_cmd[i] < -TOLD:
             return Usability.REVERSED, f"command of {self.v_cmd[i]:.2f} m/s"
         # A command that came down before it reached zero is no step. Commands may be off by a
         # factor from the speed, so they are also compared with themselves.
@@ -203,6 +206,6 @@ class _Search:
                 return Usability.PARTIAL, f"brakes applied to {float(np.median(brake)):.0%}"
         falling = np.flatnonzero(self.v[braking] > 0.9 * held)
         onset = int(falling[-1]) if len(falling) else 0
-        if rest - i - onset < s.fewest:
-            return Usability.SPARSE, f"{rest - i - onset} samples while it braked"
+        if standstill - i - onset < s.fewest:
+            return Usability.SPARSE, f"{standstill - i - onset} samples while it braked"
         return Usability.USABLE, ""

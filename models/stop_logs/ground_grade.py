@@ -7,7 +7,7 @@ measured, and predictions downhill too short. Gravity's part is there all the ti
 towards the foot of a slope, and its pitch is steeper than the ground by a share of g · dive.
 
 The dive shows in each stop by itself: the body pitches when the brakes take hold and comes back
-when the vehicle stands, while the ground goes on smoothly with the way. The mount does not: a
+when the vehicle stands, while the ground goes on smoothly with the distance. The mount does not: a
 constant offset looks like ground. It takes a map, heights, or the same ground driven in several
 directions (:mod:`models.stop_logs.mount_offset`).
 
@@ -39,7 +39,7 @@ class StopPitch:
 
     Attributes:
         time: (n,) since the stop command [s], from before it to some time after standstill.
-        station: (n,) way since the first sample [m]. pitch: (n,) [rad], nose down positive.
+        station: (n,) distance since the first sample [m]. pitch: (n,) [rad], nose down positive.
         onset_time, standstill_time: of the braking [s]. deceleration: its mean [m/s²].
     """
 
@@ -93,7 +93,7 @@ def felt_deceleration(
 def estimate_dive(stops: Sequence[StopPitch]) -> Dive:
     """The dive that the pitch of all stops has in common.
 
-    In each stop the ground is a parabola over the way; what is left of the pitch follows the
+    In each stop the ground is a parabola over the distance; what is left of the pitch follows the
     deceleration. Stops are weighed by what they tell, odd ones left out.
     """
     usable = [s for s in stops if len(s.time) >= _FEWEST and s.standstill_time > s.onset_time]

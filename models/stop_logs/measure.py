@@ -91,7 +91,7 @@ def _grade_noise(stops: Sequence[StopSamples]) -> Floats:
     """
     jumps = np.concatenate([np.diff(stop.pitch) for stop in stops])
     each = 1.4826 * float(np.median(np.abs(jumps))) / np.sqrt(2.0)
-    count = np.array([max(stop.at_rest - stop.at_command, 1) for stop in stops])
+    count = np.array([max(stop.at_standstill - stop.at_command, 1) for stop in stops])
     mapped = np.array([s.grade is not None and np.isfinite(s.grade).all() for s in stops])
     noise: Floats = np.where(mapped, 0.0, each / np.sqrt(count))
     return noise

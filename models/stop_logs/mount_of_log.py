@@ -1,6 +1,6 @@
 """The mount offset of a log's pitch sensor, by the best source that the log has.
 
-A map, else heights along the way, else ground driven in several directions. While the vehicle
+A map, else heights along the path, else ground driven in several directions. While the vehicle
 brakes its pitch is that of a diving body; the dive is known from the stops and taken out first.
 """
 
@@ -51,11 +51,11 @@ def mount_of_log(
             heading[run] = mount_offset.course(station, place["x"], place["y"])
     for record in measured.records:
         window = record.samples.window
-        part = slice(window.begin, window.rest)
+        part = slice(window.begin, window.standstill)
         pitch[part] -= dive_pitch(record.samples, record.knee, measured.dive)[
-            : window.rest - window.begin
+            : window.standstill - window.begin
         ]
-        use[window.command : window.rest] = True
+        use[window.command : window.standstill] = True
     use &= good
     if ground is not None:
         return mount_offset.from_grade(pitch, ground, use, "map")

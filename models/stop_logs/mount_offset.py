@@ -1,6 +1,6 @@
 """How far a pitch sensor is mounted off the body's axis, out of ground that is known.
 
-Ground is known from a map or from heights along the way, or because it was driven in several
+Ground is known from a map or from heights along the path, or because it was driven in several
 directions: a plane under the same place shows its slope with opposite signs on the way out and
 back, the mount with the same one. Without any of these the offset cannot be told from grade; it is
 then taken to be nothing, with the uncertainty of a usual mounting.
@@ -64,12 +64,12 @@ def from_grade(pitch: Floats, grade: Floats, use: Bools, source: str) -> Mount:
 
 
 def from_heights(station: Floats, height: Floats) -> Floats:
-    """(n,) grade out of heights along the way, over two metres to each side [rad]; NaN at rest."""
+    """(n,) grade by heights along the path, two metres to each side [rad]; NaN at standstill."""
     ahead = np.interp(station + _CELL, station, height)
     behind = np.interp(station - _CELL, station, height)
-    way = np.minimum(station + _CELL, station[-1]) - np.maximum(station - _CELL, station[0])
-    good = way > _LEAST_STEP
-    rise = np.divide(ahead - behind, way, out=np.full_like(way, np.nan), where=good)
+    length = np.minimum(station + _CELL, station[-1]) - np.maximum(station - _CELL, station[0])
+    good = length > _LEAST_STEP
+    rise = np.divide(ahead - behind, length, out=np.full_like(length, np.nan), where=good)
     grade: Floats = np.arcsin(np.clip(rise, -1.0, 1.0))
     return grade
 

@@ -136,7 +136,7 @@ class _Pull:
         self._grade = _cumulative(time, grade)
 
     def mean_grade(self, since: Floats | float, until: float) -> Floats:
-        """Time average of θ, elementwise in its beginning [rad]."""
+        """Time average of θ from each beginning (n,), or one, to the end [rad]."""
         begin = np.clip(since, self.time[0], self.time[-1])
         span = np.clip(until, self.time[0], self.time[-1]) - begin
         turned = np.interp(until, self.time, self._grade) - np.interp(begin, self.time, self._grade)

@@ -22,9 +22,9 @@ class StopSamples:
         window: where in the log. run, terrain: names, "" for ground without a name.
         time: since the stop command [s]. speed: [m/s]. pitch: of the body [rad], nose down
             positive. grade: known from a map [rad], NaN where it is not, None without a map.
-        station: way since the first sample, forward only [m].
+        station: distance since the first sample, forward only [m].
         standstill_time: of the first zero crossing since the command [s].
-        distance: way from the command to standstill [m].
+        distance: from the command to standstill [m].
         clock: of the stop command in the log [s].
     """
 
@@ -46,9 +46,9 @@ class StopSamples:
         return self.window.command - self.window.begin
 
     @property
-    def at_rest(self) -> int:
+    def at_standstill(self) -> int:
         """Index of the first sample at standstill."""
-        return self.window.rest - self.window.begin
+        return self.window.standstill - self.window.begin
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,14 +81,14 @@ class StopRecord:
     def path(self) -> tuple[Floats, Floats]:
         """(n,) distance since the stop command [m] and (n,) grade [rad], up to standstill."""
         s = self.samples
-        along = slice(s.at_command, s.at_rest + 1)
+        along = slice(s.at_command, s.at_standstill + 1)
         return s.station[along] - s.station[s.at_command], self.ground[along]
 
 
 def cut(
     columns: Mapping[str, NDArray[Any]], window: StopWindow, grade: Floats | None
 ) -> StopSamples:
-    """The samples of a window, with way and standstill.
+    """The samples of a window, with distance and standstill.
 
     Args:
         columns: channels of the log. window: a stop that reached standstill.
@@ -99,10 +99,10 @@ def cut(
     time = columns["t"][part] - clock
     speed = columns["v"][part]
     forward = np.maximum(speed, 0.0)
-    forward[window.rest - window.begin :] = 0.0
+    forward[window.standstill - window.begin :] = 0.0
     steps = 0.5 * (forward[1:] + forward[:-1]) * np.diff(time)
     station = np.concatenate(([0.0], np.cumsum(steps)))
-    k = window.rest - window.begin
+    k = window.standstill - window.begin
     standstill_time = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
     # The last step ends at the crossing and not at the sample behind it.
     station[k:] += 0.5 * speed[k - 1] * (standstill_time - time[k])

@@ -22,7 +22,7 @@ _SPEED_FACTORS = {
 _RATIO_TOLERANCE = 0.04  # knots and miles per hour differ by 15 %
 _STEEP = 0.7  # [rad] 40°: no vehicle spends a twentieth of its time on that
 _FASTEST_TURN = 8.0  # [rad/s]
-_LEAST_WAY = 5.0  # [m]
+_LEAST_DISTANCE = 5.0  # [m]
 
 
 def find(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
@@ -71,15 +71,15 @@ def _speed(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
     if good.sum() < 10:
         return
     t, v, x, y = channels["t"][good], v[good], x[good], y[good]
-    # Over whole seconds, so that the noise of positions does not add up to way.
+    # Over whole seconds, so that the noise of positions does not add up to distance.
     marks = np.unique(np.searchsorted(t, np.arange(t[0], t[-1], 1.0)).clip(0, len(t) - 1))
-    way = float(np.sum(np.hypot(np.diff(x[marks]), np.diff(y[marks]))))
+    distance = float(np.sum(np.hypot(np.diff(x[marks]), np.diff(y[marks]))))
     integrated = float(np.trapezoid(np.abs(v), t))
-    if way < _LEAST_WAY or integrated < _LEAST_WAY:
+    if distance < _LEAST_DISTANCE or integrated < _LEAST_DISTANCE:
         return
     for unit, factor in _SPEED_FACTORS.items():
-        if abs(integrated / way / factor - 1.0) < _RATIO_TOLERANCE:
-            words = f"{integrated / way:.2f} times what x, y travel, which looks like {unit}"
+        if abs(integrated / distance / factor - 1.0) < _RATIO_TOLERANCE:
+            words = f"{integrated / distance:.2f} times what x, y travel, which looks like {unit}"
             yield "v", f"expected m/s, got {words}"
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections import deque
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,7 +31,24 @@ _ONSET = 0.5  # [s] of steady motion that the current at its onset is averaged o
 _DOUBT = 3.0  # smoothing times before a change is noticed that the filter may have seen it
 _SIGNED_BELOW = -0.3  # [A] a current below this is no noise of a magnitude
 
-Sample = tuple[float, float, float, float, float, float, float, float]
+
+class DriveSample(NamedTuple):
+    """What the estimator sees at one moment.
+
+    Attributes:
+        time: [s]. v_left, v_right: rim speeds [m/s]. yaw_rate: ω_z as measured [rad/s].
+        current_left, current_right: of the sides' motors [A].
+        pitch: nose down positive [rad]. roll: left side up positive [rad].
+    """
+
+    time: float
+    v_left: float
+    v_right: float
+    yaw_rate: float
+    current_left: float
+    current_right: float
+    pitch: float
+    roll: float
 
 
 class TerrainEstimator:
@@ -82,34 +100,20 @@ class TerrainEstimator:
         self.phases.begin()
         self.known = Features()
         self._before.clear()
-        self._samples: list[Sample] = []
+        self._samples: list[tuple[float, ...]] = []
         self._kind = Phase.OTHER
         self._time: float | None = None
         self._turned = False
 
-    def update(
-        self,
-        time: float,
-        v_left: float,
-        v_right: float,
-        yaw_rate: float,
-        current_left: float,
-        current_right: float,
-        pitch: float,
-        roll: float,
-        usable: bool = True,
-    ) -> GroundObservation | None:
+    def update(self, sample: DriveSample, usable: bool = True) -> GroundObservation | None:
         """One sample; an observation if it ends a stretch that tells something.
 
         Args:
-            time: [s]; a sample that is not later than the one before is passed over.
-            v_left, v_right: rim speeds [m/s].
-            yaw_rate: ω_z as measured [rad/s].
-            current_left, current_right: of the sides' motors [A].
-            pitch: nose down positive [rad]. roll: left side up positive [rad].
+            sample: one that is not later than the one before is passed over.
             usable: False excludes the sample and ends the stretch, as a number that is not finite
                 does.
         """
+        time, v_left, v_right, yaw_rate, current_left, current_right, pitch, roll = sample
         elapsed = 0.0 if self._time is None else time - self._time
         if elapsed < 0.0 or (elapsed == 0.0 and self._time is not None) or not isfinite(time):
             return None

@@ -87,8 +87,8 @@ def _signs(part: Mapping[str, Floats], vehicle: Vehicle) -> list[tuple[str, str]
     straight = (np.abs(difference) < _TURNING) & (np.abs(rim) > _MOVING)
     straight &= np.isfinite(part["current_left"] + part["current_right"])
     if straight.sum() >= _LEAST:
-        way = np.sign(rim[straight])
-        left, right = (float(np.median(part[f"current_{s}"][straight] * way)) for s in _SIDES)
+        direction = np.sign(rim[straight])
+        left, right = (float(np.median(part[f"current_{s}"][straight] * direction)) for s in _SIDES)
         if min(left, right) < -_CLEAR and max(left, right) > _CLEAR:
             side = _SIDES[0] if left < right else _SIDES[1]
             words = f"got {left:.1f} A left and {right:.1f} A right on straights"

@@ -15,7 +15,7 @@ from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.change import ChangeDetector, ChangeSettings
 from models.terrain.classes import RuleAnswer, TerrainClasses, by_rules
 from models.terrain.classifier import Classification, ClassifierSettings, TerrainClassifier
-from models.terrain.estimator import TerrainEstimator
+from models.terrain.estimator import DriveSample, TerrainEstimator
 from models.terrain.observation import GroundObservation
 from models.terrain.phases import Phase
 from models.terrain.resistances import TerrainEstimate
@@ -111,36 +111,23 @@ class TerrainMonitor:
         self._window_end = -np.inf
 
     def update(
-        self,
-        time: float,
-        v_left: float,
-        v_right: float,
-        yaw_rate: float,
-        current_left: float,
-        current_right: float,
-        pitch: float,
-        roll: float,
-        usable: bool = True,
-        rates: tuple[float, ...] = (),
+        self, sample: DriveSample, usable: bool = True, rates: tuple[float, ...] = ()
     ) -> tuple[Event, ...]:
         """One sample; see :meth:`TerrainEstimator.update`.
 
         Args:
-            time: [s]. v_left, v_right: [m/s]. yaw_rate: [rad/s].
-            current_left, current_right: [A]. pitch, roll: [rad].
-            usable: False excludes the sample.
+            sample: what the estimator sees. usable: False excludes the sample.
             rates: further rates of turn [rad/s], as many as announced.
 
         Returns:
             What it completes; mostly nothing.
         """
-        done = self.estimator.update(
-            time, v_left, v_right, yaw_rate, current_left, current_right, pitch, roll, usable
-        )
+        done = self.estimator.update(sample, usable)
+        time, v_left, v_right, yaw_rate, current_left, current_right, pitch, _ = sample
         change = self._watch(time) if time >= self._window_end else None
-        sample = (v_left, v_right, current_left, current_right, pitch, yaw_rate, *rates)
-        self._window.append(sample)
-        if not (usable and isfinite(sum(sample))) or self.estimator.phases.phase is Phase.STUCK:
+        seen = (v_left, v_right, current_left, current_right, pitch, yaw_rate, *rates)
+        self._window.append(seen)
+        if not (usable and isfinite(sum(seen))) or self.estimator.phases.phase is Phase.STUCK:
             self._whole = False
         if done is None and change is None:
             return ()

@@ -9,12 +9,11 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from models.arrays import Bools, Floats
-from models.terrain.estimator import TerrainEstimator
+from models.terrain.estimator import DriveSample, TerrainEstimator
 from models.terrain.phases import Phase
 from models.terrain.settings import FilterSettings
 from models.terrain.slip_track_filter import steady_state_variance
@@ -50,27 +49,38 @@ class TerrainTrace:
 
 
 def trace(
-    estimator: TerrainEstimator, rows: Iterable[tuple[Any, ...]], settings: FilterSettings
+    estimator: TerrainEstimator,
+    rows: Iterable[tuple[DriveSample, bool, tuple[float, ...]]],
+    settings: FilterSettings,
 ) -> TerrainTrace:
     """Send a run through an estimator and keep what it thought.
 
     Args:
         estimator: fresh, or at the beginning of a run.
-        rows: samples as :meth:`TerrainEstimator.update` takes them; further items are left out.
+        rows: samples as :meth:`TerrainMonitor.update` takes them.
         settings: of its filter.
     """
     kept: list[tuple[float, ...]] = []
     ran = False
-    for row in rows:
+    for sample, usable, _ in rows:
         before = estimator.filter.variance
-        estimator.update(*row[:9])
+        estimator.update(sample, usable)
         active = estimator.filter.variance != before
         ran = ran or active
         b_s = estimator.filter.slip_track if ran else math.nan
         std = estimator.filter.slip_track_std if ran else math.nan
         stuck = estimator.phases.phase is Phase.STUCK
         kept.append(
-            (row[0], row[2] - row[1], *row[3:6], b_s, std, active, stuck, estimator.filter.variance)
+            (
+                sample.time,
+                sample.v_right - sample.v_left,
+                *sample[3:6],
+                b_s,
+                std,
+                active,
+                stuck,
+                estimator.filter.variance,
+            )
         )
     columns = np.array(kept, np.float64).reshape(-1, 10).T
     variances, settled = _first_turn(columns, columns[7] > 0.5, settings)

@@ -19,11 +19,11 @@ from models.calibration.learned_force import LearnedForce, braking_in_use
 from models.calibration.online import OnlineBraking
 from models.calibration.published import PublishSettings
 from models.calibration.recursive import Acceptance, RecursiveSettings
-from models.calibration.stream import StreamedStop
 from models.errors import ParameterError
 from models.laws import braking
 from models.parameters import Braking, Model
 from models.quantity import GRAVITY
+from models.stop_logs.stop_stream import StreamedStop
 from planner.ground.uncertainty import HOUR, Uncertainty
 from planner.kernels.compiled import Floats
 from services.parameters.group import Description, ParameterGroups, State

@@ -72,6 +72,7 @@ class GroundNow:
         if monitor is None:
             return GroundNews()
         from models.terrain.classifier import NONE
+        from models.terrain.estimator import DriveSample
         from models.terrain.monitor import GroundChange
 
         self._last[source] = float(columns["t"][-1])
@@ -80,8 +81,8 @@ class GroundNow:
         roll = columns.get("roll")
         rows = [columns[name].tolist() for name in names]
         rows.append(np.zeros(len(rows[0])).tolist() if roll is None else roll.tolist())
-        for row in zip(*rows, strict=True):
-            for event in monitor.update(*row):
+        for sample in map(DriveSample, *rows):
+            for event in monitor.update(sample):
                 if isinstance(event, GroundChange):
                     changed, self._own = True, ""
                     continue

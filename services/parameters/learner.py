@@ -11,11 +11,11 @@ from collections import deque
 from collections.abc import Callable
 
 from models.calibration.published import PublishSettings
-from models.calibration.stream import StreamedStop
 from models.errors import ParameterError
 from models.laws import braking
 from models.parameters import Model
 from models.quantity import GRAVITY
+from models.stop_logs.stop_stream import StreamedStop
 from services.parameters.braking_groups import BASE, BrakingGroups
 from services.parameters.effects_group import EffectsGroup
 from services.parameters.ground_now import GroundNow, monitor_maker

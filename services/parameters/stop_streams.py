@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from models.calibration.stream import StopStream, StreamedStop
+from models.stop_logs.stop_stream import StopStream, StreamedStop
 from planner.kernels.compiled import Floats
 from services.settings.learning import Learning
 

@@ -44,7 +44,7 @@ class StopTable:
 
     Attributes:
         time: (S, M) since the stop command [s], even steps in each stop.
-        speed: (S, M) measured, smoothed [m/s]. station: (S, M) way since the command [m].
+        speed: (S, M) measured, smoothed [m/s]. station: (S, M) distance since the command [m].
         grade, roll, yaw, yaw_rate: (S, M) [rad], [rad/s]. x, y: (S, M) [m].
         vertical_curvature: (S, M) change of grade along the ground [1/m]. Zero if not logged.
         logged: channels that the log has.
@@ -105,7 +105,10 @@ class StopTable:
         return len(self.held)
 
     def take(self, rows: Sequence[int] | Ints | Bools) -> StopTable:
-        """Some of the stops; the others go on heating the brakes only through their clocks."""
+        """The stops of ``rows``: indices, or (S,) whether to take each.
+
+        The others go on heating the brakes only through their clocks.
+        """
         index = np.arange(len(self))[np.asarray(rows)]
         arrays = {
             name: getattr(self, name)[index]
@@ -212,7 +215,7 @@ def _complete(values: NDArray[Any], records: Sequence[StopRecord]) -> bool:
 
 
 def _mean(values: NDArray[Any], window: StopWindow) -> float:
-    part = values[window.command : window.rest + 1]
+    part = values[window.command : window.standstill + 1]
     part = part[np.isfinite(part)]
     return float(np.mean(part)) if len(part) else float("nan")
 
@@ -227,7 +230,7 @@ def _row(
 ) -> dict[str, Floats]:
     s = record.samples
     part = slice(s.window.begin, s.window.end)
-    last = min(int(np.searchsorted(s.time, _end_of_fall(record))), s.at_rest)
+    last = min(int(np.searchsorted(s.time, _end_of_fall(record))), s.at_standstill)
     first = int(np.searchsorted(s.time, -HELD_BEFORE - 1e-9))
     time = np.linspace(s.time[first], s.time[last], STOP_NODES)
 

@@ -32,15 +32,18 @@ def speed_errors(table: StopTable, hypothesis: Hypothesis) -> Floats:
 
 
 def distances(table: StopTable, hypothesis: Hypothesis) -> Floats:
-    """(S,) simulated way from stop command to rest [m]; the farthest looked at if it rolls on."""
+    """(S,) simulated stopping distance [m]; the farthest looked at if the vehicle rolls on."""
     longest = SIMULATED_SPAN * table.standstill_time + 0.5
     time = np.linspace(0.0, 1.0, SIMULATED_NODES) * longest[:, None]
-    _, way = simulate(table, hypothesis, table.held, time)
-    return way[:, -1]
+    _, station = simulate(table, hypothesis, table.held, time)
+    return station[:, -1]
 
 
 def folds(table: StopTable, count: int, seed: int) -> list[Bools]:
-    """Stops of each part; stops of a run stay together, or where runs are few, those nearby."""
+    """(S,) whether a stop is in a part, for each of ``count`` parts.
+
+    Stops of a run stay together, or where runs are few, those that were driven one after another.
+    """
     groups = table.run
     if len(np.unique(groups)) < count:
         groups = np.arange(len(table)) * 4 * count // len(table)
@@ -56,8 +59,8 @@ class Gaps:
     Attributes:
         speed, distance: as reported. held_out: (S,) distances by fits that had not seen their stop.
         refit_squares: (S,) mean squared speed error of the refitted base, held out [m²/s²].
-        longer: by how much stops are longer than configured, the nineteenth of twenty [m];
-            negative where all are shorter.
+        longer: 95 % quantile of how much longer stops are than configured [m]; where they are
+            shorter on the whole, the 5 % quantile.
         likelier: by how much −2 log likelihood of stops held out falls by what was found, beyond
             the refitted base.
     """
@@ -90,9 +93,9 @@ def compared(table: StopTable, base: Fit, best: Fit, settings: DiscrepancySettin
     floor = np.where(used, speed_floor(table, best.noise, best.hypothesis), np.nan)
     squares = [np.nanmean(e[0] ** 2, axis=1) for e in (before, refit, after)]
     speed = gap_of("speed while stopping, rms", "m/s", (*squares, np.nanmean(floor, axis=1)), draws)
-    ways = [(e[1] - table.distance) ** 2 for e in (before, refit, after)]
+    lengths = [(e[1] - table.distance) ** 2 for e in (before, refit, after)]
     distance = gap_of(
-        "stopping distance, rms", "m", (*ways, distance_floor(table, best.noise)), draws
+        "stopping distance, rms", "m", (*lengths, distance_floor(table, best.noise)), draws
     )
     longer = table.distance - before[1]
     end = 0.95 if float(np.mean(longer)) > 0.0 else 0.05
@@ -106,17 +109,17 @@ def held_out(table: StopTable, parts: list[Bools], start: Fit) -> tuple[Floats, 
     The likelihood knows what the errors do not: which of them a stop's own friction explains.
     """
     errors = np.full(table.binned.shape, np.nan)
-    ways = np.empty(len(table))
+    lengths = np.empty(len(table))
     deviance = 0.0
     for part in parts:
         seen, unseen = table.take(~part), table.take(part)
         white = whitener(seen, start.noise, start.hypothesis)
         learned = fit(seen, start.hypothesis, white).hypothesis
         errors[part] = speed_errors(unseen, learned)
-        ways[part] = distances(unseen, learned)
+        lengths[part] = distances(unseen, learned)
         own = whitener(unseen, start.noise, learned)
         deviance += float(np.sum(fit(unseen, learned, own, passes=0).each))
-    return errors, ways, deviance
+    return errors, lengths, deviance
 
 
 def speed_floor(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Floats:

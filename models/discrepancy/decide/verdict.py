@@ -93,27 +93,10 @@ def decide(
     if _unusually_small(best) and near:
         best = min(near, key=lambda e: e.score)
         others = tuple(e for e in others if e.names != best.names)
-    ends = _numbers_at_their_end(best)
-    if ends:
-        words = (
-            f"{' and '.join(best.names)} would explain it, with {ends} at the end of what is "
-            "usual: the cause is likely another one"
-        )
-        return Decision(Verdict.UNKNOWN, refitted, axis=sure[0] if sure else None, notes=(words,))
-    if large and _matters(table, base, best, large[0]):
-        words = f"{' and '.join(best.names)} came nearest, but left a pattern along "
-        words += large[0].axis.name
-        return Decision(Verdict.UNKNOWN, refitted, axis=large[0], notes=(words,))
-    if sure and len(best.names) > BELIEVED_NAMES:
-        words = f"{', '.join(best.names)} together came nearest, and left a pattern along "
-        words += f"{sure[0].axis.name}: the cause is likely another one"
-        return Decision(Verdict.UNKNOWN, refitted, axis=sure[0], notes=(words,))
-    together = along_one_axis(table, best)
-    if together:
-        words = f"{' and '.join(together)} together imitate it; "
-        words += "two effects along one axis can be any shape"
-        along = next((f for f in located if f.p_value < settings.structure), None)
-        return Decision(Verdict.UNKNOWN, refitted, axis=along, notes=(words,))
+    doubted = _doubted(table, base, best, sure, located, settings)
+    if doubted is not None:
+        words, axis = doubted
+        return Decision(Verdict.UNKNOWN, refitted, axis=axis, notes=(words,))
     rivals = tuple(
         e for e in others
         if e.names and (e.score < best.score + doubt or not _leads(best, e, settings))
@@ -125,8 +108,33 @@ def decide(
     return Decision(verdict, best, rivals, confidence, sure[0] if sure else None, notes=said)
 
 
+def _doubted(
+    table: StopTable, base: Fit, best: ScoredExplanation, sure: list[Followed],
+    located: list[Followed], settings: DiscrepancySettings,
+) -> tuple[str, Followed | None] | None:  # fmt: skip
+    """Why the names that fit best are not given, and the axis to look along; None if they are."""
+    names, first = best.names, sure[0] if sure else None
+    ends = _numbers_at_their_end(best)
+    if ends:
+        words = f"{' and '.join(names)} would explain it, with {ends} at the end of what is usual"
+        return f"{words}: the cause is likely another one", first
+    large = _large(table, sure)
+    if large and _matters(table, base, best, large[0]):
+        words = f"{' and '.join(names)} came nearest, but left a pattern along "
+        return words + large[0].axis.name, large[0]
+    if first is not None and len(names) > BELIEVED_NAMES:
+        words = f"{', '.join(names)} together came nearest, and left a pattern along "
+        return f"{words}{first.axis.name}: the cause is likely another one", first
+    together = along_one_axis(table, best)
+    if together:
+        words = f"{' and '.join(together)} together imitate it; "
+        along = next((f for f in located if f.p_value < settings.structure), None)
+        return words + "two effects along one axis can be any shape", along
+    return None
+
+
 def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
-    """Patterns that matter for the way of a stop.
+    """Patterns that matter for the stopping distance.
 
     What follows time or speed within a stop follows all axes of that kind; the surest of them
     decides whether it matters.
@@ -134,12 +142,12 @@ def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
     within = [f for f in sure if f.axis.name in WITHIN]
     apart = within[:1] + [f for f in sure if f.axis.name not in WITHIN]
     least = TRACE * float(np.mean(table.distance))
-    return sorted((f for f in apart if f.way > least), key=lambda f: -f.strength)
+    return sorted((f for f in apart if f.distance > least), key=lambda f: -f.strength)
 
 
 def _said_of(left: Followed) -> tuple[str, ...]:
-    way = 1000.0 * left.way
-    return (f"a little is left that follows {left.axis.name}: {way:.0f} mm of way a stop",)
+    millimetres = 1000.0 * left.distance
+    return (f"a little is left that follows {left.axis.name}: {millimetres:.0f} mm of way a stop",)
 
 
 def _far(base: Fit) -> ScoredExplanation:

@@ -40,7 +40,7 @@ class Hypothesis:
         added: effects beyond those of the model. A lasting change holds from its run on.
         oscillation: (OSCILLATION,) of the body at the onset, see
             :mod:`models.discrepancy.model.body_oscillation` [m/s].
-        swings: whether it may be anything but zero.
+        oscillates: whether it may be anything but zero.
     """
 
     model: Model
@@ -93,7 +93,7 @@ class Hypothesis:
         return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *[0.01] * OSCILLATION, *own])
 
     def moved(self, free: Floats) -> Hypothesis:
-        """The same with other numbers."""
+        """The same with other numbers (P,), in the order of :attr:`free`."""
         rest = list(free[BASE:])
         added = []
         for effect in self.added:

@@ -98,7 +98,7 @@ def summary(decision: Decision, distance: Gap, longer: float) -> str:
 
     Args:
         decision: verdict and names. distance: gap in stopping distance.
-        longer: how much longer stops are than configured, nineteenth of twenty [m].
+        longer: how much longer stops are than configured, 95 % quantile [m].
     """
     names = " and ".join(LAWS[n].missing for n in decision.explanation.fit.hypothesis.names)
     match decision.verdict:

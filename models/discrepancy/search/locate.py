@@ -36,7 +36,7 @@ class Followed:
         strength: −log p of that, before any correction. p_value: corrected for all axes and shapes.
         share: (S, M) of the weight that the best shapes add along each stop.
         removed: mean square of the residual speeds that they take away [m²/s²].
-        way: root mean square of what they add to the way of a stop [m].
+        distance: root mean square of what they add to the stopping distance [m].
     """
 
     axis: Axis
@@ -46,7 +46,7 @@ class Followed:
     p_value: float
     share: Floats
     removed: float
-    way: float
+    distance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +137,7 @@ class _Space:
         return np.concatenate((between[:, None, :] * self.weight[:, None, None], within), axis=1)
 
     def groups(self, axis: int, shapes: Floats, whole: bool) -> list[_Group]:
-        """Orthonormal directions of shapes beyond the fit, by all rows and by those of friction.
+        """Orthonormal directions of shapes (S, M, p) beyond the fit, by all rows and by friction.
 
         What happens within stops may be far off for reasons of its own, and drown what differs
         from stop to stop.
@@ -163,7 +163,7 @@ class _Space:
     def followed(
         self, axis: Axis, group: _Group, rows: Floats, strength: float, p_value: float
     ) -> Followed:
-        """What the best shapes along an axis look like."""
+        """What the best shapes along an axis look like, for rows (S, K + 1) of the residual."""
         along = group.basis.T @ rows.ravel()
         flat = self.rows(group.columns).reshape(self.count, -1)
         wanted = group.basis @ along
@@ -176,16 +176,16 @@ class _Space:
         left = residual(self.table, self.fit.hypothesis)
         own = self._mean_square(left) - self._mean_square(left - taken)
         chi_square = float(along @ along)
-        way = float(np.sqrt(np.mean(self._way(taken) ** 2)))
+        distance = float(np.sqrt(np.mean(self._distance(taken) ** 2)))
         if len(counted) < self.count:  # friction alone: its share of what differs between stops
             total = float(np.sum(rows[:, 0] ** 2))
             own = max(chi_square - len(along), 0.0) / total * self._mean_square(left)
             table = self.table
             off = np.mean(share - np.mean(share), axis=1) * table.held**2
-            way = float(np.sqrt(np.mean((off / (2.0 * GRAVITY * table.pull**2)) ** 2)))
-        return Followed(axis, chi_square, len(along), strength, p_value, share, own, way)
+            distance = float(np.sqrt(np.mean((off / (2.0 * GRAVITY * table.pull**2)) ** 2)))
+        return Followed(axis, chi_square, len(along), strength, p_value, share, own, distance)
 
-    def _way(self, speed: Floats) -> Floats:
+    def _distance(self, speed: Floats) -> Floats:
         """(S,) integral of speeds in bins over each stop [m]."""
         used = self.table.spread > 0.0
         span = self.table.time[:, -1] - self.table.time[:, 0]

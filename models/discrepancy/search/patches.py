@@ -95,7 +95,7 @@ class _Between:
         )  # fmt: skip
 
     def best_circle(self, rng: np.random.Generator) -> Floats | None:
-        """x, y, radius [m] of the circle that explains most; None where no circle holds stops."""
+        """(3,) x, y, radius [m] of the circle that explains most; None where none holds stops."""
         size = float(max(np.ptp(self.x), np.ptp(self.y)))
         if size <= 0.0:
             return None

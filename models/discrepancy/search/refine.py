@@ -127,7 +127,11 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
 
 
 def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = FIT_PASSES) -> Fit:
-    """Least squares of the whitened residuals with a given noise."""
+    """Least squares of the whitened residuals with a given noise.
+
+    Its own bounded Gauss–Newton, not one of scipy's: damping, the step and where it ends are part
+    of what the thresholds were chosen with, and slopes are made anew only where they bend.
+    """
     weight = 1.0 / np.sqrt(1.0 + white.noise.scatter**2 * white.power)
     precision = prior_precision(hypothesis)
     centre = _centre(hypothesis)
@@ -226,7 +230,7 @@ def as_output(table: StopTable, found: Fit) -> StopTable:
     """The table with the speeds that a fit gives, each stop with its own friction.
 
     A fit to these speeds sees no noise in the terms of motion. Without its friction a stop would
-    come to rest elsewhere, and terms that grow towards the rest would be far off.
+    stop elsewhere, and terms that grow towards standstill would be far off.
     """
     stronger = own_friction(found) / max(float(np.median(table.force)), LEAST_FORCE)
     speed, _ = simulate(table, found.hypothesis, table.held, table.time, stronger[:, None])
@@ -265,7 +269,12 @@ def fit_either_way(table: StopTable, hypothesis: Hypothesis, noise: Noise, round
 
 
 def likely_scatter(between: Floats, power: Floats) -> float:
-    """Maximum likelihood of the standard deviation of F_b/W from stop to stop."""
+    """Maximum likelihood of the standard deviation of F_b/W from stop to stop [1].
+
+    Args:
+        between: (S,) whitened residual along the friction of each stop.
+        power: (S,) its variance for a scatter of one, see :class:`Whitener`.
+    """
 
     def cost(log_scatter: float) -> float:
         variance = 1.0 + np.exp(2.0 * log_scatter) * power

@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from models.errors import ParameterError
 from models.parameters import Model
 from models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from models.terrain.adaptation import AdaptiveClassifier
+from models.terrain.estimator import DriveSample
 from models.terrain.log_checks import implausible
 from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
 from models.terrain.resistances import Drivetrain
@@ -136,17 +136,15 @@ def _rates(log: DriveLog) -> tuple[str, ...]:
 
 def rows_of(
     log: DriveLog, part: slice, good: NDArray[np.bool_], rates: tuple[str, ...]
-) -> Iterator[tuple[Any, ...]]:
+) -> Iterator[tuple[DriveSample, bool, tuple[float, ...]]]:
     """Samples of a run as the monitor takes them."""
     columns = log.columns
     count = part.stop - part.start
     roll = np.nan_to_num(columns["roll"][part]) if "roll" in columns else np.zeros(count)
     turning = [columns[name][part].tolist() for name in rates]
+    channels = [columns[name][part].tolist() for name in ("t", *NEEDED, "pitch")]
     return zip(
-        columns["t"][part].tolist(),
-        *(columns[name][part].tolist() for name in NEEDED),
-        columns["pitch"][part].tolist(),
-        roll.tolist(),
+        map(DriveSample, *channels, roll.tolist()),
         good[part].tolist(),
         list(zip(*turning, strict=True)) if turning else [()] * count,
         strict=True,

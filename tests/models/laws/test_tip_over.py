@@ -93,7 +93,7 @@ def test_slope_terms_cancel_under_the_braking_model(
 def test_downhill_limit_of_a_constant_force_by_hand():
     # m = 0: cos θ = share + cg_z/(L - cg_x) b = 0.1 + 0.5*0.8 = 0.5
     found = tip_over.downhill_limit_under_braking(
-        2.0, 0.0, 0.0, 0.05, 0.7, wheelbase=1.0, cg_x=0.4, cg_z=0.3, min_rear_share=0.1
+        0.0, 0.8, wheelbase=1.0, cg_x=0.4, cg_z=0.3, min_rear_share=0.1
     )
     assert math.degrees(found) == pytest.approx(-60.0)
 
@@ -117,7 +117,7 @@ def test_downhill_limit_separates_enough_from_too_little(speed, m_m, b_m, m_b, b
         return tip_over.rear_share_under_braking(grade, 0.0, ratio, wheelbase, cg_x, cg_z) - share
 
     limit = tip_over.downhill_limit_under_braking(
-        speed, *coefficients, wheelbase, cg_x, cg_z, share
+        m_m * speed + b_m, m_b * speed + b_b, wheelbase, cg_x, cg_z, share
     )
     grades = np.linspace(-math.pi / 2, math.pi / 2, 721)
     enough = spare(grades) >= 0.0
@@ -133,10 +133,10 @@ def test_downhill_limit_separates_enough_from_too_little(speed, m_m, b_m, m_b, b
 
 def test_downhill_limit_without_a_root():
     vehicle = {"wheelbase": 1.0, "cg_x": 0.5, "cg_z": 0.5, "min_rear_share": 0.1}
-    never = tip_over.downhill_limit_under_braking(2.0, 0.0, 0.0, 0.0, 1.2, **vehicle)
+    never = tip_over.downhill_limit_under_braking(0.0, 1.2, **vehicle)
     assert never == math.pi / 2
     # a force that vanishes quickly downhill, m = 1: at -π/2 the model gives 0.5 - 1.57 < 0
-    always = tip_over.downhill_limit_under_braking(2.0, 0.0, 1.0, 0.0, 0.5, **vehicle)
+    always = tip_over.downhill_limit_under_braking(1.0, 0.5, **vehicle)
     assert always == -math.pi / 2
 
 
@@ -144,15 +144,15 @@ def test_downhill_limit_where_the_slope_term_outweighs_the_cosine():
     # cg_z = L - cg_x and |m| > 1: the load is monotone in θ. cos θ + 1.5 θ = 0.9 + 0.1 at θ = 0;
     # cos θ - 1.5 θ = 3.1 nowhere above -π/2, where it is 2.356
     vehicle = {"wheelbase": 1.0, "cg_x": 0.5, "cg_z": 0.5, "min_rear_share": 0.1}
-    rising = tip_over.downhill_limit_under_braking(2.0, 0.0, -1.5, 0.0, 0.9, **vehicle)
+    rising = tip_over.downhill_limit_under_braking(-1.5, 0.9, **vehicle)
     assert rising == pytest.approx(0.0, abs=1e-9)
-    falling = tip_over.downhill_limit_under_braking(2.0, 0.0, 1.5, 0.0, 3.0, **vehicle)
+    falling = tip_over.downhill_limit_under_braking(1.5, 3.0, **vehicle)
     assert falling == math.pi / 2
 
 
 def test_tall_body_may_only_stop_uphill_if_the_force_falls_there():
     # cg_z = L - cg_x: level needs b <= 0.9; b = 0.95 with m = -0.5 suffices on a climb only
-    limit = tip_over.downhill_limit_under_braking(0.0, 0.0, -0.5, 0.0, 0.95, 1.0, 0.5, 0.5, 0.1)
+    limit = tip_over.downhill_limit_under_braking(-0.5, 0.95, 1.0, 0.5, 0.5, 0.1)
     assert 0.0 < limit < 0.3
 
 

@@ -21,19 +21,19 @@ def test_lockup_by_hand():
     # L = 1, cg_x = 0.5, cg_z = 0.25, μ = 0.8, μ cg_z = 0.2
     vehicle = {"sliding_friction": 0.8, "wheelbase": 1.0, "cg_x": 0.5, "cg_z": 0.25, **LEVEL}
     # half the force in front: front 0.4/0.3 = 1.3333, rear 0.4/0.7 = 0.5714
-    front = wheel_lockup.front_lockup_force_ratio(front_brake_share=0.5, **vehicle)
-    rear = wheel_lockup.rear_lockup_force_ratio(front_brake_share=0.5, **vehicle)
-    assert (front, rear) == pytest.approx((4.0 / 3.0, 4.0 / 7.0))
+    found = wheel_lockup.lockup_force_ratios(front_brake_share=0.5, **vehicle)
+    assert found == pytest.approx((4.0 / 3.0, 4.0 / 7.0))
     # all of it in front: the front locks at 0.4/0.8
-    assert wheel_lockup.lockup_force_ratio(front_brake_share=1.0, **vehicle) == pytest.approx(0.5)
+    front, rear = wheel_lockup.lockup_force_ratios(front_brake_share=1.0, **vehicle)
+    assert front == pytest.approx(0.5)
+    assert front < rear
 
 
 def test_ideal_share_uses_all_friction():
     # (cg_x + μ cg_z)/L = 0.7, the ideal distribution of brake textbooks: both axles lock at μ
     vehicle = {"sliding_friction": 0.8, "wheelbase": 1.0, "cg_x": 0.5, "cg_z": 0.25, **LEVEL}
-    front = wheel_lockup.front_lockup_force_ratio(front_brake_share=0.7, **vehicle)
-    rear = wheel_lockup.rear_lockup_force_ratio(front_brake_share=0.7, **vehicle)
-    assert (front, rear) == pytest.approx((0.8, 0.8))
+    found = wheel_lockup.lockup_force_ratios(front_brake_share=0.7, **vehicle)
+    assert found == pytest.approx((0.8, 0.8))
 
 
 @given(angles, angles, splits, frictions, wheelbases, positions, heights)
@@ -43,29 +43,28 @@ def test_at_lockup_the_axle_force_equals_its_friction(
     assume(abs(split * wheelbase - friction * cg_z) > 1e-3)
     cg_x = position * wheelbase
     arguments = (grade, roll, split, friction, wheelbase, cg_x, cg_z)
-    rear = wheel_lockup.rear_lockup_force_ratio(*arguments)
+    front, rear = wheel_lockup.lockup_force_ratios(*arguments)
     axle = (wheelbase, cg_x, cg_z)
     load = rear_load_share(grade, roll, braking.deceleration(rear, grade), *axle) * (1 - position)
     assert (1.0 - split) * rear == pytest.approx(friction * load, abs=1e-9)
 
-    front = wheel_lockup.front_lockup_force_ratio(*arguments)
     if split * wheelbase > friction * cg_z:
         load = front_load_share(grade, roll, braking.deceleration(front, grade), *axle) * position
         assert split * front == pytest.approx(friction * load, rel=1e-9, abs=1e-9)
     else:
         assert front > 1e6
-    assert wheel_lockup.lockup_force_ratio(*arguments) == pytest.approx(min(front, rear))
 
 
 @given(angles, angles, splits, frictions, wheelbases, positions, heights)
 def test_lockup_is_never_above_the_cap(grade, roll, split, friction, wheelbase, position, cg_z):
     cg_x = position * wheelbase
     cap = wheel_lockup.friction_cap(grade, roll, friction)
-    first = wheel_lockup.lockup_force_ratio(grade, roll, split, friction, wheelbase, cg_x, cg_z)
+    axle = (wheelbase, cg_x, cg_z)
+    first = min(wheel_lockup.lockup_force_ratios(grade, roll, split, friction, *axle))
     assert first <= cap * (1.0 + 1e-12)
     ideal = (cg_x + friction * cg_z) / wheelbase
     if ideal <= 1.0:
-        first = wheel_lockup.lockup_force_ratio(grade, roll, ideal, friction, wheelbase, cg_x, cg_z)
+        first = min(wheel_lockup.lockup_force_ratios(grade, roll, ideal, friction, *axle))
         assert first == pytest.approx(cap)
 
 
@@ -86,16 +85,8 @@ RANGES = {
 }
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        wheel_lockup.front_lockup_force_ratio,
-        wheel_lockup.rear_lockup_force_ratio,
-        wheel_lockup.lockup_force_ratio,
-    ],
-)
-def test_parity(law):
-    check_parity(law, **RANGES)
+def test_parity():
+    check_parity(wheel_lockup.lockup_force_ratios, **RANGES)
 
 
 def test_parity_of_the_cap():

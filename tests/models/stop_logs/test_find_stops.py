@@ -15,8 +15,8 @@ AT = int(np.argmin(np.abs(T)))  # sample of the stop command
 def speed(dead_time: float = 0.3, deceleration: float = 4.0, held: float = 2.0) -> np.ndarray:
     fall = np.maximum(T - dead_time, 0.0)
     v = np.maximum(held - deceleration * fall, 0.0)
-    rest = dead_time + held / deceleration
-    return np.where(rest < T, -0.05 * np.exp(-(T - rest) / 0.1), v)  # rocks back
+    standstill = dead_time + held / deceleration
+    return np.where(standstill < T, -0.05 * np.exp(-(T - standstill) / 0.1), v)  # rocks back
 
 
 def log(**changes: np.ndarray) -> dict[str, np.ndarray]:
@@ -32,7 +32,7 @@ def test_a_step_to_zero_is_a_stop_up_to_the_first_crossing() -> None:
     (stop,) = found(log())
     assert stop.verdict is Usability.USABLE
     assert stop.command == AT
-    assert T[stop.rest] == pytest.approx(0.8, abs=1.5 / HZ)
+    assert T[stop.standstill] == pytest.approx(0.8, abs=1.5 / HZ)
     assert stop.held_speed == pytest.approx(2.0)
     assert T[stop.begin] == pytest.approx(-1.0, abs=1.5 / HZ)
     assert T[stop.end - 1] == pytest.approx(0.8 + 1.5, abs=2.5 / HZ)
@@ -41,7 +41,7 @@ def test_a_step_to_zero_is_a_stop_up_to_the_first_crossing() -> None:
 def test_a_sensor_that_never_reads_zero_settles() -> None:
     (stop,) = found(log(v=np.maximum(speed(), 0.02)))
     assert stop.verdict is Usability.USABLE
-    assert T[stop.rest] == pytest.approx(0.79, abs=2.0 / HZ)
+    assert T[stop.standstill] == pytest.approx(0.79, abs=2.0 / HZ)
 
 
 @pytest.mark.parametrize(

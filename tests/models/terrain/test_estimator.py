@@ -8,12 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.errors import ParameterError
-from models.terrain.estimator import TerrainEstimator
+from models.terrain.estimator import DriveSample, TerrainEstimator
 from models.terrain.phases import Phase
 from models.terrain.resistances import TerrainEstimate
 from models.terrain.settings import EstimatorSettings
 from tests.models.terrain import plant
-from tests.models.terrain.vehicles import SAMPLE, estimator_of, observe, vehicle_of
+from tests.models.terrain.vehicles import estimator_of, observe, samples_of, vehicle_of
+
+LATE = DriveSample(0.0, 9.0, -9.0, 9.0, 9.0, 9.0, 0.0, 0.0)
 
 GROUNDS = [plant.ASPHALT, plant.DIRT, plant.PLOWED, plant.SAND]
 
@@ -147,32 +149,32 @@ def test_before_the_first_straight_the_assumed_resistance_is_said():
 
 def test_unusable_samples_and_gaps_end_a_stretch():
     log = plant.drive([(2, 0, 0), (4, 0.5, 0.0)], plant.DIRT)
-    rows = list(zip(*(log[name].tolist() for name in SAMPLE), strict=True))
+    rows = samples_of(log)
     whole = estimator_of()
-    assert sum(whole.update(*row) is not None for row in rows) + bool(whole.finish()) == 1
+    assert sum(whole.update(row) is not None for row in rows) + bool(whole.finish()) == 1
     holed = estimator_of()
-    found = [holed.update(*row, usable=not 400 <= i < 410) for i, row in enumerate(rows)]
+    found = [holed.update(row, usable=not 400 <= i < 410) for i, row in enumerate(rows)]
     found.append(holed.finish())
     ends = [o for o in found if o is not None]
     assert len(ends) == 2
     assert ends[0].end < 4.0
     assert ends[1].begin > 4.1
     gap = estimator_of()
-    found = [gap.update(*row) for i, row in enumerate(rows) if not 400 <= i < 500]
+    found = [gap.update(row) for i, row in enumerate(rows) if not 400 <= i < 500]
     assert len([o for o in [*found, gap.finish()] if o is not None]) == 2
 
 
 def test_late_samples_and_numbers_that_are_none_change_nothing():
     log = plant.drive(plant.square(sides=2), plant.DIRT)
-    rows = list(zip(*(log[name].tolist() for name in SAMPLE), strict=True))
+    rows = samples_of(log)
     clean, troubled = estimator_of(), estimator_of()
-    expected = [clean.update(*row) for row in rows]
+    expected = [clean.update(row) for row in rows]
     found = []
     for row in rows:
-        found.append(troubled.update(*row))
-        assert troubled.update(row[0] - 0.02, 9.0, -9.0, 9.0, 9.0, 9.0, 0.0, 0.0) is None
-        assert troubled.update(*row) is None  # a second time
-        assert troubled.update(np.nan, *row[1:]) is None
+        found.append(troubled.update(row))
+        assert troubled.update(LATE._replace(time=row.time - 0.02)) is None
+        assert troubled.update(row) is None  # a second time
+        assert troubled.update(row._replace(time=np.nan)) is None
     assert troubled.filter.slip_track == clean.filter.slip_track
     assert repr([o for o in found if o]) == repr([o for o in expected if o])
     holed = estimator_of()
@@ -180,7 +182,7 @@ def test_late_samples_and_numbers_that_are_none_change_nothing():
         broken = list(row)
         if 300 <= i < 320:
             broken[1 + i % 7] = np.nan
-        holed.update(*broken)
+        holed.update(DriveSample(*broken))
     assert np.isfinite(holed.known.values).all()
     assert holed.known.values == pytest.approx(clean.known.values, abs=0.03)
 
@@ -200,7 +202,7 @@ def test_any_samples_leave_sound_numbers(steps):
     found = []
     for step in steps:
         now += step[0]
-        found.append(estimator.update(now, *step[1:]))
+        found.append(estimator.update(DriveSample(now, *step[1:])))
     found.append(estimator.finish())
     assert estimator.filter.variance > 0.0
     assert np.isfinite(estimator.filter.inverse)
@@ -215,10 +217,10 @@ def test_any_samples_leave_sound_numbers(steps):
 def test_online_and_offline_are_the_same_and_quick():
     log = plant.drive(plant.square(sides=12), plant.DIRT)
     estimator = estimator_of()
-    rows = list(zip(*(log[name].tolist() for name in SAMPLE), strict=True))
+    rows = samples_of(log)
     begin = time.perf_counter()
     for row in rows:
-        estimator.update(*row)
+        estimator.update(row)
     per_sample = (time.perf_counter() - begin) / len(rows)
     assert per_sample < 60e-6  # 20 µs on an idle machine; three times that for a busy one
 

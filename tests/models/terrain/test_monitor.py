@@ -16,7 +16,7 @@ from models.terrain.surfaces import model_on, with_surface
 from models.terrain.trace import trace
 from services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain import plant
-from tests.models.terrain.vehicles import QUIET, SAMPLE, estimator_of, vehicle_of
+from tests.models.terrain.vehicles import QUIET, estimator_of, samples_of, vehicle_of
 
 HUSKY = read_terrains(find_terrains("husky")).classes
 MODEL = Model(
@@ -34,8 +34,8 @@ MODEL = Model(
 def events(log, monitor=None):
     monitor = TerrainMonitor(MODEL, HUSKY, estimator=QUIET) if monitor is None else monitor
     found = []
-    for row in zip(*(log[name].tolist() for name in SAMPLE), strict=True):
-        found += monitor.update(*row)
+    for sample in samples_of(log):
+        found += monitor.update(sample)
     return found + list(monitor.finish()), monitor
 
 
@@ -174,7 +174,7 @@ def test_a_sentinel_marks_its_own_samples():
 
 def test_the_trace_of_a_run_settles_where_riccati_says():
     log = plant.drive(plant.square(turn=4.0), plant.DIRT)
-    rows = list(zip(*(log[name].tolist() for name in SAMPLE), strict=True))
+    rows = [(sample, True, ()) for sample in samples_of(log)]
     kept = trace(estimator_of(), rows, QUIET.filter)
     assert len(kept.time) == len(log["t"])
     assert kept.predicted_variance[0] == pytest.approx(0.3**2 + 1e-4)
@@ -182,7 +182,7 @@ def test_the_trace_of_a_run_settles_where_riccati_says():
     assert kept.active.sum() > 1000
     assert np.isnan(kept.slip_track[:200]).all()
     standing = plant.drive([(3, 0, 0)], plant.DIRT)
-    rows = list(zip(*(standing[name].tolist() for name in SAMPLE), strict=True))
+    rows = [(sample, True, ()) for sample in samples_of(standing)]
     kept = trace(estimator_of(), rows, QUIET.filter)
     assert not kept.active.any()
     assert np.isnan(kept.settled_variance)

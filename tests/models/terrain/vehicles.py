@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from models.terrain.estimator import TerrainEstimator
+from models.terrain.estimator import DriveSample, TerrainEstimator
 from models.terrain.observation import GroundObservation
 from models.terrain.resistances import TerrainEstimate
 from models.terrain.settings import EstimatorSettings, FilterSettings
@@ -9,9 +9,10 @@ from tests.models.terrain.plant import Body
 
 HUSKY = Body()
 QUIET = EstimatorSettings(filter=FilterSettings(yaw_rate_std=0.03))
-SAMPLE = (
-    "t", "v_left", "v_right", "yaw_rate", "current_left", "current_right", "pitch", "roll",
-)  # fmt: skip
+
+
+def samples_of(log) -> list[DriveSample]:
+    return list(map(DriveSample, *(log[n].tolist() for n in ("t", *DriveSample._fields[1:]))))
 
 
 def vehicle_of(body: Body = HUSKY) -> Vehicle:
@@ -42,7 +43,6 @@ def estimator_of(body: Body = HUSKY, settings: EstimatorSettings = QUIET) -> Ter
 
 
 def observe(estimator: TerrainEstimator, log: dict) -> list[GroundObservation]:
-    rows = zip(*(log[name].tolist() for name in SAMPLE), strict=True)
-    found = [estimator.update(*row) for row in rows]
+    found = [estimator.update(sample) for sample in samples_of(log)]
     found.append(estimator.finish())
     return [observation for observation in found if observation is not None]

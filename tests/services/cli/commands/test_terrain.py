@@ -325,10 +325,10 @@ def test_an_hour_at_100_hertz_is_quick() -> None:
     log = plant.drive(plant.square(sides=34), plant.DIRT)
     husky = read_model(find_model("husky"))
     monitor = command.monitor_of(husky, read_terrains(find_terrains("husky")), 0)
-    from tests.models.terrain.vehicles import SAMPLE
+    from tests.models.terrain.vehicles import samples_of
 
-    rows = list(zip(*(log[name].tolist() for name in SAMPLE), strict=True))
+    rows = samples_of(log)
     begin = time.process_time()
     for row in rows:
-        monitor.update(*row)
+        monitor.update(row)
     assert (time.process_time() - begin) / len(rows) * 360_000 < 15.0

@@ -1,11 +1,13 @@
 """Stops out of a stream of samples: constant time and memory a sample, nothing kept.
 
-The measurement of :mod:`models.stop_logs.onset` by running sums: v + g ∫ sin θ dt falls along
-a straight line whose slope is −g F_b/W, whatever the slope of the ground does meanwhile. The line
-is taken from the dead time on until little speed is left.
+It is the pipeline of :mod:`models.stop_logs.measured_log` for a robot whose log has no end: each
+stop by itself, and the measurement of :mod:`models.stop_logs.onset` by running sums. The sum
+v + g ∫ sin θ dt falls along a straight line whose slope is −g F_b/W, whatever the slope of the
+ground does meanwhile. The line is taken from the dead time on until little speed is left.
 
-Validity: as there. Near standstill the last samples are chosen by a speed that is noisy itself: at
-6 cm/s noise the force of a stop from 1 m/s comes out up to 2 % too low, which is the safe side.
+Validity: as of the onset. Near standstill the last samples are chosen by a speed that is noisy
+itself: at 6 cm/s noise the force of a stop from 1 m/s comes out up to 2 % too low, which is the
+safe side.
 Source: Braking (1), (2), Sec. 4.2.
 """
 
@@ -15,8 +17,8 @@ import math
 from dataclasses import dataclass
 
 from models.quantity import GRAVITY
+from models.stop_logs.find_stops import TOLD
 
-_TOLD = 0.01  # [m/s] a command of at most this is the stop command
 _HOLDING = 0.1  # [s] time constant of the mean of the held speed
 _SETTLE = 0.05  # [s] after the dead time, before the line begins
 _LITTLE = 0.15  # share of the held speed below which the line has ended
@@ -81,7 +83,7 @@ class StopStream:
         if step <= 0.0:
             return None
         self._time = time
-        told = command <= _TOLD
+        told = command <= TOLD
         if not told or not step <= _LONGEST_STEP:
             self._active = False
         elif not self._told:
