@@ -15,7 +15,7 @@ from .quad import LIMITS, QUAD
 from .route import draw_route
 from .scenes import LEARNED, dem_folder
 from .stop_sample import MappedGround, StopSample, samples_of
-from .terrain import SURFACES, Terrain, crop, hills, slope
+from .terrain import SURFACES, PhysicsGround, crop, hills, slope
 
 _SLOPES = 0.5  # share of drives on even slopes
 _REAL = 0.7  # share of the others on public elevation models, where there are any
@@ -51,7 +51,7 @@ def stops_of_drive(seed: int, exact: bool, surface: int | None = None) -> list[S
     )
 
 
-def _terrain(rng: np.random.Generator, surface: int | None) -> Terrain:
+def _terrain(rng: np.random.Generator, surface: int | None) -> PhysicsGround:
     """One surface throughout: a stop across two teaches neither."""
     if rng.random() < _SLOPES:
         ground = slope(rng.uniform(0.0, 2.0 * np.pi), _STEEPEST * rng.uniform() ** 0.4, rng)

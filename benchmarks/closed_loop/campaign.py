@@ -12,7 +12,7 @@ from typing import Any
 from models.parameters import Model
 
 from .calibration import stops_of_drive
-from .drive import Drive, run_drive
+from .drive import DrivenScene, run_drive
 from .jobs import Progress, do_all
 from .kept import kept
 from .learning import fit
@@ -35,7 +35,7 @@ _EXACT = 10_000  # number of the first drive to learn from perfectly
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Size:
+class DriveCounts:
     """How many drives: of slopewise and perfect knowledge, of each other policy, and to learn."""
 
     drives: int
@@ -44,8 +44,8 @@ class Size:
     exact_calibration: int
 
 
-FULL = Size(drives=330, baseline_drives=45, calibration=180, exact_calibration=120)
-QUICK = Size(drives=12, baseline_drives=6, calibration=75, exact_calibration=45)
+FULL = DriveCounts(drives=330, baseline_drives=45, calibration=180, exact_calibration=120)
+QUICK = DriveCounts(drives=12, baseline_drives=6, calibration=75, exact_calibration=45)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Campaign:
     """
 
     result: Result
-    drives: dict[str, list[Drive]]
+    drives: dict[str, list[DrivenScene]]
     model: Model
     dem: Path | None
 
@@ -76,7 +76,7 @@ def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
     return {make().name: make for make in makers}
 
 
-def run(size: Size, progress: Progress, keep: Path | None = None) -> Campaign:
+def run(size: DriveCounts, progress: Progress, keep: Path | None = None) -> Campaign:
     """Learn and drive.
 
     Args:
@@ -137,7 +137,7 @@ class _Driver:
     def __init__(self, make: Callable[[], Policy], dem: Path | None) -> None:
         self._make, self._dem = make, dem
 
-    def __call__(self, number: int) -> Drive:
+    def __call__(self, number: int) -> DrivenScene:
         terrain, route, course = scene(number, self._dem)
         return run_drive(terrain, route, course, self._make(), number)
 

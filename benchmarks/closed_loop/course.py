@@ -14,7 +14,7 @@ from planner.kernels.compiled import Floats
 
 from .quad import QUAD
 from .route import Route
-from .terrain import RESOLUTION, Terrain
+from .terrain import RESOLUTION, PhysicsGround
 
 Kind = Literal["forced", "obstacle", "unknown"]
 
@@ -142,7 +142,7 @@ class Course:
     def _bars(happening: Happening) -> bool:
         return happening.active or happening.kind != "forced"
 
-    def unknown_cells(self, terrain: Terrain) -> np.ndarray | None:
+    def unknown_cells(self, terrain: PhysicsGround) -> np.ndarray | None:
         """Cells of the map that nobody has seen yet, (n, n); None if there are none."""
         holes = [h for h in self.happenings if h.kind == "unknown" and not h.over]
         if not holes:

@@ -12,11 +12,11 @@ from planner.ground.elevation_map import ElevationMap
 from .course import Course
 from .policies import CYCLE, Policy, View
 from .quad import OVERHANG, QUAD
-from .records import Drive, ForcedStop, Trace
+from .records import DrivenScene, ForcedStop, StopTrace
 from .route import Route
 from .sensors import Sensors
-from .terrain import SURFACES, Terrain
-from .tracking import Command, Tracker
+from .terrain import SURFACES, PhysicsGround
+from .tracking import DriveCommand, Tracker
 from .world import TICK, World
 
 ROLLING = 0.5
@@ -38,7 +38,7 @@ class _Loop:
     """The state of one drive."""
 
     def __init__(
-        self, terrain: Terrain, route: Route, course: Course, policy: Policy, seed: int
+        self, terrain: PhysicsGround, route: Route, course: Course, policy: Policy, seed: int
     ) -> None:
         rng = np.random.default_rng(seed)
         self.terrain, self.route, self.course, self.policy = terrain, route, course, policy
@@ -46,13 +46,13 @@ class _Loop:
         self.world.reset(float(route.x[0]), float(route.y[0]), float(route.heading[0]))
         self.sensors = Sensors(self.world, None if policy.exact else rng)
         self.tracker = Tracker(route, QUAD)
-        self.drive = Drive(policy.name, terrain.source)
+        self.drive = DrivenScene(policy.name, terrain.source)
         self.told_heights = terrain.told(None if policy.exact else rng)
         self.map = self._map()
         self.state = self.sensors.read()
         self.index = self.believed = 0
         self.station = self.seen_station = 0.0
-        self.command = Command()
+        self.command = DriveCommand()
         self.commanded_at = -np.inf
         self.stop_started: tuple[float, float, float, float, float, str, bool] | None = None
         self.rows: list[tuple[float, float, float, float]] = []
@@ -83,7 +83,7 @@ class _Loop:
     def stop_now(self, *, forced: bool, reason: str) -> None:
         """Slam the brakes on and remember from where."""
         predicted = self.policy.stopping_distance(self.view())
-        self.command = Command(
+        self.command = DriveCommand(
             speed=max(self.state.speed, 0.0), accel=0.0, stop=True, reason=reason
         )
         self.commanded_at = self.world.time
@@ -134,7 +134,7 @@ class _Loop:
         if self.rest < _PAUSE:
             return
         if self.command.stop:
-            self.command = Command()
+            self.command = DriveCommand()
         gone = False
         for h in self.course.happenings:
             near = h.barrier - self.station < _NEAR
@@ -154,7 +154,7 @@ class _Loop:
         if speed < ROLLING:
             return
         rows = np.array(self.rows)
-        trace = Trace(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], held, seen)
+        trace = StopTrace(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], held, seen)
         self.drive.stops.append(
             ForcedStop(
                 speed,
@@ -232,9 +232,9 @@ class _Loop:
 
 
 def run_drive(
-    terrain: Terrain, route: Route, course: Course, policy: Policy, seed: int,
+    terrain: PhysicsGround, route: Route, course: Course, policy: Policy, seed: int,
     watch: Callable[[World], None] | None = None,
-) -> Drive:  # fmt: skip
+) -> DrivenScene:  # fmt: skip
     """Drive a route once.
 
     Args:

@@ -17,7 +17,7 @@ from planner.kernels.compiled import Floats
 from .drive import run_drive
 from .policies import Policy
 from .scenes import scene
-from .terrain import Terrain
+from .terrain import PhysicsGround
 from .world import World
 
 Frame = tuple[float, Any]
@@ -103,7 +103,7 @@ def render(number: int, dem: Path | None, poses: list[Pose]) -> list[Frame]:
     return images
 
 
-def _paint(world: World, terrain: Terrain) -> None:
+def _paint(world: World, terrain: PhysicsGround) -> None:
     """Surfaces as colours of the ground, under a grid."""
     model = world.model
     texture = model.texture("surfaces")

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from .drive import Drive
+from .drive import DrivenScene
 from .quad import LIMITS
 
 Result = dict[str, Any]
 
 
-def summary(drives: list[Drive], perfect: list[Drive]) -> Result:
+def summary(drives: list[DrivenScene], perfect: list[DrivenScene]) -> Result:
     """Figures of one policy.
 
     Args:

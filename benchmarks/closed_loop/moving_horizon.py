@@ -13,7 +13,7 @@ from planner.horizon.horizon import Horizon, HorizonSettings
 from planner.path import PathBatch
 
 from .policies import CYCLE, HORIZON, Planned, View, with_lead
-from .tracking import Command
+from .tracking import DriveCommand
 
 _STRIDE = 2  # points of the route from one station to the next
 _BEHIND = 20  # points of the route behind the vehicle
@@ -46,7 +46,7 @@ class MovingHorizon:
             uncertainty=Uncertainty(quantile=0.5),
         )
 
-    def command(self, view: View) -> Command:
+    def command(self, view: View) -> DriveCommand:
         """One cycle of the horizon."""
         seen = view.state
         state = PlanarState(x=seen.x, y=seen.y, heading=seen.yaw, speed=max(seen.speed, 0.0))
@@ -56,11 +56,11 @@ class MovingHorizon:
         wanted = answer.command
         if wanted.stop:
             self._horizon.forget()
-            return Command(stop=True, reason=answer.reason)
+            return DriveCommand(stop=True, reason=answer.reason)
         if answer.chosen is None:
-            return Command(reason=answer.reason)
+            return DriveCommand(reason=answer.reason)
         speed, accel = with_lead(answer.chosen, answer.chosen.travel_time - wanted.valid_for)
-        return Command(speed=speed, accel=accel, reason=answer.reason)
+        return DriveCommand(speed=speed, accel=accel, reason=answer.reason)
 
     def stopping_distance(self, view: View) -> float:
         """What the model says of full brakes from here; what was planned is void then."""

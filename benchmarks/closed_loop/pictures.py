@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .campaign import Campaign
-from .drive import Drive
+from .drive import DrivenScene
 from .film import Frame, film
 from .moving_horizon import MovingHorizon
 from .terrain import SURFACES
@@ -109,7 +109,7 @@ def policies(results: dict[str, dict[str, Any]]) -> Figure:
     return figure
 
 
-def strip(drive: Drive, frames: list[tuple[float, Any]]) -> Figure:
+def strip(drive: DrivenScene, frames: list[tuple[float, Any]]) -> Figure:
     """One drive: what it looked like, how fast it was, how far it could see."""
     h = drive.history
     figure = Figure(figsize=(11.0, 5.8 if frames else 4.4), layout="constrained")

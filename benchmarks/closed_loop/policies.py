@@ -21,8 +21,8 @@ from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 
 from .route import Route
-from .sensors import State
-from .tracking import Command
+from .sensors import EstimatedState
+from .tracking import DriveCommand
 
 CYCLE = 0.1
 """Between two decisions [s]."""
@@ -45,7 +45,7 @@ class View:
         known: along the route to ground that is unknown [m].
     """
 
-    state: State
+    state: EstimatedState
     station: float
     route: Route
     elevation_map: ElevationMap
@@ -70,7 +70,7 @@ class Policy(Protocol):
     name: str
     exact: bool
 
-    def command(self, view: View) -> Command:
+    def command(self, view: View) -> DriveCommand:
         """The answer of one cycle."""
 
     def stopping_distance(self, view: View) -> float:
@@ -101,16 +101,16 @@ class Planned:
         self._wanted = 0.0
         self.plan: SpeedPlan | None = None
 
-    def command(self, view: View) -> Command:
+    def command(self, view: View) -> DriveCommand:
         """Plan from the speed that was to be reached by now, or near the measured one."""
         speed = float(np.clip(self._wanted, view.state.speed - 0.1, view.state.speed + 0.1))
         plan = self.plan = self._plan(view, max(speed, 0.0), view.clear - self._reserve)
         if plan.status is Status.INFEASIBLE:
             self._wanted = 0.0
-            return Command(stop=True, reason=plan.reason)
+            return DriveCommand(stop=True, reason=plan.reason)
         speed, accel = with_lead(plan, 0.0)
         self._wanted = max(speed + accel * CYCLE, 0.0)
-        return Command(speed=speed, accel=accel, reason=plan.reason)
+        return DriveCommand(speed=speed, accel=accel, reason=plan.reason)
 
     def stopping_distance(self, view: View) -> float:
         """What the model says of full brakes from here, its safety offset included."""
@@ -139,17 +139,17 @@ class _Plain:
         level = sorted(model.braking.on(s).level_force(2.5) for s in ("", *model.braking.terrain))
         self._deceleration = GRAVITY * level[len(level) // 2]
 
-    def command(self, view: View) -> Command:
+    def command(self, view: View) -> DriveCommand:
         """Towards the wanted speed; full brakes if what is known ends within v²/2a."""
         speed = max(view.state.speed, 0.0)
         free = min(view.clear, view.known)
         if speed > 0.3 and free < speed**2 / (2.0 * self._deceleration):
-            return Command(stop=True, reason="the known way ends")
+            return DriveCommand(stop=True, reason="the known way ends")
         wanted = min(self._wanted(view, free), self._limits.speed)
         if free < 0.3:
             wanted = 0.0
         accel = np.clip((wanted - speed) / (3.0 * CYCLE), -self._limits.decel, self._limits.accel)
-        return Command(speed=speed, accel=float(accel))
+        return DriveCommand(speed=speed, accel=float(accel))
 
     def stopping_distance(self, view: View) -> float:
         """v²/2a of level ground."""
@@ -204,16 +204,16 @@ class Blind:
         self._target = rng.uniform(0.6, fastest)
         self._stood = False
 
-    def command(self, view: View) -> Command:
+    def command(self, view: View) -> DriveCommand:
         """Towards a speed that is drawn anew after every standstill."""
         speed = max(view.state.speed, 0.0)
         if speed < 0.05 and not self._stood:
             self._target = self._rng.uniform(0.6, self._fastest)
         self._stood = speed < 0.05
         if view.route.length - view.station < 6.0:
-            return Command(stop=True, reason="the route ends")
+            return DriveCommand(stop=True, reason="the route ends")
         accel = np.clip((self._target - speed) / (3.0 * CYCLE), -self._accel, self._accel)
-        return Command(speed=speed, accel=float(accel))
+        return DriveCommand(speed=speed, accel=float(accel))
 
     def stopping_distance(self, view: View) -> float:
         """It knows of none."""

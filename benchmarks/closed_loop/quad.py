@@ -25,7 +25,7 @@ LIMITS = Limits(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hidden:
+class TrueVehicle:
     """What the physics engine has and nobody tells the planner.
 
     Attributes:
@@ -53,4 +53,4 @@ class Hidden:
     slip: float = 0.15
 
 
-HIDDEN = Hidden()
+HIDDEN = TrueVehicle()

@@ -10,7 +10,7 @@ from planner.kernels.compiled import Floats
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class StopTrace:
     """A stop as the robot's own log has it; arrays are (n,), a row a tick from the command on.
 
     Attributes:
@@ -46,11 +46,11 @@ class ForcedStop:
     predicted: float
     left: float
     forced: bool
-    trace: Trace
+    trace: StopTrace
 
 
 @dataclass(slots=True)
-class Drive:
+class DrivenScene:
     """What came of one drive.
 
     Attributes:

@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 from models.vehicle import Vehicle
 from planner.kernels.compiled import Floats
 
-from .terrain import RESOLUTION, Terrain
+from .terrain import RESOLUTION, PhysicsGround
 
 LENGTH = 50.0
 """Of a route in the plan view [m]."""
@@ -72,7 +72,7 @@ class Route:
 
 
 def draw_route(
-    terrain: Terrain, rng: np.random.Generator, vehicle: Vehicle, steepest: float = STEEPEST
+    terrain: PhysicsGround, rng: np.random.Generator, vehicle: Vehicle, steepest: float = STEEPEST
 ) -> Route | None:
     """A winding route within the terrain, nowhere steeper; None where none was found."""
     found: list[Route] = []
@@ -91,7 +91,7 @@ def draw_route(
 
 
 def _draw(
-    terrain: Terrain, rng: np.random.Generator, wheelbase: float, track_width: float
+    terrain: PhysicsGround, rng: np.random.Generator, wheelbase: float, track_width: float
 ) -> Route:
     along = np.arange(0.0, LENGTH, _STEP)
     wave = rng.uniform(18.0, 45.0)

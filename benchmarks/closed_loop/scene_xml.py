@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from models.vehicle import Vehicle
 
-from .quad import OVERHANG, Hidden
-from .terrain import Terrain
+from .quad import OVERHANG, TrueVehicle
+from .terrain import PhysicsGround
 
 TIME_STEP = 0.0025
 """Of the physics engine [s]; with twice as much, stops with the anti-lock are 3 % longer."""
@@ -21,23 +21,12 @@ _BASE = 5.0  # [m] ground below the lowest point
 _WALL = (0.3, 1.5, 1.0)  # [m] half extents
 
 
-def scene_xml(terrain: Terrain, vehicle: Vehicle, hidden: Hidden) -> str:
+def scene_xml(terrain: PhysicsGround, vehicle: Vehicle, hidden: TrueVehicle) -> str:
     """MJCF of the scene; heights are filled in afterwards, normed to 0 … 1."""
     rows = len(terrain.height)
     half = 0.5 * terrain.size
     relief = max(float(terrain.height.max()), 1e-3)
-    chassis = vehicle.mass - 4.0 * hidden.wheel_mass
-    # The wheels hang at the height of the origin; the rest carries what they lack.
-    ahead = (vehicle.cg_x - 0.5 * vehicle.wheelbase) * vehicle.mass / chassis
-    above = (vehicle.cg_z - vehicle.wheel_radius) * vehicle.mass / chassis
-    length, width, height = 1.6, 0.8, 0.5
-    inertia = [
-        chassis / 12.0 * (width**2 + height**2),
-        chassis / 12.0 * (length**2 + height**2),
-        chassis / 12.0 * (length**2 + width**2),
-    ]
     tiles = "".join(_tile(name) for name in WHEELS)
-    wheels = "".join(_wheel(name, vehicle, hidden) for name in WHEELS)
     motors = "".join(f'<motor name="drive_{name}" joint="axle_{name}"/>' for name in WHEELS)
     touch = "".join(f'<touch name="load_{name}" site="contact_{name}"/>' for name in WHEELS)
     steer = "".join(
@@ -70,20 +59,37 @@ def scene_xml(terrain: Terrain, vehicle: Vehicle, hidden: Hidden) -> str:
       <geom name="wall" type="box" size="{_WALL[0]} {_WALL[1]} {_WALL[2]}" rgba=".85 .3 .2 1"
             contype="32" conaffinity="16"/>
     </body>
+    {_chassis(vehicle, hidden)}
+  </worldbody>
+  <actuator>{motors}{steer}</actuator>
+  <sensor>{touch}</sensor>
+</mujoco>"""
+
+
+def _chassis(vehicle: Vehicle, hidden: TrueVehicle) -> str:
+    """The sprung body with its wheels."""
+    mass = vehicle.mass - 4.0 * hidden.wheel_mass
+    # The wheels hang at the height of the origin; the rest carries what they lack.
+    ahead = (vehicle.cg_x - 0.5 * vehicle.wheelbase) * vehicle.mass / mass
+    above = (vehicle.cg_z - vehicle.wheel_radius) * vehicle.mass / mass
+    length, width, height = 1.6, 0.8, 0.5
+    inertia = [
+        mass / 12.0 * (width**2 + height**2),
+        mass / 12.0 * (length**2 + height**2),
+        mass / 12.0 * (length**2 + width**2),
+    ]
+    wheels = "".join(_wheel(name, vehicle, hidden) for name in WHEELS)
+    return f"""
     <body name="chassis" pos="0 0 0">
       <freejoint name="free"/>
       <camera name="chase" pos="-5 -2.2 2.6" xyaxes=".4 -.92 0 .36 .16 .92" mode="trackcom"/>
-      <inertial pos="{ahead} 0 {above}" mass="{chassis}"
+      <inertial pos="{ahead} 0 {above}" mass="{mass}"
                 diaginertia="{inertia[0]} {inertia[1]} {inertia[2]}"/>
       <geom name="body" type="box" size="{OVERHANG} 0.35 0.16" pos="0 0 0.34" mass="0"
             rgba=".25 .35 .5 1" contype="16" conaffinity="32"/>
       <site name="imu" pos="{ahead} 0 {above}"/>
       {wheels}
-    </body>
-  </worldbody>
-  <actuator>{motors}{steer}</actuator>
-  <sensor>{touch}</sensor>
-</mujoco>"""
+    </body>"""
 
 
 def _tile(name: str) -> str:
@@ -95,7 +101,7 @@ def _tile(name: str) -> str:
     </body>"""
 
 
-def _wheel(name: str, vehicle: Vehicle, hidden: Hidden) -> str:
+def _wheel(name: str, vehicle: Vehicle, hidden: TrueVehicle) -> str:
     x = 0.5 * vehicle.wheelbase * (1.0 if name.startswith("front") else -1.0)
     y = 0.5 * vehicle.track_width * (1.0 if name.endswith("left") else -1.0)
     r, m = vehicle.wheel_radius, hidden.wheel_mass

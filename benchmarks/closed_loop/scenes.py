@@ -10,7 +10,7 @@ import numpy as np
 from .course import Course
 from .quad import QUAD
 from .route import Route, draw_route
-from .terrain import Terrain, crop, hills
+from .terrain import PhysicsGround, crop, hills
 
 LEARNED, TESTED = (0.0, 0.4), (0.4, 1.0)
 """Rows of each elevation model, as shares: ground to learn on, and ground that only tests see."""
@@ -26,7 +26,7 @@ def dem_folder() -> Path | None:
     return folder if any(folder.glob("*.tif")) else None
 
 
-def scene(number: int, dem: Path | None) -> tuple[Terrain, Route, Course]:
+def scene(number: int, dem: Path | None) -> tuple[PhysicsGround, Route, Course]:
     """Ground, route and what happens on it.
 
     Args:

@@ -19,7 +19,7 @@ _PITCH_MOUNT = 0.01  # [rad] one standard deviation of how askew the unit is mou
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class EstimatedState:
     """The robot's estimate.
 
     Attributes:
@@ -45,12 +45,12 @@ class Sensors:
         self._scale = 1.0 if rng is None else 1.0 + _ODOMETRY_SCALE * rng.standard_normal()
         self._mount = 0.0 if rng is None else _PITCH_MOUNT * rng.standard_normal()
 
-    def read(self) -> State:
+    def read(self) -> EstimatedState:
         """Call once every tick."""
         world, rng = self._world, self._rng
         x, y, yaw = world.pose
         if rng is None:
-            return State(world.time, x, y, yaw, world.speed, world.pitch)
+            return EstimatedState(world.time, x, y, yaw, world.speed, world.pitch)
         speed = world.speed
         forward = (speed - self._last) / TICK + _ACCELEROMETER_NOISE * rng.standard_normal()
         self._last = speed
@@ -61,4 +61,6 @@ class Sensors:
         self._wander *= keep
         self._wander += _POSITION_NOISE * np.sqrt(1.0 - keep**2) * rng.standard_normal(2)
         pitch = world.pitch + self._mount + _PITCH_NOISE * rng.standard_normal()
-        return State(world.time, x + self._wander[0], y + self._wander[1], yaw, self._speed, pitch)
+        return EstimatedState(
+            world.time, x + self._wander[0], y + self._wander[1], yaw, self._speed, pitch
+        )

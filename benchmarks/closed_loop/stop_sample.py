@@ -10,7 +10,7 @@ from models.laws.crest import load_loss
 from models.stops.simulation import GroundTrack
 from planner.kernels.compiled import Floats, Ints
 
-from .drive import Drive, Trace
+from .drive import DrivenScene, StopTrace
 from .terrain import SURFACES
 
 _STANDS = 0.06  # [m/s] odometry below that is standstill
@@ -83,7 +83,7 @@ class StopSample:
         return found
 
 
-def sample(trace: Trace, ground: MappedGround) -> StopSample | None:
+def sample(trace: StopTrace, ground: MappedGround) -> StopSample | None:
     """Read one stop; None if it does not reach standstill or surfaces meet on its way."""
     rests = np.flatnonzero(trace.speed < _STANDS)
     if len(rests) == 0 or trace.held < 2.0 * _STANDS:
@@ -108,7 +108,7 @@ def sample(trace: Trace, ground: MappedGround) -> StopSample | None:
     )
 
 
-def samples_of(drive: Drive, ground: MappedGround) -> list[StopSample]:
+def samples_of(drive: DrivenScene, ground: MappedGround) -> list[StopSample]:
     """All stops of one drive that are of use."""
     found = (sample(stop.trace, ground) for stop in drive.stops)
     return [s for s in found if s is not None]

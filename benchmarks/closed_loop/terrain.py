@@ -33,7 +33,7 @@ _DEM_SMOOTHING = 1.0  # [m] a one-metre model has steps and noise of its own
 
 
 @dataclass(frozen=True, slots=True)
-class Terrain:
+class PhysicsGround:
     """Square ground with its lower left corner at the origin.
 
     Attributes:
@@ -75,16 +75,16 @@ class Terrain:
         )  # fmt: skip
 
 
-def slope(direction: float, steepness: float, rng: np.random.Generator) -> Terrain:
+def slope(direction: float, steepness: float, rng: np.random.Generator) -> PhysicsGround:
     """An even slope that rises towards a direction [rad], with patches of every surface."""
     along = RESOLUTION * np.arange(_CELLS)
     x, y = np.meshgrid(along, along)
     height = np.tan(steepness) * (np.cos(direction) * x + np.sin(direction) * y)
     name = f"slope of {np.rad2deg(steepness):.0f}°"
-    return Terrain(height - height.min(), _patches(rng), name)
+    return PhysicsGround(height - height.min(), _patches(rng), name)
 
 
-def hills(rng: np.random.Generator) -> Terrain:
+def hills(rng: np.random.Generator) -> PhysicsGround:
     """Waves of many lengths and directions."""
     along = RESOLUTION * np.arange(_CELLS)
     x, y = np.meshgrid(along, along)
@@ -94,10 +94,12 @@ def hills(rng: np.random.Generator) -> Terrain:
         wave = 2.0 * np.pi / length * (np.cos(turn) * x + np.sin(turn) * y) + phase
         height += length * rng.uniform(0.3, 1.0) * np.sin(wave)
     height *= np.tan(rng.uniform(_LEAST_RELIEF, STEEPEST)) / np.tan(_steepest(height))
-    return Terrain(height - height.min(), _patches(rng), "generated hills")
+    return PhysicsGround(height - height.min(), _patches(rng), "generated hills")
 
 
-def crop(folder: Path, rng: np.random.Generator, part: tuple[float, float] = (0.0, 1.0)) -> Terrain:
+def crop(
+    folder: Path, rng: np.random.Generator, part: tuple[float, float] = (0.0, 1.0)
+) -> PhysicsGround:
     """A piece of a one-metre elevation model (GeoTIFF) that is hilly and nowhere too steep.
 
     Heights are as surveyed, smoothed over a metre and drawn out between the points by a spline.
@@ -121,7 +123,7 @@ def crop(folder: Path, rng: np.random.Generator, part: tuple[float, float] = (0.
         height = zoom(piece, _CELLS / cells, order=3)
         if _LEAST_RELIEF < _steepest(height) < STEEPEST:
             source = f"{file.name} [{row}, {column}]"
-            return Terrain(height - height.min(), _patches(rng), source)
+            return PhysicsGround(height - height.min(), _patches(rng), source)
 
 
 @cache

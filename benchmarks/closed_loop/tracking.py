@@ -9,7 +9,7 @@ from models.quantity import GRAVITY
 from models.vehicle import Vehicle
 
 from .route import Route
-from .sensors import State
+from .sensors import EstimatedState
 from .world import TICK
 
 _AHEAD, _AHEAD_TIME = 1.0, 0.35  # [m], [s] look-ahead of the pursuit
@@ -21,7 +21,7 @@ _BRAKE = 0.45  # force of full brakes as share of the weight, roughly
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class DriveCommand:
     """What a policy asks for.
 
     Attributes:
@@ -44,7 +44,12 @@ class Tracker:
         self._windup = 0.0
 
     def actuate(
-        self, state: State, station: float, command: Command, since: float, holding: bool
+        self,
+        state: EstimatedState,
+        station: float,
+        command: DriveCommand,
+        since: float,
+        holding: bool,
     ) -> tuple[float, float, float]:
         """Thrust [N], brake application 0 … 1, curvature [1/m].
 
@@ -76,7 +81,7 @@ class Tracker:
             return share * self._vehicle.mass * GRAVITY, 0.0, curvature
         return 0.0, min(-share / _BRAKE, 0.99), curvature
 
-    def _pursue(self, state: State, station: float) -> float:
+    def _pursue(self, state: EstimatedState, station: float) -> float:
         ahead = _AHEAD + _AHEAD_TIME * max(state.speed, 0.0)
         route, target = self._route, min(station + ahead, self._route.length)
         dx = route.at(target, route.x) - state.x

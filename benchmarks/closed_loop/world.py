@@ -16,9 +16,9 @@ from models.quantity import GRAVITY
 from models.vehicle import Vehicle
 from planner.kernels.compiled import Floats, Ints
 
-from .quad import HIDDEN, QUAD, Hidden
+from .quad import HIDDEN, QUAD, TrueVehicle
 from .scene_xml import TIME_STEP, WHEELS, scene_xml
-from .terrain import Terrain
+from .terrain import PhysicsGround
 
 TICK = 0.01
 """Between two looks at drive, brakes and tyres [s]."""
@@ -46,10 +46,10 @@ class World:
 
     def __init__(
         self,
-        terrain: Terrain,
+        terrain: PhysicsGround,
         rng: np.random.Generator,
         vehicle: Vehicle = QUAD,
-        hidden: Hidden = HIDDEN,
+        hidden: TrueVehicle = HIDDEN,
     ) -> None:
         self.terrain = terrain
         self.model = mujoco.MjModel.from_xml_string(scene_xml(terrain, vehicle, hidden))

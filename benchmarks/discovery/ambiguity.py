@@ -20,7 +20,7 @@ from .catalogue import HiddenSet, Order
 from .designs import FIELD, draw
 from .metrics import Metric, figure, record, share
 from .physics import Floats, Physics, Stops
-from .sealed import Finding, Inquiry, Job, tables_of
+from .sealed import Finding, Inquiry, SealedLog, tables_of
 from .worth import SEEN, TOLD_APART, worth
 
 _NEARLY = (1.0, 12.0)  # expected χ² to the nearest rival of a case
@@ -70,7 +70,7 @@ def case(number: int) -> HiddenSet | None:
 
 def resolve(hidden: HiddenSet, inquiry: Inquiry) -> Resolved | None:
     """Ask, drive what is proposed, ask again; None where no rivals are named."""
-    finding = inquiry.ask(Job(hidden.columns, tables_of(hidden.configured)))
+    finding = inquiry.ask(SealedLog(hidden.columns, tables_of(hidden.configured)))
     if finding.verdict != "ambiguous" or not finding.design:
         return None  # it proposes other stops then, or none
     return _resolve(hidden, finding, inquiry)
@@ -97,7 +97,7 @@ def _resolve(hidden: HiddenSet, finding: Finding, inquiry: Inquiry) -> Resolved:
     fewest = _needed(hidden, proposed)
     more = joined(hidden.stops, proposed(min(fewest, _LADDER[-1])))
     longer = catalogue.measured(replace(hidden, stops=more), rng)
-    again = inquiry.ask(Job(longer.columns, tables_of(hidden.configured)))
+    again = inquiry.ask(SealedLog(longer.columns, tables_of(hidden.configured)))
     right = again.verdict == "missing_effect" and set(again.names) == set(hidden.order.names)
     return Resolved(
         hidden.order.names[0], hidden.worth.nearest, hidden.order.seed, finding.verdict, fewest,

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from . import ambiguity, peer
-from .catalogue import ALL, Conditions
+from .catalogue import ALL, SetConditions
 from .engine_outcomes import engine_by_effect, engine_metrics
 from .kept import Kept
 from .metrics import metrics, record
-from .score import Outcome
-from .tasks import Done, Task, do, tasks
+from .score import SetOutcome
+from .tasks import FinishedSet, SetTask, do, tasks
 
 Result = dict[str, Any]
 Advance = Callable[[int], None]
@@ -28,7 +28,7 @@ _PROCESSES = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Size:
+class SetCounts:
     """How much of it.
 
     Attributes:
@@ -39,18 +39,20 @@ class Size:
 
     share: float
     most: int
-    conditions: Conditions
+    conditions: SetConditions
     engine: float
     cases: int
     seed: int = 1
     minutes: float = float("inf")
 
 
-FULL = Size(share=1.0, most=10**6, conditions=ALL, engine=1.0, cases=24)
-QUICK = Size(share=0.01, most=56, conditions=Conditions(counts=(40, 70)), engine=0.01, cases=2)
+FULL = SetCounts(share=1.0, most=10**6, conditions=ALL, engine=1.0, cases=24)
+QUICK = SetCounts(
+    share=0.01, most=56, conditions=SetConditions(counts=(40, 70)), engine=0.01, cases=2
+)
 
 
-def planned(size: Size) -> list[Task]:
+def planned(size: SetCounts) -> list[SetTask]:
     """What is to be done, in order."""
     engine = size.engine if with_engine() else 0.0
     return tasks(size.share, engine, size.cases, size.seed)[: size.most]
@@ -71,7 +73,7 @@ def missing() -> list[str]:
     return found
 
 
-def run(size: Size, advance: Advance, keep: Path | None = None) -> Result:
+def run(size: SetCounts, advance: Advance, keep: Path | None = None) -> Result:
     """All sets, as far as time allows, on two processes.
 
     Args:
@@ -92,7 +94,7 @@ def run(size: Size, advance: Advance, keep: Path | None = None) -> Result:
     return result_of(sorted(done, key=lambda d: order[d.task])) | {"planned": len(wanted)}
 
 
-def _all(wanted: Iterable[Task], size: Size, kept: Kept) -> Iterator[Done]:
+def _all(wanted: Iterable[SetTask], size: SetCounts, kept: Kept) -> Iterator[FinishedSet]:
     end = time.monotonic() + 60.0 * size.minutes
     context = multiprocessing.get_context("spawn")
     rest = iter(wanted)
@@ -119,13 +121,13 @@ def _settle() -> None:
     threadpool_limits(1)
 
 
-def _do(task: Task, conditions: Conditions, kept: Kept) -> Done:
+def _do(task: SetTask, conditions: SetConditions, kept: Kept) -> FinishedSet:
     done = do(task, conditions, kept.promise)
     kept.put(done)
     return done
 
 
-def result_of(done: Sequence[Done]) -> Result:
+def result_of(done: Sequence[FinishedSet]) -> Result:
     """Everything that was wanted and reached."""
     plant = [d for d in done if d.plant is not None]
     outcomes = [d.plant for d in plant if d.plant is not None]
@@ -150,9 +152,9 @@ def result_of(done: Sequence[Done]) -> Result:
     return result
 
 
-def by_effect(outcomes: Sequence[Outcome]) -> list[Result]:
+def by_effect(outcomes: Sequence[SetOutcome]) -> list[Result]:
     """Per kind and effect: sets, identifiable ones, right and wrong names, gap closed."""
-    groups: dict[tuple[str, str], list[Outcome]] = {}
+    groups: dict[tuple[str, str], list[SetOutcome]] = {}
     for outcome in outcomes:
         key = (outcome.kind, " + ".join(outcome.truth))
         groups.setdefault(key, []).append(outcome)

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import sensing
 from .designs import DESIGNS, draw
-from .hidden import NAMED, OFF_LIBRARY, PAIRS, SIZES, Hidden, draw_hidden
+from .hidden import NAMED, OFF_LIBRARY, PAIRS, SIZES, HiddenTerm, draw_hidden
 from .physics import Physics, Stops
 from .plant import drive
 from .worth import Worth, worth
@@ -24,7 +24,7 @@ _BIAS = 0.025  # [rad] of the pitch sensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
+class SetConditions:
     """From which those of a set are drawn: designs, numbers of stops, noise [m/s], scatter [1]."""
 
     designs: tuple[str, ...] = DESIGNS
@@ -33,7 +33,7 @@ class Conditions:
     scatters: tuple[float, ...] = (0.005, 0.02, 0.05)
 
 
-ALL = Conditions()
+ALL = SetConditions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class HiddenSet:
     columns: sensing.Columns
     configured: dict[str, float]
     truth: Physics
-    hidden: tuple[Hidden, ...]
+    hidden: tuple[HiddenTerm, ...]
     stops: Stops
     worth: Worth
 
@@ -132,7 +132,7 @@ def _wanted(share: float) -> Iterator[tuple[str, tuple[str, ...], str]]:
             yield "faint", (name,), "small"
 
 
-def make(order: Order, conditions: Conditions = ALL) -> HiddenSet:
+def make(order: Order, conditions: SetConditions = ALL) -> HiddenSet:
     """Drive and measure one set.
 
     Args:
@@ -155,7 +155,7 @@ def sampled_late(stops: Stops, rng: np.random.Generator) -> Stops:
     return stops._replace(delay=stops.delay - phase)
 
 
-def drawn(order: Order, rng: np.random.Generator, conditions: Conditions = ALL) -> HiddenSet:
+def drawn(order: Order, rng: np.random.Generator, conditions: SetConditions = ALL) -> HiddenSet:
     """One set as it comes, not yet measured."""
     c = conditions
     design, scatter = str(rng.choice(c.designs)), float(rng.choice(c.scatters))
@@ -212,21 +212,21 @@ def _configured(base: Physics, rng: np.random.Generator, *, drifted: bool) -> di
 
 def _absorbed(
     name: str, base: Physics, stops: Stops, rng: np.random.Generator
-) -> tuple[Hidden, Stops]:
+) -> tuple[HiddenTerm, Stops]:
     """Effects that these stops cannot show: the base takes them up."""
     if name == "grade_bias":
-        return Hidden(name, {}), stops
+        return HiddenTerm(name, {}), stops
     if name == "furrows one way":
         same = stops._replace(
             heading=np.full_like(stops.heading, 0.4), curvature=np.zeros_like(stops.speed)
         )
         fields = {"furrow": 0.05, "furrow_direction": float(rng.uniform(0.0, 0.3))}
-        return Hidden(name, fields), same
+        return HiddenTerm(name, fields), same
     if name == "uphill only":
         up = stops._replace(grade=np.abs(stops.grade) + 0.03)
-        return Hidden(name, {"asymmetry": float(rng.uniform(0.2, 0.4))}), up
+        return HiddenTerm(name, {"asymmetry": float(rng.uniform(0.2, 0.4))}), up
     same = stops._replace(roll=np.full_like(stops.roll, 0.1))
-    return Hidden(name, {"cross_slope": float(rng.uniform(0.2, 0.4))}), same
+    return HiddenTerm(name, {"cross_slope": float(rng.uniform(0.2, 0.4))}), same
 
 
 def measured(found: HiddenSet, rng: np.random.Generator) -> HiddenSet:

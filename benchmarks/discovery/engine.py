@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from .physics import Floats, Stops
-from .plant import GRAVITY, Motion
+from .plant import GRAVITY, DrivenStops
 
 TICK = 0.01
 """Between two looks at brakes, drive and gravity [s]."""
@@ -71,7 +71,7 @@ class Nature:
     slippery: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.9)
 
 
-def drive(nature: Nature, stops: Stops) -> Motion:
+def drive(nature: Nature, stops: Stops) -> DrivenStops:
     """All stops in their order, sampled each two ticks from :data:`BEFORE` the command on."""
     vehicle = _Vehicle(nature)
     traces = [vehicle.stop(stops, i) for i in range(len(stops.speed))]
@@ -84,7 +84,9 @@ def drive(nature: Nature, stops: Stops) -> Motion:
         if len(crossed):
             rest[i], distance[i] = time[crossed[0]], trace[crossed[0], 1]
     none = np.zeros(len(traces))
-    return Motion(time[::2], speed, station, x, y, yaw, rate, grade, roll, rest, distance, none)
+    return DrivenStops(
+        time[::2], speed, station, x, y, yaw, rate, grade, roll, rest, distance, none
+    )
 
 
 class _Vehicle:

@@ -35,7 +35,7 @@ class EngineOrder:
 
 @dataclass(frozen=True, slots=True)
 class EngineOutcome:
-    """What was said of one set. See :class:`benchmarks.discovery.score.Outcome`."""
+    """What was said of one set. See :class:`benchmarks.discovery.score.SetOutcome`."""
 
     what: str
     seed: int

@@ -15,7 +15,7 @@ from .engine import Nature, drive
 from .engine_outcomes import NAMES, EngineOrder, EngineOutcome
 from .fresh import WORTH_CLOSING, physics_of
 from .physics import Floats, Physics, Stops
-from .plant import Motion, speeds
+from .plant import DrivenStops, speeds
 from .sealed import Finding
 
 _KEYS = ("m_m", "b_m", "m_b", "b_b", "dead_time")
@@ -81,7 +81,7 @@ def _nature(what: str, stops: Stops, rng: np.random.Generator) -> Nature:
     return replace(Nature(), **changes[what])
 
 
-def _fitted(motion: Motion, stops: Stops) -> dict[str, float]:
+def _fitted(motion: DrivenStops, stops: Stops) -> dict[str, float]:
     """Base coefficients by least squares over the speeds of noise-free stops."""
     time = motion.time[motion.time >= 0.0]
     real = motion.speed[:, motion.time >= 0.0]

@@ -73,7 +73,7 @@ FIELDS: dict[str, dict[str, str]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Hidden:
+class HiddenTerm:
     """One effect as the plant has it and as a report should put it.
 
     Attributes:
@@ -89,7 +89,7 @@ class Hidden:
 
 def draw_hidden(
     name: str, size: str, physics: Physics, stops: Stops, rng: np.random.Generator
-) -> Hidden:
+) -> HiddenTerm:
     """One effect in a size, where these stops meet it.
 
     Args:
@@ -103,87 +103,107 @@ def draw_hidden(
     if name in _ONE_PARAMETER:
         key, parameter, sizes, either = _ONE_PARAMETER[name]
         value = sizes[level] * vary * (sign if either else 1.0)
-        return Hidden(name, {key: value}, {parameter: value})
+        return HiddenTerm(name, {key: value}, {parameter: value})
     return _DRAWN[name](share, sign, physics, stops, rng)
 
 
-def _headwind(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
+def _headwind(
+    share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> HiddenTerm:
     wind, direction = float(rng.uniform(4.0, 8.0)), float(rng.uniform(-np.pi, np.pi))
     # With and against the wind differ by 4 c v wind.
     c = share * 9.81 * p.b_b / (2.0 * float(np.mean(stops.speed)) * wind)
     values = {"c": c, "wind": wind, "direction": direction}
-    return Hidden("headwind", {"wind_drag": c, "wind": wind, "wind_direction": direction}, values)
+    return HiddenTerm(
+        "headwind", {"wind_drag": c, "wind": wind, "wind_direction": direction}, values
+    )
 
 
-def _fade(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
+def _fade(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> HiddenTerm:
     tau = float(rng.uniform(80.0, 250.0))
     per_stop = 0.5 * float(np.mean(stops.speed**2))
     usual = per_stop * tau / float(np.median(np.diff(stops.clock)))
     k = share / usual
-    return Hidden("brake_fade", {"fade": k, "fade_tau": tau}, {"k": k, "tau": tau})
+    return HiddenTerm("brake_fade", {"fade": k, "fade_tau": tau}, {"k": k, "tau": tau})
 
 
-def _lockup(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
+def _lockup(
+    share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> HiddenTerm:
     force = (p.m_m * stops.speed + p.b_m) * stops.grade + p.m_b * stops.speed + p.b_b
     # The hardest stops lose this share, the others nothing.
     mu = float(np.quantile(force, 0.95)) * (1.0 - share)
-    return Hidden("wheel_lockup", {"friction": mu}, {"mu": mu})
+    return HiddenTerm("wheel_lockup", {"friction": mu}, {"mu": mu})
 
 
-def _patch(share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
+def _patch(
+    share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> HiddenTerm:
     radius = float(rng.uniform(150.0, 230.0))
     x = float(rng.uniform(radius, FIELD[0] - radius))
     y = float(rng.uniform(radius, FIELD[1] - radius))
     delta = sign * share * p.b_b
     fields = {"patch": delta, "patch_x": x, "patch_y": y, "patch_radius": radius}
-    return Hidden("surface_patch", fields, {"delta": delta, "x": x, "y": y, "radius": radius})
+    return HiddenTerm("surface_patch", fields, {"delta": delta, "x": x, "y": y, "radius": radius})
 
 
-def _furrow(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
+def _furrow(
+    share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> HiddenTerm:
     k, direction = 0.5 * share * p.b_b, float(rng.uniform(0.0, np.pi))
     fields = {"furrow": k, "furrow_direction": direction}
-    return Hidden("directional_surface", fields, {"k": k, "direction": direction})
+    return HiddenTerm("directional_surface", fields, {"k": k, "direction": direction})
 
 
-def _step(share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
+def _step(
+    share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> HiddenTerm:
     run = float(round(len(stops.speed) * rng.uniform(0.3, 0.7)))
     scale = 1.0 + sign * share
-    return Hidden(
+    return HiddenTerm(
         "step_change", {"step_scale": scale, "step_run": run}, {"scale": scale, "run": run}
     )
 
 
-def _drift(share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
+def _drift(
+    share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> HiddenTerm:
     k = sign * share * p.b_b / float(np.ptp(stops.clock))
-    return Hidden("session_drift", {"drift": k}, {"k": k})
+    return HiddenTerm("session_drift", {"drift": k}, {"k": k})
 
 
 def _ambient(
     share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> Hidden:
-    return Hidden("ambient", {"ambient": sign * share * p.b_b / 20.0})
+) -> HiddenTerm:
+    return HiddenTerm("ambient", {"ambient": sign * share * p.b_b / 20.0})
 
 
-def _ripple(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
+def _ripple(
+    share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> HiddenTerm:
     length = float(rng.uniform(300.0, 500.0))
-    return Hidden("ripple", {"ripple": share * p.b_b, "ripple_length": length})
+    return HiddenTerm("ripple", {"ripple": share * p.b_b, "ripple_length": length})
 
 
-def _bump(share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
+def _bump(
+    share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> HiddenTerm:
     where = float(np.quantile(stops.grade, rng.uniform(0.3, 0.7)))
     fields = {"bump": sign * 1.5 * share * p.b_b, "bump_grade": where, "bump_width": 0.03}
-    return Hidden("bump", fields)
+    return HiddenTerm("bump", fields)
 
 
-def _grab(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> Hidden:
-    return Hidden("grab", {"grab": 3.0 * share * p.b_b, "grab_speed": float(rng.uniform(0.2, 0.4))})
+def _grab(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> HiddenTerm:
+    return HiddenTerm(
+        "grab", {"grab": 3.0 * share * p.b_b, "grab_speed": float(rng.uniform(0.2, 0.4))}
+    )
 
 
 def _overshoot(
     share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> Hidden:
+) -> HiddenTerm:
     late = float(rng.uniform(0.25, 0.4))
-    return Hidden("overshoot", {"overshoot": 2.0 * share * p.b_b, "overshoot_time": late})
+    return HiddenTerm("overshoot", {"overshoot": 2.0 * share * p.b_b, "overshoot_time": late})
 
 
 _DRAWN = {

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import msgspec
 
-from .catalogue import Conditions
-from .tasks import Done, Task
+from .catalogue import SetConditions
+from .tasks import FinishedSet, SetTask
 
 _SOURCES = (
     "benchmarks/discovery", "models/discrepancy", "models/calibration", "models/effects",
@@ -29,26 +29,26 @@ class Kept:
         folder: made if it is not there. conditions: of the plant's sets.
     """
 
-    def __init__(self, folder: Path, conditions: Conditions) -> None:
+    def __init__(self, folder: Path, conditions: SetConditions) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         name = _origin(conditions)
         self.file = folder / f"sets-{name}.jsonl"
         self._promises = folder / f"promises-{name}.txt"
 
-    def find(self) -> dict[Task, Done]:
+    def find(self) -> dict[SetTask, FinishedSet]:
         """All that was done; a last line that an interruption cut off is none."""
         if not self.file.exists():
             return {}
         found = {}
         for line in self.file.read_bytes().split(b"\n"):
             try:
-                done = msgspec.json.decode(line, type=Done)
+                done = msgspec.json.decode(line, type=FinishedSet)
             except msgspec.DecodeError:
                 continue  # cut off: that set is done again
             found[done.task] = done
         return found
 
-    def put(self, done: Done) -> None:
+    def put(self, done: FinishedSet) -> None:
         """Append one."""
         _append(self.file, b"\n" + msgspec.json.encode(done))
 
@@ -66,7 +66,7 @@ def _append(file: Path, line: bytes) -> None:
         os.close(number)
 
 
-def _origin(conditions: Conditions) -> str:
+def _origin(conditions: SetConditions) -> str:
     root = Path(__file__).resolve().parents[2]
     files = [file for part in _SOURCES for file in sorted((root / part).rglob("*.py"))]
     digest = hashlib.sha256(repr(conditions).encode())

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from .score import Outcome
+from .score import SetOutcome
 
 SEVERAL = 0.90  # share of sets that have to close four fifths
 
@@ -75,7 +75,7 @@ def figure(
     return Metric(what, relation, wanted, reached, float(low), float(high), 0, len(values), unit)
 
 
-def metrics(outcomes: Sequence[Outcome]) -> list[Metric]:
+def metrics(outcomes: Sequence[SetOutcome]) -> list[Metric]:
     """All of them for the plant's sets."""
     known = [o for o in outcomes if o.identifiable]
     single = [o for o in known if o.kind == "single"]
@@ -118,7 +118,7 @@ def metrics(outcomes: Sequence[Outcome]) -> list[Metric]:
     ]  # fmt: skip
 
 
-def _told_unknown(o: Outcome) -> bool:
+def _told_unknown(o: SetOutcome) -> bool:
     if o.verdict == "missing_effect" or o.verdict == "fault":
         return False
     return o.verdict == "unknown" or (bool(o.located) and o.axis_right)

@@ -17,10 +17,10 @@ import numpy as np
 from .metrics import record, share
 from .physics import Floats
 from .plant import GRAVITY
-from .score import Outcome
+from .score import SetOutcome
 from .sensing import Columns
 
-Row = tuple[tuple[str, ...], Outcome]
+Row = tuple[tuple[str, ...], SetOutcome]
 Hit = Callable[[Row], bool]
 
 _EFFECTS = (
@@ -107,7 +107,7 @@ def _features(part: dict[str, Floats], onset: float) -> Floats:
     return -GRAVITY * np.column_stack(terms)
 
 
-def summary(named: Sequence[tuple[str, ...] | None], own: Sequence[Outcome]) -> Any:
+def summary(named: Sequence[tuple[str, ...] | None], own: Sequence[SetOutcome]) -> Any:
     """Its shares beside the workflow's on the same sets; None where it was not installed."""
     rows = [(n, o) for n, o in zip(named, own, strict=True) if n is not None]
     if not rows:

@@ -22,7 +22,7 @@ STEP = 0.001
 _LONGEST = 14.0  # [s] after the onset; what rolls longer than that does not stop
 
 
-class Motion(NamedTuple):
+class DrivenStops(NamedTuple):
     """What happened: (n, samples) at ``time`` since the command, and (n,) for rest and distance.
 
     Attributes:
@@ -47,7 +47,7 @@ class Motion(NamedTuple):
     deceleration: Floats
 
 
-def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> Motion:
+def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> DrivenStops:
     """All stops in their order; brakes stay warm from one to the next.
 
     Args:
@@ -63,7 +63,7 @@ def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> M
         2.0 * np.pi * station / stops.wave_length[:, None] + stops.wave_phase[:, None]
     )
     roll = np.broadcast_to(stops.roll[:, None], speed.shape)
-    return Motion(
+    return DrivenStops(
         time, speed, station, x, y, yaw, bend * speed, stops.grade[:, None] + wave, roll, rest,
         distance, last,
     )  # fmt: skip
@@ -88,30 +88,68 @@ def _places(stops: Stops, station: Floats) -> tuple[Floats, Floats]:
     return x, y
 
 
+class Moment(NamedTuple):
+    """Where one stop is now: body and ground under it, SI; ``since`` the onset, ``clock`` of it."""
+
+    speed: float
+    grade: float
+    roll: float
+    x: float
+    y: float
+    yaw: float
+    clock: float
+    since: float
+    ambient: float
+
+
 @njit(cache=True)
-def _wanted(
-    p: Physics, run: int, v_i: float, v: float, grade: float, roll: float, x: float, y: float,
-    yaw: float, clock: float, since: float, ambient: float,
-) -> float:  # fmt: skip
+def _moment(stops: Stops, i: int, onset: float, since: float, speed: float, s: float) -> Moment:
+    """Stop i at a station of its arc."""
+    bend, heading = stops.curvature[i], stops.heading[i]
+    if abs(bend) < 1e-6:
+        bend = 1e-6
+    yaw = heading + bend * s
+    x = stops.x[i] + (math.sin(yaw) - math.sin(heading)) / bend
+    y = stops.y[i] - (math.cos(yaw) - math.cos(heading)) / bend
+    grade = stops.grade[i] + stops.wave[i] * math.sin(
+        2.0 * math.pi * s / stops.wave_length[i] + stops.wave_phase[i]
+    )
+    clock = stops.clock[i] + onset + since
+    return Moment(speed, grade, stops.roll[i], x, y, yaw, clock, since, stops.ambient[i])
+
+
+@njit(cache=True)
+def _wanted(p: Physics, run: int, v_i: float, now: Moment) -> float:
     """F_b/W before build-up, heat and friction."""
+    grade, yaw = now.grade, now.yaw
     force = (p.m_m * v_i + p.b_m) * grade + p.m_b * v_i + p.b_b
     if run >= p.step_run:
         force = force * p.step_scale + p.step_delta
     force += p.asymmetry * max(grade, 0.0) + p.nonlinearity * grade * abs(grade)
-    force += p.cross_slope * abs(roll) + p.drift * clock + p.ambient * ambient
-    if p.patch != 0.0 and (x - p.patch_x) ** 2 + (y - p.patch_y) ** 2 <= p.patch_radius**2:
+    force += p.cross_slope * abs(now.roll) + p.drift * now.clock + p.ambient * now.ambient
+    if p.patch != 0.0 and (now.x - p.patch_x) ** 2 + (now.y - p.patch_y) ** 2 <= p.patch_radius**2:
         force += p.patch
     force += p.furrow * math.cos(2.0 * (yaw - p.furrow_direction))
     if p.ripple != 0.0:
-        force += p.ripple * math.sin(2.0 * math.pi * x / p.ripple_length)
+        force += p.ripple * math.sin(2.0 * math.pi * now.x / p.ripple_length)
     if p.bump != 0.0:
         force += p.bump * math.exp(-(((grade - p.bump_grade) / p.bump_width) ** 2))
     if p.grab != 0.0:
-        force += p.grab * math.exp(-v / p.grab_speed)
+        force += p.grab * math.exp(-now.speed / p.grab_speed)
     if p.overshoot != 0.0:
-        late = (since - p.overshoot_time) / (0.5 * p.overshoot_time)
+        late = (now.since - p.overshoot_time) / (0.5 * p.overshoot_time)
         force += p.overshoot * math.exp(-late * late)
     return force
+
+
+@njit(cache=True)
+def _slowed(p: Physics, force: float, bend: float, now: Moment) -> float:
+    """Deceleration by a braking force F_b/W and by all that the brakes have no part in [m/s²]."""
+    v = now.speed
+    u = v + p.wind * math.cos(now.yaw - p.wind_direction)
+    a = GRAVITY * (force + math.sin(now.grade) + p.viscous * v + p.turning * abs(bend) * v)
+    a += p.drag * v * v + p.wind_drag * (abs(u) * u - v * v)
+    return a
 
 
 @njit(cache=True)
@@ -133,35 +171,22 @@ def _drive(
         bend = stops.curvature[i]
         if abs(bend) < 1e-6:
             bend = 1e-6
-        sin_h, cos_h = math.sin(stops.heading[i]), math.cos(stops.heading[i])
         t, v, s, built, a = onset, v_i, v_i * onset, 0.0, 0.0
         while v > 0.0 and t < onset + _LONGEST:
             # Midpoint: the slopes halfway decide the step.
             v_mid, s_mid = v, s
             for half in range(2):
-                yaw = stops.heading[i] + bend * s_mid
-                x = stops.x[i] + (math.sin(yaw) - sin_h) / bend
-                y = stops.y[i] - (math.cos(yaw) - cos_h) / bend
-                grade = stops.grade[i] + stops.wave[i] * math.sin(
-                    2.0 * math.pi * s_mid / stops.wave_length[i] + stops.wave_phase[i]
-                )
                 since = t - onset + 0.5 * step * half
-                force = _wanted(
-                    p, i, v_i, v_mid, grade, stops.roll[i], x, y, yaw, stops.clock[i] + onset
-                    + since, since, stops.ambient[i],
-                )  # fmt: skip
+                now = _moment(stops, i, onset, since, v_mid, s_mid)
+                force = _wanted(p, i, v_i, now)
                 force *= stops.friction[i]
                 if p.lag > 0.0:
                     ahead = 0.5 * step * (half + 1)
                     built_mid = force + (built - force) * math.exp(-ahead / p.lag)
                     force = built_mid
                 force /= 1.0 + p.fade * heat
-                force = min(force, p.friction * math.cos(grade) * math.cos(stops.roll[i]))
-                u = v_mid + p.wind * math.cos(yaw - p.wind_direction)
-                a = GRAVITY * (
-                    force + math.sin(grade) + p.viscous * v_mid + p.turning * abs(bend) * v_mid
-                )
-                a += p.drag * v_mid * v_mid + p.wind_drag * (abs(u) * u - v_mid * v_mid)
+                force = min(force, p.friction * math.cos(now.grade) * math.cos(now.roll))
+                a = _slowed(p, force, bend, now)
                 if half == 0:
                     v_mid, s_mid = v - 0.5 * step * a, s + 0.5 * step * v
             if p.lag > 0.0:

@@ -8,7 +8,7 @@ from typing import Any
 
 from .catalogue import HiddenSet
 from .fresh import Closing, closing
-from .hidden import Hidden
+from .hidden import HiddenTerm
 from .sealed import Finding
 
 _PARTNERS = {"headwind": math.tau, "directional_surface": math.pi}
@@ -43,7 +43,7 @@ AXES: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class SetOutcome:
     """One set, one finding, and what to think of it.
 
     Attributes:
@@ -88,7 +88,7 @@ class Outcome:
         return asdict(self) | {"closed": self.closing.share}
 
 
-def score(hidden: HiddenSet, finding: Finding) -> Outcome:
+def score(hidden: HiddenSet, finding: Finding) -> SetOutcome:
     """Compare."""
     order = hidden.order
     sure = finding.verdict == "missing_effect"
@@ -96,7 +96,7 @@ def score(hidden: HiddenSet, finding: Finding) -> Outcome:
     others = {name for effect in finding.effects for name in effect["alternatives"]}
     axis = finding.located[0][0] if finding.located else ""
     wanted = {word for name in order.names for word in AXES.get(name, ())}
-    return Outcome(
+    return SetOutcome(
         order.kind, order.names, order.size, order.seed, hidden.design, len(hidden.stops.speed),
         hidden.noise, hidden.scatter, hidden.worth.gap, hidden.worth.nearest, hidden.worth.apart,
         hidden.identifiable, finding.verdict, finding.names, tuple(sorted(others)),
@@ -107,7 +107,7 @@ def score(hidden: HiddenSet, finding: Finding) -> Outcome:
     )  # fmt: skip
 
 
-def _covered(hidden: tuple[Hidden, ...], finding: Finding) -> dict[str, bool]:
+def _covered(hidden: tuple[HiddenTerm, ...], finding: Finding) -> dict[str, bool]:
     """Whether each 95 % interval holds the truth; what is no number to be estimated is left out."""
     found = {}
     by_name = {effect["name"]: effect["parameters"] for effect in finding.effects}

@@ -1,8 +1,8 @@
 """The workflow in a process of its own that gets the log and a model, and nothing else.
 
-It is started afresh, not forked, so it holds no memory of its parent's; a :class:`Job` has no field
-in which a truth, a family or a seed could travel, and jobs come in shuffled order. What is true is
-committed to beforehand by a digest and written to a file only after the last finding is in.
+It is started afresh, not forked, so it holds no memory of its parent's; a :class:`SealedLog` has
+no field in which a truth, a family or a seed could travel, and jobs come in shuffled order. What is
+true is committed to beforehand by a digest and written to a file only after the last finding is in.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .sensing import Columns
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class SealedLog:
     """All that the workflow is told: columns of a drive log, and tables of a model file."""
 
     columns: Columns
@@ -103,7 +103,7 @@ class Inquiry:
         self._pool.shutdown()
         self._folder.cleanup()
 
-    def ask(self, job: Job) -> Finding:
+    def ask(self, job: SealedLog) -> Finding:
         """Have one log investigated."""
         return self._pool.submit(investigate_job, job).result()
 
@@ -118,7 +118,7 @@ def _settle(folder: str) -> None:
     threadpool_limits(1)
 
 
-def investigate_job(job: Job) -> Finding:
+def investigate_job(job: SealedLog) -> Finding:
     """Run the workflow on a log; a fault of it is a finding, too."""
     from models.discrepancy.workflow import investigate
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .physics import Floats, Stops
-from .plant import Motion
+from .plant import DrivenStops
 
 RATE = 50.0
 """Samples a second."""
@@ -35,7 +35,7 @@ def sample_times(longest: float) -> Floats:
     return np.arange(-round(BEFORE * RATE), round(longest * RATE) + 1) / RATE
 
 
-def log(motion: Motion, stops: Stops, noise: float, rng: np.random.Generator) -> Columns:
+def log(motion: DrivenStops, stops: Stops, noise: float, rng: np.random.Generator) -> Columns:
     """Columns of a drive log, the runs one behind the other.
 
     Args:

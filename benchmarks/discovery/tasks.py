@@ -12,14 +12,14 @@ import numpy as np
 
 from . import ambiguity, catalogue, peer
 from .ambiguity import Resolved
-from .catalogue import Conditions, HiddenSet, Order, spread
+from .catalogue import HiddenSet, Order, SetConditions, spread
 from .engine_outcomes import EngineOrder, EngineOutcome, engine_orders
-from .score import Outcome, score
-from .sealed import Inquiry, Job, Seal, seal, tables_of
+from .score import SetOutcome, score
+from .sealed import Inquiry, Seal, SealedLog, seal, tables_of
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class SetTask:
     """One of: a set of the plant, one of the engine, a case of two rivals by its number."""
 
     plant: Order | None = None
@@ -33,7 +33,7 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class FinishedSet:
     """What became of a task.
 
     Attributes:
@@ -42,29 +42,29 @@ class Done:
         peer: what the other method named, None where it is not installed or not asked.
     """
 
-    task: Task
+    task: SetTask
     seal: Seal
-    plant: Outcome | None = None
+    plant: SetOutcome | None = None
     engine: EngineOutcome | None = None
     rivals: Resolved | None = None
     peer: tuple[str, ...] | None = None
 
 
-def tasks(share: float, engine: float, cases: int, seed: int = 1) -> list[Task]:
+def tasks(share: float, engine: float, cases: int, seed: int = 1) -> list[SetTask]:
     """All of a benchmark; every first part of it holds a fair share of each family.
 
     Args:
         share: of the plant's catalogue. engine: of the engine's, 0 for none. cases: of rivals.
         seed: of sets and order.
     """
-    found = [Task(plant=order) for order in catalogue.orders(share, seed)]
+    found = [SetTask(plant=order) for order in catalogue.orders(share, seed)]
     if engine > 0.0:
-        found += [Task(engine=order) for order in engine_orders(engine, seed)]
-    found += [Task(rivals=1000 * seed + number) for number in range(cases)]
+        found += [SetTask(engine=order) for order in engine_orders(engine, seed)]
+    found += [SetTask(rivals=1000 * seed + number) for number in range(cases)]
     return spread(found, lambda task: task.world, np.random.default_rng((5, seed)))
 
 
-def do(task: Task, conditions: Conditions, promise: Callable[[str], None]) -> Done:
+def do(task: SetTask, conditions: SetConditions, promise: Callable[[str], None]) -> FinishedSet:
     """Make a set, promise its truth, have it investigated, compare.
 
     Args:
@@ -77,22 +77,24 @@ def do(task: Task, conditions: Conditions, promise: Callable[[str], None]) -> Do
         case = ambiguity.case(task.rivals)
         sealed = _sealed([] if case is None else truth_of(case), promise)
         resolved = None if case is None else ambiguity.resolve(case, _inquiry())
-        return Done(task, sealed, rivals=resolved)
+        return FinishedSet(task, sealed, rivals=resolved)
     assert task.plant is not None
     hidden = catalogue.make(task.plant, conditions)
     sealed = _sealed(truth_of(hidden), promise)
-    finding = _inquiry().ask(Job(hidden.columns, tables_of(hidden.configured)))
+    finding = _inquiry().ask(SealedLog(hidden.columns, tables_of(hidden.configured)))
     other = peer.name_effects(hidden.columns, hidden.configured)
-    return Done(task, sealed, plant=score(hidden, finding), peer=other)
+    return FinishedSet(task, sealed, plant=score(hidden, finding), peer=other)
 
 
-def _in_the_engine(task: Task, order: EngineOrder, promise: Callable[[str], None]) -> Done:
+def _in_the_engine(
+    task: SetTask, order: EngineOrder, promise: Callable[[str], None]
+) -> FinishedSet:
     from . import engine_sets
 
     one = engine_sets.make(order, engine_sets.calibrated())
     sealed = _sealed(engine_sets.truth_of(one), promise)
-    finding = _inquiry().ask(Job(one.columns, tables_of(one.configured)))
-    return Done(task, sealed, engine=engine_sets.judge(one, finding))
+    finding = _inquiry().ask(SealedLog(one.columns, tables_of(one.configured)))
+    return FinishedSet(task, sealed, engine=engine_sets.judge(one, finding))
 
 
 def _sealed(truth: Any, promise: Callable[[str], None]) -> Seal:

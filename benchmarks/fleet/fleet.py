@@ -40,7 +40,7 @@ _LIMIT = "1GiB"
 
 
 @dataclass(frozen=True, slots=True)
-class Size:
+class FleetSize:
     """How much: edge of the map in tiles, files, fans a file, files of the smaller runs."""
 
     tiles: int
@@ -49,10 +49,10 @@ class Size:
     small: int
 
 
-FULL = Size(tiles=64, files=40, fans=100, small=6)
+FULL = FleetSize(tiles=64, files=40, fans=100, small=6)
 """4.3 GB of heights, 100,000 paths."""
 
-QUICK = Size(tiles=8, files=4, fans=20, small=4)
+QUICK = FleetSize(tiles=8, files=4, fans=20, small=4)
 """67 MB, 2,000 paths."""
 
 
@@ -113,7 +113,7 @@ def run(quick: bool, folder: Path, progress: Callable[[int], None]) -> Result:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _write_map(path: Path, size: Size) -> Path:
+def _write_map(path: Path, size: FleetSize) -> Path:
     """Hills out of waves, a tile row at a time; unknown hollows here and there."""
     import rasterio
     from rasterio.transform import from_origin
@@ -141,7 +141,7 @@ def _write_map(path: Path, size: Size) -> Path:
     return path
 
 
-def _write_paths(folder: Path, size: Size) -> list[Path]:
+def _write_paths(folder: Path, size: FleetSize) -> list[Path]:
     """Fans of arcs from places all over the map."""
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -24,7 +24,7 @@ from planner.plan import Status
 from ..common.load import on_one_core, resident_memory, working
 from ..common.measure import machine
 from ..common.tables import duration
-from .driving import CANDIDATES, SMOOTHED, STATIONS, Drive
+from .driving import CANDIDATES, SMOOTHED, STATIONS, EndlessDrive
 
 CYCLES, QUICK_CYCLES = 10_000, 500
 HOUR_OF_CYCLES, QUICK_MEMORY_CYCLES = 36_000, 1_000
@@ -105,7 +105,7 @@ def total(quick: bool) -> int:
 
 def timed_drive(name: str, cycles: int, progress: Callable[[int], None] | None = None) -> Result:
     """So many cycles after a few that do not count."""
-    drive, tally = Drive(), Tally()
+    drive, tally = EndlessDrive(), Tally()
     for _ in range(_WARM_UP):
         drive.step()
     for _ in range(cycles):
@@ -117,7 +117,7 @@ def timed_drive(name: str, cycles: int, progress: Callable[[int], None] | None =
 
 def memory(cycles: int, progress: Callable[[int], None] | None = None) -> Result:
     """What is held more after so many cycles than after the first quarter of them [bytes]."""
-    drive = Drive()
+    drive = EndlessDrive()
     for _ in range(_WARM_UP):
         drive.step()
     tracemalloc.start()

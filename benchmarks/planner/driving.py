@@ -24,7 +24,7 @@ _PATIENCE = 10
 """Cycles at rest after which the vehicle turns round on the spot."""
 
 
-class Drive:
+class EndlessDrive:
     """A vehicle that drives where the horizon leads it."""
 
     def __init__(self, cycles_a_fan: int = _KEPT, budget: float = 0.02) -> None:

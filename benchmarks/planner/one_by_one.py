@@ -23,7 +23,7 @@ from ..common.judge import excess, smooth_excess, travel_time
 from ..common.measure import summary, timed
 from ..common.scene import Scene
 from . import quadratic
-from .peers import PEERS, Task
+from .peers import PEERS, PeerTask
 
 Result = dict[str, Any]
 Problem = TypeVar("Problem")
@@ -40,7 +40,7 @@ def chosen_from(solved: TimeOptimalBatch, wanted: int) -> list[int]:
     return [int(j) for j in free[np.linspace(0, len(free) - 1, wanted).astype(int)]]
 
 
-def tasks_of(scene: Scene, chosen: Sequence[int]) -> list[Task]:
+def tasks_of(scene: Scene, chosen: Sequence[int]) -> list[PeerTask]:
     """Candidates of a scene, each up to the station where it must rest."""
     solved, limits = scene.plan(), scene.model.limits
     tasks = []
@@ -50,15 +50,15 @@ def tasks_of(scene: Scene, chosen: Sequence[int]) -> list[Task]:
         )
         problem = problem.until(int(np.flatnonzero(problem.speed_sq_max > 0.0)[-1]) + 2)
         tasks.append(
-            Task(problem.station, problem.speed_sq_max, limits.accel, limits.decel, problem)
+            PeerTask(problem.station, problem.speed_sq_max, limits.accel, limits.decel, problem)
         )
     return tasks
 
 
-def time_optimal(scene: Scene, tasks: Sequence[Task], rounds: int) -> list[Result]:
+def time_optimal(scene: Scene, tasks: Sequence[PeerTask], rounds: int) -> list[Result]:
     """The time-optimal problem: the planner's profile stage and its peers."""
 
-    def judged(task: Task, speed_sq: Floats) -> Answer:
+    def judged(task: PeerTask, speed_sq: Floats) -> Answer:
         n = len(task.station) - 1
         accel, decel = np.full(n, task.accel), np.full(n, task.decel)
         over = excess(task.station, speed_sq, task.speed_sq_max, accel, decel)
@@ -68,7 +68,7 @@ def time_optimal(scene: Scene, tasks: Sequence[Task], rounds: int) -> list[Resul
     return rows + [_row(name, tasks, peer, judged, rounds) for name, peer in PEERS.items()]
 
 
-def planner_alone(scene: Scene, task: Task) -> Callable[[], Floats]:
+def planner_alone(scene: Scene, task: PeerTask) -> Callable[[], Floats]:
     """The planner's profile stage on one candidate, exact in brakes and drive."""
     p = task.problem
     scalars, start = planning_limits(scene.model), np.array([task.problem.start_sq])
@@ -93,7 +93,7 @@ def planner_alone(scene: Scene, task: Task) -> Callable[[], Floats]:
     )[0][:, 0]
 
 
-def jerk_limited(scene: Scene, tasks: Sequence[Task], rounds: int) -> list[Result]:
+def jerk_limited(scene: Scene, tasks: Sequence[PeerTask], rounds: int) -> list[Result]:
     """The jerk-limited problem by the planner, and the same program by other solvers."""
     problems = [smoothing_problem(scene, task) for task in tasks]
 
@@ -111,7 +111,7 @@ def jerk_limited(scene: Scene, tasks: Sequence[Task], rounds: int) -> list[Resul
     return [_row(name, problems, peer, smooth_answer, rounds) for name, peer in peers.items()]
 
 
-def smoothing_problem(scene: Scene, task: Task) -> SmoothingProblem:
+def smoothing_problem(scene: Scene, task: PeerTask) -> SmoothingProblem:
     """Bound by the time-optimal profile; limits that hold at any speed up to it."""
     p, limits = task.problem, scene.model.limits
     speed_sq = planner_alone(scene, task)()

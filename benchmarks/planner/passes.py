@@ -8,11 +8,22 @@ station at the speed of its end.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from models.parameters import Braking
 from models.quantity import GRAVITY
 from planner.kernels.compiled import TILE, Floats, kernel
+
+
+class BrakingLine(NamedTuple):
+    """Coefficients of F_b/W = (m_m v + b_m) θ + m_b v + b_b."""
+
+    m_m: float
+    b_m: float
+    m_b: float
+    b_b: float
 
 
 @kernel
@@ -56,18 +67,17 @@ def braking_pass(
         accel, decel: [m/s²].
         speed_sq: (N, M) out [m²/s²].
     """
-    _braking_pass(
-        speed_sq_max, station, grade, sin_grade,
-        braking.m_m, braking.b_m, braking.m_b, braking.b_b, accel, decel, speed_sq,
-    )  # fmt: skip
+    force = BrakingLine(braking.m_m, braking.b_m, braking.m_b, braking.b_b)
+    _braking_pass(speed_sq_max, station, grade, sin_grade, force, accel, decel, speed_sq)
 
 
 @kernel
 def _braking_pass(
     speed_sq_max: Floats, station: Floats, grade: Floats, sin_grade: Floats,
-    m_m: float, b_m: float, m_b: float, b_b: float, accel: float, decel: float, speed_sq: Floats,
+    braking: BrakingLine, accel: float, decel: float, speed_sq: Floats,
 ) -> None:  # fmt: skip
     stations, candidates = speed_sq_max.shape
+    b = braking
     for first in range(0, candidates, TILE):
         end = min(first + TILE, candidates)
         for j in range(first, end):
@@ -76,7 +86,7 @@ def _braking_pass(
             for j in range(first, end):
                 twice = 2.0 * (station[k + 1, j] - station[k, j])
                 v = np.sqrt(speed_sq[k + 1, j])
-                force = (m_m * v + b_m) * grade[k, j] + m_b * v + b_b + sin_grade[k, j]
+                force = (b.m_m * v + b.b_m) * grade[k, j] + b.m_b * v + b.b_b + sin_grade[k, j]
                 slowed = speed_sq[k + 1, j] + twice * min(decel, GRAVITY * force)
                 speed_sq[k, j] = min(speed_sq_max[k, j], slowed)
         for j in range(first, end):

@@ -25,7 +25,7 @@ _CREEP = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class PeerTask:
     """One candidate up to the station where it must rest; arrays are (N,).
 
     Attributes:
@@ -47,11 +47,11 @@ class Task:
 
 
 Solver = Callable[[], Floats | None]
-Peer = Callable[[Task], Solver]
+Peer = Callable[[PeerTask], Solver]
 """Makes ready for a task all that need not be timed; the solver is what is timed."""
 
 
-def toppra(task: Task) -> Solver:
+def toppra(task: PeerTask) -> Solver:
     """Time-optimal path parameterisation by reachability analysis (TOPP-RA)."""
     logging.getLogger("toppra").setLevel(logging.ERROR)
     ta = importlib.import_module("toppra")
@@ -77,7 +77,7 @@ def toppra(task: Task) -> Solver:
     return solve
 
 
-def planning_helpers(task: Task) -> Solver:
+def planning_helpers(task: PeerTask) -> Solver:
     """Forward–backward solver of the trajectory-planning-helpers.
 
     It knows bounds of speed from curvature only, and shares the grip between the directions: where
@@ -102,7 +102,7 @@ def planning_helpers(task: Task) -> Solver:
     return solve
 
 
-def ipopt(task: Task) -> Solver:
+def ipopt(task: PeerTask) -> Solver:
     """The exact discrete problem with the braking model, by CasADi and IPOPT."""
     reference = TimeOptimalReference(len(task.station))
     return lambda: reference.solve(task.problem).speed_sq

@@ -9,14 +9,14 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
-from benchmarks.closed_loop.quad import HIDDEN, QUAD, Hidden
+from benchmarks.closed_loop.quad import HIDDEN, QUAD, TrueVehicle
 from benchmarks.closed_loop.terrain import slope
 from benchmarks.closed_loop.world import TICK, World
 
 G = 9.80665
 
 
-def on_slope(grade_deg: float, hidden: Hidden = HIDDEN) -> World:
+def on_slope(grade_deg: float, hidden: TrueVehicle = HIDDEN) -> World:
     """Heading east on an even slope of firm ground."""
     rng = np.random.default_rng(0)
     ground = slope(0.0, np.deg2rad(grade_deg), rng)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.discovery import ambiguity, catalogue, designs, physics
-from benchmarks.discovery.hidden import Hidden
+from benchmarks.discovery.hidden import HiddenTerm
 from benchmarks.discovery.worth import TOLD_APART, Worth, worth
 
 BASE = physics.Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
@@ -19,7 +19,7 @@ def windy() -> catalogue.HiddenSet:
     stops = designs.draw("one-way", 40, 0.02, np.random.default_rng(1))
     return catalogue.HiddenSet(
         catalogue.Order("single", ("headwind",), "medium", 3), "one-way", 0.03, 0.02, {}, {},
-        BASE._replace(**WIND), (Hidden("headwind", WIND),), stops, Worth(0.0, "", 0.0),
+        BASE._replace(**WIND), (HiddenTerm("headwind", WIND),), stops, Worth(0.0, "", 0.0),
     )  # fmt: skip
 
 

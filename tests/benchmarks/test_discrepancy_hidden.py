@@ -15,10 +15,10 @@ import pytest
 from benchmarks.discovery import campaign, catalogue, charts, tables, tasks
 from benchmarks.discovery.catalogue import Order
 from benchmarks.discovery.kept import Kept
-from benchmarks.discovery.score import Outcome, score
-from benchmarks.discovery.sealed import Inquiry, Job, tables_of
+from benchmarks.discovery.score import SetOutcome, score
+from benchmarks.discovery.sealed import Inquiry, SealedLog, tables_of
 
-EASY = catalogue.Conditions(
+EASY = catalogue.SetConditions(
     designs=("mixed",), counts=(40,), noises=(0.01, 0.03), scatters=(0.005, 0.02)
 )
 
@@ -29,9 +29,9 @@ def inquiry() -> Iterator[Inquiry]:
         yield process
 
 
-def asked(inquiry: Inquiry, kind: str, names: str, size: str, seed: int) -> Outcome:
+def asked(inquiry: Inquiry, kind: str, names: str, size: str, seed: int) -> SetOutcome:
     hidden = catalogue.make(Order(kind, tuple(names.split("+")) if names else (), size, seed), EASY)
-    outcome = score(hidden, inquiry.ask(Job(hidden.columns, tables_of(hidden.configured))))
+    outcome = score(hidden, inquiry.ask(SealedLog(hidden.columns, tables_of(hidden.configured))))
     assert outcome.verdict != "fault", outcome.text
     return outcome
 
@@ -100,7 +100,7 @@ def test_a_campaign_goes_on_where_it_was_and_adds_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chosen = [Order("clean", (), "", 61), Order("single", ("brake_lag",), "large", 62)]
-    todo = [tasks.Task(plant=order) for order in chosen]
+    todo = [tasks.SetTask(plant=order) for order in chosen]
     promised: list[str] = []
     kept = Kept(tmp_path, EASY)
     for task in todo:
@@ -108,9 +108,9 @@ def test_a_campaign_goes_on_where_it_was_and_adds_up(
     # A line that an interruption cut off is no outcome.
     with kept.file.open("ab") as file:
         file.write(kept.file.read_bytes()[:200])
-    monkeypatch.setattr(campaign, "planned", lambda size: [*todo, tasks.Task(rivals=1)])
+    monkeypatch.setattr(campaign, "planned", lambda size: [*todo, tasks.SetTask(rivals=1)])
     steps: list[int] = []
-    size = campaign.Size(share=0.0, most=3, conditions=EASY, engine=0.0, cases=0, minutes=0.0)
+    size = campaign.SetCounts(share=0.0, most=3, conditions=EASY, engine=0.0, cases=0, minutes=0.0)
     result = campaign.run(size, steps.append, tmp_path)
     assert sum(steps) == result["sets"] == len(todo)
     assert result["planned"] == 3

@@ -61,10 +61,10 @@ def test_headwind_from_one_side_is_told_from_nothing_but_itself() -> None:
 
 
 def test_nothing_of_the_truth_travels() -> None:
-    assert [f.name for f in fields(sealed.Job)] == ["columns", "model"]
+    assert [f.name for f in fields(sealed.SealedLog)] == ["columns", "model"]
     order = catalogue.Order("single", ("aerodynamic_drag",), "large", 11)
     hidden = catalogue.make(order)
-    job = sealed.Job(hidden.columns, sealed.tables_of(hidden.configured))
+    job = sealed.SealedLog(hidden.columns, sealed.tables_of(hidden.configured))
     sent = pickle.dumps(job)
     for word in (b"drag", b"single", b"large", b"truth", b"seed"):
         assert word not in sent

@@ -30,6 +30,12 @@ def straight(y: float) -> slopewise.CandidatePath:
     return slopewise.CandidatePath(name=f"y{y:.0f}", points=points)
 
 
+def brisk() -> slopewise.Model:
+    """A vehicle whose stops, not its limits, decide how fast it goes."""
+    model = slopewise.read_model("atv")
+    return replace(model, limits=replace(model.limits, accel=3.0, decel=8.0, jerk=20.0))
+
+
 def test_every_name_is_documented_and_typed() -> None:
     assert sorted(slopewise.__all__) == list(slopewise.__all__)
     assert set(slopewise.__all__) <= set(dir(slopewise))
@@ -79,22 +85,22 @@ def test_plans_are_ranked_and_pass_the_check(hill: slopewise.ElevationMap) -> No
 
 
 def test_the_check_bites(hill: slopewise.ElevationMap) -> None:
-    model = slopewise.read_model("atv")
-    (plan,) = slopewise.plan(model, hill, [straight(14.0)], start_speed=1.0)
+    model = brisk()
+    (plan,) = slopewise.plan(model, hill, [straight(14.0)], start_speed=1.0, clear=12.0)
+    assert slopewise.check_plan(plan, model, hill, clear=12.0).valid
     faster = replace(plan, speed=1.2 * plan.speed)
-    assert not slopewise.check_plan(faster, model, hill).valid
-    assert not slopewise.check_plan(plan, model, hill, clear=plan.clear_distance - 3.0).valid
+    assert not slopewise.check_plan(faster, model, hill, clear=12.0).valid
+    assert not slopewise.check_plan(plan, model, hill, clear=plan.clear_distance - 0.5).valid
     weaker = replace(model, braking=replace(model.braking, b_b=model.braking.b_b - 0.1))
-    assert not slopewise.check_plan(plan, weaker, hill).valid
+    assert not slopewise.check_plan(plan, weaker, hill, clear=12.0).valid
     short = replace(plan, **{n: getattr(plan, n)[:1] for n in ("station", "x", "y", "speed")})
     with pytest.raises(slopewise.SlopewiseError, match="at least 2 stations"):
         slopewise.check_plan(short, model, hill)
 
 
 def test_a_quantile_makes_plans_slower(hill: slopewise.ElevationMap) -> None:
-    model = slopewise.read_model("atv")
     mean, sure = (
-        slopewise.plan(model, hill, [straight(6.0)], quantile=q)[0].travel_time
+        slopewise.plan(brisk(), hill, [straight(6.0)], clear=12.0, quantile=q)[0].travel_time
         for q in (None, 0.999)
     )
     assert sure > mean

@@ -12,13 +12,13 @@ import pytest
 
 from benchmarks.common import load
 from benchmarks.planner import cycle
-from benchmarks.planner.driving import CANDIDATES, STATIONS, Drive
+from benchmarks.planner.driving import CANDIDATES, STATIONS, EndlessDrive
 from planner.horizon.answer import FULL_STOP, CycleAnswer, Ranked
 from planner.plan import Status
 
 
 def test_the_vehicle_drives_and_fans_begin_at_it() -> None:
-    drive = Drive(cycles_a_fan=5, budget=60.0)
+    drive = EndlessDrive(cycles_a_fan=5, budget=60.0)
     answers = []
     for _ in range(60):
         seconds, worked, answer = drive.step()
@@ -31,14 +31,14 @@ def test_the_vehicle_drives_and_fans_begin_at_it() -> None:
 
 
 def test_arcs_are_as_long_as_they_should_be() -> None:
-    fan = Drive()._draw()
+    fan = EndlessDrive()._draw()
     assert fan.x.shape == (STATIONS, CANDIDATES)
     steps = np.hypot(np.diff(fan.x, axis=0), np.diff(fan.y, axis=0))
     np.testing.assert_allclose(steps, 0.25)
 
 
 def test_cycles_that_smooth_fewer_are_counted() -> None:
-    drive = Drive(budget=60.0)
+    drive = EndlessDrive(budget=60.0)
     _, _, whole = drive.step()
     tally = cycle.Tally()
     tally.add(1.0, 0.5, whole)

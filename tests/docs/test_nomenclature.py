@@ -1,0 +1,129 @@
+"""Signatures keep to docs/nomenclature.md: words, not letters, and no retired word anywhere."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "nomenclature.md").read_text()
+RETIRED = "Words that are retired"
+GREEK = {
+    "α": "alpha", "β": "beta", "δ": "delta", "Δ": "d", "ε": "epsilon", "θ": "theta", "κ": "kappa",
+    "μ": "mu", "σ": "sigma", "τ": "tau", "φ": "phi", "ψ": "psi", "ω": "omega", "₀": "0", "²": "_sq",
+}  # fmt: skip
+SUFFIXES = ("deg", "kmh", "km", "mm", "cm", "percent")
+
+
+def table(title: str) -> list[list[str]]:
+    """Rows of the table below a title."""
+    text = PAGE.split(f"## {title}\n", 1)[1].split("\n## ", 1)[0]
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def titles() -> list[str]:
+    return [t for t in re.findall(r"^## (.+)$", PAGE, re.MULTILINE) if t != RETIRED]
+
+
+def letters() -> dict[str, str]:
+    """Letters of the papers, as an identifier would spell them -> the name to use."""
+    rows = [row for title in titles() for row in table(title)]
+    names = {name for row in rows for name in re.findall(r"`(\w+)`", row[0])}
+    found = {}
+    for row in rows:
+        own = re.findall(r"`(\w+)`", row[0])
+        for letter in re.split(r"[,/] ?| in \w+", row[1]):
+            word = "".join(GREEK.get(c, c) for c in letter.strip())
+            if own and word.isidentifier() and word not in names:
+                found.setdefault(word, own[0])
+    return found
+
+
+def retired() -> dict[str, tuple[str, set[str]]]:
+    """Retired word -> what to say instead, and the names in which the word is all right."""
+    return {
+        word: (row[1], set(re.findall(r"`(\w+)`", row[2])))
+        for row in table(RETIRED)
+        for word in re.findall(r"`(\w+)`", row[0])
+    }
+
+
+@cache
+def trees(*folders: str) -> list[tuple[str, ast.Module]]:
+    files = [file for folder in folders for file in sorted((ROOT / folder).rglob("*.py"))]
+    return [(str(file.relative_to(ROOT)), ast.parse(file.read_text())) for file in files]
+
+
+def compiled(function: ast.FunctionDef) -> bool:
+    """A kernel: the inside of a law, where letters belong."""
+    return any(isinstance(d, ast.Name) and d.id in ("kernel", "inlined")
+               for d in function.decorator_list)  # fmt: skip
+
+
+def public_parameters() -> Iterator[tuple[str, str]]:
+    for file, tree in trees("slopewise", "models", "planner"):
+        classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+        for node in (*tree.body, *(inner for kind in classes for inner in kind.body)):
+            if not isinstance(node, ast.FunctionDef) or compiled(node):
+                continue
+            if node.name.startswith("_") and node.name != "__init__":
+                continue
+            given = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+            yield from ((f"{file}: {node.name}", argument.arg) for argument in given)
+
+
+def defined() -> Iterator[tuple[str, str]]:
+    """Every name that product code gives to something."""
+    for file, tree in trees("slopewise", "models", "planner", "services"):
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                yield file, node.name
+            elif isinstance(node, ast.arg):
+                yield file, node.arg
+            elif isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
+                yield file, node.id if isinstance(node, ast.Name) else node.attr
+
+
+def parts(name: str) -> str:
+    """A name as words between underscores: ``_DeadTime`` is ``_dead_time_``."""
+    apart = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name)
+    return f"_{apart.lower().strip('_')}_"
+
+
+def test_the_page_is_read() -> None:
+    assert letters()["theta"] == "grade"
+    assert letters()["B_s"] == "slip_track"
+    assert letters()["f_r"] == "motion_resistance"
+    assert len(letters()) > 20
+    assert len(retired()) > 10
+    assert parts("_WeakSlope") == "_weak_slope_"
+
+
+def test_public_signatures_use_words_not_letters() -> None:
+    wanted = letters()
+    wrong = [f"{at}({name}): {wanted[name]}" for at, name in public_parameters() if name in wanted]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_public_signatures_are_in_si_units() -> None:
+    wrong = [
+        f"{at}({name})"
+        for at, name in public_parameters()
+        if parts(name).endswith(tuple(f"_{suffix}_" for suffix in SUFFIXES))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("word", sorted(retired()))
+def test_a_retired_word_names_nothing(word: str) -> None:
+    instead, fine = retired()[word]
+    wrong = sorted(
+        {f"{file}: {n}" for file, n in defined() if f"_{word}_" in parts(n) and n not in fine}
+    )
+    assert not wrong, f"say {instead}:\n" + "\n".join(wrong)
