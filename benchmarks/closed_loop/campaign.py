@@ -11,9 +11,9 @@ from typing import Any
 
 from models.parameters import Model
 
+from ..common.jobs import Progress, do_all
 from .calibration import stops_of_drive
 from .drive import DrivenScene, run_drive
-from .jobs import Progress, do_all
 from .kept import kept
 from .learning import fit
 from .metrics import Result, summary, targets

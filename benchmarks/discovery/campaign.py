@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from ..common.jobs import finished
 from . import ambiguity, peer
 from .catalogue import ALL, SetConditions
 from .engine_outcomes import engine_by_effect, engine_metrics
-from .kept import Kept
+from .kept import KeptSets
 from .metrics import metrics, record
 from .score import SetOutcome
 from .tasks import FinishedSet, SetTask, do, tasks
 
 Result = dict[str, Any]
 Advance = Callable[[int], None]
-
-_PROCESSES = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,34 +81,18 @@ def run(size: SetCounts, advance: Advance, keep: Path | None = None) -> Result:
     """
     wanted = planned(size)
     with tempfile.TemporaryDirectory(prefix="slopewise-bench-") as temporary:
-        kept = Kept(keep or Path(temporary), size.conditions)
+        kept = KeptSets(keep or Path(temporary), size.conditions)
         known = kept.find()
         done = [known[task] for task in wanted if task in known]
         advance(len(done))
-        for one in _all([task for task in wanted if task not in known], size, kept):
+        rest = [task for task in wanted if task not in known]
+        until = time.monotonic() + 60.0 * size.minutes
+        do_one = partial(_do, conditions=size.conditions, kept=kept)
+        for _, one in finished(do_one, rest, "spawn", _settle, until=until):
             done.append(one)
             advance(1)
     order = {task: i for i, task in enumerate(wanted)}
     return result_of(sorted(done, key=lambda d: order[d.task])) | {"planned": len(wanted)}
-
-
-def _all(wanted: Iterable[SetTask], size: SetCounts, kept: Kept) -> Iterator[FinishedSet]:
-    end = time.monotonic() + 60.0 * size.minutes
-    context = multiprocessing.get_context("spawn")
-    rest = iter(wanted)
-    with ProcessPoolExecutor(_PROCESSES, context, _settle) as pool:
-        running = set()
-        while True:
-            while len(running) < _PROCESSES and time.monotonic() < end:
-                task = next(rest, None)
-                if task is None:
-                    break
-                running.add(pool.submit(_do, task, size.conditions, kept))
-            if not running:
-                return
-            ready, running = wait(running, return_when=FIRST_COMPLETED)
-            for future in ready:
-                yield future.result()
 
 
 def _settle() -> None:
@@ -121,7 +103,7 @@ def _settle() -> None:
     threadpool_limits(1)
 
 
-def _do(task: SetTask, conditions: SetConditions, kept: Kept) -> FinishedSet:
+def _do(task: SetTask, conditions: SetConditions, kept: KeptSets) -> FinishedSet:
     done = do(task, conditions, kept.promise)
     kept.put(done)
     return done

@@ -88,7 +88,7 @@ def _places(stops: Stops, station: Floats) -> tuple[Floats, Floats]:
     return x, y
 
 
-class Moment(NamedTuple):
+class StopMoment(NamedTuple):
     """Where one stop is now: body and ground under it, SI; ``since`` the onset, ``clock`` of it."""
 
     speed: float
@@ -103,7 +103,7 @@ class Moment(NamedTuple):
 
 
 @njit(cache=True)
-def _moment(stops: Stops, i: int, onset: float, since: float, speed: float, s: float) -> Moment:
+def _moment(stops: Stops, i: int, onset: float, since: float, speed: float, s: float) -> StopMoment:
     """Stop i at a station of its arc."""
     bend, heading = stops.curvature[i], stops.heading[i]
     if abs(bend) < 1e-6:
@@ -115,11 +115,11 @@ def _moment(stops: Stops, i: int, onset: float, since: float, speed: float, s: f
         2.0 * math.pi * s / stops.wave_length[i] + stops.wave_phase[i]
     )
     clock = stops.clock[i] + onset + since
-    return Moment(speed, grade, stops.roll[i], x, y, yaw, clock, since, stops.ambient[i])
+    return StopMoment(speed, grade, stops.roll[i], x, y, yaw, clock, since, stops.ambient[i])
 
 
 @njit(cache=True)
-def _wanted(p: Physics, run: int, v_i: float, now: Moment) -> float:
+def _wanted(p: Physics, run: int, v_i: float, now: StopMoment) -> float:
     """F_b/W before build-up, heat and friction."""
     grade, yaw = now.grade, now.yaw
     force = (p.m_m * v_i + p.b_m) * grade + p.m_b * v_i + p.b_b
@@ -143,7 +143,7 @@ def _wanted(p: Physics, run: int, v_i: float, now: Moment) -> float:
 
 
 @njit(cache=True)
-def _slowed(p: Physics, force: float, bend: float, now: Moment) -> float:
+def _slowed(p: Physics, force: float, bend: float, now: StopMoment) -> float:
     """Deceleration by a braking force F_b/W and by all that the brakes have no part in [m/s²]."""
     v = now.speed
     u = v + p.wind * math.cos(now.yaw - p.wind_direction)

@@ -7,6 +7,8 @@ from typing import Any
 
 from rich.table import Table
 
+from ..common.tables import table_of
+
 Result = dict[str, Any]
 
 
@@ -25,10 +27,8 @@ def tables(result: Result) -> Iterator[Table]:
 
 
 def _metrics(title: str, rows: list[Result]) -> Table:
-    table = Table(title=title, title_justify="left")
-    table.add_column("what", overflow="fold")
-    for column in ("wanted", "reached", "95 % interval or quartiles", "of", ""):
-        table.add_column(column, justify="right")
+    columns = ("wanted", "reached", "95 % interval or quartiles", "of", "")
+    table = table_of(title, *columns, first="what")
     for row in rows:
         verdict = {True: "[green]pass", False: "[red]miss", None: ""}[row["passed"]]
         table.add_row(row["what"], _wanted(row), *_reached(row), verdict)
@@ -76,10 +76,7 @@ def _by_effect(title: str, rows: list[Result]) -> Table:
 
 
 def _peer(rows: list[Result]) -> Table:
-    table = Table(title="the same sets", title_justify="left")
-    table.add_column("what", overflow="fold")
-    for column in ("PySINDy", "", "slopewise", ""):
-        table.add_column(column, justify="right")
+    table = table_of("the same sets", "PySINDy", "", "slopewise", "", first="what")
     for row in rows:
         cells = []
         for key in ("pysindy", "slopewise"):

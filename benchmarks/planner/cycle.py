@@ -16,14 +16,13 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from planner.horizon.answer import CycleAnswer
 from planner.plan import Status
 
 from ..common.load import on_one_core, resident_memory, working
 from ..common.measure import machine
-from ..common.tables import duration
+from ..common.tables import duration, table_of
 from .driving import CANDIDATES, SMOOTHED, STATIONS, EndlessDrive
 
 CYCLES, QUICK_CYCLES = 10_000, 500
@@ -145,14 +144,11 @@ def show(result: Result, console: Console | None = None) -> None:
     """Print tables."""
     screen = console or Console()
     problem = result["problem"]
-    table = Table(
-        title=f"One cycle: {problem['candidates']} candidates of {problem['stations']} stations, "
+    table = table_of(
+        f"One cycle: {problem['candidates']} candidates of {problem['stations']} stations, "
         f"{problem['smoothed']} finished, one core",
-        title_justify="left",
+        *(run_["name"] for run_ in result["runs"]),
     )
-    table.add_column()
-    for run_ in result["runs"]:
-        table.add_column(run_["name"], justify="right")
     wanted = result["wanted"]
     for name in ("p50", "p99", "max"):
         limit = f" (wanted ≤ {duration(wanted[name])})" if name in wanted else ""

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
@@ -28,7 +27,7 @@ from planner.profile.smoothing import SmoothingProblem, smooth
 from ..common.judge import smooth_excess, travel_time
 from ..common.measure import machine, summary, timed
 from ..common.scene import SPACING, atv, hills
-from ..common.tables import duration
+from ..common.tables import duration, table_of
 
 INSTANCES, QUICK_INSTANCES = 500, 40
 WANTED_EXCESS, WANTED_RATIO = 0.01, 10.0
@@ -191,9 +190,7 @@ def _path(rng: np.random.Generator, stations: int) -> tuple[Floats, Floats]:
 def show(result: Result, console: Console | None = None) -> None:
     """Print a table, and every problem that misses what is wanted."""
     screen = console or Console()
-    table = Table(title="Smoothed plans against the optimum by IPOPT", title_justify="left")
-    table.add_column()
-    table.add_column(justify="right")
+    table = table_of("Smoothed plans against the optimum by IPOPT", "")
     table.add_row("problems solved by both", f"{result['solved_by_both']}")
     for name, value in result["excess"].items():
         table.add_row(f"travel time above it, {name}", f"{value:.3%}")

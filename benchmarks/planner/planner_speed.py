@@ -15,10 +15,10 @@ from rich.console import Console
 
 from ..common.measure import machine
 from ..common.scene import SPACING, fan
-from ..common.tables import tables
 from .batch import in_batch
 from .growth import growth_with_candidates, growth_with_stations, memory
 from .one_by_one import chosen_from, emitted, jerk_limited, tasks_of, time_optimal
+from .tables import tables
 
 STATIONS, CANDIDATES = 100, 1000
 
@@ -111,7 +111,7 @@ def show(result: Result, console: Console | None = None) -> None:
 
 def figures(result: Result) -> list[Any]:
     """Plotly figures of the same data; needs plotly."""
-    from ..common.charts import charts
+    from .charts import charts
 
     return charts(result)
 

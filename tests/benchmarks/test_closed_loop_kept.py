@@ -1,4 +1,4 @@
-"""Kept results: an interrupted run goes on, and nothing old is taken for new."""
+"""KeptPickles results: an interrupted run goes on, and nothing old is taken for new."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
-from benchmarks.closed_loop.jobs import do_all
-from benchmarks.closed_loop.kept import Kept, kept
+from benchmarks.closed_loop.kept import kept
+from benchmarks.common.jobs import do_all
+from benchmarks.common.kept import KeptPickles
 
 
 class _Counted:
@@ -70,6 +71,6 @@ def test_changed_sources_share_nothing(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_what_was_half_written_does_not_count(tmp_path: Path) -> None:
-    keep = Kept(tmp_path)
+    keep = KeptPickles(tmp_path)
     (tmp_path / "7.123").write_bytes(b"half")
     assert keep.find(7) is None

@@ -14,7 +14,7 @@ import pytest
 
 from benchmarks.discovery import campaign, catalogue, charts, tables, tasks
 from benchmarks.discovery.catalogue import Order
-from benchmarks.discovery.kept import Kept
+from benchmarks.discovery.kept import KeptSets
 from benchmarks.discovery.score import SetOutcome, score
 from benchmarks.discovery.sealed import Inquiry, SealedLog, tables_of
 
@@ -102,7 +102,7 @@ def test_a_campaign_goes_on_where_it_was_and_adds_up(
     chosen = [Order("clean", (), "", 61), Order("single", ("brake_lag",), "large", 62)]
     todo = [tasks.SetTask(plant=order) for order in chosen]
     promised: list[str] = []
-    kept = Kept(tmp_path, EASY)
+    kept = KeptSets(tmp_path, EASY)
     for task in todo:
         kept.put(tasks.do(task, EASY, promised.append))
     # A line that an interruption cut off is no outcome.
@@ -117,7 +117,7 @@ def test_a_campaign_goes_on_where_it_was_and_adds_up(
     assert [o["kind"] for o in result["outcomes"]] == ["clean", "single"]
     assert [s["digest"] for s in result["sealed"]] == promised
     assert json.loads(result["sealed"][1]["truths"])[0]["names"] == ["brake_lag"]
-    assert Kept(tmp_path, catalogue.ALL).find() == {}
+    assert KeptSets(tmp_path, catalogue.ALL).find() == {}
     assert json.loads(json.dumps(result, allow_nan=False))["by_effect"] == result["by_effect"]
     assert len(list(tables.tables(result))) >= 2
     assert len(charts.charts(result)) == 3

@@ -39,9 +39,7 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
     result = planner_speed.run(quick=quick)
     console = Console()
     planner_speed.show(result, console)
-    if json_file is not None:
-        json_file.write_text(json.dumps(result, indent=1) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(result, json_file, console, allow_nan=True)
     if plot is not None:
         _write_plots(planner_speed.figures(result), plot)
         console.print(f"wrote {plot}")
@@ -56,9 +54,7 @@ def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
     with progress_bar(what, module.total(quick)) as advance:
         result = module.run(quick, advance)
     module.show(result, console)
-    if json_file is not None:
-        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(result, json_file, console)
 
 
 def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
@@ -88,9 +84,7 @@ def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
     ):
         result = benchmark.run(quick, Path(folder) / "run", advance)
     benchmark.show(result, console)
-    if json_file is not None:
-        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(result, json_file, console)
 
 
 def discrepancy(
@@ -133,9 +127,7 @@ def discrepancy(
         console.print(table)
     for missing in campaign.missing():
         console.print(missing)
-    if json_file is not None:
-        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(result, json_file, console)
     if plot is not None:
         _write_plots(_benchmark("discovery.charts").charts(result), plot)
         console.print(f"wrote {plot}")
@@ -172,9 +164,7 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
         driven = campaign.run(size, progress, None if out is None else out / "runs")
     for table in tables.tables(driven.result):
         console.print(table)
-    if json_file is not None:
-        json_file.write_text(json.dumps(driven.result, indent=1, allow_nan=False) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(driven.result, json_file, console)
     if out is not None:
         _write_closed_loop(driven, out, console)
 
@@ -196,6 +186,14 @@ def _write_closed_loop(driven: Any, folder: Path, console: Console) -> None:
     report = folder / "report.html"
     write_report(report, driven.result, tables.COLUMNS, drawn)
     console.print(f"wrote {report}")
+
+
+def _write_json(
+    result: Any, path: Path | None, console: Console, *, allow_nan: bool = False
+) -> None:
+    if path is not None:
+        path.write_text(json.dumps(result, indent=1, allow_nan=allow_nan) + "\n")
+        console.print(f"wrote {path}")
 
 
 def _write_plots(figures: list, path: Path) -> None:  # type: ignore[type-arg]
