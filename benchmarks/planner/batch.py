@@ -12,7 +12,7 @@ from planner.ground.braking_ground import ground_along
 from planner.ground.terrain_profile import terrain_profile
 from planner.kernels.limits import planning_limits
 from planner.pipeline.candidates import TimeOptimalBatch
-from planner.profile.time_optimal import time_optimal_profile, travel_cost
+from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
 
 from ..common.measure import summary, take_turns
 from ..common.scene import SPACING, Scene
@@ -28,17 +28,14 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
     """The planner's stages and the two passes, each on the same batch."""
     model, vehicle = scene.model, scene.model.vehicle
     profile, ground, bounds = solved.profile, solved.ground, solved.bounds
-    scalars, limits = planning_limits(model), model.limits
+    limits = model.limits
     candidates = scene.x.shape[1]
     clear, start = np.full(candidates, np.inf), np.zeros(candidates)
     out = np.empty_like(solved.speed_sq)
+    problem = profile_problem(profile, ground, bounds, planning_limits(model), start)
 
     def fastest(decel: float) -> object:
-        return time_optimal_profile(
-            profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
-            ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
-            start, scalars, decel=decel,
-        )  # fmt: skip
+        return time_optimal_profile(problem._replace(decel=decel))
 
     return {
         "plain pass": lambda: plain_pass(

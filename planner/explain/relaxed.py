@@ -13,7 +13,7 @@ from typing import Any
 
 from models.parameters import Model
 from planner.explain.what_if import Question
-from planner.limiting import Limiting
+from planner.limiting import BOUNDS, Limiting
 
 _FAR = 1e3
 """Factor by which a limit, or a distance to the centre of gravity, is out of reach."""
@@ -22,19 +22,15 @@ _ANY_GRADE = (-1.5, 1.5)
 
 
 def without(bound: Limiting, question: Question) -> Question:
-    """The question with one bound lifted."""
-    match bound:
-        case Limiting.STOPPING_PATH:
-            return replace(question, stops_at_once=True)
-        case Limiting.JERK:
-            return replace(question, smooth=False)
-        case Limiting.UNKNOWN_TERRAIN:
-            return replace(question, ground_known=True)
-        case Limiting.MODEL_VALIDITY:
-            return replace(question, model=trained_for(question.model, grades=True, speeds=True))
-        case Limiting.SPEED_LIMIT:
-            return replace(question, path_limits=False, relax=_as_fast_as_trained)
-    return replace(question, relax=_LIFTS[bound])
+    """The question with one bound lifted, as its entry in the registry of bounds says."""
+    lift = BOUNDS[bound].lift
+    relax = _RELAXATIONS.get(lift.relaxation)
+    if lift.out_of_reach:
+        relax = _out_of_reach(lift.out_of_reach)
+    changes: dict[str, Any] = dict(lift.question)
+    if changes.pop("trained_everywhere", False):
+        changes["model"] = trained_for(question.model, grades=True, speeds=True)
+    return replace(question, relax=relax or question.relax, **changes)
 
 
 def trained_for(model: Model, *, grades: bool = False, speeds: bool = False) -> Model:
@@ -78,22 +74,20 @@ def _stretched(model: Model, factor: float, cg_z: float) -> Model:
     return replace(model, vehicle=vehicle, terrain=drag)
 
 
-def _out_of_reach(table: str, *names: str) -> Callable[[Model], Model]:
+def _out_of_reach(limits: tuple[str, ...]) -> Callable[[Model], Model]:
     def relax(model: Model) -> Model:
-        part: Any = getattr(model, table)
-        changed = replace(part, **{name: _FAR * getattr(part, name) for name in names})
-        more: dict[str, Any] = {table: changed}
-        return replace(model, **more)
+        for limit in limits:
+            table, name = limit.split(".")
+            part: Any = getattr(model, table)
+            changed: dict[str, Any] = {table: replace(part, **{name: _FAR * getattr(part, name)})}
+            model = replace(model, **changed)
+        return model
 
     return relax
 
 
-_LIFTS: Mapping[Limiting, Callable[[Model], Model]] = {
-    Limiting.TIP_OVER: _far_axles,
-    Limiting.ROLLOVER: _far_sides,
-    Limiting.LATERAL: _out_of_reach("limits", "lateral_accel"),
-    Limiting.WHEEL_SPEED: _out_of_reach("vehicle", "max_wheel_speed"),
-    Limiting.TRACTION: _out_of_reach("vehicle", "max_drive_force", "max_drive_power"),
-    Limiting.ACCEL: _out_of_reach("limits", "accel"),
-    Limiting.DECEL: _out_of_reach("limits", "decel"),
+_RELAXATIONS: Mapping[str, Callable[[Model], Model]] = {
+    "as_fast_as_trained": _as_fast_as_trained,
+    "far_axles": _far_axles,
+    "far_sides": _far_sides,
 }

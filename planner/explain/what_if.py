@@ -24,7 +24,7 @@ from planner.kernels.limits import planning_limits
 from planner.path import CandidatePath, batch
 from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.plan import SpeedPlan
-from planner.profile.time_optimal import time_optimal_profile
+from planner.profile.time_optimal import profile_problem, time_optimal_profile
 from planner.settings import PlannerSettings
 
 _AT_ONCE = 50.0
@@ -116,10 +116,8 @@ class WhatIf:
         bounds = speed_bounds(profile, ground, model, np.array([question.clear]), limit)
         scalars = planning_limits(model)
         speed_sq, reachable = time_optimal_profile(
-            profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
-            ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
-            self._start_sq, scalars,
-        )  # fmt: skip
+            profile_problem(profile, ground, bounds, scalars, self._start_sq)
+        )
         finalizer = PlanFinalizer(
             model, scalars, profile, ground, bounds, 0, self._start_sq, speed_limit=limit
         )

@@ -18,12 +18,12 @@ from planner.ground.braking_ground import BrakingGround, GroundConditions, groun
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import Floats, Ints, kernel
+from planner.kernels.compiled import Floats, Ints
 from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.path import CandidatePath, PathBatch, batch
 from planner.pipeline.plan_finalizer import PlanFinalizer
 from planner.plan import SpeedPlan, Status
-from planner.profile.time_optimal import time_optimal_profile
+from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
 from planner.settings import PlannerSettings
 
 _BATCH = 256
@@ -82,30 +82,13 @@ def time_optimal_batch(
     bounds = speed_bounds(
         profile, ground, model, np.full(candidates, clear, np.float64), speed_limit
     )
+    start_sq = np.full(candidates, np.square(start_speed))
     speed_sq, reachable = time_optimal_profile(
-        profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
-        ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
-        np.full(candidates, np.square(start_speed)), planning_limits(model),
-    )  # fmt: skip
-    cost = ranking_cost(profile.station, speed_sq, settings or PlannerSettings())
+        profile_problem(profile, ground, bounds, planning_limits(model), start_sq)
+    )
+    penalty = (settings or PlannerSettings()).horizon_penalty
+    cost = travel_cost(profile.station, speed_sq, penalty)
     return TimeOptimalBatch(profile, ground, bounds, speed_sq, reachable, cost)
-
-
-def ranking_cost(station: Floats, speed_sq: Floats, settings: PlannerSettings) -> Floats:
-    """Travel time plus a charge for each metre not reached, (M,) [s]."""
-    cost = np.empty(station.shape[1])
-    _charge(station, speed_sq, settings.horizon_penalty, cost)
-    return cost
-
-
-@kernel
-def _charge(station: Floats, speed_sq: Floats, penalty: float, cost: Floats) -> None:
-    cost[:] = 0.0
-    for k in range(station.shape[0] - 1):
-        for j in range(station.shape[1]):
-            ds = station[k + 1, j] - station[k, j]
-            both = np.sqrt(speed_sq[k, j]) + np.sqrt(speed_sq[k + 1, j])
-            cost[j] += 2.0 * ds / both if both > 0.0 else penalty * ds
 
 
 def rank(plans: Sequence[SpeedPlan], settings: PlannerSettings) -> list[SpeedPlan]:

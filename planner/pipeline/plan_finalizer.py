@@ -19,7 +19,7 @@ from planner.limiting import Limiting
 from planner.pipeline import labels
 from planner.plan import SpeedPlan, Status, motion_of
 from planner.profile.smoothing import SmoothingProblem, smooth
-from planner.profile.time_optimal import time_optimal_profile
+from planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from planner.verify.judge import Judgement, check
 from planner.verify.track import track_of
 
@@ -367,12 +367,14 @@ class PlanFinalizer:
         def column(array: Floats) -> Floats:
             return np.ascontiguousarray(array[begin:, None])
 
-        track = self.track
-        answer, reachable = time_optimal_profile(
+        track, limits = self.track, self._scalars
+        problem = ProfileProblem(
             column(track.station), column(self._bound), column(self._sine),
             column(track.lower_slope), column(self._braking_intercept), column(track.slowest),
-            column(self._accel_max), column(self._demand), np.array([start_sq]), self._scalars,
+            column(self._accel_max), column(self._demand), np.array([start_sq]),
+            limits.decel, limits.specific_power,
         )  # fmt: skip
+        answer, reachable = time_optimal_profile(problem)
         return answer[:, 0], float(reachable[0])
 
     def segment_limits(self, speed_sq: Floats) -> tuple[Floats, Floats]:

@@ -16,9 +16,10 @@ from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
 from planner.pipeline import plan_finalizer
-from planner.pipeline.candidates import CandidatePlanner, ranking_cost, time_optimal_batch
+from planner.pipeline.candidates import CandidatePlanner, time_optimal_batch
 from planner.plan import SpeedPlan, Status, motion_of
 from planner.profile.smoothing import Smoothed, SmoothingProblem, smooth
+from planner.profile.time_optimal import travel_cost
 from planner.settings import PlannerSettings
 from tests.planner.scenes import (
     ATV,
@@ -473,7 +474,7 @@ def test_impossible_questions_are_refused(options: dict[str, float], field: str)
 def test_ranking_is_travel_time_plus_a_charge_for_what_is_not_reached() -> None:
     station = np.stack([np.arange(5.0)] * 2, axis=1)
     speed_sq = np.array([(4.0, 4.0), (4.0, 4.0), (4.0, 0.0), (4.0, 0.0), (4.0, 0.0)])
-    cost = ranking_cost(station, speed_sq, PlannerSettings(horizon_penalty=3.0))
+    cost = travel_cost(station, speed_sq, 3.0)
     np.testing.assert_allclose(cost, [4 / 2.0, 1 / 2.0 + 2.0 / 2.0 + 3.0 * 2.0])
 
 
