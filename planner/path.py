@@ -88,7 +88,7 @@ class PathBatch:
 
 
 def joined(paths: PathBatch, other: PathBatch) -> PathBatch:
-    """Two batches in one, the other's candidates last."""
+    """Two batches in one, (max N, M + M'), the other's candidates last."""
     parts = (paths, other)
     rows = max(len(part.x) for part in parts)
     x, y = (_side_by_side([getattr(part, name) for part in parts], rows) for name in "xy")
@@ -116,6 +116,9 @@ def _side_by_side(arrays: list[Floats], rows: int) -> Floats:
 
 def clean(path: CandidatePath) -> tuple[Floats, Floats | None]:
     """Points and speed limits without duplicates.
+
+    Returns:
+        (n, 2) points [m], n >= 2, and (n,) limits [m/s] if there are any.
 
     Raises:
         ParameterError: too short, a cusp, or driven backwards.
@@ -165,8 +168,11 @@ def resample(path: CandidatePath, spacing: float) -> tuple[Floats, Floats | None
         spacing: wanted distance between stations in the plan view [m].
 
     Returns:
-        (N, 2) points, N >= 3, first and last those of the polyline; and (N,) speed limits, each the
-        lowest of the polyline's limits around the station.
+        (N, 2) points [m], N >= 3, first and last those of the polyline; and (N,) speed limits
+        [m/s], each the lowest of the polyline's limits around the station.
+
+    Raises:
+        ParameterError: malformed, or more stations than ``MAX_STATIONS``.
     """
     points, limit = clean(path)
     share = _arc(points) / _arc(points)[-1]
@@ -188,7 +194,11 @@ def resample(path: CandidatePath, spacing: float) -> tuple[Floats, Floats | None
 
 
 def batch(paths: list[CandidatePath], spacing: float) -> PathBatch:
-    """Resample paths and lay them side by side."""
+    """Resample M paths at a spacing [m] and lay them side by side, (N, M).
+
+    Raises:
+        ParameterError: a path is malformed.
+    """
     resampled = [resample(path, spacing) for path in paths]
     count = np.array([len(points) for points, _ in resampled], np.int64)
     shape = (int(count.max()), len(paths))
@@ -206,7 +216,10 @@ def batch(paths: list[CandidatePath], spacing: float) -> PathBatch:
 
 
 def noise(points: Floats) -> float:
-    """Noise of the points [m], robust: third differences of a smooth path nearly vanish."""
+    """Noise of points (n, 2) [m], robust: third differences of a smooth path nearly vanish.
+
+    Fewer than 8 points have none.
+    """
     if len(points) < 8:
         return 0.0
     third = np.diff(points, n=3, axis=0)

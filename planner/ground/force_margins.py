@@ -111,7 +111,13 @@ def _widen(grade: Floats, bits: Ints, matrices: Floats, forces: Forces, out: For
 
 
 def capped(forces: Forces, profile: TerrainProfile, bits: Ints, table: Floats) -> Forces:
-    """Cap both forces by friction times the share of the weight that presses on the ground."""
+    """Cap both bounds by friction times the share of the weight that presses on the ground.
+
+    Args:
+        forces: (N, M). profile: terrain under the wheels.
+        bits: (N, M) surfaces that each station may be on.
+        table: (S, COLUMNS) of :mod:`planner.ground.surface_table`.
+    """
     on = [((bits >> i) & 1).astype(np.bool_) for i in range(len(table))]
     lower, upper = table[:, FRICTION], table[:, MOST_FRICTION]
     least = np.min([np.where(m, f, np.inf) for m, f in zip(on, lower, strict=True)], axis=0)

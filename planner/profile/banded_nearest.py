@@ -122,7 +122,10 @@ def nearest(
 
 @kernel
 def room(start: Ints, rows: Floats, limit: Floats, force: Floats, x: Floats) -> float:
-    """Sum of force times what is left to the limit, where that is positive."""
+    """Sum of force times what is left to the limit, where that is positive.
+
+    Arguments as of :func:`nearest`: start (N − 1,), rows (R, 3), limit and force (R,), x (N,).
+    """
     total = 0.0
     for k in range(x.shape[0] - 2):
         for i in range(start[k], start[k + 1]):

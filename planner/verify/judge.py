@@ -104,6 +104,8 @@ def check(
         decel: planned deceleration allowed, inf for an emergency; that of the model if left out.
         between: points inside each segment to try as well.
         time_step: of the integrator [s].
+
+    Nothing raises: what is not a number, or does not stop, is a breach by infinity.
     """
     n = len(speed_sq)
     stop_distance, rear_load, side_load = np.empty((3, n))
