@@ -1,8 +1,8 @@
 """Forward simulation of stops: the braking model with its effects, integrated in time.
 
 The same laws as the planner's, by scipy's adaptive integrator instead of compiled kernels: slow,
-general and independent, so it is the reference for the planner's bound and for its judge. It replays the stops of a drive log, so that measurement and model can be
-laid side by side.
+general and independent, so it is the reference for the planner's bound and for its judge. It
+replays the stops of a drive log, so that measurement and model can be laid side by side.
 """
 
 from __future__ import annotations
