@@ -1,7 +1,14 @@
-"""What can limit a plan at a station, by the names that plans and reports use."""
+"""What can limit a plan at a station: every bound, and what is known of it beside its kernel.
+
+To add a bound: its law in `models.laws` (or a row pass of its own), a member and an entry here, and
+the line of the fused kernel that lowers v² by it. Files, screens, pages and explanations take its
+name, words, colour and what lifts it from here.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 
@@ -25,3 +32,94 @@ class Limiting(IntEnum):
     def label(self) -> str:
         """The word in files and on screens, e.g. ``stopping_path``."""
         return self.name.lower()
+
+
+@dataclass(frozen=True, slots=True)
+class Lift:
+    """How a what-if question takes a bound away (:mod:`planner.explain.relaxed`).
+
+    Attributes:
+        assumptions: what is assumed instead, by name.
+        out_of_reach: limits of the model that are moved out of reach, as ``table.name``.
+        relaxation: name of what is done to the model where moving a limit is not enough.
+    """
+
+    assumptions: Mapping[str, bool] = field(default_factory=dict)
+    out_of_reach: tuple[str, ...] = ()
+    relaxation: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """What is known of a bound beside its name.
+
+    Attributes:
+        meaning: half a sentence for pages.
+        law: where it is computed, as ``module:function``.
+        lift: how a what-if question takes it away.
+        colour, colour_on_dark: on pages; the second one only where it differs.
+        dark_text: text on its colour is dark.
+    """
+
+    meaning: str
+    law: str
+    lift: Lift
+    colour: str
+    colour_on_dark: str = ""
+    dark_text: bool = False
+
+
+BOUNDS: dict[Limiting, Bound] = {
+    Limiting.SPEED_LIMIT: Bound(
+        "the speed limit of the vehicle or of the path", "planner.bounds.pointwise:_speeds",
+        Lift({"path_limits": False}, relaxation="as_fast_as_trained"), "#8d949b", dark_text=True,
+    ),
+    Limiting.STOPPING_PATH: Bound(
+        "an emergency stop must end before the clear distance does",
+        "planner.bounds.closed_form_stop:stopping_bound", Lift({"stops_at_once": True}), "#d55e00",
+    ),
+    Limiting.TIP_OVER: Bound(
+        "an axle would lose too much load in an emergency stop",
+        "models.laws.wheel_loads:rear_load_share", Lift(relaxation="far_axles"),
+        "#cc79a7", dark_text=True,
+    ),
+    Limiting.ROLLOVER: Bound(
+        "a side would lose too much load, in the turn or in a stop",
+        "models.laws.rollover:lateral_accel_limits", Lift(relaxation="far_sides"),
+        "#882255", "#c2447f",
+    ),
+    Limiting.LATERAL: Bound(
+        "lateral acceleration in the turn", "models.laws.rollover:path_lateral_accel",
+        Lift(out_of_reach=("limits.lateral_accel",)), "#0072b2", "#3f9be0",
+    ),
+    Limiting.WHEEL_SPEED: Bound(
+        "the outer wheels turn as fast as they can",
+        "models.laws.slip_track:outer_wheel_speed_ratio",
+        Lift(out_of_reach=("vehicle.max_wheel_speed",)), "#b79a3a", dark_text=True,
+    ),
+    Limiting.TRACTION: Bound(
+        "thrust or power of the drive", "models.laws.drive:sustained_speed",
+        Lift(out_of_reach=("vehicle.max_drive_force", "vehicle.max_drive_power")),
+        "#6f7d1e", "#9bab3a",
+    ),
+    Limiting.ACCEL: Bound(
+        "speeding up as fast as allowed", "planner.bounds.pointwise:_drive",
+        Lift(out_of_reach=("limits.accel",)), "#56b4e9", dark_text=True,
+    ),
+    Limiting.DECEL: Bound(
+        "service braking as hard as allowed", "planner.profile.time_optimal:_slow_down",
+        Lift(out_of_reach=("limits.decel",)), "#e6a100", dark_text=True,
+    ),
+    Limiting.JERK: Bound(
+        "acceleration must change smoothly", "planner.profile.smoothing_program:program",
+        Lift({"smooth": False}), "#2fa08c", dark_text=True,
+    ),
+    Limiting.UNKNOWN_TERRAIN: Bound(
+        "unknown ground ahead bars the way", "planner.bounds.pointwise:_bars",
+        Lift({"ground_known": True}), "#3a3f44", "#a9afb5",
+    ),
+    Limiting.MODEL_VALIDITY: Bound(
+        "beyond the speeds or grades that the model was trained on",
+        "planner.bounds.pointwise:_bars", Lift({"trained_everywhere": True}), "#4b3f9e", "#8f83e6",
+    ),
+}  # fmt: skip

@@ -113,7 +113,7 @@ class PathBatch:
 
 
 def joined(paths: PathBatch, other: PathBatch) -> PathBatch:
-    """Two batches in one, the other's candidates last."""
+    """Two batches in one, (max N, M + M'), the other's candidates last."""
     parts = (paths, other)
     rows = max(len(part.x) for part in parts)
     x, y = (_columns([getattr(part, name) for part in parts], rows) for name in "xy")
@@ -141,6 +141,9 @@ def _columns(arrays: list[Floats], rows: int) -> Floats:
 
 def clean(path: CandidatePath) -> tuple[Floats, Floats | None]:
     """Points and speed limits without duplicates.
+
+    Returns:
+        (n, 2) points [m], n >= 2, and (n,) limits [m/s] if there are any.
 
     Raises:
         ParameterError: too short, a cusp, or driven backwards.
@@ -189,8 +192,13 @@ def resample(path: CandidatePath | EvenPath, spacing: float) -> EvenPath:
         path: polyline.
         spacing: wanted distance between stations in the plan view [m].
 
+    Returns:
+        N >= 3 even points [m], first and last those of the polyline, and (N,) speed limits [m/s],
+        each the lowest of the polyline's limits around the station.
+
     Raises:
-        ParameterError: too short, too long, a cusp, or driven backwards.
+        ParameterError: too short, too long, a cusp, or driven backwards; or more stations than
+            ``MAX_STATIONS``.
     """
     if isinstance(path, EvenPath):
         return path
@@ -215,7 +223,7 @@ def resample(path: CandidatePath | EvenPath, spacing: float) -> EvenPath:
 
 
 def batch(paths: Sequence[CandidatePath | EvenPath], spacing: float) -> PathBatch:
-    """Paths on even stations, side by side; see :func:`resample`."""
+    """M paths on even stations, side by side, (N, M); see :func:`resample`."""
     return side_by_side([resample(path, spacing) for path in paths])
 
 
@@ -236,7 +244,10 @@ def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:
 
 
 def noise(points: Floats) -> float:
-    """Noise of the points [m], robust: third differences of a smooth path nearly vanish."""
+    """Noise of points (n, 2) [m], robust: third differences of a smooth path nearly vanish.
+
+    Fewer than 8 points have none.
+    """
     if len(points) < 8:
         return 0.0
     third = np.diff(points, n=3, axis=0)

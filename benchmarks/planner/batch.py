@@ -12,7 +12,7 @@ from planner.ground.braking_ground import ground_along
 from planner.ground.terrain_profile import terrain_profile
 from planner.kernels.limits import planning_limits
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from planner.profile.time_optimal import time_optimal_profile, travel_cost
+from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
 
 from ..common.measure import summary, take_turns
 from ..common.scene import SPACING, Scene
@@ -34,11 +34,8 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
     out = np.empty_like(solved.speed_sq)
 
     def fastest(decel: float) -> object:
-        return time_optimal_profile(
-            profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
-            ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand,
-            start, scalars, decel=decel,
-        )  # fmt: skip
+        problem = profile_problem(profile, ground, bounds, scalars, start)
+        return time_optimal_profile(problem._replace(decel=decel))
 
     return {
         "plain pass": lambda: plain_pass(

@@ -15,7 +15,7 @@ from planner.pipeline.candidates import finished
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from planner.profile.reference import JerkLimitedReference, time_optimal_problem
 from planner.profile.smoothing import SmoothingProblem, smooth
-from planner.profile.time_optimal import time_optimal_profile
+from planner.profile.time_optimal import ProfileProblem, profile_problem, time_optimal_profile
 from planner.verify.judge import check
 from planner.verify.track import track_of
 
@@ -43,11 +43,13 @@ def chosen_from(solved: TimeOptimalBatch, wanted: int) -> list[int]:
 def tasks_of(scene: Scene, chosen: Sequence[int]) -> list[PeerTask]:
     """Candidates of a scene, each up to the station where it must rest."""
     solved, limits = scene.plan(), scene.model.limits
+    start = np.zeros(len(solved.profile.count))
+    batch = profile_problem(
+        solved.profile, solved.ground, solved.bounds, planning_limits(scene.model), start
+    )
     tasks = []
     for j in chosen:
-        problem = time_optimal_problem(
-            solved.profile, solved.ground, solved.bounds, planning_limits(scene.model), j
-        )
+        problem = time_optimal_problem(batch, j, int(solved.profile.count[j]))
         problem = problem.until(int(np.flatnonzero(problem.speed_sq_max > 0.0)[-1]) + 2)
         tasks.append(
             PeerTask(problem.station, problem.speed_sq_max, limits.accel, limits.decel, problem)
@@ -71,26 +73,16 @@ def time_optimal(scene: Scene, tasks: Sequence[PeerTask], rounds: int) -> list[R
 def planner_alone(scene: Scene, task: PeerTask) -> Callable[[], Floats]:
     """The planner's profile stage on one candidate, exact in brakes and drive."""
     p = task.problem
-    scalars, start = planning_limits(scene.model), np.array([task.problem.start_sq])
 
     def column(values: Floats) -> Floats:
         return np.ascontiguousarray(values[:, None])
 
-    station, bound, sine = column(p.station), column(p.speed_sq_max), column(p.sin_grade)
-    lower_slope, lower_intercept = column(p.lower_slope), column(p.lower_intercept)
-    slowest, accel_max, demand = column(p.slowest), column(p.accel_max), column(p.demand)
-    return lambda: time_optimal_profile(
-        station,
-        bound,
-        sine,
-        lower_slope,
-        lower_intercept,
-        slowest,
-        accel_max,
-        demand,
-        start,
-        scalars,
-    )[0][:, 0]
+    problem = ProfileProblem(
+        column(p.station), column(p.speed_sq_max), column(p.sin_grade), column(p.lower_slope),
+        column(p.lower_intercept), column(p.slowest), column(p.accel_max), column(p.demand),
+        np.array([p.start_sq]), p.decel, p.specific_power,
+    )  # fmt: skip
+    return lambda: time_optimal_profile(problem)[0][:, 0]
 
 
 def jerk_limited(scene: Scene, tasks: Sequence[PeerTask], rounds: int) -> list[Result]:

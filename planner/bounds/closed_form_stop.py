@@ -65,7 +65,7 @@ class _Block(NamedTuple):
     segment: Ints
 
 
-class _Row(NamedTuple):
+class _BlockRow(NamedTuple):
     """One row of a block: terrain and the lower bound of the force."""
 
     station: Floats
@@ -78,9 +78,9 @@ class _Row(NamedTuple):
 
 
 @inlined
-def _row(k: int, problem: StopProblem, block: _Block) -> _Row:
+def _row(k: int, problem: StopProblem, block: _Block) -> _BlockRow:
     terrain, forces, first, end = problem.terrain, problem.forces, block.first, block.end
-    return _Row(
+    return _BlockRow(
         terrain.station[k, first:end], terrain.grade[k, first:end], terrain.sin_grade[k, first:end],
         forces.lower_slope[k, first:end], forces.lower_intercept[k, first:end],
         forces.slowest[k, first:end], forces.dead_time[k, first:end],
@@ -128,7 +128,7 @@ def _sum_block(problem: StopProblem, block: _Block, barrier_station: Ints, faste
         row, ahead = _row(k, problem, block), _row(after, problem, block)
         tight = _sum_up(k, after, row, ahead, block, fastest)
         first_tight = k if tight > 0 else first_tight
-    return first_tight
+    return int(first_tight)
 
 
 @inlined
@@ -178,7 +178,7 @@ def _bound_block(
 @inlined
 def _last_before(j: int, problem: StopProblem, barred: int) -> int:
     """Index of the last station up to the target, 0 if all are beyond."""
-    k = max(min(barred, problem.terrain.count[j]) - 1, 0)
+    k = max(min(barred, problem.terrain.counts[j]) - 1, 0)
     while k > 0 and problem.terrain.station[k, j] > problem.target[j]:
         k -= 1
     return int(k)
@@ -190,7 +190,7 @@ def _to_target(j: int, k: int, problem: StopProblem) -> tuple[float, float]:
     terrain, forces = problem.terrain, problem.forces
     station, sin_grade = terrain.station, terrain.sin_grade
     ds = max(min(problem.target[j] - station[k, j], 1e9), 0.0)
-    nxt = min(k + 1, terrain.count[j] - 1)
+    nxt = min(k + 1, terrain.counts[j] - 1)
     length = station[nxt, j] - station[k, j]
     u = min(ds / length, 1.0) if length > 0.0 else 0.0
     seen = u if terrain.known[nxt, j] else 0.0
@@ -205,7 +205,9 @@ def _to_target(j: int, k: int, problem: StopProblem) -> tuple[float, float]:
 
 
 @row_pass
-def _sum_up(k: int, after: int, row: _Row, ahead: _Row, block: _Block, fastest: float) -> int:
+def _sum_up(
+    k: int, after: int, row: _BlockRow, ahead: _BlockRow, block: _Block, fastest: float
+) -> int:
     """What the brakes take out from row k to the target.
 
     Returns for how many candidates that is not clearly enough to stop from the fastest speed.
@@ -316,7 +318,7 @@ def _enqueue(q: int, k: int, t: int, problem: StopProblem, block: _Block, queue:
     right, fast_right = problem.target[j], 0.0
     if i < last:
         right, fast_right = station[i + 1, j], onset[i + 1, t]
-    nxt = min(i + 1, terrain.count[j] - 1)
+    nxt = min(i + 1, terrain.counts[j] - 1)
     length = station[nxt, j] - left
     intercept = lower_intercept[i, j] + sin_grade[i, j]
     rise = lower_intercept[nxt, j] + sin_grade[nxt, j] - intercept

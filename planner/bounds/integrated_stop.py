@@ -1,6 +1,7 @@
 """Highest speed from which the vehicle can still stop, found by trial, stop by stop.
 
-For candidates along which an effect acts on the motion itself, or a load may run short on the way.
+The bound for candidates along which an effect acts on the motion itself, or a load may run short
+on the way: there the closed form does not hold, or does not know of the load.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def integrated_bound(
 def _path_of(j: int, problem: StopProblem, limits: PlanningLimits, columns: Floats) -> StopPath:
     """Candidate j without padding, as views of ``columns``."""
     terrain, forces = problem.terrain, problem.forces
-    n = terrain.count[j]
+    n = terrain.counts[j]
     path = StopPath(
         columns[0, :n], columns[1, :n], columns[2, :n], columns[3, :n], columns[4, :n],
         columns[5, :n], columns[6, :n], columns[7, :n], columns[8, :n], columns[9, :n],

@@ -51,7 +51,7 @@ class PointwiseBounds(NamedTuple):
     loads_at_risk: Ints
 
 
-class _Row(NamedTuple):
+class _PointRow(NamedTuple):
     """One row of M candidates: terrain, ground, and what the passes make of it."""
 
     sin_grade: Floats
@@ -93,12 +93,12 @@ def pointwise_bounds(
     barred = np.empty(candidates, np.int64)
     limit = np.full(candidates, np.inf)
     out.barrier[:] = _STOPPING_PATH
-    out.barrier_station[:] = terrain.count
+    out.barrier_station[:] = terrain.counts
     out.loads_at_risk[:] = 0
     for k in range(stations):
         if speed_limit.shape[0] > 0:
             limit = speed_limit[k]
-        row = _Row(
+        row = _PointRow(
             terrain.sin_grade[k], terrain.sin_roll[k], terrain.curvature[k], cosine, cos_lean,
             terrain.known[k], forces.trained[k], forces.slowest[k], forces.fastest[k], limit,
             forces.lower_slope[k], forces.lower_intercept[k],
@@ -141,14 +141,14 @@ def _between(k: int, out: PointwiseBounds, bound_before: Floats, label_before: I
 
 
 @row_pass
-def _cosines(row: _Row) -> None:
+def _cosines(row: _PointRow) -> None:
     for j in range(row.sin_grade.shape[0]):
         row.cosine[j] = np.sqrt(1.0 - row.sin_grade[j] * row.sin_grade[j])
         row.cos_lean[j] = np.sqrt(1.0 - row.sin_roll[j] * row.sin_roll[j])
 
 
 @row_pass
-def _drive(row: _Row, limits: PlanningLimits) -> None:
+def _drive(row: _PointRow, limits: PlanningLimits) -> None:
     """Thrust that holds the speed, and acceleration that thrust and front axle allow."""
     per_lever = 1.0 / limits.front_lever
     for j in range(row.sin_grade.shape[0]):
@@ -162,7 +162,7 @@ def _drive(row: _Row, limits: PlanningLimits) -> None:
 
 
 @row_pass
-def _bars(row: _Row, limits: PlanningLimits) -> None:
+def _bars(row: _PointRow, limits: PlanningLimits) -> None:
     """Why the vehicle must not even stand there; of several reasons the last one below counts."""
     for j in range(row.sin_grade.shape[0]):
         sine, upright = row.sin_grade[j], row.cosine[j] * row.cos_lean[j]
@@ -183,7 +183,7 @@ def _bars(row: _Row, limits: PlanningLimits) -> None:
 
 
 @row_pass
-def _speeds(row: _Row, limits: PlanningLimits) -> None:
+def _speeds(row: _PointRow, limits: PlanningLimits) -> None:
     """Lowest of the speeds by limits, curvature, wheels and power; earlier names win ties."""
     for j in range(row.sin_roll.shape[0]):
         cap = min(limits.speed, row.limit[j])
@@ -222,7 +222,7 @@ def side_reach(
 
 @row_pass
 def _risks(
-    k: int, row: _Row, limits: PlanningLimits, barrier_station: Ints, loads_at_risk: Ints
+    k: int, row: _PointRow, limits: PlanningLimits, barrier_station: Ints, loads_at_risk: Ints
 ) -> None:
     """Could the loads run short at the highest speed that any candidate has here?"""
     for j in range(row.sin_roll.shape[0]):
@@ -239,7 +239,7 @@ def _risks(
 
 
 @row_pass
-def _close(k: int, row: _Row, barrier: Ints, barrier_station: Ints) -> None:
+def _close(k: int, row: _PointRow, barrier: Ints, barrier_station: Ints) -> None:
     """The first station that is barred closes the way for good."""
     for j in range(row.barred.shape[0]):
         why, end, first = row.barred[j], barrier[j], barrier_station[j]

@@ -1,9 +1,16 @@
 """The stopping path: from which speed can the vehicle still stop before the clear distance?
 
-Two ways to the same answer. Where nothing but the grade acts, the energy that the brakes take out
-from onset to the target is an integral that is summed once along the path, and the speed follows
-from a quadratic. Where an effect acts on the motion itself, or a load may run short on the way, a
-stop is integrated along the path, and :mod:`planner.bounds.integrated_stop` tries for the speed.
+An emergency stop is written three times, and no two share a line: here as a *bound*, the highest
+speed of a station; in :mod:`planner.verify` as the *judge* of a finished plan, in a different form
+on purpose; in :mod:`models.stops.simulation` as the slow *reference* that both are tested against.
+
+The bound itself has two ways to the same answer. Where nothing but the grade acts, the energy that
+the brakes take out from onset to the target is an integral that is summed once along the path, and
+the speed follows from a quadratic (:mod:`planner.bounds.closed_form_stop`, some 10 ns a station).
+Where an effect acts on the motion itself, or a load may run short on the way, a stop is integrated
+along the path, and :mod:`planner.bounds.integrated_stop` tries for the speed (some 10 µs a
+station). They share what they are asked, :class:`StopProblem`, and nothing of how they answer:
+the closed form sums backwards from the target, the other one marches forwards from the command.
 
 Source: Braking (7), (8), (12), with v dv = −a(θ(s), v_i) ds along the varying slope; the dead time
 at held speed comes first.
@@ -29,23 +36,23 @@ _SUBSTEPS = 2
 
 
 @inlined
-def onset_speed(speed_part: float, intercept_part: float, slowest: float) -> float:
+def onset_speed(slope_sum: float, intercept_sum: float, slowest: float) -> float:
     """Highest speed at onset that the brakes take out over a stretch.
 
     Args:
-        speed_part: integral of the part of F_b/W that grows with v_i, over the stretch [s].
-        intercept_part: integral of the other part plus sin θ [m].
+        slope_sum: integral of the slope of F_b/W over v_i, over the stretch [s].
+        intercept_sum: integral of its intercept plus sin θ [m].
         slowest: below it the coefficients no longer change [m/s].
 
     Returns:
-        v with v²/2 = g (max(v, slowest) * speed_part + intercept_part), 0 where there is none
+        v with v²/2 = g (max(v, slowest) * slope_sum + intercept_sum), 0 where there is none
         [m/s].
     """
-    half = GRAVITY * speed_part
-    root = half * half + 2.0 * GRAVITY * intercept_part
+    half = GRAVITY * slope_sum
+    root = half * half + 2.0 * GRAVITY * intercept_sum
     speed = half + np.sqrt(root) if root > 0.0 else 0.0
     if speed < slowest:
-        energy = 2.0 * GRAVITY * (slowest * speed_part + intercept_part)
+        energy = 2.0 * GRAVITY * (slowest * slope_sum + intercept_sum)
         speed = min(np.sqrt(energy), slowest) if energy > 0.0 else 0.0
     return float(speed)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from models.parameters import Model
 from planner.explain.what_if import Assumptions
-from planner.limiting import Limiting
+from planner.limiting import BOUNDS, Limiting
 
 _FAR = 1e3
 """Factor by which a limit, or a distance to the centre of gravity, is out of reach."""
@@ -22,21 +22,15 @@ _ANY_GRADE = (-1.5, 1.5)
 
 
 def without(bound: Limiting, assumptions: Assumptions) -> Assumptions:
-    """The assumptions with one bound lifted."""
-    match bound:
-        case Limiting.STOPPING_PATH:
-            return replace(assumptions, stops_at_once=True)
-        case Limiting.JERK:
-            return replace(assumptions, smooth=False)
-        case Limiting.UNKNOWN_TERRAIN:
-            return replace(assumptions, ground_known=True)
-        case Limiting.MODEL_VALIDITY:
-            return replace(
-                assumptions, model=trained_for(assumptions.model, grades=True, speeds=True)
-            )
-        case Limiting.SPEED_LIMIT:
-            return replace(assumptions, path_limits=False, relax=_as_fast_as_trained)
-    return replace(assumptions, relax=_LIFTS[bound])
+    """The assumptions with one bound lifted, as its entry in the registry of bounds says."""
+    lift = BOUNDS[bound].lift
+    relax = _RELAXATIONS.get(lift.relaxation)
+    if lift.out_of_reach:
+        relax = _out_of_reach(lift.out_of_reach)
+    changes: dict[str, Any] = dict(lift.assumptions)
+    if changes.pop("trained_everywhere", False):
+        changes["model"] = trained_for(assumptions.model, grades=True, speeds=True)
+    return replace(assumptions, relax=relax or assumptions.relax, **changes)
 
 
 def trained_for(model: Model, *, grades: bool = False, speeds: bool = False) -> Model:
@@ -80,22 +74,20 @@ def _stretched(model: Model, factor: float, cg_z: float) -> Model:
     return replace(model, vehicle=vehicle, terrain=drag)
 
 
-def _out_of_reach(table: str, *names: str) -> Callable[[Model], Model]:
+def _out_of_reach(limits: tuple[str, ...]) -> Callable[[Model], Model]:
     def relax(model: Model) -> Model:
-        part: Any = getattr(model, table)
-        changed = replace(part, **{name: _FAR * getattr(part, name) for name in names})
-        more: dict[str, Any] = {table: changed}
-        return replace(model, **more)
+        for limit in limits:
+            table, name = limit.split(".")
+            part: Any = getattr(model, table)
+            changed: dict[str, Any] = {table: replace(part, **{name: _FAR * getattr(part, name)})}
+            model = replace(model, **changed)
+        return model
 
     return relax
 
 
-_LIFTS: Mapping[Limiting, Callable[[Model], Model]] = {
-    Limiting.TIP_OVER: _far_axles,
-    Limiting.ROLLOVER: _far_sides,
-    Limiting.LATERAL: _out_of_reach("limits", "lateral_accel"),
-    Limiting.WHEEL_SPEED: _out_of_reach("vehicle", "max_wheel_speed"),
-    Limiting.TRACTION: _out_of_reach("vehicle", "max_drive_force", "max_drive_power"),
-    Limiting.ACCEL: _out_of_reach("limits", "accel"),
-    Limiting.DECEL: _out_of_reach("limits", "decel"),
+_RELAXATIONS: Mapping[str, Callable[[Model], Model]] = {
+    "as_fast_as_trained": _as_fast_as_trained,
+    "far_axles": _far_axles,
+    "far_sides": _far_sides,
 }

@@ -16,7 +16,7 @@ def over_crests(
     """Both forces with what the load loses over crests, (N, M).
 
     The speed of a stop is nowhere above that at its onset, so the loss at v_i is never too small.
-    A weaker force keeps less of itself; the load that the rear axle loses counts as stronger force,
+    The lower bound keeps less of itself; the load that the rear axle loses raises the upper bound,
     because that is what the axle's bound knows: rear share = c − lever F_b/W.
 
     Args:

@@ -69,7 +69,7 @@ class ElevationMap:
         return x, x + (cols - 1) * self.resolution, y, y + (rows - 1) * self.resolution
 
     def contains(self, x: Floats, y: Floats) -> np.ndarray:
-        """Which points lie on the grid, known or not."""
+        """Which points x, y (any shape) [m] lie on the grid, known or not."""
         x_min, x_max, y_min, y_max = self.extent
         inside: np.ndarray = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
         return inside
@@ -77,7 +77,12 @@ class ElevationMap:
 
 @inlined
 def height_at(elevation: Floats, column: float, row: float) -> float:
-    """Bilinear height at fractional grid coordinates; NaN off the map or beside unknown cells."""
+    """Bilinear height [m] at fractional grid coordinates; NaN off the map or beside unknown cells.
+
+    Args:
+        elevation: (rows, cols) [m].
+        column, row: in cells, from the centre of cell [0, 0].
+    """
     rows, columns = elevation.shape
     if not (column >= 0.0 and row >= 0.0 and column <= columns - 1 and row <= rows - 1):
         return np.nan

@@ -72,30 +72,26 @@ def margins(surfaces: int, model: Model, uncertainty: Uncertainty) -> Floats:
 
 
 def widened(forces: Forces, grade: Floats, bits: Ints, matrices: Floats) -> Forces:
-    """Both forces with the margin of the least certain surface, (N, M)."""
-    lower_slope, lower_intercept, upper_slope, upper_intercept = empty(4, *grade.shape)
-    _widen(
-        grade, np.ascontiguousarray(bits), matrices, forces.slowest, forces.fastest,
-        forces.lower_slope, forces.lower_intercept, forces.upper_slope, forces.upper_intercept,
-        lower_slope, lower_intercept, upper_slope, upper_intercept,
-    )  # fmt: skip
-    return forces._replace(
-        lower_slope=lower_slope, lower_intercept=lower_intercept, upper_slope=upper_slope,
-        upper_intercept=upper_intercept,
-    )  # fmt: skip
+    """Both bounds with the margin of the least certain surface.
+
+    Args:
+        forces: of the surfaces, (N, M).
+        grade: (N, M) [rad].
+        bits: (N, M) surfaces that each station may be on.
+        matrices: (S, 4, 4) of :func:`margins`.
+    """
+    out = forces._replace(**dict(zip(Forces._fields[:4], empty(4, *grade.shape), strict=True)))
+    _widen(grade, np.ascontiguousarray(bits), matrices, forces, out)
+    return out
 
 
 @kernel
-def _widen(
-    grade: Floats, bits: Ints, matrices: Floats, slowest: Floats, fastest: Floats, lower_slope_in:
-    Floats, lower_intercept_in: Floats, upper_slope_in: Floats, upper_intercept_in: Floats,
-    lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats,
-) -> None:  # fmt: skip
+def _widen(grade: Floats, bits: Ints, matrices: Floats, forces: Forces, out: Forces) -> None:
     """Give up √(φᵀ S φ), which is convex in v_i: its chord over the trained speeds is above it."""
     stations, candidates = grade.shape
     for k in range(stations):
         for j in range(candidates):
-            theta, slow, fast = grade[k, j], slowest[k, j], fastest[k, j]
+            theta, slow, fast = grade[k, j], forces.slowest[k, j], forces.fastest[k, j]
             at_slow, at_fast = 0.0, 0.0
             for i in range(matrices.shape[0]):
                 if (bits[k, j] >> i) & 1 == 0:
@@ -108,15 +104,21 @@ def _widen(
                 at_fast = max(at_fast, (vv * fast + 2.0 * v1) * fast + one)
             at_slow, at_fast = np.sqrt(at_slow), np.sqrt(at_fast)
             rise = (at_fast - at_slow) / max(fast - slow, 1e-6)
-            rest = at_slow - rise * slow
-            lower_slope[k, j] = lower_slope_in[k, j] - rise
-            lower_intercept[k, j] = lower_intercept_in[k, j] - rest
-            upper_slope[k, j] = upper_slope_in[k, j] + rise
-            upper_intercept[k, j] = upper_intercept_in[k, j] + rest
+            intercept = at_slow - rise * slow
+            out.lower_slope[k, j] = forces.lower_slope[k, j] - rise
+            out.lower_intercept[k, j] = forces.lower_intercept[k, j] - intercept
+            out.upper_slope[k, j] = forces.upper_slope[k, j] + rise
+            out.upper_intercept[k, j] = forces.upper_intercept[k, j] + intercept
 
 
 def capped(forces: Forces, profile: TerrainProfile, bits: Ints, table: Floats) -> Forces:
-    """Cap both forces by friction times the share of the weight that presses on the ground."""
+    """Cap both bounds by friction times the share of the weight that presses on the ground.
+
+    Args:
+        forces: (N, M). profile: terrain under the wheels.
+        bits: (N, M) surfaces that each station may be on.
+        table: (S, COLUMNS) of :mod:`planner.ground.surface_table`.
+    """
     on = [((bits >> i) & 1).astype(np.bool_) for i in range(len(table))]
     lower, upper = table[:, FRICTION], table[:, MOST_FRICTION]
     least = np.min([np.where(m, f, np.inf) for m, f in zip(on, lower, strict=True)], axis=0)

@@ -1,4 +1,4 @@
-"""Braking force of the surfaces that each station may be on: the weakest and the strongest."""
+"""Braking force of the surfaces that each station may be on: its lower and its upper bound."""
 
 from __future__ import annotations
 
@@ -38,34 +38,46 @@ class Forces(NamedTuple):
     distance_offset: Floats
 
 
+class _Around(NamedTuple):
+    """Grade of a row and of its neighbours, (M,) each [rad]."""
+
+    grade: Floats
+    before: Floats
+    after: Floats
+
+
 def on_one_surface(grade: Floats, surface: Floats, margin: float) -> Forces:
-    """Where it has no kink and does not extrapolate, the stronger force *is* the weaker one."""
+    """Bounds of the force on one surface.
+
+    Where it has no kink and does not extrapolate, the upper bound *is* the lower one.
+
+    Args:
+        grade: (N, M) [rad].
+        surface: (COLUMNS,) of :mod:`planner.ground.surface_table`.
+        margin: share of the force that counts as uncertain where it extrapolates; < 0: it must not.
+    """
     lower_slope, lower_intercept, dead_time, slowest, fastest = empty(5, *grade.shape)
     upper_slope, upper_intercept = lower_slope, lower_intercept
     two = margin > 0.0 or has_kink(surface)
     if two:
         upper_slope, upper_intercept = empty(2, *grade.shape)
-    trained = np.empty(grade.shape, np.bool_)
-    _forces_on_one_surface(
-        grade,
-        surface,
-        margin,
-        two,
-        upper_slope,
-        upper_intercept,
-        lower_slope,
-        lower_intercept,
-        trained,
-    )
     dead_time[:], slowest[:], fastest[:] = surface[DEAD], surface[SLOWEST], surface[FASTEST]
-    offset = np.full(grade.shape[1], surface[OFFSET])
-    return Forces(
+    forces = Forces(
         lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
-        trained, offset,
+        np.empty(grade.shape, np.bool_), np.full(grade.shape[1], surface[OFFSET]),
     )  # fmt: skip
+    _forces_on_one_surface(grade, surface, margin, two, forces)
+    return forces
 
 
 def on_many_surfaces(grade: Floats, bits: Ints, table: Floats, margin: float) -> Forces:
+    """Bounds of the force over all surfaces that a station may be on.
+
+    Args:
+        grade, margin: as in :func:`on_one_surface`.
+        bits: (N, M) surfaces that each station may be on.
+        table: (S, COLUMNS) of :mod:`planner.ground.surface_table`.
+    """
     lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest = (
         np.empty(grade.shape) for _ in range(7)
     )
@@ -74,27 +86,22 @@ def on_many_surfaces(grade: Floats, bits: Ints, table: Floats, margin: float) ->
         lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
         trained, distance_offset,
     )  # fmt: skip
-    _forces(grade, bits, table, margin, *forces)
+    _forces(grade, bits, table, margin, forces)
     return forces
 
 
 @kernel
 def _forces_on_one_surface(
-    grade: Floats, surface: Floats, margin: float, two: bool, upper_slope: Floats,
-    upper_intercept: Floats, lower_slope: Floats, lower_intercept: Floats, trained: Bools,
-) -> None:  # fmt: skip
-    """Both forces, of which the stronger one is written only where the two may differ."""
+    grade: Floats, surface: Floats, margin: float, two: bool, out: Forces
+) -> None:
+    """Both bounds, of which the upper one is written only where the two may differ."""
     extra = max(margin, 0.0)
     for k in range(grade.shape[0]):
-        before, after = grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)]
+        around = _Around(grade[k], grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)])
         if two:
-            _force_row(
-                grade[k], before, after, surface, extra, 1.0, upper_slope[k], upper_intercept[k]
-            )
-        _force_row(
-            grade[k], before, after, surface, extra, -1.0, lower_slope[k], lower_intercept[k]
-        )
-        _trained_row(grade[k], surface, margin, trained[k])
+            _force_row(around, surface, extra, 1.0, out.upper_slope[k], out.upper_intercept[k])
+        _force_row(around, surface, extra, -1.0, out.lower_slope[k], out.lower_intercept[k])
+        _trained_row(grade[k], surface, margin, out.trained[k])
 
 
 @inlined
@@ -105,10 +112,9 @@ def has_kink(surface: Floats) -> bool:
 
 @row_pass
 def _force_row(
-    grade: Floats, before: Floats, after: Floats, surface: Floats, extra: float, sign: float,
-    speed_part: Floats, intercept_part: Floats,
-) -> None:  # fmt: skip
-    """Weaker (sign −1) or stronger (+1) force of one surface.
+    around: _Around, surface: Floats, extra: float, sign: float, slope: Floats, intercept: Floats
+) -> None:
+    """Lower (sign −1) or upper (+1) bound of the force on one surface.
 
     Where it extrapolates, also to a neighbour, it counts with an extra share of itself; where the
     grade changes sign on the way to a neighbour, the force on level ground counts as well.
@@ -117,18 +123,19 @@ def _force_row(
     up_m_m, up_b_m = surface[UP_M_M], surface[UP_B_M]
     down, up = surface[STEEPEST_DOWN], surface[STEEPEST_UP]
     kink = has_kink(surface)
+    grade, before, after = around.grade, around.before, around.after
     for j in range(grade.shape[0]):
         theta = grade[j]
-        speed = sign * ((up_m_m if theta > 0.0 else m_m) * theta + m_b)
-        rest = sign * ((up_b_m if theta > 0.0 else b_m) * theta + b_b)
+        per_speed = sign * ((up_m_m if theta > 0.0 else m_m) * theta + m_b)
+        constant = sign * ((up_b_m if theta > 0.0 else b_m) * theta + b_b)
         steepest_down = min(theta, min(before[j], after[j]))
         steepest_up = max(theta, max(before[j], after[j]))
         bends = kink & (steepest_down < 0.0) & (steepest_up > 0.0)
-        speed = max(speed, sign * m_b) if bends else speed
-        rest = max(rest, sign * b_b) if bends else rest
+        per_speed = max(per_speed, sign * m_b) if bends else per_speed
+        constant = max(constant, sign * b_b) if bends else constant
         share = extra if (steepest_down < down) | (steepest_up > up) else 0.0
-        speed_part[j] = sign * (speed + share * abs(speed))
-        intercept_part[j] = sign * (rest + share * abs(rest))
+        slope[j] = sign * (per_speed + share * abs(per_speed))
+        intercept[j] = sign * (constant + share * abs(constant))
 
 
 @row_pass
@@ -139,11 +146,8 @@ def _trained_row(grade: Floats, surface: Floats, margin: float, trained: Bools) 
 
 
 @kernel
-def _forces(
-    grade: Floats, surfaces: Ints, table: Floats, margin: float,
-    lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats,
-    dead_time: Floats, slowest: Floats, fastest: Floats, trained: Bools, distance_offset: Floats,
-) -> None:  # fmt: skip
+def _forces(grade: Floats, surfaces: Ints, table: Floats, margin: float, out: Forces) -> None:
+    """Both bounds of the force over all surfaces that a station may be on."""
     stations, candidates = grade.shape
     for k in range(stations):
         for j in range(candidates):
@@ -152,8 +156,8 @@ def _forces(
             steepest_down = min(theta, min(before, after))
             steepest_up = max(theta, max(before, after))
             bits = surfaces[k, j]
-            low_speed, low_intercept = np.inf, np.inf
-            high_speed, high_intercept = -np.inf, -np.inf
+            low_slope, low_intercept = np.inf, np.inf
+            high_slope, high_intercept = -np.inf, -np.inf
             dead, offset, fast = 0.0, 0.0, np.inf
             least_slow, most_slow = np.inf, 0.0
             inside, near_inside = True, True
@@ -163,16 +167,16 @@ def _forces(
                 uphill = theta > 0.0
                 m_m = table[i, UP_M_M] if uphill else table[i, M_M]
                 b_m = table[i, UP_B_M] if uphill else table[i, B_M]
-                speed_part = m_m * theta + table[i, M_B]
-                intercept_part = b_m * theta + table[i, B_B]
-                low_speed = min(low_speed, speed_part)
-                low_intercept = min(low_intercept, intercept_part)
-                high_speed = max(high_speed, speed_part)
-                high_intercept = max(high_intercept, intercept_part)
+                slope = m_m * theta + table[i, M_B]
+                intercept = b_m * theta + table[i, B_B]
+                low_slope = min(low_slope, slope)
+                low_intercept = min(low_intercept, intercept)
+                high_slope = max(high_slope, slope)
+                high_intercept = max(high_intercept, intercept)
                 if steepest_down < 0.0 and steepest_up > 0.0 and has_kink(table[i]):
-                    low_speed = min(low_speed, table[i, M_B])
+                    low_slope = min(low_slope, table[i, M_B])
                     low_intercept = min(low_intercept, table[i, B_B])
-                    high_speed = max(high_speed, table[i, M_B])
+                    high_slope = max(high_slope, table[i, M_B])
                     high_intercept = max(high_intercept, table[i, B_B])
                 dead = max(dead, table[i, DEAD])
                 offset = max(offset, table[i, OFFSET])
@@ -184,18 +188,18 @@ def _forces(
                 if steepest_down < table[i, STEEPEST_DOWN] or steepest_up > table[i, STEEPEST_UP]:
                     near_inside = False
             if not near_inside and margin >= 0.0:
-                low_speed -= margin * abs(low_speed)
+                low_slope -= margin * abs(low_slope)
                 low_intercept -= margin * abs(low_intercept)
-                high_speed += margin * abs(high_speed)
+                high_slope += margin * abs(high_slope)
                 high_intercept += margin * abs(high_intercept)
                 inside = True
-            lower_slope[k, j] = low_speed
-            lower_intercept[k, j] = low_intercept
-            upper_slope[k, j] = high_speed
-            upper_intercept[k, j] = high_intercept
-            dead_time[k, j] = dead
-            slowest[k, j] = least_slow if low_speed > 0.0 else most_slow
-            fastest[k, j] = fast
-            trained[k, j] = inside
-            if offset > distance_offset[j]:
-                distance_offset[j] = offset
+            out.lower_slope[k, j] = low_slope
+            out.lower_intercept[k, j] = low_intercept
+            out.upper_slope[k, j] = high_slope
+            out.upper_intercept[k, j] = high_intercept
+            out.dead_time[k, j] = dead
+            out.slowest[k, j] = least_slow if low_slope > 0.0 else most_slow
+            out.fastest[k, j] = fast
+            out.trained[k, j] = inside
+            if offset > out.distance_offset[j]:
+                out.distance_offset[j] = offset

@@ -22,10 +22,10 @@ from planner.kernels.workspace import empty
 class TerrainRows(NamedTuple):
     """What kernels read of a :class:`TerrainProfile`, under the same names; see there.
 
-    Arrays are (N, M), ``count`` is (M,).
+    Arrays are (N, M); ``counts`` is its ``count``, (M,).
     """
 
-    count: Ints
+    counts: Ints
     station: Floats
     heading_x: Floats
     heading_y: Floats

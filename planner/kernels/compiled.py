@@ -22,6 +22,10 @@ from models.arrays import Ints as Ints
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_BORROWING: dict[str, Any] = {
+    "nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False,
+}  # fmt: skip
+
 TILE = 64
 """Candidates worked on together: a tile of rows stays in the first-level cache."""
 
@@ -39,22 +43,20 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     function's work. So it allocates nothing, and returns arrays to its like only, never to a
     kernel.
     """
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)(
-        function
-    )
+    compiled: Any = numba.njit(**_BORROWING)(function)
     return cast(Callable[P, R], compiled)
 
 
 def row_pass(function: Callable[P, R]) -> Callable[P, R]:
     """Compile one pass along a row, a lane for each candidate, to run on many lanes at once.
 
-    It borrows its arrays like what is :func:`inlined`. For many lanes its loop has no branch, reads all it needs before it chooses, and takes rows as they
-    lie in memory: `a = rows[0]`, where `a, b = rows` would give strided ones. A product and its sum
-    are one instruction with one rounding; NaN keeps its meaning.
+    It borrows its arrays, as what is :func:`inlined` does. To run on many lanes its loop has no
+    branch, reads all it needs before it chooses, and takes rows as they lie in memory:
+    `a = rows[0]`, where `a, b = rows` would give strided ones; rows of one array that it reads and
+    writes are handed to it, not taken inside. A product and its sum are one instruction with one
+    rounding; NaN keeps its meaning.
     """
-    compiled: Any = numba.njit(
-        nogil=True, error_model="numpy", forceinline=True, _nrt=False, fastmath={"contract"}
-    )(function)
+    compiled: Any = numba.njit(fastmath={"contract"}, **_BORROWING)(function)
     return cast(Callable[P, R], compiled)
 
 

@@ -13,7 +13,7 @@ from planner.kernels.compiled import Floats, Ints
 from planner.limiting import Limiting
 from planner.pipeline import labels
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from planner.profile.time_optimal import time_optimal_profile
+from planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from planner.verify.judge import Judgement, check
 from planner.verify.track import track_of
 
@@ -84,11 +84,13 @@ class CandidateColumn:
             return np.ascontiguousarray(array[begin:, None])
 
         track = self.track
-        answer, reachable = time_optimal_profile(
+        problem = ProfileProblem(
             column(track.station), column(self.bound), column(self._sine),
             column(track.lower_slope), column(self._braking_intercept), column(track.slowest),
-            column(self._accel_max), column(self.demand), np.array([start_sq]), self.scalars,
+            column(self._accel_max), column(self.demand), np.array([start_sq]),
+            self.scalars.decel, self.scalars.specific_power,
         )  # fmt: skip
+        answer, reachable = time_optimal_profile(problem)
         return answer[:, 0], float(reachable[0])
 
     def full_braking(self, k: int, speed_sq: float) -> float:

@@ -19,7 +19,7 @@ from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import Bools, Floats
 from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.path import PathBatch
-from planner.profile.time_optimal import time_optimal_profile, travel_cost
+from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
 from planner.settings import PlannerSettings
 
 _ROUNDING = 1e-9
@@ -122,10 +122,8 @@ def solve(
         profile, ground, model, np.full(candidates, clear, np.float64), speed_limit
     )
     speed_sq, reachable = time_optimal_profile(
-        profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
-        ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand, start_sq,
-        scalars,
-    )  # fmt: skip
+        profile_problem(profile, ground, bounds, scalars, start_sq)
+    )
     penalty = (settings or PlannerSettings()).horizon_penalty
     cost = travel_cost(profile.station, speed_sq, penalty)
     return TimeOptimalBatch(

@@ -11,6 +11,8 @@ Source: S. Mehrotra, On the implementation of a primal-dual interior point metho
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel
@@ -27,6 +29,38 @@ _CENTRED = 0.01
 """Share of the tolerance up to which slack times force of each row may differ from none."""
 
 _LOST = 1e12
+
+
+class _Program(NamedTuple):
+    """What is asked: see :func:`nearest`."""
+
+    wanted: Floats
+    fixed: Bools
+    start: Ints
+    rows: Floats
+
+
+class _Iterate(NamedTuple):
+    """Where the iterations are.
+
+    Attributes:
+        x, step, pull: (N,) point, step, and sum of the rows by their force.
+        band: (N, 3) the factored matrix.
+        slack, force, over_slack, over_force, breach: (R,) of each row.
+        ds, dz: (R,) steps of slack and force.
+    """
+
+    x: Floats
+    step: Floats
+    band: Floats
+    pull: Floats
+    slack: Floats
+    force: Floats
+    over_slack: Floats
+    over_force: Floats
+    breach: Floats
+    ds: Floats
+    dz: Floats
 
 
 @kernel
@@ -56,23 +90,14 @@ def nearest(
     band, pull, step = np.empty((n, 3)), np.empty(n), np.empty(n)
     if r == 0:
         return 1
+    program = _Program(wanted, fixed, start, rows)
+    state = _Iterate(x, step, band, pull, slack, force, over_slack, over_force, breach, ds, dz)
     for k in range(n - 2):
         for i in range(start[k], start[k + 1]):
             force[i] = 1.0
             slack[i] = max(limit[i] - _along(rows, x, i, k), 1.0)
     for iteration in range(_ITERATIONS):
-        gap, worst = 0.0, 0.0
-        for k in range(n - 2):
-            for i in range(start[k], start[k + 1]):
-                gap += slack[i] * force[i]
-                breach[i] = _along(rows, x, i, k) + slack[i] - limit[i]
-                worst = max(worst, abs(breach[i]))
-                over_slack[i], over_force[i] = 1.0 / slack[i], 1.0 / force[i]
-        gap /= r
-        _pull(start, rows, force, pull)
-        still = 0.0
-        for k in range(n):
-            still = max(still, 0.0 if fixed[k] else abs(wanted[k] - x[k] - pull[k]))
+        gap, worst, still = _residuals(program, state, limit)
         if worst <= _TOLERANCE and still <= _TOLERANCE and gap <= _CENTRED * _TOLERANCE:
             return iteration + 1
         if not (worst + still + gap < _LOST):
@@ -81,18 +106,12 @@ def nearest(
         _hold(band, fixed)
         if not _factor(band):
             return -iteration - 1
-        share = _move(
-            step, wanted, x, band, fixed, start, rows, slack, force, over_slack, over_force,
-            breach, 0.0, 0.0, ds, dz, pull,
-        )  # fmt: skip
+        share = _move(program, state, 0.0, 0.0)
         after = 0.0
         for i in range(r):
             after += (slack[i] + share * ds[i]) * (force[i] + share * dz[i])
         centre = (after / r / gap) ** 3 * gap
-        share = _move(
-            step, wanted, x, band, fixed, start, rows, slack, force, over_slack, over_force,
-            breach, centre, 1.0, ds, dz, pull,
-        )  # fmt: skip
+        share = _move(program, state, centre, 1.0)
         for k in range(n):
             x[k] += share * step[k]
         for i in range(r):
@@ -103,7 +122,10 @@ def nearest(
 
 @kernel
 def room(start: Ints, rows: Floats, limit: Floats, force: Floats, x: Floats) -> float:
-    """Sum of force times what is left to the limit, where that is positive."""
+    """Sum of force times what is left to the limit, where that is positive.
+
+    Arguments as of :func:`nearest`: start (N − 1,), rows (R, 3), limit and force (R,), x (N,).
+    """
     total = 0.0
     for k in range(x.shape[0] - 2):
         for i in range(start[k], start[k + 1]):
@@ -112,27 +134,46 @@ def room(start: Ints, rows: Floats, limit: Floats, force: Floats, x: Floats) -> 
 
 
 @inlined
-def _move(
-    step: Floats, wanted: Floats, x: Floats, band: Floats, fixed: Bools, start: Ints, rows: Floats,
-    slack: Floats, force: Floats, over_slack: Floats, over_force: Floats, breach: Floats,
-    centre: float, corrects: float, ds: Floats, dz: Floats, pull: Floats,
-) -> float:  # fmt: skip
+def _residuals(program: _Program, state: _Iterate, limit: Floats) -> tuple[float, float, float]:
+    """Mean of slack times force, largest breach of a row, and largest pull left at a station."""
+    start, rows, x = program.start, program.rows, state.x
+    slack, force, breach = state.slack, state.force, state.breach
+    gap, worst, still = 0.0, 0.0, 0.0
+    for k in range(x.shape[0] - 2):
+        for i in range(start[k], start[k + 1]):
+            gap += slack[i] * force[i]
+            breach[i] = _along(rows, x, i, k) + slack[i] - limit[i]
+            worst = max(worst, abs(breach[i]))
+            state.over_slack[i], state.over_force[i] = 1.0 / slack[i], 1.0 / force[i]
+    _pull(start, rows, force, state.pull)
+    for k in range(x.shape[0]):
+        left = program.wanted[k] - x[k] - state.pull[k]
+        still = max(still, 0.0 if program.fixed[k] else abs(left))
+    return gap / slack.shape[0], worst, still
+
+
+@inlined
+def _move(program: _Program, state: _Iterate, centre: float, corrects: float) -> float:
     """Newton's step towards a centre, and the share of it that may be gone."""
-    n, r = step.shape[0], slack.shape[0]
+    n, r = state.step.shape[0], state.slack.shape[0]
     for i in range(r):
-        product = slack[i] * force[i] - centre + corrects * ds[i] * dz[i]
-        dz[i] = force[i] + (force[i] * breach[i] - product) * over_slack[i]
-    _pull(start, rows, dz, pull)
+        product = state.slack[i] * state.force[i] - centre + corrects * state.ds[i] * state.dz[i]
+        state.dz[i] = (
+            state.force[i] + (state.force[i] * state.breach[i] - product) * state.over_slack[i]
+        )
+    _pull(program.start, program.rows, state.dz, state.pull)
     for k in range(n):
-        step[k] = 0.0 if fixed[k] else wanted[k] - x[k] - pull[k]
-    _solve(band, step)
+        state.step[k] = 0.0 if program.fixed[k] else program.wanted[k] - state.x[k] - state.pull[k]
+    _solve(state.band, state.step)
     longest = _STEP
     for k in range(n - 2):
-        for i in range(start[k], start[k + 1]):
-            along = _along(rows, step, i, k)
-            ds[i] = -breach[i] - along
-            dz[i] += force[i] * (over_slack[i] * along - 1.0)
-            longest = max(longest, max(-ds[i] * over_slack[i], -dz[i] * over_force[i]))
+        for i in range(program.start[k], program.start[k + 1]):
+            along = _along(program.rows, state.step, i, k)
+            state.ds[i] = -state.breach[i] - along
+            state.dz[i] += state.force[i] * (state.over_slack[i] * along - 1.0)
+            longest = max(
+                longest, max(-state.ds[i] * state.over_slack[i], -state.dz[i] * state.over_force[i])
+            )
     return _STEP / longest
 
 

@@ -18,15 +18,12 @@ import casadi as ca
 import numpy as np
 
 from models.quantity import GRAVITY
-from planner.bounds.speed_bounds import SpeedBounds
-from planner.ground.braking_ground import BrakingGround
-from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import Bools, Floats
-from planner.kernels.limits import PlanningLimits
 from planner.plan import motion_of
 from planner.profile.smoothing import SmoothingProblem
+from planner.profile.time_optimal import ProfileProblem
 
-_INTERCEPT = 1e-9
+_STANDSTILL = 1e-9
 """v² up to which a station is at rest [m²/s²]."""
 
 _SLOWEST_GUESS = 0.05
@@ -37,13 +34,13 @@ _FREE = np.inf
 
 @dataclass(frozen=True, slots=True)
 class TimeOptimalProblem:
-    """One candidate of N stations as :mod:`planner.profile.time_optimal` sees it; arrays are (N,).
+    """One candidate out of :class:`planner.profile.time_optimal.ProfileProblem`; arrays are (N,).
 
     Attributes:
         station: [m], increasing.
         speed_sq_max: highest v² [m²/s²].
         sin_grade: sine of the grade.
-        lower_slope, lower_intercept: parts of the force that braking may count on [s/m], [1].
+        lower_slope, lower_intercept: of the force that braking may count on [s/m], [1].
         slowest: below it the force does not change with speed [m/s].
         accel_max: by comfort, thrust and axle load [m/s²].
         demand: share of the weight that holding the speed costs.
@@ -87,25 +84,16 @@ class Reference:
     reason: str = ""
 
 
-def time_optimal_problem(
-    profile: TerrainProfile,
-    ground: BrakingGround,
-    bounds: SpeedBounds,
-    scalars: PlanningLimits,
-    candidate: int,
-    start_speed: float = 0.0,
-) -> TimeOptimalProblem:
-    """The problem of one candidate of a batch, without padding."""
-    n, j = int(profile.count[candidate]), candidate
-
-    def column(array: Floats) -> Floats:
-        return np.ascontiguousarray(array[:n, j])
-
+def time_optimal_problem(batch: ProfileProblem, candidate: int, count: int) -> TimeOptimalProblem:
+    """The problem of one candidate of a batch, its first ``count`` stations."""
+    columns = {
+        name: np.ascontiguousarray(getattr(batch, name)[:count, candidate])
+        for name in ProfileProblem._fields
+        if np.ndim(getattr(batch, name)) == 2
+    }
     return TimeOptimalProblem(
-        column(profile.station), column(bounds.speed_sq_max), column(profile.sin_grade),
-        column(ground.lower_slope), column(ground.braking_intercept), column(ground.slowest),
-        column(bounds.accel_max), column(bounds.demand),
-        start_speed**2, scalars.decel, scalars.specific_power,
+        **columns, start_sq=float(batch.start_sq[candidate]), decel=batch.decel,
+        specific_power=batch.specific_power,
     )  # fmt: skip
 
 
@@ -133,8 +121,8 @@ class TimeOptimalReference:
             "moving": np.where(idle, 0.0, 1.0),
             "accel": np.minimum(problem.accel_max[:-1], problem.accel_max[1:]),
             "hold": GRAVITY * np.maximum(problem.demand[:-1], problem.demand[1:]),
-            "speed_part": np.minimum(problem.lower_slope[:-1], problem.lower_slope[1:]),
-            "intercept_part": np.minimum(braking[:-1], braking[1:]),
+            "slope": np.minimum(problem.lower_slope[:-1], problem.lower_slope[1:]),
+            "intercept": np.minimum(braking[:-1], braking[1:]),
             "slowest": problem.slowest[:-1],
             "decel": np.full(len(ds), min(problem.decel, 1e6)),
             "power": np.full(len(ds), GRAVITY * problem.specific_power),
@@ -157,7 +145,7 @@ class JerkLimitedReference:
 
     def solve(self, problem: SmoothingProblem) -> Reference:
         """Solve one candidate; its first station keeps its speed, as when smoothing."""
-        bound = np.where(problem.speed_sq_max <= _INTERCEPT, 0.0, problem.speed_sq_max)
+        bound = np.where(problem.speed_sq_max <= _STANDSTILL, 0.0, problem.speed_sq_max)
         idle = _idle(bound)
         accel, decel = problem.accel_max.copy(), problem.decel_max.copy()
         if problem.start_accel is not None and not idle[0]:
@@ -181,14 +169,14 @@ class JerkLimitedReference:
 def _time_optimal_solver(stations: int, max_iterations: int) -> Any:
     v = ca.SX.sym("v", stations)
     p = _symbols(
-        stations - 1, "ds", "moving", "accel", "hold", "speed_part", "intercept_part", "slowest",
+        stations - 1, "ds", "moving", "accel", "hold", "slope", "intercept", "slowest",
         "decel", "power",
     )  # fmt: skip
     before, after = v[:-1], v[1:]
     gained = (after**2 - before**2) / (2.0 * p["ds"])
     # Force that grows with speed is least at the slower end, else at the faster one.
-    growing, falling = ca.fmax(p["speed_part"], 0.0), ca.fmin(p["speed_part"], 0.0)
-    force = p["intercept_part"] + growing * ca.fmax(after, p["slowest"])
+    growing, falling = ca.fmax(p["slope"], 0.0), ca.fmin(p["slope"], 0.0)
+    force = p["intercept"] + growing * ca.fmax(after, p["slowest"])
     force += falling * ca.fmax(before, p["slowest"])
     # Holding speed is always possible.
     powered = ca.fmax(p["power"] / ca.fmax(after, 1e-3) - p["hold"], 0.0)
@@ -239,7 +227,7 @@ def _nlp(v: Any, p: Mapping[str, Any], constraints: Any, max_iterations: int) ->
 
 def _idle(bound: Floats) -> Bools:
     """Segments on which nothing may move, (N − 1,)."""
-    rest = bound <= _INTERCEPT
+    rest = bound <= _STANDSTILL
     idle: Bools = rest[:-1] & rest[1:]
     return idle
 

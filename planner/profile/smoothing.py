@@ -64,7 +64,7 @@ class Smoothed:
 
 
 def smooth(problem: SmoothingProblem) -> Smoothed:
-    """Solve one candidate."""
+    """Solve one candidate of N stations; that there is no answer is told, not raised."""
     top = problem.speed_sq_max
     moving = top > REST
     answer = np.zeros(len(top))

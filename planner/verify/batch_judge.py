@@ -6,24 +6,28 @@ plan file.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from models.effects import registry
-from models.effects.registry import MotionTerms
 from models.parameters import Model
 from planner.bounds.speed_bounds import SpeedBounds
 from planner.ground.braking_ground import BrakingGround
-from planner.ground.terrain_profile import TerrainProfile
-from planner.kernels.compiled import Floats, Ints, kernel
-from planner.kernels.limits import PlanningLimits, planning_limits
-from planner.verify.judge import BETWEEN, TIME_STEP, Violations, judge_track
-from planner.verify.track import Body, Track, body_of, copy_columns, survey_of
+from planner.ground.forces import Forces
+from planner.ground.terrain_profile import TerrainProfile, TerrainRows
+from planner.kernels.compiled import Floats, kernel
+from planner.verify.judge import JudgedPlan, JudgeNotes, Violations, judge_track, terms_of
+from planner.verify.track import Terms, Track, copy_columns, survey_of
 
 
 def screen(
-    profile: TerrainProfile, ground: BrakingGround, bounds: SpeedBounds, speed_sq: Floats, model: Model,
+    profile: TerrainProfile,
+    ground: BrakingGround,
+    bounds: SpeedBounds,
+    speed_sq: Floats,
+    model: Model,
     speed_limit: Floats | None = None,
-) -> Floats:  # fmt: skip
+) -> Floats:
     """Judge M profiles of up to N stations.
 
     Args:
@@ -33,50 +37,47 @@ def screen(
         speed_limit: (N, M) limits of the paths themselves [m/s].
 
     Returns:
-        (M, 8) worst breaches in the order of :class:`planner.verify.judge.Violations`, 0 where none.
+        (M, 8) worst breaches in the order of :class:`planner.verify.judge.Violations`, 0 where
+        there is none.
     """
-    candidates = speed_sq.shape[1]
-    worst = np.zeros((candidates, len(Violations._fields)))
+    worst = np.zeros((speed_sq.shape[1], len(Violations._fields)))
     limit = ground.fastest if speed_limit is None else np.minimum(ground.fastest, speed_limit)
-    in_time = ground.motion != registry.NO_MOTION._replace(heat=ground.motion.heat)
-    _screen(
-        profile.count, profile.station, profile.grade, profile.sin_roll, profile.curvature,
-        profile.heading_x, profile.heading_y, ground.lower_slope, ground.lower_intercept,
-        ground.upper_slope, ground.upper_intercept, ground.dead_time, ground.slowest, limit,
-        speed_sq, bounds.clear_distance, ground.distance_offset, body_of(model), planning_limits(model),
-        ground.motion, in_time, BETWEEN, TIME_STEP, worst,
-    )  # fmt: skip
+    batch = ProfileBatch(
+        profile.rows, ground.forces._replace(fastest=limit), speed_sq, bounds.clear_distance
+    )
+    _screen(batch, terms_of(model, ground.motion, all_loads=False), worst)
     return worst
 
 
+class ProfileBatch(NamedTuple):
+    """M profiles to be judged; (N, M), the clear distance (M,) [m]."""
+
+    terrain: TerrainRows
+    forces: Forces
+    speed_sq: Floats
+    clear_distance: Floats
+
+
 @kernel
-def _screen(
-    count: Ints, station: Floats, grade: Floats, sin_roll: Floats, curvature: Floats, heading_x:
-    Floats, heading_y: Floats, lower_slope: Floats, lower_intercept: Floats, upper_slope: Floats,
-    upper_intercept: Floats, dead_time: Floats, slowest: Floats, speed_limit: Floats, speed_sq:
-    Floats, clear: Floats, offset: Floats, body: Body, n: PlanningLimits, motion: MotionTerms,
-    in_time: bool, between: int, h: float, worst: Floats,
-) -> None:  # fmt: skip
-    stations, candidates = station.shape
+def _screen(batch: ProfileBatch, terms: Terms, worst: Floats) -> None:
+    terrain, forces = batch.terrain, batch.forces
+    stations, candidates = terrain.station.shape
     column, memory = np.empty((13, stations)), np.empty((8, stations))
     answers = np.empty((3, stations))
     bad = np.zeros(stations, np.bool_)
+    turns = terms.motion.moves
     for j in range(candidates):
-        m = count[j]
-        copy_columns(
-            0, j, m, station, grade, sin_roll, curvature, heading_x, heading_y, lower_slope,
-            lower_intercept, upper_slope, upper_intercept, dead_time, slowest, speed_limit,
-            motion.moves, column,
-        )  # fmt: skip
+        m = terrain.counts[j]
+        copy_columns(0, j, terrain, forces, turns, column)
         for k in range(m):
-            column[12, k] = speed_sq[k, j]
+            column[12, k] = batch.speed_sq[k, j]
         track = Track(
             column[0, :m], column[1, :m], column[2, :m], column[3, :m], column[4, :m],
             column[5, :m], column[6, :m], column[7, :m], column[8, :m], column[9, :m],
             column[10, :m], column[11, :m],
         )  # fmt: skip
-        survey = survey_of(track, body, memory)
-        judge_track(
-            track, body, n, motion, in_time, column[12, :m], clear[j], offset[j], between, h,
-            False, survey, answers[0], answers[1], answers[2], worst[j], bad,
-        )  # fmt: skip
+        survey = survey_of(track, terms.body, memory)
+        plan = JudgedPlan(
+            track, survey, column[12, :m], batch.clear_distance[j], forces.distance_offset[j]
+        )
+        judge_track(plan, terms, JudgeNotes(answers[0], answers[1], answers[2], worst[j], bad))

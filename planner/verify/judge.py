@@ -1,7 +1,8 @@
 """The judge of a finished plan: is every constraint kept, at the stations and between them?
 
 It shares no approximation with what made the plan: bounds work with tangents and chords of v² and
-with sums of sines, the judge follows every emergency stop to its end, on the laws of `models`.
+with sums of sines, the judge follows every emergency stop to its end, on the laws of `models`. The
+third writing of a stop, :mod:`models.stops.simulation`, is what tests hold both against.
 """
 
 from __future__ import annotations
@@ -17,12 +18,18 @@ from models.laws import slip_track
 from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel
-from planner.kernels.limits import PlanningLimits, planning_limits
+from planner.kernels.limits import planning_limits
 from planner.kernels.motion_laws import motion_deceleration
 from planner.limiting import Limiting
-from planner.verify.stop_by_energy import ends_before, loads_by_energy, stop_by_energy, work_up_to
+from planner.verify.stop_by_energy import (
+    Target,
+    ends_before,
+    loads_by_energy,
+    stop_by_energy,
+    target_at,
+)
 from planner.verify.stop_in_time import stop_in_time
-from planner.verify.track import Body, Survey, Track, at, body_of, segment, survey_of
+from planner.verify.track import StopCommand, Survey, Terms, Track, at, body_of, survey_of
 
 TIME_STEP = 0.02
 """Step of the integrator in time [s]; halving it moves a stop by less than 10 µm."""
@@ -97,21 +104,75 @@ def check(
         decel: planned deceleration allowed, inf for an emergency; that of the model if left out.
         between: points inside each segment to try as well.
         time_step: of the integrator [s].
+
+    Nothing raises: what is not a number, or does not stop, is a breach by infinity.
     """
     n = len(speed_sq)
     stop_distance, rear_load, side_load = np.empty((3, n))
     worst = np.zeros(len(Violations._fields))
     bad = np.zeros(max(n - 1, 1), np.bool_)
-    scalars = planning_limits(model)
+    terms = terms_of(model, motion, all_loads=True)._replace(between=between, time_step=time_step)
     if decel is not None:
-        scalars = scalars._replace(decel=decel)
-    in_time = motion != registry.NO_MOTION._replace(heat=motion.heat)
-    _check(
-        track, body_of(model), scalars, motion, in_time, speed_sq, clear_distance,
-        distance_offset, between, time_step, stop_distance, rear_load, side_load, worst, bad,
-    )  # fmt: skip
+        terms = terms._replace(limits=terms.limits._replace(decel=decel))
+    notes = JudgeNotes(stop_distance, rear_load, side_load, worst, bad)
+    _check(track, speed_sq, clear_distance, distance_offset, terms, notes)
     violation = Violations(*(float(w) for w in worst))
     return Judgement(stop_distance, rear_load, side_load, violation, np.flatnonzero(bad))
+
+
+def terms_of(model: Model, motion: MotionTerms, *, all_loads: bool) -> Terms:
+    """What plans of a model are judged by, with these effects on the motion."""
+    in_time = motion != registry.NO_MOTION._replace(heat=motion.heat)
+    limits = planning_limits(model)
+    return Terms(body_of(model), limits, motion, in_time, BETWEEN, TIME_STEP, all_loads)
+
+
+class JudgedPlan(NamedTuple):
+    """One plan as it is judged.
+
+    Attributes:
+        track, survey: the candidate, (N,) each.
+        speed_sq: (N,) v², linear between stations [m²/s²].
+        clear_distance: station before which every stop must end [m].
+        distance_offset: safety offset of the model, added to every stop [m].
+    """
+
+    track: Track
+    survey: Survey
+    speed_sq: Floats
+    clear_distance: float
+    distance_offset: float
+
+
+class JudgeNotes(NamedTuple):
+    """What :func:`judge_track` fills in.
+
+    Attributes:
+        stop_distance, rear_load, side_load: (N,) as of :class:`Judgement`.
+        worst: (8,) worst breach of each kind, in the order of :class:`Violations`; only raised.
+        bad: (N − 1,) segments in or at the start of which something is breached; only set.
+    """
+
+    stop_distance: Floats
+    rear_load: Floats
+    side_load: Floats
+    worst: Floats
+    bad: Bools
+
+
+class _Watch(NamedTuple):
+    """How closely the stops of a plan have to be followed.
+
+    Attributes:
+        target: where they have to end.
+        limit: those that get here are not followed further [m].
+        at_risk: loads may run short. quick: the target alone decides.
+    """
+
+    target: Target
+    limit: float
+    at_risk: bool
+    quick: bool
 
 
 @inlined
@@ -125,85 +186,118 @@ def _breaks(worst: Floats, kind: int, breach: float) -> bool:
 
 @kernel
 def _check(
-    track: Track, body: Body, n: PlanningLimits, motion: MotionTerms, in_time: bool,
-    speed_sq: Floats, clear_distance: float, distance_offset: float, between: int, h: float,
-    stop_distance: Floats, rear_load: Floats, side_load: Floats, worst: Floats, bad: Bools,
+    track: Track, speed_sq: Floats, clear_distance: float, distance_offset: float, terms: Terms,
+    notes: JudgeNotes,
 ) -> None:  # fmt: skip
-    survey = survey_of(track, body, np.empty((8, speed_sq.shape[0])))
-    judge_track(
-        track, body, n, motion, in_time, speed_sq, clear_distance, distance_offset, between, h,
-        True, survey, stop_distance, rear_load, side_load, worst, bad,
-    )  # fmt: skip
+    survey = survey_of(track, terms.body, np.empty((8, speed_sq.shape[0])))
+    plan = JudgedPlan(track, survey, speed_sq, clear_distance, distance_offset)
+    judge_track(plan, terms, notes)
 
 
 @kernel
-def judge_track(
-    track: Track, body: Body, n: PlanningLimits, motion: MotionTerms, in_time: bool,
-    speed_sq: Floats, clear_distance: float, distance_offset: float, between: int, h: float,
-    all_loads: bool,
-    survey: Survey, stop_distance: Floats, rear_load: Floats, side_load: Floats, worst: Floats,
-    bad: Bools,
-) -> None:  # fmt: skip
+def judge_track(plan: JudgedPlan, terms: Terms, notes: JudgeNotes) -> None:
+    """Follow the stops from every station and from points between; note every breach.
+
+    Args:
+        plan: track, survey and v², all of N >= 2 stations, SI.
+        terms: what it is judged by, SI.
+        notes: filled in; ``worst`` and ``bad`` keep what they hold already.
+
+    A v² that is not a number, or a stop that does not end, is a breach by infinity: nothing raises.
+    """
+    track, survey, speed_sq, limits = plan.track, plan.survey, plan.speed_sq, terms.limits
     stations = speed_sq.shape[0]
-    station = track.station
-    limit = max(clear_distance, station[0]) + 5.0
-    at_risk = _loads_at_risk(track, survey, n.min_load, np.sqrt(speed_sq.max()))
+    at_risk = _loads_at_risk(track, survey, limits.min_load, np.sqrt(speed_sq.max()))
+    watch = _Watch(
+        target_at(track, survey, plan.clear_distance - plan.distance_offset),
+        max(plan.clear_distance, track.station[0]) + 5.0,
+        at_risk,
+        not (terms.in_time or at_risk),
+    )
     onset_in, end_in = 0, 0
-    target = clear_distance - distance_offset
-    last = segment(station, target, stations - 2)
-    intercept_work = work_up_to(track, survey, target, last, 0.0)
-    speed_work = work_up_to(track, survey, target, last, 1.0) - intercept_work
-    quick = not (in_time or at_risk)
     for k in range(stations):
         i = min(k, stations - 2)
-        stop_distance[k] = 0.0
-        rear_load[k] = survey.rear[k]
-        side_load[k] = min(survey.left[k], survey.right[k])
-        points = between + 1 if k + 1 < stations else 1
+        notes.stop_distance[k] = 0.0
+        notes.rear_load[k] = survey.rear[k]
+        notes.side_load[k] = min(survey.left[k], survey.right[k])
+        points = terms.between + 1 if k + 1 < stations else 1
         for point in range(points):
             u = float(k - i) if point == 0 else point / points
             energy = at(speed_sq, i, u)
             if energy <= 0.0:
                 continue
-            v, s = np.sqrt(energy), at(station, i, u)
-            dead, slowest, top = track.dead_time[k], track.slowest[k], track.speed_limit[k]
+            speed, top = np.sqrt(energy), track.speed_limit[k]
+            dead = track.dead_time[k]
             if point > 0:
                 # A surface that begins in a segment counts at both of its ends.
                 dead = min(dead, track.dead_time[k + 1])
                 top = max(top, track.speed_limit[k + 1])
-            rear, side, end = np.inf, np.inf, s
-            well = False
-            if quick and (point > 0 or not all_loads):
-                well, onset_in = ends_before(
-                    track, survey, s, v, dead, slowest, onset_in, target, speed_work, intercept_work
-                )
-            if well:
-                end = min(s, target)
-            elif in_time:
-                end, rear, side = stop_in_time(
-                    track, body, motion, s, v, dead, slowest, i, limit, h
-                )
-            else:
-                end, onset, needed, onset_in, end_in = stop_by_energy(
-                    track, survey, s, v, dead, slowest, onset_in, end_in
-                )
-                if at_risk or (all_loads and point == 0):
-                    rear, side = loads_by_energy(
-                        track, survey, s, v, slowest, i, end, onset, needed, onset_in, end_in
-                    )
+            command = StopCommand(at(track.station, i, u), speed, dead, track.slowest[k])
+            told = terms.all_loads and point == 0
+            end, rear, side, onset_in, end_in = _follow(
+                plan, terms, watch, command, (i, onset_in, end_in), told
+            )
             if point == 0:
-                stop_distance[k] = end - s + distance_offset
-                rear_load[k], side_load[k] = rear, side
-            rim = v * _rim_ratio(at(track.curvature, i, u), body.slip_track)
-            lateral = energy * abs(at(survey.lean, i, u))
-            bad[i] |= _breaks(worst, _OVERRUN, end + distance_offset - clear_distance)
-            bad[i] |= _breaks(worst, _AXLE, n.min_load - rear)
-            bad[i] |= _breaks(worst, _SIDE, n.min_load - side)
-            bad[i] |= _breaks(worst, _SPEED, v - min(n.speed, top))
-            bad[i] |= _breaks(worst, _LATERAL, lateral - n.lateral_accel)
-            bad[i] |= _breaks(worst, _WHEEL, rim - n.max_wheel_speed)
+                notes.stop_distance[k] = end - command.station + plan.distance_offset
+                notes.rear_load[k], notes.side_load[k] = rear, side
+            over = end + plan.distance_offset - plan.clear_distance
+            bad = _judge_point(plan, terms, (i, u, energy), (over, rear, side, top), notes.worst)
+            notes.bad[i] |= bad
         if k + 1 < stations and (speed_sq[k] > 0.0 or speed_sq[k + 1] > 0.0):
-            bad[k] |= _judge_segment(k, track, survey, n, motion, speed_sq, worst)
+            notes.bad[k] |= _judge_segment(k, plan, terms, notes.worst)
+
+
+@inlined
+def _follow(
+    plan: JudgedPlan, terms: Terms, watch: _Watch, command: StopCommand,
+    segments: tuple[int, int, int], told: bool,
+) -> tuple[float, float, float, int, int]:  # fmt: skip
+    """Where a stop ends, the least loads on it, and the segments of its onset and end.
+
+    Args:
+        segments: of the command, and of the last stop's onset and end.
+        told: where it ends and its loads are told: a yes or no will not do.
+    """
+    track, survey = plan.track, plan.survey
+    i, onset_in, end_in = segments
+    rear, side = np.inf, np.inf
+    if watch.quick and not told:
+        well, onset_in = ends_before(track, survey, command, onset_in, watch.target)
+        if well:
+            return min(command.station, watch.target.station), rear, side, onset_in, end_in
+    if terms.in_time:
+        end, rear, side = stop_in_time(track, terms, command, i, watch.limit)
+        return end, rear, side, onset_in, end_in
+    stop = stop_by_energy(track, survey, command, onset_in, end_in)
+    if watch.at_risk or told:
+        rear, side = loads_by_energy(track, survey, command, i, stop)
+    return stop.station, rear, side, stop.onset_in, stop.end_in
+
+
+@inlined
+def _judge_point(
+    plan: JudgedPlan, terms: Terms, place: tuple[int, float, float],
+    stop: tuple[float, float, float, float], worst: Floats,
+) -> bool:  # fmt: skip
+    """Is anything breached at share u of segment i, at this v²?
+
+    Args:
+        place: i, u and v².
+        stop: metres beyond the clear distance, rear share, side share, highest speed there.
+    """
+    limits = terms.limits
+    i, u, energy = place
+    over, rear, side, top = stop
+    speed = np.sqrt(energy)
+    rim = speed * _rim_ratio(at(plan.track.curvature, i, u), terms.body.slip_track)
+    lateral = energy * abs(at(plan.survey.lean, i, u))
+    bad = _breaks(worst, _OVERRUN, over)
+    bad |= _breaks(worst, _AXLE, limits.min_load - rear)
+    bad |= _breaks(worst, _SIDE, limits.min_load - side)
+    bad |= _breaks(worst, _SPEED, speed - min(limits.speed, top))
+    bad |= _breaks(worst, _LATERAL, lateral - limits.lateral_accel)
+    bad |= _breaks(worst, _WHEEL, rim - limits.max_wheel_speed)
+    return bad
 
 
 @inlined
@@ -221,11 +315,10 @@ def _loads_at_risk(track: Track, survey: Survey, min_load: float, fastest: float
 
 
 @inlined
-def _judge_segment(
-    k: int, track: Track, survey: Survey, n: PlanningLimits, motion: MotionTerms, speed_sq: Floats,
-    worst: Floats,
-) -> bool:  # fmt: skip
+def _judge_segment(k: int, plan: JudgedPlan, terms: Terms, worst: Floats) -> bool:
     """Does the change of speed from station k on exceed what either of its ends allows?"""
+    track, survey, speed_sq = plan.track, plan.survey, plan.speed_sq
+    limits, motion = terms.limits, terms.motion
     bad = False
     first, second = np.sqrt(speed_sq[k]), np.sqrt(speed_sq[k + 1])
     slow, fast = min(first, second), max(first, second)
@@ -233,21 +326,23 @@ def _judge_segment(
     for m in range(k, k + 2):
         sine = survey.sine[m]
         part = track.lower_slope[m]
-        weak = min(max(slow, track.slowest[m]) * part, max(fast, track.slowest[m]) * part)
+        lower = min(max(slow, track.slowest[m]) * part, max(fast, track.slowest[m]) * part)
         # Drag and turning help to slow down, which is not counted on; wind may push.
         pushed = min(
             motion_deceleration(slow, track.curvature[m], track.yaw[m], motion),
             motion_deceleration(fast, track.curvature[m], track.yaw[m], motion),
         )
-        braking = GRAVITY * (weak + track.lower_intercept[m] + sine) + min(pushed, 0.0)
-        resistance = n.resistance + n.turning_drag * abs(track.curvature[m])
+        braking = GRAVITY * (lower + track.lower_intercept[m] + sine) + min(pushed, 0.0)
+        resistance = limits.resistance + limits.turning_drag * abs(track.curvature[m])
         holding = sine + np.sqrt(1.0 - sine * sine) * resistance
-        thrust = GRAVITY * (min(n.specific_force, n.specific_power / max(fast, 1e-9)) - holding)
+        thrust = GRAVITY * (
+            min(limits.specific_force, limits.specific_power / max(fast, 1e-9)) - holding
+        )
         front = survey.front[m] - survey.per_accel * max(accel, 0.0)
-        bad |= _breaks(worst, _AXLE, n.min_load - front)
-        bad |= _breaks(worst, _DECEL, -accel - min(n.decel, braking))
+        bad |= _breaks(worst, _AXLE, limits.min_load - front)
+        bad |= _breaks(worst, _DECEL, -accel - min(limits.decel, braking))
         if not (accel <= 0.0) or thrust < 0.0:
-            bad |= _breaks(worst, _ACCEL, accel - min(n.accel, thrust))
+            bad |= _breaks(worst, _ACCEL, accel - min(limits.accel, thrust))
     return bad
 
 

@@ -1,18 +1,23 @@
 """Emergency stops of which brakes and grade alone decide: where they end, and the least loads.
 
 What the brakes take out is summed once along the path, exactly for a grade that is linear between
-stations; a stop ends where the sum has taken all of its energy.
+stations; a stop ends where the sum has taken all of its energy. This is the judge's own writing of
+a stop: sums of sines of angles from the first station on, and the end of a given stop, where the
+bound (:mod:`planner.bounds.stopping_path`) sums backwards and looks for a speed. For plans on which
+no effect acts on the motion; :mod:`planner.verify.stop_in_time` is for the others.
 
 Source: Braking (7), (8), (12), with v dv = −a(θ(s), v_i) ds; the dead time at held speed first.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from models.quantity import GRAVITY
 from planner.kernels.compiled import inlined
-from planner.verify.track import Survey, Track, at, segment
+from planner.verify.track import StopCommand, Survey, Track, at, segment
 
 _LONGEST = 1e3
 """A stop longer than this is called no stop [m]."""
@@ -29,78 +34,106 @@ def work_up_to(track: Track, survey: Survey, s: float, i: int, v_i: float) -> fl
     u = (s - station[i]) / ds
     if u > 1.0:
         force = v_i * track.lower_slope[i + 1] + track.lower_intercept[i + 1] + survey.sine[i + 1]
-        whole = v_i * survey.speed_work[i + 1] + survey.intercept_work[i + 1]
+        whole = v_i * survey.slope_work[i + 1] + survey.intercept_work[i + 1]
         return float(whole + (s - station[i + 1]) * force)
     first = v_i * track.lower_slope[i] + track.lower_intercept[i] + survey.sine[i]
     second = v_i * track.lower_slope[i + 1] + track.lower_intercept[i + 1] + survey.sine[i + 1]
-    before = v_i * survey.speed_work[i] + survey.intercept_work[i]
-    gain = v_i * survey.speed_work[i + 1] + survey.intercept_work[i + 1] - before
+    before = v_i * survey.slope_work[i] + survey.intercept_work[i]
+    gain = v_i * survey.slope_work[i + 1] + survey.intercept_work[i + 1] - before
     # The cubic with the sums and the forces of both stations.
     first, second = ds * first, ds * second
     rise = first + second - 2.0 * gain
     return float(before + u * (first + u * (3.0 * gain - 2.0 * first - second + u * rise)))
 
 
+class Target(NamedTuple):
+    """Where stops have to end [m], and the sums up to there."""
+
+    station: float
+    slope_work: float
+    intercept_work: float
+
+
+class StopEnd(NamedTuple):
+    """How a stop goes on.
+
+    Attributes:
+        station: where it ends [m].
+        onset: where braking begins [m].
+        needed: the sum that has to be reached at its end [m].
+        onset_in, end_in: the segments of onset and end.
+    """
+
+    station: float
+    onset: float
+    needed: float
+    onset_in: int
+    end_in: int
+
+
+@inlined
+def target_at(track: Track, survey: Survey, station: float) -> Target:
+    """The sums up to a station."""
+    last = segment(track.station, station, track.station.shape[0] - 2)
+    intercept_work = work_up_to(track, survey, station, last, 0.0)
+    slope_work = work_up_to(track, survey, station, last, 1.0) - intercept_work
+    return Target(station, slope_work, intercept_work)
+
+
 @inlined
 def ends_before(
-    track: Track, survey: Survey, s: float, v: float, dead: float, slowest: float, i: int,
-    target: float, speed_work: float, intercept_work: float,
-) -> tuple[bool, int]:  # fmt: skip
+    track: Track, survey: Survey, command: StopCommand, i: int, target: Target
+) -> tuple[bool, int]:
     """Does a stop end before the target? The same as asking :func:`stop_by_energy` where.
 
     Args:
-        track, survey, s, v, dead, slowest, i: as there.
-        target: [m]; speed_work, intercept_work: the sums up to it.
+        track, survey, command, i: as there.
+        target: of the stop.
 
     Returns:
         The answer, and the segment of the onset.
     """
-    v_i = max(v, slowest)
-    onset = s + v * dead
+    v_i = max(command.speed, command.slowest)
+    onset = command.station + command.speed * command.dead_time
     i = segment(track.station, onset, i)
-    needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
-    return (onset <= target) & (v_i * speed_work + intercept_work >= needed), i
+    needed = work_up_to(track, survey, onset, i, v_i)
+    needed += 0.5 * command.speed * command.speed / GRAVITY
+    enough = v_i * target.slope_work + target.intercept_work >= needed
+    return (onset <= target.station) & enough, i
 
 
 @inlined
-def stop_by_energy(
-    track: Track, survey: Survey, s: float, v: float, dead: float, slowest: float,
-    i: int, j: int,
-) -> tuple[float, float, float, int, int]:  # fmt: skip
+def stop_by_energy(track: Track, survey: Survey, command: StopCommand, i: int, j: int) -> StopEnd:
     """Where a stop ends of which nothing but brakes and grade decide.
 
     Args:
-        track, survey: the path.
-        s, v: place [m] and speed [m/s] of the command.
-        dead, slowest: dead time [s], speed below which the coefficients no longer change [m/s].
+        track, survey: the path, (N,) each.
+        command: of the stop.
         i, j: segments to look for onset and end from.
-
-    Returns:
-        Where it ends [m]; where braking begins [m]; the sum that has to be reached there [m]; the
-        segments of onset and end.
     """
+    s, v = command.station, command.speed
     station = track.station
-    v_i = max(v, slowest)
-    onset = s + v * dead
+    v_i = max(v, command.slowest)
+    onset = s + v * command.dead_time
     i = segment(station, onset, i)
     needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
     j = max(j, i)
     last = station.shape[0] - 2
-    while j > i and v_i * survey.speed_work[j] + survey.intercept_work[j] >= needed:
+    while j > i and v_i * survey.slope_work[j] + survey.intercept_work[j] >= needed:
         j -= 1
-    while j < last and v_i * survey.speed_work[j + 1] + survey.intercept_work[j + 1] < needed:
+    while j < last and v_i * survey.slope_work[j + 1] + survey.intercept_work[j + 1] < needed:
         j += 1
     low = max(onset, station[j])
     high = station[j + 1]
     at_low = work_up_to(track, survey, low, j, v_i) - needed
-    at_high = v_i * survey.speed_work[j + 1] + survey.intercept_work[j + 1] - needed
+    at_high = v_i * survey.slope_work[j + 1] + survey.intercept_work[j + 1] - needed
     if at_high < 0.0 or onset >= high:
         # Off the end of the path.
         low = max(onset, high)
         at_low = work_up_to(track, survey, low, j, v_i) - needed
         force = v_i * track.lower_slope[j + 1] + track.lower_intercept[j + 1] + survey.sine[j + 1]
         end = low - at_low / force if force > 0.0 else np.inf
-        return min(end, s + _LONGEST), onset, needed, i, j
+        return StopEnd(min(end, s + _LONGEST), onset, needed, i, j)
     end = high
     for _ in range(4):
         # Regula falsi on what is as good as linear.
@@ -112,7 +145,7 @@ def stop_by_energy(
             low, at_low = end, left
         else:
             high, at_high = end, left
-    return end, onset, needed, i, j
+    return StopEnd(end, onset, needed, i, j)
 
 
 @inlined
@@ -125,8 +158,8 @@ def _shares_at(
     bulge = 1.0 + 0.5 * u * (1.0 - u) * (pitched * pitched + rolled * rolled)
     rear = bulge * at(survey.rear, i, u)
     if braking:
-        strong = v_i * at(track.upper_slope, i, u) + at(track.upper_intercept, i, u)
-        rear -= survey.per_decel * GRAVITY * (strong + bulge * at(survey.sine, i, u))
+        upper = v_i * at(track.upper_slope, i, u) + at(track.upper_intercept, i, u)
+        rear -= survey.per_decel * GRAVITY * (upper + bulge * at(survey.sine, i, u))
     lateral = survey.per_lateral * energy * at(survey.lean, i, u)
     left, right = bulge * at(survey.left, i, u), bulge * at(survey.right, i, u)
     return rear, min(left - lateral, right + lateral)
@@ -134,20 +167,21 @@ def _shares_at(
 
 @inlined
 def loads_by_energy(
-    track: Track, survey: Survey, s: float, v: float, slowest: float, k: int,
-    end: float, onset: float, needed: float, i: int, j: int,
-) -> tuple[float, float]:  # fmt: skip
+    track: Track, survey: Survey, command: StopCommand, k: int, stop: StopEnd
+) -> tuple[float, float]:
     """Least rear share and least side share on a stop of :func:`stop_by_energy`.
 
     Args:
-        track, survey, s, v, slowest: as there; k: the segment of s.
-        end, onset, needed, i, j: what it returned.
+        track, survey, command: as there.
+        k: the segment of the command.
+        stop: what it returned.
     """
     station = track.station
-    v_i = max(v, slowest)
-    held = v * v
+    end, onset, needed, i, j = stop
+    v_i = max(command.speed, command.slowest)
+    held = command.speed * command.speed
     ds = station[k + 1] - station[k]
-    rear, side = _shares_at(track, survey, k, (s - station[k]) / ds, held, v_i, False)
+    rear, side = _shares_at(track, survey, k, (command.station - station[k]) / ds, held, v_i, False)
     for m in range(k + 1, i + 1):
         r, d = _shares_at(track, survey, m, 0.0, held, v_i, False)
         rear, side = min(rear, r), min(side, d)
@@ -155,12 +189,12 @@ def loads_by_energy(
     r, d = _shares_at(track, survey, i, u, held, v_i, True)
     rear, side = min(rear, r), min(side, d)
     for m in range(i + 1, j + 1):
-        left = needed - v_i * survey.speed_work[m] - survey.intercept_work[m]
+        left = needed - v_i * survey.slope_work[m] - survey.intercept_work[m]
         r, d = _shares_at(track, survey, m, 0.0, 2.0 * GRAVITY * max(left, 0.0), v_i, True)
         rear, side = min(rear, r), min(side, d)
     if end > station[j + 1]:
         # It runs off the end of the path.
-        left = needed - v_i * survey.speed_work[j + 1] - survey.intercept_work[j + 1]
+        left = needed - v_i * survey.slope_work[j + 1] - survey.intercept_work[j + 1]
         r, d = _shares_at(track, survey, j, 1.0, 2.0 * GRAVITY * max(left, 0.0), v_i, True)
         rear, side = min(rear, r), min(side, d)
     u = min((end - station[j]) / (station[j + 1] - station[j]), 1.0)

@@ -1,6 +1,8 @@
 """Emergency stops integrated in time, for effects that act on the motion itself.
 
-A fourth-order Runge–Kutta scheme on the laws of `models`, grade linear between stations.
+A fourth-order Runge–Kutta scheme on the laws of `models`, grade linear between stations: in time,
+where the bound marches along the path. Thirty times slower than
+:mod:`planner.verify.stop_by_energy`, which it agrees with where nothing acts on the motion.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from models.laws import wheel_loads
 from models.quantity import GRAVITY
 from planner.kernels.compiled import inlined
 from planner.kernels.motion_laws import motion_deceleration
-from planner.verify.track import Body, Track, at, segment
+from planner.verify.track import Body, StopCommand, Terms, Track, at, segment
 
 _rear_share = inlined(wheel_loads.rear_load_share)
 _left_share = inlined(wheel_loads.left_load_share)
@@ -41,9 +43,15 @@ def _rates(
 
 @inlined
 def _shares(
-    track: Track, body: Body, motion: MotionTerms, s: float, v: float, v_i: float, i: int,
+    track: Track,
+    body: Body,
+    motion: MotionTerms,
+    s: float,
+    v: float,
+    v_i: float,
+    i: int,
     braking: bool,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """Least axle share and least side share at s, braking or holding the speed."""
     i = segment(track.station, s, i)
     u = min((s - track.station[i]) / (track.station[i + 1] - track.station[i]), 1.0)
@@ -51,9 +59,9 @@ def _shares(
     bend = at(track.curvature, i, u)
     decel = 0.0
     if braking:
-        strong = v_i * at(track.upper_slope, i, u) + at(track.upper_intercept, i, u)
-        strong = min(strong, motion.friction * np.cos(grade) * np.cos(roll))
-        decel = GRAVITY * (strong + np.sin(grade))
+        upper = v_i * at(track.upper_slope, i, u) + at(track.upper_intercept, i, u)
+        upper = min(upper, motion.friction * np.cos(grade) * np.cos(roll))
+        decel = GRAVITY * (upper + np.sin(grade))
         decel += max(motion_deceleration(max(v, 0.0), bend, at(track.yaw, i, u), motion), 0.0)
     rear = _rear_share(grade, roll, decel, body.wheelbase, body.cg_x, body.cg_z)
     lateral = v * v * bend / np.cos(roll)
@@ -64,21 +72,22 @@ def _shares(
 
 @inlined
 def stop_in_time(
-    track: Track, body: Body, motion: MotionTerms, s: float, v: float, dead: float, slowest: float,
-    i: int, limit: float, h: float,
-) -> tuple[float, float, float]:  # fmt: skip
+    track: Track, terms: Terms, command: StopCommand, i: int, limit: float
+) -> tuple[float, float, float]:
     """Where any stop ends, and the least rear and side shares on its way.
 
     Args:
-        track, body, motion: path, vehicle, effects.
-        s, v, dead, slowest: as in `stop_by_energy`; i: the segment of s.
+        track: the path, (N,) each.
+        terms: vehicle, effects, time step.
+        command: of the stop; i: the segment that it is in.
         limit: a stop that gets here is not followed further [m].
-        h: time step [s].
     """
+    body, motion, h = terms.body, terms.motion, terms.time_step
+    v = command.speed
     station = track.station
-    v_i = max(v, slowest)
-    onset = s + v * dead
-    rear, side = _shares(track, body, motion, s, v, v_i, i, False)
+    v_i = max(v, command.slowest)
+    onset = command.station + v * command.dead_time
+    rear, side = _shares(track, body, motion, command.station, v, v_i, i, False)
     while station[i + 1] < onset and i + 2 < station.shape[0]:
         i += 1
         r, d = _shares(track, body, motion, station[i], v, v_i, i, False)

@@ -10,11 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.effects.registry import MotionTerms
 from models.laws import wheel_loads
 from models.parameters import Model
 from planner.ground.braking_ground import BrakingGround
-from planner.ground.terrain_profile import TerrainProfile
+from planner.ground.forces import Forces
+from planner.ground.terrain_profile import TerrainProfile, TerrainRows
 from planner.kernels.compiled import Floats, inlined, kernel
+from planner.kernels.limits import PlanningLimits
 
 _rear_share = inlined(wheel_loads.rear_load_share)
 _front_share = inlined(wheel_loads.front_load_share)
@@ -56,12 +59,47 @@ class Body(NamedTuple):
     slip_track: float
 
 
+class Terms(NamedTuple):
+    """What plans are judged by.
+
+    Attributes:
+        body, limits: of the model. motion: effects on the motion itself.
+        in_time: something acts on the motion, so stops are integrated in time.
+        between: points inside each segment from which a stop is tried as well.
+        time_step: of the integrator [s].
+        all_loads: the loads of every stop are wanted, not only those that may run short.
+    """
+
+    body: Body
+    limits: PlanningLimits
+    motion: MotionTerms
+    in_time: bool
+    between: int
+    time_step: float
+    all_loads: bool
+
+
+class StopCommand(NamedTuple):
+    """An emergency stop as it is commanded.
+
+    Attributes:
+        station, speed: where [m] and at what speed [m/s].
+        dead_time: from command to onset [s].
+        slowest: below this speed the force no longer changes [m/s].
+    """
+
+    station: float
+    speed: float
+    dead_time: float
+    slowest: float
+
+
 class Survey(NamedTuple):
     """What stops meet at the stations, by the laws of `models`; arrays are (N,).
 
     Attributes:
         sine: sin θ.
-        speed_work: sum of lower_slope from the first station on [m · s/m].
+        slope_work: sum of lower_slope from the first station on [m · s/m].
         intercept_work: sum of lower_intercept + sin θ from the first station on [m].
         front, rear, left, right: shares of the level static loads at rest.
         lean: lateral acceleration for each unit of v² [1/m].
@@ -70,7 +108,7 @@ class Survey(NamedTuple):
     """
 
     sine: Floats
-    speed_work: Floats
+    slope_work: Floats
     intercept_work: Floats
     front: Floats
     rear: Floats
@@ -92,12 +130,7 @@ def track_of(
     """One candidate out of a batch, contiguous, without padding and without its first stations."""
     n = int(profile.count[candidate])
     columns = np.empty((len(Track._fields), n - first))
-    copy_columns(
-        first, candidate, n, profile.station, profile.grade, profile.sin_roll, profile.curvature,
-        profile.heading_x, profile.heading_y, ground.lower_slope, ground.lower_intercept,
-        ground.upper_slope, ground.upper_intercept, ground.dead_time, ground.slowest,
-        ground.fastest, True, columns,
-    )  # fmt: skip
+    copy_columns(first, candidate, profile.rows, ground.forces, True, columns)
     track = Track(*columns)
     if speed_limit is not None:
         np.minimum(track.speed_limit, speed_limit[first:n, candidate], out=track.speed_limit)
@@ -106,33 +139,33 @@ def track_of(
 
 @kernel
 def copy_columns(
-    first: int, j: int, count: int, station: Floats, grade: Floats, sin_roll: Floats,
-    curvature: Floats, heading_x: Floats, heading_y: Floats, lower_slope: Floats,
-    lower_intercept: Floats, upper_slope: Floats, upper_intercept: Floats, dead_time: Floats,
-    slowest: Floats, fastest: Floats, turns: bool, out: Floats,
-) -> None:  # fmt: skip
-    """Stations ``first`` to ``count`` of candidate j, in the order of :class:`Track`.
+    first: int, j: int, terrain: TerrainRows, forces: Forces, turns: bool, out: Floats
+) -> None:
+    """Stations of candidate j from ``first`` on, in the order of :class:`Track`.
 
     Args:
+        first: stations before it are left out.
+        j: the candidate.
+        terrain, forces: of the batch; ``forces.fastest`` becomes the speed limit.
         turns: False leaves the yaw at 0, where nothing asks for it.
         out: (≥ 12, ≥ count − first).
     """
-    for k in range(first, count):
+    for k in range(first, terrain.counts[j]):
         i = k - first
-        yaw = np.arctan2(heading_y[k, j], heading_x[k, j]) if turns else 0.0
+        yaw = np.arctan2(terrain.heading_y[k, j], terrain.heading_x[k, j]) if turns else 0.0
         before = out[4, i - 1] if i > 0 else yaw
-        out[0, i] = station[k, j] - station[first, j]
-        out[1, i] = grade[k, j]
-        out[2, i] = np.arcsin(sin_roll[k, j])
-        out[3, i] = curvature[k, j]
+        out[0, i] = terrain.station[k, j] - terrain.station[first, j]
+        out[1, i] = terrain.grade[k, j]
+        out[2, i] = np.arcsin(terrain.sin_roll[k, j])
+        out[3, i] = terrain.curvature[k, j]
         out[4, i] = yaw - 2.0 * np.pi * np.round((yaw - before) / (2.0 * np.pi))
-        out[5, i] = lower_slope[k, j]
-        out[6, i] = lower_intercept[k, j]
-        out[7, i] = upper_slope[k, j]
-        out[8, i] = upper_intercept[k, j]
-        out[9, i] = dead_time[k, j]
-        out[10, i] = slowest[k, j]
-        out[11, i] = fastest[k, j]
+        out[5, i] = forces.lower_slope[k, j]
+        out[6, i] = forces.lower_intercept[k, j]
+        out[7, i] = forces.upper_slope[k, j]
+        out[8, i] = forces.upper_intercept[k, j]
+        out[9, i] = forces.dead_time[k, j]
+        out[10, i] = forces.slowest[k, j]
+        out[11, i] = forces.fastest[k, j]
 
 
 def body_of(model: Model) -> Body:
@@ -163,17 +196,17 @@ def survey_of(track: Track, body: Body, memory: Floats) -> Survey:
         survey.left[k] = _left_share(grade, roll, 0.0, body.track_width, body.cg_z)
         survey.right[k] = _right_share(grade, roll, 0.0, body.track_width, body.cg_z)
         survey.lean[k] = track.curvature[k] / np.cos(roll)
-    survey.speed_work[0] = survey.intercept_work[0] = 0.0
+    survey.slope_work[0] = survey.intercept_work[0] = 0.0
     for k in range(n - 1):
         ds = track.station[k + 1] - track.station[k]
         turn = 0.5 * (track.grade[k + 1] - track.grade[k])
         # The mean of sin θ over a linear grade is that of its ends times tan(turn) / turn.
         t = turn * turn
         mean = 0.5 * (survey.sine[k] + survey.sine[k + 1]) * (1.0 + t / 3.0 + t * t * 2.0 / 15.0)
-        speed = 0.5 * (track.lower_slope[k] + track.lower_slope[k + 1])
-        rest = 0.5 * (track.lower_intercept[k] + track.lower_intercept[k + 1]) + mean
-        survey.speed_work[k + 1] = survey.speed_work[k] + ds * speed
-        survey.intercept_work[k + 1] = survey.intercept_work[k] + ds * rest
+        slope = 0.5 * (track.lower_slope[k] + track.lower_slope[k + 1])
+        intercept = 0.5 * (track.lower_intercept[k] + track.lower_intercept[k + 1]) + mean
+        survey.slope_work[k + 1] = survey.slope_work[k] + ds * slope
+        survey.intercept_work[k + 1] = survey.intercept_work[k] + ds * intercept
     return survey
 
 

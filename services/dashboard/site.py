@@ -18,6 +18,7 @@ from prometheus_client import make_wsgi_app
 from services.dashboard import metrics, view
 from services.dashboard.board import Board
 from services.planning.map_store import KnownGround
+from services.report.limit_colours import limit_colours
 from services.report.page import asset, page
 from services.report.plan_data import relief
 from services.report.png import data_uri
@@ -96,6 +97,7 @@ class Site:
             {"icons": asset("icons.svg")},
             title="slopewise live",
             styles=("page.css", "colours.css", "live.css", "live_finding.css"),
+            own_style=limit_colours(),
             scripts=_SCRIPTS,
             data={},
             own_server=True,

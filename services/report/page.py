@@ -61,6 +61,7 @@ def page(
     styles: Sequence[str],
     scripts: Sequence[str],
     data: Any,
+    own_style: str = "",
     own_server: bool = False,
 ) -> str:
     """A whole page.
@@ -70,6 +71,7 @@ def page(
         fields: HTML for the places; not escaped here.
         title: of the window, as text.
         styles, scripts: names of assets, put in one after the other.
+        own_style: CSS that stands before that of the assets.
         data: what the script reads, as JSON holds it.
         own_server: the script may ask the server that the page came from.
     """
@@ -82,7 +84,7 @@ def page(
         # Whatever a name may hold: nothing but this very script runs, and nothing is fetched.
         policy=f"default-src 'none'; img-src data:{own}; style-src 'unsafe-inline'; "
         f"script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'",
-        style="\n".join(map(asset, styles)),
+        style="\n".join((own_style, *map(asset, styles))),
         body=body,
         data=script_json(data),
         script=script,

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from models.parameters import Model
 from planner.explain.bound_curves import bound_curves
 from planner.ground.elevation_map import ElevationMap
-from planner.limiting import Limiting
+from planner.limiting import BOUNDS, Limiting
 from planner.plan import SpeedPlan
 from services.report.contours import contour_path, interval, levels, outline_path, smoothed
 from services.report.hillshade import coarsen, shade
 from services.report.plan_summary import PlanSummary
 from services.report.png import encode_grey_alpha
-from services.report.words import LIMITING_MEANING, word
+from services.report.words import word
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -181,8 +181,13 @@ def page_data(
         ],
         "selected": selected or 0,
         "limiting": [
-            {"key": code.label, "word": word(code), "meaning": LIMITING_MEANING.get(code, "")}
-            for code in Limiting
+            {
+                "key": code.label,
+                "word": word(code),
+                "meaning": bound.meaning,
+                "dark": bound.dark_text,
+            }
+            for code, bound in BOUNDS.items()
         ],
         "limits": {
             "speed": number(limits.speed),

@@ -16,6 +16,7 @@ from planner.explain.explain import Explanation
 from planner.ground.elevation_map import ElevationMap
 from planner.plan import SpeedPlan, Status
 from services.io.access import write_atomic
+from services.report.limit_colours import limit_colours
 from services.report.page import asset, escaped, fact_list, page
 from services.report.plan_data import page_data
 from services.report.plan_reasons import reasons
@@ -94,6 +95,7 @@ def render_report(
         fields,
         title=f"{title} – slopewise plan",
         styles=("page.css", "colours.css", "plan.css", "reasons.css"),
+        own_style=limit_colours(),
         scripts=_SCRIPTS,
         data=data,
     )

@@ -5,14 +5,18 @@ Both plans have to stand before the oracle, and the one that is bitten is slower
 
 from __future__ import annotations
 
+import importlib
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pytest
 
+from planner.explain.relaxed import without
+from planner.explain.what_if import Question
 from planner.ground.elevation_map import ElevationMap
-from planner.limiting import Limiting
+from planner.limiting import BOUNDS, Limiting
 from planner.path import CandidatePath
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
@@ -23,6 +27,7 @@ from tests.planner.scenes import (
     at,
     ground_map,
     labels,
+    model_of,
     plan_one,
     plane,
     straight,
@@ -222,6 +227,30 @@ SCENES: dict[str, Scene] = {
 
 def test_no_bound_is_left_out() -> None:
     assert {scene.label for scene in SCENES.values()} == {bound.label for bound in Limiting}
+    assert list(BOUNDS) == list(Limiting)
+
+
+@pytest.mark.parametrize("limiting", Limiting)
+def test_what_the_registry_says_of_a_bound_is_there(limiting: Limiting) -> None:
+    """Its law can be found, its words and colours can be shown, and a question can lift it."""
+    bound = BOUNDS[limiting]
+    module, name = bound.law.split(":")
+    assert callable(getattr(importlib.import_module(module), name))
+    assert bound.meaning
+    assert not bound.meaning.endswith(".")
+    for colour in (bound.colour, bound.colour_on_dark or bound.colour):
+        assert re.fullmatch("#[0-9a-f]{6}", colour)
+    model = model_of(tables_with())
+    question = Question(model=model, uncertainty=None, clear=np.inf)
+    lifted = without(limiting, question)
+    assert lifted != question
+    if bound.lift.out_of_reach or bound.lift.relaxation:
+        assert lifted.relax is not None
+        assert lifted.relax(model) != model or limiting is Limiting.SPEED_LIMIT
+
+
+def test_colours_of_bounds_are_no_two_alike() -> None:
+    assert len({bound.colour for bound in BOUNDS.values()}) == len(BOUNDS)
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -24,6 +24,7 @@ from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 from services.io.model_file import find_model, read_model
 from services.report import contours, hillshade, plan_data, render_report, write_report
+from services.report.limit_colours import limit_colours
 from services.report.page import asset, script_json
 from services.report.plan_summary import chosen, summarise, verdict
 from services.report.png import encode_grey_alpha
@@ -295,7 +296,7 @@ class TestData:
             script_json(float("nan"))
 
     def test_every_status_and_bound_has_words_and_colours(self):
-        style = asset("colours.css")
+        style = limit_colours()
         assert set(LIMITING_MEANING) == set(Limiting)
         assert set(STATUS_MEANING) == set(Status)
         for code in Limiting:

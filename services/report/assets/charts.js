@@ -252,7 +252,6 @@ function drawRibbon(plot, limits) {
   const { station } = plan.columns;
   const rest = restOf(plan);
   const group = draw("g", { class: "ribbon" });
-  const dark = new Set(["accel", "decel", "tip_over", "speed_limit", "wheel_speed", "jerk"]);
   for (const run of limits) {
     const what = data.limiting[run.code];
     const [a, b] = [plot.x(station[run.from]), plot.x(station[run.to])];
@@ -260,7 +259,7 @@ function drawRibbon(plot, limits) {
     box.append(draw("title", {}, `${what.word}: ${what.meaning}`));
     group.append(box);
     if (b - a > 7.2 * what.word.length + 8) {
-      group.append(draw("text", { x: (a + b) / 2, y: floor + RIBBON - 7, "text-anchor": "middle", class: run.from >= rest ? "behind" : dark.has(what.key) ? "dark" : "" }, what.word));
+      group.append(draw("text", { x: (a + b) / 2, y: floor + RIBBON - 7, "text-anchor": "middle", class: run.from >= rest ? "behind" : what.dark ? "dark" : "" }, what.word));
     }
   }
   plot.svg.append(group);

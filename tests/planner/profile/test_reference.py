@@ -18,6 +18,7 @@ from planner.profile.reference import (
     time_optimal_problem,
 )
 from planner.profile.smoothing import SmoothingProblem, smooth
+from planner.profile.time_optimal import profile_problem
 from tests.planner.profile.test_smoothing import assert_exact, problem_of, travel_time, wavy
 from tests.planner.profile.test_smoothing import optimum as jerk_optimum
 from tests.planner.profile.test_time_optimal import Road, road
@@ -71,11 +72,12 @@ def test_candidates_out_of_a_batch_are_optimal(unknown_from: float) -> None:
     ground = ground_map(hills, unknown=lambda x, y: x > unknown_from)
     part = batch([straight(16.0), arc(12.0, 0.12)], 0.25)
     solved = time_optimal_batch(ground, part, model, start_speed=0.5)
+    batched = profile_problem(
+        solved.profile, solved.ground, solved.bounds, planning_limits(model), np.full(2, 0.25)
+    )
     for j in range(2):
         n = int(part.count[j])
-        problem = time_optimal_problem(
-            solved.profile, solved.ground, solved.bounds, planning_limits(model), j, 0.5
-        )
+        problem = time_optimal_problem(batched, j, n)
         found = TimeOptimalReference(n).solve(problem)
         assert found.speed_sq is not None, found.reason
         time = travel_time(solved.speed_sq[:n, j], np.diff(problem.station))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from models.laws import drive
 from planner.kernels.limits import PlanningLimits, planning_limits
-from planner.profile.time_optimal import time_optimal_profile
+from planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from tests.planner.scenes import G, model_of, tables_with
 
 BIG = 1e9
@@ -42,9 +42,11 @@ class Road:
                 self.slowest, self.accel_max, self.demand,
             )
         ]  # fmt: skip
-        speed_sq, reachable = time_optimal_profile(
-            *columns, np.array([self.start**2]), self.scalars, **options
+        limits = self.scalars
+        problem = ProfileProblem(
+            *columns, np.array([self.start**2]), limits.decel, limits.specific_power
         )
+        speed_sq, reachable = time_optimal_profile(problem._replace(**options))
         return speed_sq[:, 0], float(reachable[0])
 
     def braking(self, k: int, v: float) -> float:
@@ -224,7 +226,10 @@ def test_columns_of_a_batch_do_not_mix(r: Road) -> None:
                   "accel_max", "demand")
     ]  # fmt: skip
     stacked[1] = stacked[1] ** 2
-    speed_sq, _ = time_optimal_profile(*stacked, np.full(3, r.start**2), r.scalars)
+    start_sq = np.full(3, r.start**2)
+    speed_sq, _ = time_optimal_profile(
+        ProfileProblem(*stacked, start_sq, r.scalars.decel, r.scalars.specific_power)
+    )
     np.testing.assert_array_equal(speed_sq[:, 1], alone)
 
 
