@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Console
 
 from models.errors import InputError
+from services.cli.screen import progress_bar
 
 _WIDE = 150  # columns of the widest table
 
@@ -39,9 +40,7 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
     result = planner_speed.run(quick=quick)
     console = Console()
     planner_speed.show(result, console)
-    if json_file is not None:
-        json_file.write_text(json.dumps(result, indent=1) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(result, json_file, console, allow_nan=True)
     if plot is not None:
         _write_plots(planner_speed.figures(result), plot)
         console.print(f"wrote {plot}")
@@ -49,16 +48,12 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
 
 def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
     """Time cycles (`cycle`), or hold smoothed plans against the optimum (`optimality`)."""
-    from services.cli.screen import progress_bar
-
     module = _benchmark(f"planner.{what}")
     console = Console()
     with progress_bar(what, module.total(quick)) as advance:
         result = module.run(quick, advance)
     module.show(result, console)
-    if json_file is not None:
-        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(result, json_file, console)
 
 
 def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
@@ -77,7 +72,6 @@ def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
 
     check_installed()
     benchmark = _benchmark("fleet.fleet")
-    from services.cli.screen import progress_bar
 
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
@@ -88,9 +82,7 @@ def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
     ):
         result = benchmark.run(quick, Path(folder) / "run", advance)
     benchmark.show(result, console)
-    if json_file is not None:
-        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(result, json_file, console)
 
 
 def discrepancy(
@@ -118,7 +110,6 @@ def discrepancy(
         raise InputError("--out", str(out), "expected a folder, got a file")
     campaign = _benchmark("discovery.campaign")
     tables = _benchmark("discovery.tables")
-    from services.cli.screen import progress_bar
 
     size = campaign.QUICK if quick else campaign.FULL
     if sets is not None:
@@ -133,9 +124,7 @@ def discrepancy(
         console.print(table)
     for missing in campaign.missing():
         console.print(missing)
-    if json_file is not None:
-        json_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(result, json_file, console)
     if plot is not None:
         _write_plots(_benchmark("discovery.charts").charts(result), plot)
         console.print(f"wrote {plot}")
@@ -157,7 +146,6 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
             raise InputError("closed-loop", "", f"needs {module}: pip install slopewise[sim]")
     campaign = _benchmark("closed_loop.campaign")
     tables = _benchmark("closed_loop.tables")
-    from services.cli.screen import progress_bar
 
     if out is not None and out.exists() and not out.is_dir():
         raise InputError("--out", str(out), "expected a folder, got a file")
@@ -172,9 +160,7 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
         driven = campaign.run(size, progress, None if out is None else out / "runs")
     for table in tables.tables(driven.result):
         console.print(table)
-    if json_file is not None:
-        json_file.write_text(json.dumps(driven.result, indent=1, allow_nan=False) + "\n")
-        console.print(f"wrote {json_file}")
+    _write_json(driven.result, json_file, console)
     if out is not None:
         _write_closed_loop(driven, out, console)
 
@@ -198,7 +184,15 @@ def _write_closed_loop(driven: Any, folder: Path, console: Console) -> None:
     console.print(f"wrote {report}")
 
 
-def _write_plots(figures: list, path: Path) -> None:  # type: ignore[type-arg]
+def _write_json(
+    result: dict[str, Any], file: Path | None, console: Console, *, allow_nan: bool = False
+) -> None:
+    if file is not None:
+        file.write_text(json.dumps(result, indent=1, allow_nan=allow_nan) + "\n")
+        console.print(f"wrote {file}")
+
+
+def _write_plots(figures: list[Any], path: Path) -> None:
     from plotly.io import to_html
 
     parts = [
