@@ -12,7 +12,7 @@ from typing import Any
 from models.parameters import Model
 
 from .calibration import stops_of_drive
-from .drive import Drive, run_drive
+from .drive import run_drive
 from .jobs import Progress, do_all
 from .kept import kept
 from .learning import fit
@@ -26,6 +26,7 @@ from .policies import (
     Policy,
     foresighted,
 )
+from .records import Drive
 from .scenes import dem_folder, scene
 from .stop_sample import StopSample
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from .drive import Drive
 from .quad import LIMITS
+from .records import Drive
 
 Result = dict[str, Any]
 

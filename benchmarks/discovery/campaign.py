@@ -97,7 +97,7 @@ def _all(wanted: Iterable[Task], size: Size, kept: Kept) -> Iterator[Done]:
     context = multiprocessing.get_context("spawn")
     rest = iter(wanted)
     with ProcessPoolExecutor(_PROCESSES, context, _settle) as pool:
-        running = set()
+        running: set[Any] = set()
         while True:
             while len(running) < _PROCESSES and time.monotonic() < end:
                 task = next(rest, None)
