@@ -46,7 +46,7 @@ def stops_of_drive(seed: int, exact: bool, surface: int | None = None) -> list[S
     return samples_of(
         drive,
         MappedGround(
-            *(c[:, 0] for c in (ground.station, ground.grade, ground.roll, ground.surfaces))
+            ground.station[:, 0], ground.grade[:, 0], ground.roll[:, 0], ground.surfaces[:, 0]
         ),
     )
 

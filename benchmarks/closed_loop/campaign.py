@@ -13,7 +13,7 @@ from models.parameters import Model
 
 from ..common.jobs import Progress, do_all
 from .calibration import stops_of_drive
-from .drive import DrivenScene, run_drive
+from .drive import run_drive
 from .kept import kept
 from .learning import fit
 from .metrics import Result, summary, targets
@@ -26,6 +26,7 @@ from .policies import (
     Policy,
     foresighted,
 )
+from .records import DrivenScene
 from .scenes import dem_folder, scene
 from .stop_sample import StopSample
 

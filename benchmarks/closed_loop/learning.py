@@ -67,7 +67,8 @@ def fit(samples: list[StopSample], name: str) -> Model:
     tables = {}
     for i, (surface, own) in enumerate(zip(surfaces, groups, strict=True)):
         four = slice(4 * i, 4 * i + 4)
-        b = _braking(own, dead_time, found[four], covariance[four, four])
+        coefficients = np.asarray(found[four], np.float64)
+        b = _braking(own, dead_time, coefficients, np.asarray(covariance[four, four], np.float64))
         moved = weight[[s.surface == surface for s in ordered]]
         fastest = b.speed_range[1]
         level = fastest**2 / (2.0 * GRAVITY * b.level_force(fastest) ** 2)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from .drive import DrivenScene
 from .quad import LIMITS
+from .records import DrivenScene
 
 Result = dict[str, Any]
 

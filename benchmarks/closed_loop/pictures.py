@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .campaign import Campaign
-from .drive import DrivenScene
 from .film import Frame, film
 from .moving_horizon import MovingHorizon
+from .records import DrivenScene
 from .terrain import SURFACES
 
 _STRIP = 1  # number of the scene that is shown as a strip
@@ -114,7 +114,8 @@ def strip(drive: DrivenScene, frames: list[tuple[float, Any]]) -> Figure:
     h = drive.history
     figure = Figure(figsize=(11.0, 5.8 if frames else 4.4), layout="constrained")
     if frames:
-        above, below = figure.subfigures(2, 1, height_ratios=(1.0, 2.1))
+        parts: Any = figure.subfigures(2, 1, height_ratios=(1.0, 2.1))
+        above, below = parts
         for axes, (time, image) in zip(above.subplots(1, len(frames)), frames, strict=True):
             axes.imshow(image)
             axes.set_axis_off()

@@ -10,7 +10,7 @@ from models.laws.crest import load_loss
 from models.stops.simulation import GroundTrack
 from planner.kernels.compiled import Floats, Ints
 
-from .drive import DrivenScene, StopTrace
+from .records import DrivenScene, StopTrace
 from .terrain import SURFACES
 
 _STANDS = 0.06  # [m/s] odometry below that is standstill

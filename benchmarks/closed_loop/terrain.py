@@ -146,4 +146,4 @@ def _patches(rng: np.random.Generator) -> Ints:
     field = gaussian_filter(rng.normal(size=(_CELLS, _CELLS)), _PATCH / RESOLUTION / 2.0)
     edges = np.quantile(field, [1.0 / 3.0, 2.0 / 3.0])
     order = rng.permutation(len(SURFACES))
-    return order[np.digitize(field, edges)].astype(np.int64)
+    return np.asarray(order[np.digitize(field, edges)], np.int64)

@@ -185,8 +185,8 @@ class World:
         corners = ((i, j), (i, j + 1), (i + 1, j), (i + 1, j + 1))
 
         def between(values: Floats) -> Floats:
-            total: Floats = sum(s * values[c] for s, c in zip(shares, corners, strict=True))
-            return total
+            parts = (s * values[c] for s, c in zip(shares, corners, strict=True))
+            return np.asarray(sum(parts), np.float64)
 
         return between(self.terrain.height), between(self._slopes[0]), between(self._slopes[1])
 

@@ -84,9 +84,8 @@ def drive(nature: Nature, stops: Stops) -> DrivenStops:
         if len(crossed):
             rest[i], distance[i] = time[crossed[0]], trace[crossed[0], 1]
     none = np.zeros(len(traces))
-    return DrivenStops(
-        time[::2], speed, station, x, y, yaw, rate, grade, roll, rest, distance, none
-    )
+    sampled: Floats = np.asarray(time[::2], np.float64)
+    return DrivenStops(sampled, speed, station, x, y, yaw, rate, grade, roll, rest, distance, none)
 
 
 class _Vehicle:

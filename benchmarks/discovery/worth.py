@@ -245,5 +245,5 @@ def _left(
         solution, *_ = np.linalg.lstsq(free, own, rcond=None)
         left = own - free @ solution
         if not (one_sign and np.any(solution < 0.0)) and left @ left < best[0]:
-            best = (float(left @ left), number, solution)
+            best = (float(left @ left), number, np.asarray(solution, np.float64))
     return best

@@ -61,16 +61,13 @@ def bench(
 
     if what == "closed-loop":
         command.closed_loop(quick=quick, json_file=json_file, out=out)
-        return
-    if what == "fleet":
+    elif what == "fleet":
         command.fleet(quick=quick, json_file=json_file, out=out)
-        return
-    if what == "discrepancy":
+    elif what == "discrepancy":
         command.discrepancy(
             quick=quick, json_file=json_file, plot=plot, out=out, sets=sets, minutes=minutes
         )
-        return
-    if what != "planner":
+    elif what == "planner":
+        command.run(quick=quick, json_file=json_file, plot=plot)
+    else:
         command.horizon(what, quick=quick, json_file=json_file)
-        return
-    command.run(quick=quick, json_file=json_file, plot=plot)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from services.cli.arguments.grouped import takes
 from services.cli.arguments.options import (
     NO_ADMISSIBLE,
     AsJson,
@@ -29,39 +31,44 @@ from services.cli.arguments.options import (
     StartSpeed,
     Topics,
     say,
-    say_written,
 )
 
 app = typer.Typer(rich_markup_mode="rich")
 
 
-@app.command()
-def plan(
-    map_file: MapFile,
-    path_file: PathFile,
-    model: ModelFile,
-    speed: StartSpeed = 0.0,
-    clear: ClearDistance = None,
-    spacing: Spacing = None,
-    quantile: Quantile = None,
+@dataclass(frozen=True, slots=True)
+class PlanOptions:
+    """Words of `slopewise plan`."""
+
+    map_file: MapFile
+    path_file: PathFile
+    model: ModelFile
+    speed: StartSpeed = 0.0
+    clear: ClearDistance = None
+    spacing: Spacing = None
+    quantile: Quantile = None
     explain: Annotated[
         bool, typer.Option("--explain", help="Say what the best candidate loses to each bound.")
-    ] = False,
-    smooth: Smooth = True,
-    horizon_penalty: HorizonPenalty = None,
-    margin_weight: MarginWeight = None,
-    margin_enough: MarginEnough = None,
-    topics: Topics = None,
+    ] = False
+    smooth: Smooth = True
+    horizon_penalty: HorizonPenalty = None
+    margin_weight: MarginWeight = None
+    margin_enough: MarginEnough = None
+    topics: Topics = None
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="plan.csv",
             help="Write all plans, a row a station; .mcap for Foxglove, .rrd for rerun.",
         ),
-    ] = None,
-    report: Report = None,
-    as_json: AsJson = False,
-) -> None:
+    ] = None
+    report: Report = None
+    as_json: AsJson = False
+
+
+@app.command()
+@takes(PlanOptions)
+def plan(options: PlanOptions) -> None:
     """Fastest safe speed along candidate paths over an elevation map.
 
     Every plan is checked after the solver: from each station, and between them, an emergency stop
@@ -76,51 +83,56 @@ def plan(
     from services.cli.commands import plan_view as view
 
     settings = command.settings_of(
-        smooth,
-        spacing=spacing,
-        horizon_penalty=horizon_penalty,
-        margin_weight=margin_weight,
-        margin_enough=margin_enough,
+        options.smooth,
+        spacing=options.spacing,
+        horizon_penalty=options.horizon_penalty,
+        margin_weight=options.margin_weight,
+        margin_enough=options.margin_enough,
     )
     job = command.PlanJob(
-        map_file,
-        path_file,
-        model,
-        speed,
-        math.inf if clear is None else clear,
+        options.map_file,
+        options.path_file,
+        options.model,
+        options.speed,
+        math.inf if options.clear is None else options.clear,
         settings,
-        command.uncertainty_at(quantile),
-        explain,
-        topics,
+        command.uncertainty_at(options.quantile),
+        options.explain,
+        options.topics,
     )
-    result = command.run(job, quiet=as_json)
-    if out is not None:
-        command.write(result, out)
-    if report is not None:
-        view.write_page(result, job, report)
-    say(as_json, lambda: view.as_json(result), lambda screen: view.show(result, screen))
-    say_written(as_json, out, report)
+    result = command.run(job, quiet=options.as_json)
+    if options.out is not None:
+        command.write(result, options.out)
+    if options.report is not None:
+        view.write_page(result, job, options.report)
+    say(options.as_json, view, result, options.out, options.report)
     if not result.admissible:
         raise typer.Exit(NO_ADMISSIBLE)
 
 
-@app.command()
-def calibrate(
-    logs: LogFiles,
-    model: ModelFile,
+@dataclass(frozen=True, slots=True)
+class CalibrateOptions:
+    """Words of `slopewise calibrate`."""
+
+    logs: LogFiles
+    model: ModelFile
     out: Annotated[
         Path | None,
         typer.Option(metavar="M2.toml", help="Write the model with what was learned."),
-    ] = None,
-    stops: Annotated[
-        Path | None, typer.Option(metavar="stops.csv", help="Write a row a stop.")
-    ] = None,
-    report: Report = None,
-    map_file: GroundMap = None,
-    topics: Topics = None,
-    coverage: Coverage = 0.995,
-    as_json: AsJson = False,
-) -> None:
+    ] = None
+    stops: Annotated[Path | None, typer.Option(metavar="stops.csv", help="Write a row a stop.")] = (
+        None
+    )
+    report: Report = None
+    map_file: GroundMap = None
+    topics: Topics = None
+    coverage: Coverage = 0.995
+    as_json: AsJson = False
+
+
+@app.command()
+@takes(CalibrateOptions)
+def calibrate(options: CalibrateOptions) -> None:
     """Learn the braking model from the stops of drive logs.
 
     Finds the stops, measures force and dead time of each on the ground under it, fits all of them
@@ -131,45 +143,49 @@ def calibrate(
     """
     from services.cli.commands import calibrate as command
 
-    job = command.CalibrateJob(logs, model, map_file, topics, coverage)
-    result = command.run(job, quiet=as_json)
-    if out is not None:
-        command.write_learned_model(result, out)
-    if stops is not None:
-        command.write_stops(result, stops)
-    if report is not None:
-        command.write_page(result, job, report)
-    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    say_written(as_json, out, stops, report)
+    result = command.run(options, quiet=options.as_json)
+    if options.out is not None:
+        command.write_learned_model(result, options.out)
+    if options.stops is not None:
+        command.write_stops(result, options.stops)
+    if options.report is not None:
+        command.write_page(result, options, options.report)
+    say(options.as_json, command, result, options.out, options.stops, options.report)
 
 
-@app.command()
-def terrain(
-    logs: LogFiles,
-    model: ModelFile,
+@dataclass(frozen=True, slots=True)
+class TerrainOptions:
+    """Words of `slopewise terrain`."""
+
+    logs: LogFiles
+    model: ModelFile
     out: Annotated[
         Path | None, typer.Option(metavar="terrain.csv", help="Write a row a stretch.")
-    ] = None,
-    report: Report = None,
+    ] = None
+    report: Report = None
     update: Annotated[
         Path | None,
         typer.Option(metavar="M2.toml", help="Write the model with the ground driven now."),
-    ] = None,
+    ] = None
     terrains: Annotated[
         str | None,
         typer.Option(metavar="T.toml", help="Known classes and settings: file, or a shipped name."),
-    ] = None,
+    ] = None
     learn: Annotated[
         Path | None,
         typer.Option(
             metavar="T2.toml",
             help="Write classes learned from the column terrain, else from what lies together.",
         ),
-    ] = None,
-    adapt: Annotated[bool, typer.Option(help="Let classes follow, and new ones arise.")] = False,
-    topics: Topics = None,
-    as_json: AsJson = False,
-) -> None:
+    ] = None
+    adapt: Annotated[bool, typer.Option(help="Let classes follow, and new ones arise.")] = False
+    topics: Topics = None
+    as_json: AsJson = False
+
+
+@app.command()
+@takes(TerrainOptions)
+def terrain(options: TerrainOptions) -> None:
     """Resistances, slip track, class and changes of terrain from the logs of a skid-steered robot.
 
     Needs wheel speeds and motor currents of both sides and the yaw rate. Stuck and suspect
@@ -181,18 +197,24 @@ def terrain(
     from services.cli.commands import terrain_result as results
     from services.cli.commands import terrain_view as view
 
-    job = command.TerrainJob(logs, model, terrains, adapt, learn is not None, topics)
-    result = command.run(job, quiet=as_json)
-    if out is not None:
-        view.write(result, out)
-    if update is not None:
-        results.write_updated_model(result, update)
-    if learn is not None:
-        results.write_learned(result, learn)
-    if report is not None:
-        view.write_page(result, job, report)
-    say(as_json, lambda: view.as_json(result), lambda screen: view.show(result, screen))
-    say_written(as_json, out, update, learn, report)
+    job = command.TerrainJob(
+        options.logs,
+        options.model,
+        options.terrains,
+        options.adapt,
+        options.learn is not None,
+        options.topics,
+    )
+    result = command.run(job, quiet=options.as_json)
+    if options.out is not None:
+        view.write(result, options.out)
+    if options.update is not None:
+        results.write_updated_model(result, options.update)
+    if options.learn is not None:
+        results.write_learned(result, options.learn)
+    if options.report is not None:
+        view.write_page(result, job, options.report)
+    say(options.as_json, view, result, options.out, options.update, options.learn, options.report)
 
 
 @app.command()
@@ -217,8 +239,7 @@ def simulate(
     result = command.run(logs, model, quiet=as_json)
     if out is not None:
         command.write(result, out)
-    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    say_written(as_json, out)
+    say(as_json, command, result, out)
 
 
 @app.command()
@@ -255,8 +276,7 @@ def discrepancy(
     job = command.DiscrepancyJob(logs, model, map_file, topics, settings)
     result = command.run(job, quiet=as_json)
     written = command.write(result, job, out)
-    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    say_written(as_json, *written)
+    say(as_json, command, result, *written)
 
 
 @app.command()

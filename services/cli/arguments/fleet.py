@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from services.cli.arguments.grouped import takes
 from services.cli.arguments.options import (
     NO_ADMISSIBLE,
     AsJson,
@@ -23,7 +25,6 @@ from services.cli.arguments.options import (
     StartSpeed,
     Topics,
     say,
-    say_written,
 )
 
 app = typer.Typer(
@@ -44,28 +45,34 @@ ByFolder = Annotated[
 ]
 
 
-@app.command("plan")
-def fleet_plan(
+@dataclass(frozen=True, slots=True)
+class FleetPlanOptions:
+    """Words of `slopewise fleet plan`."""
+
     map_file: Annotated[
         Path, typer.Argument(metavar="MAP", help="Elevation map: tiled GeoTIFF in metres.")
-    ],
+    ]
     path_files: Annotated[
         list[Path],
         typer.Argument(metavar="PATHS…", help="Candidates: CSV or Parquet with x,y[,candidate]."),
-    ],
-    model: ModelFile,
+    ]
+    model: ModelFile
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where the results go, as Parquet in parts.")
-    ],
-    speed: StartSpeed = 0.0,
-    clear: ClearDistance = None,
-    spacing: Spacing = None,
-    quantile: Quantile = None,
-    smooth: Smooth = True,
-    workers: FleetWorkers = None,
-    scheduler: Scheduler = "",
-    as_json: AsJson = False,
-) -> None:
+    ]
+    speed: StartSpeed = 0.0
+    clear: ClearDistance = None
+    spacing: Spacing = None
+    quantile: Quantile = None
+    smooth: Smooth = True
+    workers: FleetWorkers = None
+    scheduler: Scheduler = ""
+    as_json: AsJson = False
+
+
+@app.command("plan")
+@takes(FleetPlanOptions)
+def fleet_plan(options: FleetPlanOptions) -> None:
     r"""Plan the candidates of many files over a map that need not fit into memory.
 
     DIR/plans has a row a station, DIR/candidates a row a candidate, in parts. A run that was
@@ -80,29 +87,41 @@ def fleet_plan(
     from services.cli.commands import plan as one
 
     job = command.FleetPlanJob(
-        map_file, path_files, model, out, speed, math.inf if clear is None else clear,
-        one.settings_of(smooth, spacing=spacing), one.uncertainty_at(quantile),
-        workers, scheduler,
-    )  # fmt: skip
-    result = command.run(job, quiet=as_json)
-    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    say_written(as_json, out)
+        options.map_file,
+        options.path_files,
+        options.model,
+        options.out,
+        options.speed,
+        math.inf if options.clear is None else options.clear,
+        one.settings_of(options.smooth, spacing=options.spacing),
+        one.uncertainty_at(options.quantile),
+        options.workers,
+        options.scheduler,
+    )
+    result = command.run(job, quiet=options.as_json)
+    say(options.as_json, command, result, options.out)
     if not result.admissible:
         raise typer.Exit(NO_ADMISSIBLE)
 
 
+@dataclass(frozen=True, slots=True)
+class FleetCalibrateOptions:
+    """Words of `slopewise fleet calibrate`."""
+
+    logs: LogFiles
+    model: ModelFile
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for a model file a vehicle.")]
+    by_folder: ByFolder = False
+    map_file: GroundMap = None
+    coverage: Coverage = 0.995
+    workers: FleetWorkers = None
+    scheduler: Scheduler = ""
+    as_json: AsJson = False
+
+
 @app.command("calibrate")
-def fleet_calibrate(
-    logs: LogFiles,
-    model: ModelFile,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for a model file a vehicle.")],
-    by_folder: ByFolder = False,
-    map_file: GroundMap = None,
-    coverage: Coverage = 0.995,
-    workers: FleetWorkers = None,
-    scheduler: Scheduler = "",
-    as_json: AsJson = False,
-) -> None:
+@takes(FleetCalibrateOptions)
+def fleet_calibrate(options: FleetCalibrateOptions) -> None:
     """Learn a braking model for each vehicle of a fleet, pooled where its own stops say little.
 
     Surface by surface: how the vehicles differ, and each as far as its stops tell. One without
@@ -112,39 +131,42 @@ def fleet_calibrate(
     """
     from services.cli.commands import fleet_calibrate as command
 
-    job = command.FleetCalibrateJob(
-        logs, model, out, by_folder, map_file, coverage, workers, scheduler
-    )
-    result = command.run(job, quiet=as_json)
-    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    if not as_json:
-        typer.echo(f"wrote {len(result.vehicles)} model files to {out}")
+    result = command.run(options, quiet=options.as_json)
+    say(options.as_json, command, result)
+    if not options.as_json:
+        typer.echo(f"wrote {len(result.vehicles)} model files to {options.out}")
 
 
-@app.command("discrepancy")
-def fleet_discrepancy(
-    logs: LogFiles,
+@dataclass(frozen=True, slots=True)
+class FleetDiscrepancyOptions:
+    """Words of `slopewise fleet discrepancy`."""
+
+    logs: LogFiles
     models: Annotated[
         str,
         typer.Option(
             metavar="MODEL|DIR",
             help="Model file or name for all, or a folder with NAME.toml for each vehicle.",
         ),
-    ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for what is found.")],
-    by_folder: ByFolder = False,
-    map_file: GroundMap = None,
-    topics: Topics = None,
-    false_alarm: FalseAlarm = 0.005,
-    seed: Seed = 20,
+    ]
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for what is found.")]
+    by_folder: ByFolder = False
+    map_file: GroundMap = None
+    topics: Topics = None
+    false_alarm: FalseAlarm = 0.005
+    seed: Seed = 20
     pages: Annotated[
         bool,
         typer.Option("--pages/--no-pages", help="Draw a page for each, and one for the fleet."),
-    ] = True,
-    workers: FleetWorkers = None,
-    scheduler: Scheduler = "",
-    as_json: AsJson = False,
-) -> None:
+    ] = True
+    workers: FleetWorkers = None
+    scheduler: Scheduler = ""
+    as_json: AsJson = False
+
+
+@app.command("discrepancy")
+@takes(FleetDiscrepancyOptions)
+def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
     r"""Hold the logs of many vehicles against their models: who lacks which effect, and how sure.
 
     DIR/vehicles/NAME has discrepancy.json, model.toml and report.html as `slopewise discrepancy`
@@ -159,10 +181,18 @@ def fleet_discrepancy(
     from services.cli.commands import fleet_discrepancy as command
 
     job = command.FleetDiscrepancyJob(
-        logs, models, out, by_folder, map_file, topics, one.with_settings(false_alarm, seed), pages,
-        workers, scheduler,
-    )  # fmt: skip
-    result = command.run(job, quiet=as_json)
-    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
-    if not as_json:
-        typer.echo(f"wrote {out / command.PAGE if pages else out}")
+        options.logs,
+        options.models,
+        options.out,
+        options.by_folder,
+        options.map_file,
+        options.topics,
+        one.with_settings(options.false_alarm, options.seed),
+        options.pages,
+        options.workers,
+        options.scheduler,
+    )
+    result = command.run(job, quiet=options.as_json)
+    say(options.as_json, command, result)
+    if not options.as_json:
+        typer.echo(f"wrote {options.out / command.PAGE if options.pages else options.out}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import typer
 
@@ -92,23 +92,24 @@ Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
 
 
-def say(as_json: bool, data: Any, show: Any) -> None:
-    """The result as JSON, or as tables.
+class ResultView(Protocol):
+    """How a command shows what it did; its module, most often."""
 
-    Args:
-        as_json: which of them. data: called for what JSON holds. show: called with the console.
-    """
+    def as_json(self, result: Any, /) -> dict[str, Any]:
+        """For machines."""
+
+    def show(self, result: Any, console: Any, /) -> None:
+        """For people."""
+
+
+def say(as_json: bool, view: ResultView, result: Any, *files: Path | None) -> None:
+    """The result as JSON; or as tables, with the files that were written."""
     if as_json:
-        typer.echo(json.dumps(data(), allow_nan=False))
+        typer.echo(json.dumps(view.as_json(result), allow_nan=False))
         return
     from rich.console import Console
 
-    show(Console())
-
-
-def say_written(as_json: bool, *files: Path | None) -> None:
-    """Name the files that were written, where people read it."""
-    if not as_json:
-        for file in files:
-            if file is not None:
-                typer.echo(f"wrote {file}")
+    view.show(result, Console())
+    for file in files:
+        if file is not None:
+            typer.echo(f"wrote {file}")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from services.cli.arguments.grouped import takes
 from services.cli.arguments.options import (
     NO_ADMISSIBLE,
     AsJson,
@@ -57,20 +59,26 @@ def ros(
     command.run(config)
 
 
-@app.command()
-def query(
-    path_file: PathFile,
-    connect: Connect = "tcp/127.0.0.1:7447",
-    namespace: Namespace = "slopewise/robot",
-    speed: StartSpeed = 0.0,
-    clear: ClearDistance = None,
+@dataclass(frozen=True, slots=True)
+class QueryOptions:
+    """Words of `slopewise query`."""
+
+    path_file: PathFile
+    connect: Connect = "tcp/127.0.0.1:7447"
+    namespace: Namespace = "slopewise/robot"
+    speed: StartSpeed = 0.0
+    clear: ClearDistance = None
     map_file: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="Elevation map to send before.")
-    ] = None,
-    timeout: Timeout = 2.0,
-    zenoh_file: ZenohFile = "",
-    as_json: AsJson = False,
-) -> None:
+    ] = None
+    timeout: Timeout = 2.0
+    zenoh_file: ZenohFile = ""
+    as_json: AsJson = False
+
+
+@app.command()
+@takes(QueryOptions)
+def query(options: QueryOptions) -> None:
     """Ask a running service for plans along candidate paths.
 
     Where no answer comes in time, the answer is the client's own stop. Status 3: no plan may be
@@ -80,51 +88,54 @@ def query(
     """
     from services.cli.commands import query as command
 
-    job = command.QueryJob(
-        path_file, connect, namespace, speed, clear, timeout, map_file, zenoh_file
-    )
-    outcome = command.run(job)
-    say(as_json, lambda: command.as_json(outcome), lambda screen: command.show(outcome, screen))
+    outcome = command.run(options)
+    say(options.as_json, command, outcome)
     if not command.admissible(outcome):
         raise typer.Exit(NO_ADMISSIBLE)
 
 
-@app.command()
-def params(
+@dataclass(frozen=True, slots=True)
+class ParamsOptions:
+    """Words of `slopewise params`."""
+
     group: Annotated[
         str,
         typer.Argument(help="braking, braking.SURFACE, terrain, limits, effects; all if left out."),
-    ] = "",
+    ] = ""
     history: Annotated[
         bool,
         typer.Option("--history", help="The last changes: when, who or what, to which values."),
-    ] = False,
-    most: Annotated[int, typer.Option(min=1, max=10_000, help="Changes that are listed.")] = 20,
+    ] = False
+    most: Annotated[int, typer.Option(min=1, max=10_000, help="Changes that are listed.")] = 20
     rollback: Annotated[
         int | None,
         typer.Option(metavar="VERSION", help="Go back to how GROUP, or all, was at a version."),
-    ] = None,
+    ] = None
     changes: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter of GROUP; repeat it."),
-    ] = None,
+    ] = None
     investigate: Annotated[
         bool,
         typer.Option("--investigate", help="Hold the stops that it keeps against the model."),
-    ] = False,
+    ] = False
     adopt: Annotated[
         str, typer.Option(metavar="OFFER", help="Plan with what it found and offers.")
-    ] = "",
+    ] = ""
     faster: Annotated[
         bool,
         typer.Option("--faster", help="Even if stops get shorter than by the model file."),
-    ] = False,
-    connect: Connect = "tcp/127.0.0.1:7447",
-    namespace: Namespace = "slopewise/robot",
-    timeout: Timeout = 2.0,
-    zenoh_file: ZenohFile = "",
-    as_json: AsJson = False,
-) -> None:
+    ] = False
+    connect: Connect = "tcp/127.0.0.1:7447"
+    namespace: Namespace = "slopewise/robot"
+    timeout: Timeout = 2.0
+    zenoh_file: ZenohFile = ""
+    as_json: AsJson = False
+
+
+@app.command()
+@takes(ParamsOptions)
+def params(options: ParamsOptions) -> None:
     """Read the parameters of a running service, set them, or go back to an earlier version.
 
     Limits may be set tighter than in the model file, not wider; braking above it counts in plans
@@ -136,27 +147,29 @@ def params(
     """
     from services.cli.commands import params as command
 
-    job = command.ParamsJob(
-        connect, namespace, timeout, zenoh_file, group, most if history else 0, rollback,
-        tuple(changes or ()), investigate, adopt, faster,
-    )  # fmt: skip
-    reply = command.run(job)
-    say(as_json, lambda: command.as_json(reply), lambda screen: command.show(reply, job, screen))
+    reply = command.run(options)
+    say(options.as_json, command.ReplyView(options), reply)
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayOptions:
+    """Words of `slopewise replay`."""
+
+    logs: LogFiles
+    connect: Connect = "tcp/127.0.0.1:7447"
+    namespace: Namespace = "slopewise/robot"
+    speed_up: Annotated[
+        float, typer.Option(metavar="X", help="Seconds of the log in a second; inf: all it can.")
+    ] = 1.0
+    topics: Topics = None
+    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For each answer.")] = 5.0
+    zenoh_file: ZenohFile = ""
+    as_json: AsJson = False
 
 
 @app.command()
-def replay(
-    logs: LogFiles,
-    connect: Connect = "tcp/127.0.0.1:7447",
-    namespace: Namespace = "slopewise/robot",
-    speed_up: Annotated[
-        float, typer.Option(metavar="X", help="Seconds of the log in a second; inf: all it can.")
-    ] = 1.0,
-    topics: Topics = None,
-    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For each answer.")] = 5.0,
-    zenoh_file: ZenohFile = "",
-    as_json: AsJson = False,
-) -> None:
+@takes(ReplayOptions)
+def replay(options: ReplayOptions) -> None:
     """Play recorded drives through a running service, and say what it learned from them.
 
     Samples are told as a robot would tell them, and each batch is waited for, so that nothing is
@@ -166,6 +179,5 @@ def replay(
     """
     from services.cli.commands import replay as command
 
-    job = command.ReplayJob(logs, topics, connect, namespace, speed_up, timeout, zenoh_file)
-    result = command.run(job, quiet=as_json)
-    say(as_json, lambda: command.as_json(result), lambda screen: command.show(result, screen))
+    result = command.run(options, quiet=options.as_json)
+    say(options.as_json, command, result)

@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Console
 
 from models.errors import InputError
+from services.cli.screen import progress_bar
 
 _WIDE = 150  # columns of the widest table
 
@@ -47,8 +48,6 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
 
 def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
     """Time cycles (`cycle`), or hold smoothed plans against the optimum (`optimality`)."""
-    from services.cli.screen import progress_bar
-
     module = _benchmark(f"planner.{what}")
     console = Console()
     with progress_bar(what, module.total(quick)) as advance:
@@ -73,7 +72,6 @@ def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
 
     check_installed()
     benchmark = _benchmark("fleet.fleet")
-    from services.cli.screen import progress_bar
 
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
@@ -112,7 +110,6 @@ def discrepancy(
         raise InputError("--out", str(out), "expected a folder, got a file")
     campaign = _benchmark("discovery.campaign")
     tables = _benchmark("discovery.tables")
-    from services.cli.screen import progress_bar
 
     size = campaign.QUICK if quick else campaign.FULL
     if sets is not None:
@@ -149,7 +146,6 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
             raise InputError("closed-loop", "", f"needs {module}: pip install slopewise[sim]")
     campaign = _benchmark("closed_loop.campaign")
     tables = _benchmark("closed_loop.tables")
-    from services.cli.screen import progress_bar
 
     if out is not None and out.exists() and not out.is_dir():
         raise InputError("--out", str(out), "expected a folder, got a file")
@@ -189,14 +185,14 @@ def _write_closed_loop(driven: Any, folder: Path, console: Console) -> None:
 
 
 def _write_json(
-    result: Any, path: Path | None, console: Console, *, allow_nan: bool = False
+    result: dict[str, Any], file: Path | None, console: Console, *, allow_nan: bool = False
 ) -> None:
-    if path is not None:
-        path.write_text(json.dumps(result, indent=1, allow_nan=allow_nan) + "\n")
-        console.print(f"wrote {path}")
+    if file is not None:
+        file.write_text(json.dumps(result, indent=1, allow_nan=allow_nan) + "\n")
+        console.print(f"wrote {file}")
 
 
-def _write_plots(figures: list, path: Path) -> None:  # type: ignore[type-arg]
+def _write_plots(figures: list[Any], path: Path) -> None:
     from plotly.io import to_html
 
     parts = [

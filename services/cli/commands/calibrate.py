@@ -18,6 +18,7 @@ from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Model
 from models.stop_logs.stop_record import StopRecord
+from services.cli.arguments.files import CalibrateOptions
 from services.cli.commands.calibration_rows import ROWS, surface_json
 from services.cli.screen import progress_bar
 from services.io.access import fault
@@ -30,23 +31,6 @@ _LISTED = 20
 
 
 @dataclass(frozen=True, slots=True)
-class CalibrateJob:
-    """What to learn from, as the command line gives it.
-
-    Attributes:
-        logs: drive logs or ROS 2 bags. model_file: the model so far.
-        map_file: elevation map that the logs' x, y lie on, if there is one.
-        topics: topic mapping of the bags. coverage: share of future stops to cover.
-    """
-
-    logs: list[Path]
-    model_file: str
-    map_file: Path | None = None
-    topics: Path | None = None
-    coverage: float = 0.995
-
-
-@dataclass(frozen=True, slots=True)
 class CalibrateResult:
     """What was learned, the model with it, and the log it was learned from."""
 
@@ -56,7 +40,7 @@ class CalibrateResult:
     seconds: float
 
 
-def run(job: CalibrateJob, *, quiet: bool = False) -> CalibrateResult:
+def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
     """Read, find, fit.
 
     Raises:
@@ -64,7 +48,7 @@ def run(job: CalibrateJob, *, quiet: bool = False) -> CalibrateResult:
     """
     begin = time.perf_counter()
     settings = _settings(job)
-    model = read_model(find_model(job.model_file))
+    model = read_model(find_model(job.model))
     with progress_bar("calibrating", 4, quiet=quiet) as advance:
         log = read_logs(job.logs, job.topics)
         advance(1)
@@ -81,7 +65,7 @@ def run(job: CalibrateJob, *, quiet: bool = False) -> CalibrateResult:
     return CalibrateResult(learned, better, log, time.perf_counter() - begin)
 
 
-def _settings(job: CalibrateJob) -> CalibrationSettings:
+def _settings(job: CalibrateOptions) -> CalibrationSettings:
     try:
         return CalibrationSettings(coverage=job.coverage)
     except ParameterError as error:
@@ -117,7 +101,7 @@ def write_stops(result: CalibrateResult, path: Path) -> None:
     write_csv(columns, path)
 
 
-def write_page(result: CalibrateResult, job: CalibrateJob, path: Path) -> None:
+def write_page(result: CalibrateResult, job: CalibrateOptions, path: Path) -> None:
     """The report page."""
     from services.report.calibration_page import write_report
 
@@ -126,7 +110,7 @@ def write_page(result: CalibrateResult, job: CalibrateJob, path: Path) -> None:
     clock = {s.start: float(result.log.columns["t"][s.start]) for s in c.suspects}
     provenance = {
         "logs": ", ".join(log.name for log in job.logs),
-        "model so far": job.model_file,
+        "model so far": job.model,
         "map": job.map_file.name if job.map_file else "none",
         "written": f"{datetime.now():%Y-%m-%d %H:%M}",
     }

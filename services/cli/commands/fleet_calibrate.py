@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from models.calibration.force_fit import NAMES
 from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Model
+from services.cli.arguments.fleet import FleetCalibrateOptions
 from services.cli.screen import progress_bar
 from services.fleet.scheduler import Task, Workers, check_installed, each_done
 from services.fleet.vehicles import LogTask, measure_vehicle, vehicles_of
@@ -25,27 +25,6 @@ from services.io.access import fault, reason
 from services.io.model_file import find_model, model_to_dict, read_model, write_model
 
 _LISTED = 30
-
-
-@dataclass(frozen=True, slots=True)
-class FleetCalibrateJob:
-    """What to learn from, as the command line gives it.
-
-    Attributes:
-        logs: drive logs. model_file: the model so far, of all vehicles.
-        by_folder: logs of a folder are of one vehicle; else each file is of its own.
-        map_file: elevation map that the logs' x, y lie on, if there is one.
-        coverage: share of future stops to cover.
-    """
-
-    logs: Sequence[Path]
-    model_file: str
-    out: Path
-    by_folder: bool = False
-    map_file: Path | None = None
-    coverage: float = 0.995
-    workers: int | None = None
-    scheduler: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +37,7 @@ class FleetCalibrateResult:
     seconds: float
 
 
-def run(job: FleetCalibrateJob, *, quiet: bool = False) -> FleetCalibrateResult:
+def run(job: FleetCalibrateOptions, *, quiet: bool = False) -> FleetCalibrateResult:
     """Measure the stops of each vehicle, fit them together, write the model files.
 
     Raises:
@@ -70,7 +49,7 @@ def run(job: FleetCalibrateJob, *, quiet: bool = False) -> FleetCalibrateResult:
         settings = CalibrationSettings(coverage=job.coverage)
     except ParameterError as error:
         raise fault("--coverage", "", f"expected {error.expected}") from None
-    model = read_model(find_model(job.model_file))
+    model = read_model(find_model(job.model))
     grouped = vehicles_of(job.logs, job.by_folder)
     _make(job.out)
     map_file = None if job.map_file is None else job.map_file.resolve()

@@ -8,7 +8,6 @@ from __future__ import annotations
 import getpass
 import math
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -17,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from models.errors import InputError
+from services.cli.arguments.robot import ParamsOptions
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import client_session
@@ -38,39 +38,14 @@ _MOST_NAME = 120
 _LOOK_AGAIN = 0.3  # [s]
 
 
-@dataclass(frozen=True, slots=True)
-class ParamsJob:
-    """What is wanted of whom; at most one of `history` … `adopt`.
-
-    Attributes:
-        connect, namespace, zenoh_file: where the service is. timeout: for the answer [s].
-        group: its name; empty for all.
-        history: how many changes. rollback: to which version. changes: NAME=VALUE, to be set.
-        investigate: look at the stored stops, and wait for the finding. adopt: id of an offer;
-            faster: even if stops become shorter than by the model file.
-    """
-
-    connect: str
-    namespace: str
-    timeout: float = 2.0
-    zenoh_file: str = ""
-    group: str = ""
-    history: int = 0
-    rollback: int | None = None
-    changes: tuple[str, ...] = ()
-    investigate: bool = False
-    adopt: str = ""
-    faster: bool = False
-
-
-def run(job: ParamsJob) -> ParameterReply:
+def run(job: ParamsOptions) -> ParameterReply:
     """Ask, or change.
 
     Raises:
         InputError: an option cannot be used, nobody answers, or the service refuses.
     """
     wanted = (
-        job.history > 0, job.rollback is not None, bool(job.changes), job.investigate,
+        job.history, job.rollback is not None, bool(job.changes), job.investigate,
         bool(job.adopt),
     )  # fmt: skip
     if sum(wanted) > 1:
@@ -90,7 +65,7 @@ def run(job: ParamsJob) -> ParameterReply:
     return reply
 
 
-def _request(job: ParamsJob) -> tuple[str, msgspec.Struct]:
+def _request(job: ParamsOptions) -> tuple[str, msgspec.Struct]:
     if job.rollback is not None:
         if job.rollback < 0:
             raise InputError("--rollback", "", f"expected a version, got {job.rollback}")
@@ -104,10 +79,10 @@ def _request(job: ParamsJob) -> tuple[str, msgspec.Struct]:
         return "discrepancy", DiscrepancyQuestion(start=True, who=_who())
     if job.adopt:
         return "params/adopt", AdoptOffer(offer=job.adopt, faster=job.faster, who=_who())
-    return "params", ParameterQuestion(group=job.group, history=job.history)
+    return "params", ParameterQuestion(group=job.group, history=job.most if job.history else 0)
 
 
-def _values(changes: tuple[str, ...]) -> dict[str, float]:
+def _values(changes: list[str]) -> dict[str, float]:
     values = {}
     for change in changes:
         name, _, text = change.partition("=")
@@ -129,7 +104,7 @@ def _who() -> str:
 
 
 def _ask(
-    session: zenoh.Session, key: str, request: msgspec.Struct, job: ParamsJob
+    session: zenoh.Session, key: str, request: msgspec.Struct, job: ParamsOptions
 ) -> ParameterReply:
     written = Format.MESSAGEPACK
     replies = session.get(
@@ -150,7 +125,23 @@ def as_json(reply: ParameterReply) -> dict[str, Any]:
     return dict(msgspec.to_builtins(reply))
 
 
-def show(reply: ParameterReply, job: ParamsJob, console: Console) -> None:
+class ReplyView:
+    """A reply, shown as it was asked for."""
+
+    def __init__(self, job: ParamsOptions) -> None:
+        """What was asked."""
+        self._job = job
+
+    def as_json(self, reply: ParameterReply) -> dict[str, Any]:
+        """For machines."""
+        return as_json(reply)
+
+    def show(self, reply: ParameterReply, console: Console) -> None:
+        """For people."""
+        show(reply, self._job, console)
+
+
+def show(reply: ParameterReply, job: ParamsOptions, console: Console) -> None:
     """A row a parameter, or a row a change."""
     kept = "" if reply.durable else ", [red]not kept on disk[/]"
     title = f"{reply.service}: version {reply.version}{kept}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from rich.table import Table
 
 from models.errors import InputError, ParameterError
 from planner.path import CandidatePath
+from services.cli.arguments.robot import QueryOptions
 from services.client import ClientAnswer, PlanClient
 from services.io.maps.map_file import read_map
 from services.io.path_file import read_paths
@@ -25,21 +25,7 @@ from services.wire.messages import MapUpdate
 _PAUSE = 0.01
 
 
-@dataclass(frozen=True, slots=True)
-class QueryJob:
-    """What to ask whom. Speeds in m/s, lengths in m, times in s."""
-
-    path_file: Path
-    connect: str
-    namespace: str
-    speed: float
-    clear: float | None
-    timeout: float
-    map_file: Path | None = None
-    zenoh_file: str = ""
-
-
-def run(job: QueryJob) -> ClientAnswer:
+def run(job: QueryOptions) -> ClientAnswer:
     """Send the map, if there is one, and ask.
 
     Raises:

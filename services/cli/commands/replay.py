@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from models.errors import InputError
+from services.cli.arguments.robot import ReplayOptions
 from services.cli.screen import progress_bar
 from services.io.logs.drive_log import DriveLog
 from services.io.logs.log_source import read_logs
@@ -32,19 +32,6 @@ _BATCH = 0.25
 
 _MOST_TOGETHER = 1000
 _LARGEST_REPLY = 64_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class ReplayJob:
-    """What to play to whom; ``speed_up``: seconds of the log in a second, inf: all it can."""
-
-    logs: Sequence[Path]
-    topics: Path | None
-    connect: str
-    namespace: str
-    speed_up: float
-    timeout: float
-    zenoh_file: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +54,7 @@ class ReplayResult:
     version: tuple[int, int] = field(default=(0, 0))
 
 
-def run(job: ReplayJob, *, quiet: bool = False) -> ReplayResult:
+def run(job: ReplayOptions, *, quiet: bool = False) -> ReplayResult:
     """Play the log.
 
     Raises:

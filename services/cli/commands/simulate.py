@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -111,18 +111,7 @@ def write(result: SimulateResult, path: Path) -> None:
 
 def as_json(result: SimulateResult) -> dict[str, Any]:
     """Summary for machines."""
-    return {
-        "runs": [
-            {
-                "run": r.run,
-                "stops": r.stops,
-                "rms": r.rms,
-                "worst": r.worst,
-                "longer_by": r.longer_by,
-            }
-            for r in result.runs
-        ]
-    }
+    return {"runs": [asdict(r) for r in result.runs]}
 
 
 def show(result: SimulateResult, console: Console, most: int = 30) -> None:

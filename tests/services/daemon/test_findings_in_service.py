@@ -15,7 +15,8 @@ import zenoh
 from rich.console import Console
 
 from models.errors import InputError
-from services.cli.commands.params import ParamsJob, run, show
+from services.cli.arguments.robot import ParamsOptions
+from services.cli.commands.params import run, show
 from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import Running, running
@@ -178,7 +179,7 @@ def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
         send_ground(one)
         before = stopping(one)
         drive(one, seed=2)
-        job = ParamsJob(started.endpoint, started.namespace)
+        job = ParamsOptions(connect=started.endpoint, namespace=started.namespace)
         found = run(replace(job, investigate=True))
         assert found.offer is not None, found.investigation
         offer = found.offer.id

@@ -12,6 +12,7 @@ import pytest
 
 from models.errors import InputError
 from planner.ground.elevation_map import ElevationMap
+from services.cli.arguments.files import CalibrateOptions
 from services.cli.commands import calibrate
 from services.io.maps.map_file import write_map_npz
 from services.io.model_file import read_model
@@ -38,8 +39,8 @@ def file(log: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(log, tmp_path_factory.mktemp("drive") / "log.csv")
 
 
-def job(path: Path, **further: object) -> calibrate.CalibrateJob:
-    return calibrate.CalibrateJob([path], "atv", **further)  # type: ignore[arg-type]
+def job(path: Path, **further: object) -> CalibrateOptions:
+    return CalibrateOptions([path], "atv", **further)  # type: ignore[arg-type]
 
 
 def test_the_command_writes_model_stops_and_page(file: Path, tmp_path: Path) -> None:

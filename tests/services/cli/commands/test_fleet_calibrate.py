@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from models.errors import InputError
+from services.cli.arguments.fleet import FleetCalibrateOptions
 from services.cli.commands import fleet_calibrate
 from services.io.model_file import find_model, read_model
 from services.io.table import write_csv
@@ -27,7 +28,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def run(logs: list[Path], out: Path, **changes: object) -> fleet_calibrate.FleetCalibrateResult:
-    job = fleet_calibrate.FleetCalibrateJob(logs, "atv", out, **{"workers": 0, **changes})
+    job = FleetCalibrateOptions(logs, "atv", out, **{"workers": 0, **changes})
     return fleet_calibrate.run(job, quiet=True)
 
 

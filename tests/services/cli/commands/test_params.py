@@ -15,7 +15,8 @@ import pytest
 from rich.console import Console
 
 from models.errors import InputError
-from services.cli.commands.params import ParamsJob, as_json, run, show
+from services.cli.arguments.robot import ParamsOptions
+from services.cli.commands.params import as_json, run, show
 from tests.services.parameter_client import Robot
 from tests.services.service_process import Running, running
 
@@ -41,7 +42,7 @@ def params(service: Running, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_it_reads_sets_and_goes_back(service: Running) -> None:
-    job = ParamsJob(service.endpoint, service.namespace)
+    job = ParamsOptions(connect=service.endpoint, namespace=service.namespace)
     screen = Console(width=200, record=True, file=io.StringIO())
     show(run(job), job, screen)
     read = screen.export_text()
@@ -59,7 +60,7 @@ def test_it_reads_sets_and_goes_back(service: Running) -> None:
     assert "ann" in history.stdout
     back = run(replace(job, rollback=2))
     assert {g.group: g.values for g in back.groups}["limits"]["speed"] == 4.0
-    newest = as_json(run(replace(job, history=1)))
+    newest = as_json(run(replace(job, history=True, most=1)))
     assert [h["cause"] for h in newest["history"]] == ["rolled back to version 2"]
 
 
@@ -79,7 +80,7 @@ def test_it_reads_sets_and_goes_back(service: Running) -> None:
     ],
 )
 def test_mistakes_are_named(service: Running, changes: dict[str, Any], said: str) -> None:
-    job = ParamsJob(service.endpoint, service.namespace)
+    job = ParamsOptions(connect=service.endpoint, namespace=service.namespace)
     with pytest.raises(InputError) as caught:
         run(replace(job, **changes))
     assert said in str(caught.value)
