@@ -312,6 +312,9 @@ BEATS_TRACE: Annotated[
 TRACE: Annotated[
     float, Row("1", _SETS, "share of the stopping distance below which a pattern is told, no more")
 ] = 0.01
+PATCH_TRIES: Annotated[
+    int, Row("1", _COMPUTATION, "patches tried near another one: accuracy of its place, time")
+] = 48
 P_SHAPE: Annotated[
     float, Row("1", _SETS, "p-value of an axis of place that a further patch needs")
 ] = 0.01

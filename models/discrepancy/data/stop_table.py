@@ -113,8 +113,9 @@ class StopTable:
         arrays = {
             name: getattr(self, name)[index]
             for name in (
-                "time", "speed", "station", "grade", "roll", "yaw", "yaw_rate", "x", "y", "average",
-                "binned", "spread", "held", "clock", "run", "distance", "standstill_time", "force",
+                "time", "speed", "station", "grade", "roll", "yaw", "yaw_rate", "x", "y",
+                "vertical_curvature", "average", "binned", "spread", "held", "clock", "run",
+                "distance", "standstill_time", "force",
             )
         }  # fmt: skip
         left = np.setdiff1d(np.arange(len(self)), index)

@@ -17,13 +17,12 @@ from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.brakes import brought_force, heat
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.prediction import integral, wanted_force
+from models.discrepancy.thresholds import PATCH_TRIES
 from models.effects.effect_law import Enters, Search
 from models.effects.registry import LAWS
 from models.effects.stops_seen import StopsSeen
 from models.effects.surface_patch import holds_stops, share_inside
 from models.parameters import Effect
-
-_TRIES = 48  # patches near another one
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +116,9 @@ def finer_patches(
 ) -> tuple[list[EffectColumn], Floats]:
     """Patches near one of them, moved by a share of its radius; none that hold too few stops."""
     inner = around.inner
-    rng = np.random.default_rng((_TRIES, draw))
+    rng = np.random.default_rng((PATCH_TRIES, draw))
     found, shares = [], []
-    for dx, dy, grown in closer * rng.standard_normal((_TRIES, 3)):
+    for dx, dy, grown in closer * rng.standard_normal((PATCH_TRIES, 3)):
         at = {
             "x": inner["x"] + dx * inner["radius"],
             "y": inner["y"] + dy * inner["radius"],
