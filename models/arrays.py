@@ -1,8 +1,11 @@
-"""The types of arrays. Shapes and units stand in the docstrings of what takes and gives them."""
+"""The types of arrays, and of what laws take and give.
+
+Shapes and units stand in the docstrings of what takes and gives them.
+"""
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,3 +13,14 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 Bools: TypeAlias = NDArray[np.bool_]
+
+Elementwise: TypeAlias = Any
+"""A float, an ndarray or a scalar casadi symbol alike.
+
+A law with such arguments works entry by entry and keeps no state. Arrays broadcast against each
+other by numpy's rules: stations (N,), batches of candidates (N, M), vehicle constants as floats.
+The result is a float, an array or a symbol as the arguments are. To keep it so, a law uses
+arithmetic and numpy's elementwise functions (``sqrt``, ``cos``, ``fmax``, …) only, never a branch
+on a value, ``where``, ``clip`` or ``maximum``, and calls no other law: then casadi can
+differentiate it and numba can compile it as it stands.
+"""

@@ -9,10 +9,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Floats
+from models.arrays import Elementwise, Floats
 from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
 from models.effects.stops_seen import StopsSeen
-from models.elementwise import Elementwise
 
 _LAGS = (0.02, 0.04, 0.07, 0.11, 0.17, 0.26, 0.4)  # [s] of the search
 

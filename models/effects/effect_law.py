@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NamedTuple, TypeAlias
 
+from models.arrays import Elementwise
 from models.effects.stops_seen import StopsSeen
-from models.elementwise import Elementwise
 
 Values: TypeAlias = Mapping[str, float]
 """All parameters of one effect by name, optional ones filled in."""

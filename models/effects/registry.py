@@ -15,8 +15,8 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import NamedTuple
 
+from models.arrays import Elementwise
 from models.effects.effect_law import EffectLaw, Enters, Place
-from models.elementwise import Elementwise
 from models.errors import ParameterError
 from models.parameters import Effect
 

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Floats
+from models.arrays import Elementwise, Floats
 from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Place, Search, Values
 from models.effects.stops_seen import FEWEST, StopsSeen
-from models.elementwise import Elementwise
 
 _LATTICE = 9  # centres that the search tries along the longer side of the field
 _RADII = (0.07, 0.14, 0.25)  # of the field

@@ -10,10 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Floats
+from models.arrays import Elementwise, Floats
 from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
 from models.effects.stops_seen import StopsSeen
-from models.elementwise import Elementwise
 from models.quantity import GRAVITY
 
 

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from models.arrays import Floats
+from models.arrays import Elementwise, Floats
 from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
 from models.effects.stops_seen import StopsSeen
-from models.elementwise import Elementwise
 from models.quantity import GRAVITY
 
 

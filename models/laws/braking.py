@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.elementwise import Elementwise
+from models.arrays import Elementwise
 from models.quantity import GRAVITY
 
 _LEAST_TIME = 1e-12

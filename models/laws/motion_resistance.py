@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.elementwise import Elementwise
+from models.arrays import Elementwise
 
 
 def motion_resistance(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.elementwise import Elementwise
+from models.arrays import Elementwise
 from models.quantity import GRAVITY
 
 

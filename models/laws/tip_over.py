@@ -15,7 +15,7 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from models.elementwise import Elementwise
+from models.arrays import Elementwise
 from models.quantity import GRAVITY
 
 _STEEP = 1e9

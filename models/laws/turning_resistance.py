@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.elementwise import Elementwise
+from models.arrays import Elementwise
 
 
 def turning_moment(

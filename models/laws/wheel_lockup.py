@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.elementwise import Elementwise
+from models.arrays import Elementwise
 
 _LEAST_LEVER = 1e-9
 
