@@ -2,7 +2,7 @@
 
 Kernels see float64 scalars and arrays only and release the GIL; they run on one thread, because a
 second one costs milliseconds on a busy machine. Compiled code is cached on disk beside the source,
-so that only the first run after an installation pays for the compiler.
+so that only the first run after an installation or a change of the source pays for the compiler.
 """
 
 from __future__ import annotations
@@ -15,9 +15,13 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numba
 from numpy.typing import NDArray
 
+import models
 from models.arrays import Bools as Bools
 from models.arrays import Floats as Floats
 from models.arrays import Ints as Ints
+from planner.kernels.stale import forget_stale_kernels
+
+forget_stale_kernels(Path(__file__).parents[1], Path(models.__file__ or "").parent)
 
 P = ParamSpec("P")
 R = TypeVar("R")
