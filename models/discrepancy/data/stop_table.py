@@ -46,7 +46,8 @@ class StopTable:
         time: (S, M) since the stop command [s], even steps in each stop.
         speed: (S, M) measured, smoothed [m/s]. station: (S, M) distance since the command [m].
         grade, roll, yaw, yaw_rate: (S, M) [rad], [rad/s]. x, y: (S, M) [m].
-        vertical_curvature: (S, M) change of grade along the ground [1/m]. Zero if not logged.
+        vertical_curvature: (S, M) change of grade along the ground [1/m]; that of `grade` if not
+            logged. The other channels are zero then.
         logged: channels that the log has.
         average: (S, K, M) means of each bin over grid values. binned: (S, K) measured [m/s].
         spread: (S, K) variance of a bin's mean for white noise of one; 0 for bins that are none.
@@ -248,9 +249,18 @@ def _row(
     for name in _CHANNELS:
         values = columns[name][part] if name in logged else np.zeros(len(s.time))
         row[name] = at_grid(np.unwrap(values) if name == "yaw" else values)
+    if "vertical_curvature" not in logged:
+        row["vertical_curvature"] = _bend(row["station"], row["grade"])
     used = slice(first, last + 1)
     row["average"], row["binned"], row["spread"] = _bins(s.time[used], s.speed[used], time)
     return row
+
+
+def _bend(station: Floats, grade: Floats) -> Floats:
+    """(M,) change of grade along the ground [1/m], as a model with crests takes it in a replay."""
+    step = np.gradient(station)
+    bend: Floats = np.divide(np.gradient(grade), step, out=np.zeros_like(grade), where=step > 0.0)
+    return bend
 
 
 def _end_of_fall(record: StopRecord) -> float:

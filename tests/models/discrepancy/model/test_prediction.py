@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.discrepancy.data.prepare import prepare
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.prediction import predict, simulate
+from models.discrepancy.settings import DiscrepancySettings
 from models.effects.surface_patch import share_inside
 from models.parameters import Effect
 from models.stops.simulation import GroundTrack, simulate_stop
-from tests.models.discrepancy.logs import table
+from tests.models.discrepancy.logs import log, table
 from tests.models.models_for_tests import BASE
 
 EFFECTS = {
@@ -66,6 +68,17 @@ def test_a_stop_over_a_crest_is_that_of_the_simulation() -> None:
         other = simulate_stop(replace(BASE, effect=(effect,)), track, float(stops.held[i]))
         assert np.max(np.abs(speed[i] - other.speed_at(time[i]))) < 0.004
         assert way[i, -1] == pytest.approx(other.distance, abs=0.004)
+
+
+def test_crests_that_no_column_tells_are_those_of_the_grade() -> None:
+    columns, runs = log("crests")
+    untold = {name: c for name, c in columns.items() if name != "vertical_curvature"}
+    stops = prepare(untold, runs, BASE, None, DiscrepancySettings())[0]
+    told = table("crests")
+    assert "vertical_curvature" in told.logged - stops.logged
+    rolling = told.speed > 1.0
+    off = (stops.vertical_curvature - told.vertical_curvature)[rolling]
+    assert np.sqrt(np.mean(off**2)) < 0.5 * np.std(told.vertical_curvature[rolling])
 
 
 def test_effects_of_the_model_count_like_those_added() -> None:
