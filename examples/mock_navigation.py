@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import zenoh
 
-from services.client import Outcome
+from services.client import ClientAnswer
 from services.settings.service import ZenohSettings
 from services.settings.session import zenoh_config
 from services.wire.messages import MapUpdate, Path
@@ -85,7 +85,7 @@ class Robot:
             for side in np.linspace(-SIDEWAYS, SIDEWAYS, FAN)
         ]
 
-    def drive(self, outcome: Outcome, period: float) -> None:
+    def drive(self, outcome: ClientAnswer, period: float) -> None:
         """A period of what was said; brakes by itself where nothing was."""
         reply = outcome.reply
         command = None if reply is None else reply.command

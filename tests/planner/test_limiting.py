@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from planner.explain.relaxed import without
-from planner.explain.what_if import Question
+from planner.explain.what_if import Assumptions
 from planner.ground.elevation_map import ElevationMap
 from planner.limiting import BOUNDS, Limiting
 from planner.path import CandidatePath
@@ -241,9 +241,9 @@ def test_what_the_registry_says_of_a_bound_is_there(limiting: Limiting) -> None:
     for colour in (bound.colour, bound.colour_on_dark or bound.colour):
         assert re.fullmatch("#[0-9a-f]{6}", colour)
     model = model_of(tables_with())
-    question = Question(model=model, uncertainty=None, clear=np.inf)
-    lifted = without(limiting, question)
-    assert lifted != question
+    assumptions = Assumptions(model=model, uncertainty=None, clear=np.inf)
+    lifted = without(limiting, assumptions)
+    assert lifted != assumptions
     if bound.lift.out_of_reach or bound.lift.relaxation:
         assert lifted.relax is not None
         assert lifted.relax(model) != model or limiting is Limiting.SPEED_LIMIT

@@ -120,7 +120,7 @@ def test_files_by_name_and_path(hill: slopewise.ElevationMap, tmp_path: Path) ->
 
 def test_the_horizon_takes_public_things(hill: slopewise.ElevationMap) -> None:
     horizon = slopewise.Horizon(slopewise.read_model("atv"))
-    state = slopewise.State(x=3.0, y=6.0, heading=0.0, speed=1.0)
+    state = slopewise.PlanarState(x=3.0, y=6.0, heading=0.0, speed=1.0)
     answer = horizon.step(state, [straight(6.0)], hill)
     assert answer.chosen is not None
     assert answer.command.speed > 0.0

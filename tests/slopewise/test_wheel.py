@@ -73,7 +73,7 @@ def test_it_holds_four_packages_with_all_their_files(wheel: Path) -> None:
 def test_shipped_vehicles_and_benchmarks_are_inside(installed: Path, tmp_path: Path) -> None:
     script = (
         "import slopewise; from services.io import model_file, terrain_file;"
-        "from services.io.bags.bag_topics import read_topics;"
+        "from services.io.bags.topics import read_topics;"
         "from services.cli.commands.bench import _benchmark;"
         "print(model_file.find_model('atv')); print(terrain_file.find_terrains('husky'));"
         "print(slopewise.read_model('ugv').name, read_topics(None)[1]);"
