@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import splev, splprep
 
+from models.arrays import Floats, Ints
 from models.errors import ParameterError
-from planner.kernels.compiled import Floats, Ints, read_only
+from planner.kernels.compiled import read_only
 
 MAX_STATIONS = 200_000
 """Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""

@@ -7,7 +7,8 @@ from enum import Enum
 
 import numpy as np
 
-from planner.kernels.compiled import Floats, Ints, kernel
+from models.arrays import Floats, Ints
+from planner.kernels.compiled import kernel
 from planner.limiting import Limiting
 
 

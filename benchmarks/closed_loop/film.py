@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.kernels.compiled import Floats
+from models.arrays import Floats
 
 from .drive import run_drive
 from .policies import Policy

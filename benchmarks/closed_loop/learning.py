@@ -18,12 +18,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linprog
 
+from models.arrays import Floats
 from models.errors import ParameterError
 from models.laws import braking
 from models.parameters import Braking, Effect, Model, SurfaceBraking
 from models.quantity import GRAVITY
 from models.stops.simulation import simulate_stop
-from planner.kernels.compiled import Floats
 
 from .quad import LIMITS, QUAD, ROLLING
 from .stop_sample import StopSample

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planner.kernels.compiled import Floats
+from models.arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)

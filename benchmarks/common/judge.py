@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.kernels.compiled import Floats
+from models.arrays import Floats
 from planner.plan import motion_of
 from planner.profile.smoothing import SmoothingProblem
 

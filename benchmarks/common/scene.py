@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.parameters import Braking, Limits, Model, Terrain
 from models.vehicle import Vehicle
 from planner.ground.elevation_map import ElevationMap
-from planner.kernels.compiled import Floats, Ints
 from planner.path import PathBatch
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from models.arrays import Floats
 from models.quantity import GRAVITY
-from planner.kernels.compiled import Floats
 from planner.kernels.limits import planning_limits
 from planner.pipeline.candidates import finished
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from models.arrays import Floats
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
-from planner.kernels.compiled import Floats
 from planner.path import PathBatch
 from planner.pipeline.candidate_column import CandidateColumn
 from planner.pipeline.time_optimal_batch import time_optimal_batch

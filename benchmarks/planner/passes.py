@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Floats
 from models.parameters import Braking
 from models.quantity import GRAVITY
-from planner.kernels.compiled import TILE, Floats, kernel
+from planner.kernels.compiled import TILE, kernel
 
 
 class BrakingLine(NamedTuple):

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.kernels.compiled import Floats
+from models.arrays import Floats
 from planner.profile.reference import TimeOptimalProblem, TimeOptimalReference
 
 _CREEP = 1e-3

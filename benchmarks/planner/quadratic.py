@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from planner.kernels.compiled import Bools, Floats
+from models.arrays import Bools, Floats
 from planner.profile.osqp_nearest import matrix_of
 from planner.profile.smoothing import SmoothingProblem
 from planner.profile.smoothing_program import program

@@ -15,10 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.quantity import GRAVITY
 from planner.bounds.pointwise import PointwiseBounds
 from planner.bounds.stopping_path import StopProblem, onset_speed
-from planner.kernels.compiled import Floats, Ints, inlined, kernel, row_pass
+from planner.kernels.compiled import inlined, kernel, row_pass
 from planner.limiting import Limiting
 
 _BLOCK = 128

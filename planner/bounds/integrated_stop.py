@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.effects.registry import MotionTerms
 from planner.bounds.pointwise import PointwiseBounds, side_reach
 from planner.bounds.stopping_path import (
@@ -20,7 +21,7 @@ from planner.bounds.stopping_path import (
     StopProblem,
     integrate_stop,
 )
-from planner.kernels.compiled import Floats, Ints, inlined, kernel
+from planner.kernels.compiled import inlined, kernel
 from planner.kernels.limits import PlanningLimits
 from planner.limiting import Limiting
 

@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Bools, Floats, Ints
 from models.quantity import GRAVITY
 from planner.ground.forces import Forces
 from planner.ground.terrain_profile import TerrainRows
-from planner.kernels.compiled import Bools, Floats, Ints, kernel, row_pass
+from planner.kernels.compiled import kernel, row_pass
 from planner.kernels.limits import PlanningLimits
 from planner.limiting import Limiting
 

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.parameters import Model
 from planner.bounds.closed_form_stop import stopping_bound
 from planner.bounds.integrated_stop import integrated_bound
@@ -24,7 +25,7 @@ from planner.bounds.pointwise import PointwiseBounds, pointwise_bounds
 from planner.bounds.stopping_path import StopProblem
 from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
-from planner.kernels.compiled import Floats, Ints, inlined, kernel, row_pass
+from planner.kernels.compiled import inlined, kernel, row_pass
 from planner.kernels.limits import planning_limits
 from planner.kernels.workspace import empty
 from planner.limiting import Limiting

@@ -22,11 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Floats
 from models.effects.registry import MotionTerms
 from models.quantity import GRAVITY
 from planner.ground.forces import Forces
 from planner.ground.terrain_profile import TerrainRows
-from planner.kernels.compiled import Floats, inlined
+from planner.kernels.compiled import inlined
 from planner.kernels.motion_laws import motion_deceleration
 
 STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)

@@ -10,13 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from models.arrays import Floats
 from models.laws import drive, rollover, slip_track, turning_resistance
 from models.parameters import Model
 from planner.bounds.speed_bounds import speed_bounds
 from planner.ground.braking_ground import ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import terrain_profile
-from planner.kernels.compiled import Floats
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan
 

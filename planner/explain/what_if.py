@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.arrays import Floats
 from models.parameters import Model
 from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.surface_table import resolve_surface
 from planner.ground.terrain_profile import terrain_profile
 from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import Floats
 from planner.path import CandidatePath, EvenPath, batch
 from planner.pipeline.candidates import finished
 from planner.pipeline.time_optimal_batch import solve

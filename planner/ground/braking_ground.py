@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.arrays import Bools, Floats
 from models.effects import registry
 from models.parameters import Model
 from models.quantity import GRAVITY
@@ -23,7 +24,6 @@ from planner.ground.surface_cache import surface_cache_of
 from planner.ground.surface_table import surface_bits
 from planner.ground.terrain_profile import TerrainProfile
 from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import Bools, Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.arrays import Floats
 from models.laws import crest
 from planner.ground.forces import Forces
 from planner.ground.terrain_profile import TerrainProfile
-from planner.kernels.compiled import Floats
 
 
 def over_crests(

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.errors import ParameterError
-from planner.kernels.compiled import Floats, Ints, inlined, read_only
+from planner.kernels.compiled import inlined, read_only
 
 _FEWEST_CELLS = 2
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from planner.kernels.compiled import Floats, inlined, row_pass
+from models.arrays import Floats
+from planner.kernels.compiled import inlined, row_pass
 
 POINTS = 5
 """Front left, front right, rear left, rear right, and the middle of the wheelbase."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.effects import registry
 from models.effects.effect_law import Place
 from models.parameters import Model
@@ -13,7 +14,7 @@ from planner.ground.forces import Forces
 from planner.ground.surface_table import FRICTION, MOST_FRICTION, braking_on
 from planner.ground.terrain_profile import TerrainProfile
 from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import Floats, Ints, kernel
+from planner.kernels.compiled import kernel
 from planner.kernels.workspace import empty
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Bools, Floats, Ints
 from planner.ground.surface_table import (
     B_B,
     B_M,
@@ -20,7 +21,7 @@ from planner.ground.surface_table import (
     UP_B_M,
     UP_M_M,
 )
-from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel, row_pass
+from planner.kernels.compiled import inlined, kernel, row_pass
 from planner.kernels.workspace import empty
 
 

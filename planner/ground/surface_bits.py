@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from planner.ground.footprint import POINTS, offset, on_grid
-from planner.kernels.compiled import Floats, Ints, inlined, kernel, row_pass
+from planner.kernels.compiled import inlined, kernel, row_pass
 
 MAX_CLASSES = 62
 """Surfaces one map can tell apart: a station keeps those under its wheels as bits of an int64."""

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.effects import registry
 from models.parameters import Model
 from planner.ground.force_margins import margins
 from planner.ground.surface_table import FRICTION, SLOWEST, surface_table
 from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import Floats, Ints, read_only
+from planner.kernels.compiled import read_only
 
 _KEPT = 4
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.effects import registry
 from models.effects.effect_law import Enters
 from models.errors import ParameterError
 from models.parameters import Braking, Model
 from planner.ground.terrain_profile import TerrainProfile
 from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import Floats, Ints
 
 (
     M_M, B_M, M_B, B_B, UP_M_M, UP_B_M, DEAD, OFFSET,

@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Bools, Floats, Ints
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.footprint import POINTS, offset, on_grid
 from planner.ground.surface_bits import surfaces_under_wheels
-from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel, row_pass
+from planner.kernels.compiled import inlined, kernel, row_pass
 from planner.kernels.workspace import empty
 
 

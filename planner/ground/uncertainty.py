@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
+from models.arrays import Floats
 from models.effects.effect_law import Enters
 from models.effects.registry import LAWS, validate
 from models.parameters import Braking, Effect, Model
 from models.quantity import GRAVITY, quantity, validate_quantities
-from planner.kernels.compiled import Floats
 
 HOUR = 3600.0
 

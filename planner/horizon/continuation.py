@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.arrays import Floats
 from planner.horizon.answer import Deficit
 from planner.horizon.cycle_planner import CyclePlanner
 from planner.horizon.offered_path import OfferedPath
 from planner.horizon.path_projection import PathProjection
 from planner.horizon.polyline import Polyline, station_of
 from planner.horizon.previous_plan import BEHIND, PreviousPlan
-from planner.kernels.compiled import Floats
 from planner.path import PathBatch
 from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch

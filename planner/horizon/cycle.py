@@ -7,6 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
+from models.arrays import Floats
 from planner.horizon.answer import FULL_STOP, CycleAnswer, Deficit, PlanarState, Ranked
 from planner.horizon.choice import SAFE, Choice, Finished
 from planner.horizon.continuation import Continuation, PathAhead
@@ -17,7 +18,6 @@ from planner.horizon.path_cut import cut, passed_stations
 from planner.horizon.polyline import Polyline
 from planner.horizon.previous_plan import PreviousPlan
 from planner.horizon.refusals import Drivable, drivable_of
-from planner.kernels.compiled import Floats
 from planner.path import PathBatch, joined
 from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from planner.plan import Status

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.arrays import Bools, Floats
 from planner.horizon.answer import Ranked
-from planner.kernels.compiled import Bools, Floats
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from planner.verify.batch_judge import screen
 from planner.verify.judge import Violations

@@ -8,13 +8,13 @@ from time import perf_counter
 
 import numpy as np
 
+from models.arrays import Floats
 from models.parameters import Model
 from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import stations_along
 from planner.ground.uncertainty import Uncertainty
 from planner.horizon.answer import HorizonSettings
-from planner.kernels.compiled import Floats
 from planner.path import PathBatch
 from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch

@@ -13,6 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
+from models.arrays import Floats
 from models.errors import ParameterError
 from models.parameters import Model
 from planner.ground.braking_ground import GroundConditions
@@ -23,7 +24,6 @@ from planner.horizon.answer import HorizonSettings as HorizonSettings
 from planner.horizon.cycle import Cycle
 from planner.horizon.cycle_planner import CyclePlanner, Equipment
 from planner.horizon.previous_plan import PreviousPlan
-from planner.kernels.compiled import Floats
 from planner.path import CandidatePath, EvenPath, PathBatch, batch
 from planner.settings import PlannerSettings
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.arrays import Floats
 from planner.horizon.answer import HorizonSettings, PlanarState
 from planner.horizon.path_projection import PathProjection
 from planner.horizon.polyline import Polyline
 from planner.horizon.previous_plan import BEHIND, OfferedStations, PreviousPlan
-from planner.kernels.compiled import Floats
 from planner.path import PathBatch
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.arrays import Bools, Floats, Ints
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import stations_along
 from planner.horizon.path_projection import PathProjection
-from planner.kernels.compiled import Bools, Floats, Ints, kernel
+from planner.kernels.compiled import kernel
 from planner.path import PathBatch
 
 FEWEST = 3

@@ -6,8 +6,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from planner.horizon.polyline import project
-from planner.kernels.compiled import Floats, Ints, kernel
+from planner.kernels.compiled import kernel
 
 _SEARCH = 15.0
 """The vehicle is looked for on this much of a path at first: it may cross itself later [m]."""

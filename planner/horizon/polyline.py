@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.kernels.compiled import Floats, Ints, inlined, kernel
+from models.arrays import Floats, Ints
+from planner.kernels.compiled import inlined, kernel
 
 _WINDOW = 1.0
 _DRIFT = 0.1

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Floats
 from planner.horizon.path_projection import PathProjection, locate
 from planner.horizon.polyline import Polyline, limits_along, window
-from planner.kernels.compiled import Floats
 from planner.path import PathBatch
 from planner.plan import SpeedPlan
 

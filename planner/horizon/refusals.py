@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.arrays import Bools, Floats, Ints
 from planner.horizon.answer import HorizonSettings, PlanarState, Ranked
 from planner.horizon.path_cut import FEWEST
 from planner.horizon.path_projection import PathProjection, locate
-from planner.kernels.compiled import Bools, Floats, Ints, kernel
+from planner.kernels.compiled import kernel
 from planner.path import PathBatch
 
 _ENDS = 0.01

@@ -16,9 +16,6 @@ import numba
 from numpy.typing import NDArray
 
 import models
-from models.arrays import Bools as Bools
-from models.arrays import Floats as Floats
-from models.arrays import Ints as Ints
 from planner.kernels.stale import forget_stale_kernels
 
 forget_stale_kernels(Path(__file__).parents[1], Path(models.__file__ or "").parent)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.quantity import GRAVITY
-from planner.kernels.compiled import Floats, Ints
 from planner.limiting import Limiting
 from planner.pipeline import labels
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch

@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from models.arrays import Floats
 from models.errors import ParameterError
 from models.parameters import Model
 from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import Floats
 from planner.path import CandidatePath, EvenPath, resample, side_by_side
 from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch

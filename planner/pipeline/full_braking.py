@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.kernels.compiled import Floats
+from models.arrays import Floats
 from planner.limiting import Limiting
 from planner.pipeline.candidate_column import CandidateColumn
 from planner.plan import Status, motion_of

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.quantity import GRAVITY
-from planner.kernels.compiled import Floats, Ints, inlined, kernel
+from planner.kernels.compiled import inlined, kernel
 from planner.kernels.limits import PlanningLimits
 from planner.limiting import Limiting
 from planner.verify.track import Track

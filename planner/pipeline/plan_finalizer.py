@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.kernels.compiled import Floats
+from models.arrays import Floats
 from planner.pipeline.candidate_column import CandidateColumn
 from planner.pipeline.full_braking import Judged, brake_hard, emergency_stop
 from planner.pipeline.standing import standing, stands_early

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.arrays import Floats
 from models.quantity import GRAVITY
-from planner.kernels.compiled import Floats
 from planner.limiting import Limiting
 from planner.pipeline.candidate_column import CandidateColumn
 from planner.plan import Status

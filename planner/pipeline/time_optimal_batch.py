@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.arrays import Bools, Floats
 from models.parameters import Model
 from planner.bounds.speed_bounds import SpeedBounds, speed_bounds
 from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import Bools, Floats
 from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.path import PathBatch
 from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost

@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel
+from models.arrays import Bools, Floats, Ints
+from planner.kernels.compiled import inlined, kernel
 
 _ITERATIONS = 60
 _TOLERANCE = 1e-5

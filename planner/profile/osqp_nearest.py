@@ -10,7 +10,7 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from planner.kernels.compiled import Bools, Floats, Ints
+from models.arrays import Bools, Floats, Ints
 
 _TOLERANCE = 1e-4
 _ITERATIONS = 4000

@@ -17,8 +17,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from models.arrays import Bools, Floats
 from models.quantity import GRAVITY
-from planner.kernels.compiled import Bools, Floats
 from planner.plan import motion_of
 from planner.profile.smoothing import SmoothingProblem
 from planner.profile.time_optimal import ProfileProblem

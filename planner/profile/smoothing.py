@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.kernels.compiled import Floats, kernel
+from models.arrays import Floats
+from planner.kernels.compiled import kernel
 from planner.profile.banded_nearest import nearest, room
 from planner.profile.osqp_nearest import nearest_by_osqp
 from planner.profile.smoothing_program import FEWEST, REST, program, reachable

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel
+from models.arrays import Bools, Floats, Ints
+from planner.kernels.compiled import inlined, kernel
 
 REST = 1e-9
 """v² up to this is rest [m²/s²]."""

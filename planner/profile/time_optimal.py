@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Floats
 from models.quantity import GRAVITY
 from planner.bounds.speed_bounds import SpeedBounds
 from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
-from planner.kernels.compiled import TILE, Floats, inlined, kernel, row_pass
+from planner.kernels.compiled import TILE, inlined, kernel, row_pass
 from planner.kernels.limits import PlanningLimits
 from planner.kernels.workspace import empty
 

@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Floats
 from models.parameters import Model
 from planner.bounds.speed_bounds import SpeedBounds
 from planner.ground.braking_ground import BrakingGround
 from planner.ground.forces import Forces
 from planner.ground.terrain_profile import TerrainProfile, TerrainRows
-from planner.kernels.compiled import Floats, kernel
+from planner.kernels.compiled import kernel
 from planner.verify.judge import JudgedPlan, JudgeNotes, Violations, judge_track, terms_of
 from planner.verify.track import Terms, Track, copy_columns, survey_of
 

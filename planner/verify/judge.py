@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Bools, Floats, Ints
 from models.effects import registry
 from models.effects.registry import MotionTerms
 from models.laws import slip_track
 from models.parameters import Model
 from models.quantity import GRAVITY
-from planner.kernels.compiled import Bools, Floats, Ints, inlined, kernel
+from planner.kernels.compiled import inlined, kernel
 from planner.kernels.limits import planning_limits
 from planner.kernels.motion_laws import motion_deceleration
 from planner.limiting import Limiting

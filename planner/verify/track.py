@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.arrays import Floats
 from models.effects.registry import MotionTerms
 from models.laws import wheel_loads
 from models.parameters import Model
 from planner.ground.braking_ground import BrakingGround
 from planner.ground.forces import Forces
 from planner.ground.terrain_profile import TerrainProfile, TerrainRows
-from planner.kernels.compiled import Floats, inlined, kernel
+from planner.kernels.compiled import inlined, kernel
 from planner.kernels.limits import PlanningLimits
 
 _rear_share = inlined(wheel_loads.rear_load_share)

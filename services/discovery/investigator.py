@@ -20,9 +20,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from models.arrays import Floats
 from models.errors import InputError, ParameterError
 from models.parameters import Model
-from planner.kernels.compiled import Floats
 from services.discovery.finding import InvestigationOutcome
 from services.discovery.investigate import BASE, FILE, IN_USE, JOB, OUTCOME, InvestigationJob
 from services.discovery.stop_cutter import StopCutter

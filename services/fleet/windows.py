@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from models.arrays import Floats
 from planner.ground.elevation_map import ElevationMap
-from planner.kernels.compiled import Floats
 from planner.path import CandidatePath
 from services.io.maps import geotiff_file
 from services.io.maps.geotiff_file import GeotiffWindows

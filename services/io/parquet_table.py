@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from models.arrays import Floats
 from services.io.access import check_file, fault
-from services.io.table import Floats, Table
+from services.io.table import Table
 
 
 def read_parquet(path: Path) -> Table:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from models.arrays import Floats
 from models.errors import ParameterError
 from planner.path import CandidatePath
 from services.io.access import fault
@@ -17,7 +18,7 @@ from services.io.bags.recording import is_bag
 from services.io.geojson_file import read_geojson_paths
 from services.io.maps.grid import Around, in_words
 from services.io.parquet_table import read_parquet
-from services.io.table import Floats, Table, read_csv, write_csv
+from services.io.table import Table, read_csv, write_csv
 
 _OPTIONAL = {"speed_limit": "m/s", "yaw": "rad"}
 

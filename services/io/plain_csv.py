@@ -10,10 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Collection
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from models.arrays import Floats
 
 
 def plain_columns(content: str, text: Collection[str]) -> dict[str, list[str] | Floats] | None:

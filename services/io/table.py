@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.errors import InputError
 from services.io.access import fault, read_text, shown, write_atomic
 from services.io.plain_csv import plain_columns
-
-Floats = NDArray[np.float64]
 
 _LONG = 1_000_000  # characters from which loading another reader pays
 

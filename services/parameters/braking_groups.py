@@ -14,6 +14,7 @@ from statistics import median
 import msgspec
 import numpy as np
 
+from models.arrays import Floats
 from models.calibration.force_fit import NAMES, design
 from models.calibration.learned_force import LearnedForce, braking_in_use
 from models.calibration.online import OnlineBraking
@@ -25,7 +26,6 @@ from models.parameters import Braking, Model
 from models.quantity import GRAVITY
 from models.stop_logs.stop_stream import StreamedStop
 from planner.ground.uncertainty import HOUR, Uncertainty
-from planner.kernels.compiled import Floats
 from services.parameters.group import Description, ParameterGroups, State
 from services.parameters.learnable import StopTaught
 from services.settings.learning import Learning

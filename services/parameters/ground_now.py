@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from models.arrays import Floats
 from models.errors import ParameterError
 from models.parameters import Model
-from planner.kernels.compiled import Floats
 from services.parameters.group import GroundNews
 from services.wire.observations import TerrainLabel
 

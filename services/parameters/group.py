@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from models.arrays import Floats
 from models.parameters import Model
-from planner.kernels.compiled import Floats
 
 State = dict[str, Any]
 """What a group keeps over a restart, as plain values.

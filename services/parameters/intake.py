@@ -9,8 +9,8 @@ from collections import OrderedDict
 
 import numpy as np
 
+from models.arrays import Floats
 from models.errors import InputError
-from planner.kernels.compiled import Floats
 from services.wire.observations import DRIVE_COLUMNS, MORE_COLUMNS, DriveSamples, RobotObservation
 
 _MOST_SOURCES = 1000

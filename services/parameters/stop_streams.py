@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from models.arrays import Floats
 from models.stop_logs.stop_stream import StopStream, StreamedStop
-from planner.kernels.compiled import Floats
 from services.settings.learning import Learning
 
 _MOST_STREAMS = 8

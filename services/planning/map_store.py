@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.arrays import Floats
 from models.errors import InputError, ParameterError
 from planner.ground.elevation_map import ElevationMap
-from planner.kernels.compiled import Floats
 from services.wire.messages import MapUpdate
 
 _HIGHEST = 1e5

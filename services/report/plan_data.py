@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats, Ints
 from models.parameters import Model
 from planner.explain.bound_curves import bound_curves
 from planner.ground.elevation_map import ElevationMap
@@ -20,9 +20,6 @@ from services.report.hillshade import coarsen, shade
 from services.report.plan_summary import PlanSummary
 from services.report.png import encode_grey_alpha
 from services.report.words import word
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 MOST_CELLS = 900
 """Longest edge of the relief in cells; larger maps are averaged."""

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from models.arrays import Floats
 from models.errors import ParameterError
-from planner.kernels.compiled import Floats
 from services.ros.conversions import OdometrySample
 
 _DEEPEST = 64

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.vehicle import Vehicle
 from planner.ground.elevation_map import ElevationMap
-from planner.kernels.compiled import Floats
 from planner.plan import SpeedPlan
 from services.report.hillshade import shade
 

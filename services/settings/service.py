@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Literal
 
@@ -34,8 +34,8 @@ class ZenohSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Planning:
-    """Who plans, and how long a question may wait."""
+class Planning(PlannerSettings):
+    """Who plans and how, and how long a question may wait."""
 
     workers: int = quantity("1", "Threads that plan.", default=1, at_least=1, at_most=16)
     queue: int = quantity(
@@ -55,20 +55,6 @@ class Planning:
     clients: int = quantity(
         "1", "Clients that are remembered.", default=8, at_least=1, at_most=1000
     )
-    smooth: bool = True
-    spacing: float = quantity("m", "Distance between stations.", default=0.25, above=0.0)
-    horizon_penalty: float = quantity(
-        "s/m", "Ranking: time charged for each metre of path not reached.", default=2.0,
-        at_least=0.0,
-    )  # fmt: skip
-    margin_weight: float = quantity(
-        "s/m", "Ranking: time that a metre of spare clear distance is worth.", default=0.0,
-        at_least=0.0,
-    )  # fmt: skip
-    margin_enough: float = quantity(
-        "m", "Ranking: spare clear distance beyond which more is worth nothing.", default=1.0,
-        at_least=0.0,
-    )  # fmt: skip
     budget: float = quantity("s", "Time for one cycle of a client.", default=0.02, above=0.0)
     period: float = quantity("s", "From one cycle of a client to the next.", default=0.1, above=0.0)
     quantile: float = quantity(
@@ -93,13 +79,8 @@ class Planning:
 
     def planner(self) -> PlannerSettings:
         """What planning takes of it."""
-        return PlannerSettings(
-            spacing=self.spacing,
-            smooth=self.smooth,
-            horizon_penalty=self.horizon_penalty,
-            margin_weight=self.margin_weight,
-            margin_enough=self.margin_enough,
-        )
+        own = {f.name: getattr(self, f.name) for f in fields(PlannerSettings)}
+        return PlannerSettings(**own)
 
     def uncertainty(self) -> Uncertainty:
         """What plans have to survive."""

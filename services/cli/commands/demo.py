@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 
+from models.arrays import Floats
 from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath
 from planner.settings import PlannerSettings
@@ -20,8 +20,6 @@ RESOLUTION = 0.2
 _SIZE = (60.0, 48.0)  # [m] east, north
 _START = (6.0, 24.0)
 _MODEL = "atv"
-
-Floats = NDArray[np.float64]
 
 
 def run(folder: Path) -> Path:

@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import Floats
 from services.io.access import fault
 from services.io.bags.recording import Bag, folder_of, opened
 from services.io.bags.topics import Channel, read_topics
 from services.io.logs.bag_guess import guessed
 from services.io.logs.drive_log import DriveLog, log_of_tables
 from services.io.table import Table
-
-Floats = NDArray[np.float64]
 
 _FEWEST = 2
 

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from models.arrays import Floats
 from models.stop_logs import unit_suspects
 from models.vehicle import Vehicle
 from services.io.access import fault
 from services.io.bags.recording import is_bag
 from services.io.logs.drive_log import DriveLog, read_drive_log
-
-Floats = NDArray[np.float64]
 
 _NEEDED = ("v", "v_cmd", "pitch")
 _SHOWN = 3

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Floats
 from models.vehicle import Vehicle
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import terrain_profile
@@ -14,8 +15,6 @@ from services.io.access import fault
 from services.io.logs.drive_log import DriveLog
 from services.io.maps.grid import footprint_margin
 from services.io.maps.map_file import map_info, read_map
-
-Floats = NDArray[np.float64]
 
 _SPACING = 0.3  # [m] positions nearer than that are mostly noise
 _FEWEST = 3

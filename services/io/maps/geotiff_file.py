@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.kernels.compiled import Floats
+from models.arrays import Floats
 from services.io.access import check_file, fault
 from services.io.maps.grid import MapInfo
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from models.arrays import Floats
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
-from planner.kernels.compiled import Floats
 
 HEIGHTS = ("elevation", "height")
 """Layers that are taken for heights where nobody names one, in this order."""

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from models.arrays import Floats, Ints
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
-from planner.kernels.compiled import Floats, Ints
 from services.io.access import fault
 from services.io.bags.recording import is_bag
 from services.io.maps import geotiff_file, npz_map_file

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import Bools, Floats, Ints
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.surface_bits import MAX_CLASSES
-from planner.kernels.compiled import Bools, Floats, Ints
 from services.io.access import fault, write_atomic
 from services.io.maps.grid import MapInfo
 from services.io.maps.npz_archive import Archive
