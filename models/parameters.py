@@ -10,7 +10,7 @@ import dataclasses
 import math
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -67,6 +67,7 @@ class SurfaceBraking:
     covariance: Matrix | None = None
     speed_range: tuple[float, float] | None = None
     grade_range: tuple[float, float] | None = None
+    roll_range: tuple[float, float] | None = None
     sliding_friction: float | None = quantity("1", "See [braking].", default=None, above=0.0)
     uphill: UphillBraking | None = None
     class_id: int | None = None
@@ -92,6 +93,7 @@ class Braking:
     time_offset: float = quantity("s", "Safety offset t_offset.", default=0.0, at_least=0.0)
     speed_range: tuple[float, float]
     grade_range: tuple[float, float]
+    roll_range: tuple[float, float] | None = None
     covariance: Matrix | None = None
     force_std: float = quantity(
         "1", "Scatter of F_b/W from stop to stop that the model leaves.", default=0.0, at_least=0.0
@@ -99,6 +101,11 @@ class Braking:
     dead_time_std: float = quantity(
         "s", "Scatter of the dead time from stop to stop.", default=0.0, at_least=0.0
     )
+    speed_error: float = quantity(
+        "m/s", "Standard deviation of the driven speed around the planned one.", default=0.0,
+        at_least=0.0, at_most=5.0,
+    )  # fmt: skip
+    drive_in_dead_time: Literal["held", "cut", "either"] = "either"
     sliding_friction: float | None = quantity(
         "1", "Friction of locked wheels; caps the force.", default=None, above=0.0
     )
@@ -119,6 +126,8 @@ class Braking:
         validate_quantities(self)
         _validate_range("speed_range", self.speed_range)
         _validate_range("grade_range", self.grade_range)
+        if self.roll_range is not None:
+            _validate_range("roll_range", self.roll_range)
         if self.speed_range[0] < 0.0:
             raise ParameterError("speed_range", f"speeds >= 0, got {self.speed_range[0]:g}")
         _validate_covariance("covariance", self.covariance, 4)
@@ -132,6 +141,14 @@ class Braking:
                 self.on(name)
             except ParameterError as error:
                 raise ParameterError(f"terrain.{name}.{error.field}", error.expected) from None
+
+    @property
+    def trained_roll(self) -> tuple[float, float]:
+        """Rolls that stops were learned on [rad]; as far as the grades where nothing is said."""
+        if self.roll_range is not None:
+            return self.roll_range
+        widest = max(abs(self.grade_range[0]), abs(self.grade_range[1]))
+        return -widest, widest
 
     def level_force(self, onset_speed: float) -> float:
         """F_b/W on level ground, without brake level or effects."""
@@ -170,7 +187,13 @@ class Limits:
     accel: float = quantity("m/s²", "Highest planned acceleration.", above=0.0)
     decel: float = quantity("m/s²", "Highest planned (service) deceleration.", above=0.0)
     jerk: float = quantity("m/s³", "Highest planned change of acceleration.", above=0.0)
-    lateral_accel: float = quantity("m/s²", "Highest v² κ in turns.", above=0.0)
+    lateral_accel: float = quantity(
+        "m/s²", "Highest lateral acceleration in turns, the bank counted in.", above=0.0
+    )
+    vertical_accel: float = quantity(
+        "m/s²", "Highest vertical acceleration of the body on rough ground and in dips.",
+        default=5.0, above=0.0,
+    )  # fmt: skip
     min_load: float = quantity(
         "1", "Share of its level static load every axle and side must keep.", above=0.0, at_most=0.9
     )

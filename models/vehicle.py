@@ -3,10 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
+
+_WHEEL_WIDTH = 0.7
+_CLEARANCE = 0.75
+_STEP = 1.0 / 3.0
+"""What stands in for a size that a model file leaves out, as a share of the wheel radius."""
+
+
+class Shape(NamedTuple):
+    """Sizes that decide what the vehicle can pass over and beside [m], defaults filled in.
+
+    Attributes:
+        width: of body and wheels, the wider.
+        front, rear: ends of the body, ahead of and behind the middle of the wheelbase.
+        clearance: underside above level ground.
+        max_step: that a wheel may climb or fall. wheel_travel: below the plane of the others.
+        wheel_width: of a tyre.
+        assumed: names of those that the model file leaves out.
+    """
+
+    width: float
+    front: float
+    rear: float
+    clearance: float
+    max_step: float
+    wheel_travel: float
+    wheel_width: float
+    assumed: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +60,79 @@ class Vehicle:
         "A", "Motor current with the wheels lifted.", default=None, at_least=0.0
     )
 
+    width: float | None = quantity(
+        "m", "Widest part of body and wheels; track width and wheel width if left out.",
+        default=None, above=0.0,
+    )  # fmt: skip
+    front_overhang: float | None = quantity(
+        "m", "Body ahead of the front axle; the wheel radius if left out.", default=None,
+        at_least=0.0,
+    )  # fmt: skip
+    rear_overhang: float | None = quantity(
+        "m", "Body behind the rear axle; the wheel radius if left out.", default=None, at_least=0.0
+    )
+    ground_clearance: float | None = quantity(
+        "m", "Underside of the body above level ground; 3/4 of the wheel radius if left out.",
+        default=None, at_least=0.0,
+    )  # fmt: skip
+    max_step: float | None = quantity(
+        "m", "Highest step that a wheel may climb or fall; 1/3 of its radius if left out.",
+        default=None, above=0.0,
+    )  # fmt: skip
+    wheel_width: float | None = quantity(
+        "m", "Width of a tyre; 0.7 of the wheel radius if left out.", default=None, above=0.0
+    )
+    wheel_travel: float | None = quantity(
+        "m", "How far a wheel reaches below the plane of the other three; 1/3 of its radius if "
+        "left out.", default=None, above=0.0,
+    )  # fmt: skip
+    front_brake_share: float | None = quantity(
+        "1", "Part of the braking force on the front axle; its static load share if left out.",
+        default=None, at_least=0.0, at_most=1.0,
+    )  # fmt: skip
+    ride_frequency: float = quantity(
+        "Hz", "Bounce of the body on its suspension or tyres.", default=2.5, above=0.0
+    )
+    ride_damping: float = quantity(
+        "1", "Damping of that bounce, a share of the critical one.", default=0.3, above=0.0,
+        at_most=2.0,
+    )  # fmt: skip
+
     def __post_init__(self) -> None:
         validate_quantities(self)
         if not self.cg_x < self.wheelbase:
             raise ParameterError(
                 "cg_x", f"less than the wheelbase of {self.wheelbase:g} m, got {self.cg_x:g}"
             )
+        if self.width is not None and self.width < self.track_width:
+            raise ParameterError(
+                "width", f"at least the track width of {self.track_width:g} m, got {self.width:g}"
+            )
+
+    @property
+    def shape(self) -> Shape:
+        """The sizes of body and wheels; those left out follow the wheel radius."""
+        radius = self.wheel_radius
+        wheel_width = _WHEEL_WIDTH * radius if self.wheel_width is None else self.wheel_width
+        defaults = {
+            "width": self.track_width + wheel_width,
+            "front_overhang": radius,
+            "rear_overhang": radius,
+            "ground_clearance": _CLEARANCE * radius,
+            "max_step": _STEP * radius,
+            "wheel_travel": _STEP * radius,
+        }
+        given = {name: getattr(self, name) for name in defaults}
+        size = {n: defaults[n] if v is None else float(v) for n, v in given.items()}
+        half = 0.5 * self.wheelbase
+        return Shape(
+            size["width"], half + size["front_overhang"], half + size["rear_overhang"],
+            size["ground_clearance"], size["max_step"], size["wheel_travel"], wheel_width,
+            tuple(n for n, v in given.items() if v is None),
+        )  # fmt: skip
+
+    @property
+    def brake_share(self) -> float:
+        """Part of the braking force on the front axle [1]."""
+        share = self.front_brake_share
+        return self.cg_x / self.wheelbase if share is None else share

@@ -27,6 +27,13 @@ class Limiting(IntEnum):
     JERK = 9
     UNKNOWN_TERRAIN = 10
     MODEL_VALIDITY = 11
+    STEP = 12
+    CLEARANCE = 13
+    BODY = 14
+    ROUGHNESS = 15
+    CREST = 16
+    FRICTION = 17
+    HOLDING = 18
 
     @property
     def label(self) -> str:
@@ -121,5 +128,35 @@ BOUNDS: dict[Limiting, Bound] = {
     Limiting.MODEL_VALIDITY: Bound(
         "beyond the speeds or grades that the model was trained on",
         "planner.bounds.pointwise:_bars", Lift({"trained_everywhere": True}), "#4b3f9e", "#8f83e6",
+    ),
+    Limiting.STEP: Bound(
+        "a step, a drop or a hole is too high for a wheel",
+        "planner.swept.hazards:swept_hazards", Lift({"ground_smooth": True}), "#7a4a1e", "#b98352",
+    ),
+    Limiting.CLEARANCE: Bound(
+        "the ground between the wheels is higher than the underside",
+        "planner.swept.hazards:swept_hazards", Lift({"ground_smooth": True}), "#a65e2e", "#cf8a58",
+    ),
+    Limiting.BODY: Bound(
+        "the body would strike what stands ahead of, behind or beside the wheels",
+        "planner.swept.hazards:swept_hazards", Lift({"ground_smooth": True}), "#5c2b12", "#a8724f",
+    ),
+    Limiting.ROUGHNESS: Bound(
+        "vertical acceleration of the body on rough ground",
+        "planner.swept.roughness:rough_speeds", Lift(out_of_reach=("limits.vertical_accel",)),
+        "#c49a6c", dark_text=True,
+    ),
+    Limiting.CREST: Bound(
+        "wheels would press too little over a crest, or the body too much in a dip",
+        "models.laws.crest:load_loss", Lift(relaxation="even_grade"), "#2b7a78", "#58b3b0",
+    ),
+    Limiting.FRICTION: Bound(
+        "friction of the ground, shared by slope, turn and brakes",
+        "models.laws.friction_ellipse:lateral_speed_sq", Lift(relaxation="any_friction"),
+        "#3d6fb4", "#7da4dc",
+    ),
+    Limiting.HOLDING: Bound(
+        "brakes and friction could not hold the vehicle at rest",
+        "models.laws.holding:holds", Lift(relaxation="any_hold"), "#9c2f4a", "#d9708a",
     ),
 }  # fmt: skip

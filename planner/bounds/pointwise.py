@@ -18,6 +18,7 @@ from planner.ground.terrain_profile import TerrainRows
 from planner.kernels.compiled import kernel, row_pass
 from planner.kernels.limits import PlanningLimits
 from planner.limiting import Limiting
+from planner.swept.hazards import HazardRows
 
 HOLDING = 0.02
 """Least F_b/W + sin θ: below it the brakes hardly hold the vehicle, let alone stop it."""
@@ -31,6 +32,7 @@ _LATERAL = int(Limiting.LATERAL)
 _WHEEL_SPEED = int(Limiting.WHEEL_SPEED)
 _TRACTION = int(Limiting.TRACTION)
 _UNKNOWN_TERRAIN = int(Limiting.UNKNOWN_TERRAIN)
+_ROUGHNESS = int(Limiting.ROUGHNESS)
 _MODEL_VALIDITY = int(Limiting.MODEL_VALIDITY)
 
 
@@ -65,6 +67,8 @@ class _PointRow(NamedTuple):
     slowest: Floats
     fastest: Floats
     limit: Floats
+    hazard: Ints
+    rough_speed: Floats
     lower_slope: Floats
     lower_intercept: Floats
     upper_slope: Floats
@@ -78,13 +82,13 @@ class _PointRow(NamedTuple):
 
 @kernel
 def pointwise_bounds(
-    terrain: TerrainRows, forces: Forces, speed_limit: Floats, limits: PlanningLimits,
-    out: PointwiseBounds,
+    terrain: TerrainRows, forces: Forces, hazards: HazardRows, speed_limit: Floats,
+    limits: PlanningLimits, out: PointwiseBounds,
 ) -> None:  # fmt: skip
     """Bounds of each station by itself, and the first one that bars the way.
 
     Args:
-        terrain, forces: of M candidates with up to N stations.
+        terrain, forces, hazards: of M candidates with up to N stations.
         speed_limit: (N, M) limits of the path itself [m/s], or (0, 0).
         limits: of the model.
         out: filled in, without any stopping path.
@@ -93,16 +97,21 @@ def pointwise_bounds(
     cosine, cos_lean = np.empty(candidates), np.empty(candidates)
     barred = np.empty(candidates, np.int64)
     limit = np.full(candidates, np.inf)
+    rough_speed, hazard = np.full(candidates, np.inf), np.zeros(candidates, np.int64)
     out.barrier[:] = _STOPPING_PATH
     out.barrier_station[:] = terrain.counts
     out.loads_at_risk[:] = 0
     for k in range(stations):
         if speed_limit.shape[0] > 0:
             limit = speed_limit[k]
+        if hazards.code.shape[0] > 0:
+            hazard = hazards.code[k]
+        if hazards.rough_speed.shape[0] > 0:
+            rough_speed = hazards.rough_speed[k]
         row = _PointRow(
             terrain.sin_grade[k], terrain.sin_roll[k], terrain.curvature[k], cosine, cos_lean,
             terrain.known[k], forces.trained[k], forces.slowest[k], forces.fastest[k], limit,
-            forces.lower_slope[k], forces.lower_intercept[k],
+            hazard, rough_speed, forces.lower_slope[k], forces.lower_intercept[k],
             forces.upper_slope[k], forces.upper_intercept[k], barred,
             out.speed_sq_max[k], out.limiting[k], out.accel_max[k], out.demand[k],
         )  # fmt: skip
@@ -179,6 +188,7 @@ def _bars(row: _PointRow, limits: PlanningLimits) -> None:
         why = _STOPPING_PATH if least + sine < HOLDING else why
         why = _ROLLOVER if side < limits.min_load else why
         why = _TIP_OVER if min(rear, front) < limits.min_load else why
+        why = why if row.hazard[j] == 0 else row.hazard[j]
         why = why if row.trained[j] else _MODEL_VALIDITY
         row.barred[j] = why if row.known[j] else _UNKNOWN_TERRAIN
 
@@ -207,7 +217,10 @@ def _speeds(row: _PointRow, limits: PlanningLimits) -> None:
         bound = min(bound, rim * rim)
         sustained = limits.specific_power / row.demand[j] if row.demand[j] > 0.0 else np.inf
         why = _TRACTION if sustained * sustained < bound else why
-        row.speed_sq_max[j] = min(bound, sustained * sustained)
+        bound = min(bound, sustained * sustained)
+        rough = row.rough_speed[j]
+        why = _ROUGHNESS if rough * rough < bound else why
+        row.speed_sq_max[j] = min(bound, rough * rough)
         row.limiting[j] = why
 
 

@@ -29,6 +29,7 @@ from planner.kernels.compiled import inlined, kernel, row_pass
 from planner.kernels.limits import planning_limits
 from planner.kernels.workspace import empty
 from planner.limiting import Limiting
+from planner.swept.hazards import Hazards, nothing_looked_for
 
 STOP_GUARD = 2e-3
 """Kept free between stopping path and clear distance, above all errors of integration [m]."""
@@ -75,6 +76,7 @@ def speed_bounds(
     model: Model,
     clear: Floats,
     speed_limit: Floats | None = None,
+    hazards: Hazards | None = None,
 ) -> SpeedBounds:
     """Bounds on speed along candidates.
 
@@ -84,6 +86,7 @@ def speed_bounds(
         model: vehicle, terrain and limits.
         clear: (M,) station up to which the way is known free, inf if unlimited [m].
         speed_limit: (N, M) limits of the path itself [m/s].
+        hazards: what body and wheels meet; left out, nothing.
     """
     shape = profile.grade.shape
     speed_sq_max, accel_max, demand, codes = empty(4, *shape)
@@ -94,7 +97,8 @@ def speed_bounds(
     )  # fmt: skip
     terrain, forces, limits = profile.rows, ground.forces, planning_limits(model)
     own_limits = np.empty((0, 0)) if speed_limit is None else speed_limit
-    pointwise_bounds(terrain, forces, own_limits, limits, found)
+    met = hazards or nothing_looked_for()
+    pointwise_bounds(terrain, forces, met.rows, own_limits, limits, found)
     clear_distance = _clear_distance(profile, clear, barrier, barrier_station)
     problem = StopProblem(terrain, forces, clear_distance - ground.distance_offset - STOP_GUARD)
     # Drag may allow more than the closed form, which knows of none: those stops are tried for.

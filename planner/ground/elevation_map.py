@@ -27,6 +27,7 @@ class ElevationMap:
         origin: (x, y) of the centre of cell [0, 0] [m].
         terrain_class: (rows, cols) index into ``class_names``, or None where nobody classified.
         class_names: name of each class; index 0 is the base surface.
+        height_std: error of the heights of cells against each other [m], one for all.
     """
 
     elevation: Floats
@@ -34,6 +35,7 @@ class ElevationMap:
     origin: tuple[float, float]
     terrain_class: Ints | None = None
     class_names: tuple[str, ...] = field(default=("",))
+    height_std: float = 0.0
 
     def __post_init__(self) -> None:
         elevation = np.array(self.elevation, dtype=np.float64, order="C")
@@ -45,6 +47,8 @@ class ElevationMap:
             raise ParameterError("resolution", f"a cell edge > 0 [m], got {self.resolution!r}")
         if not np.all(np.isfinite(self.origin)):
             raise ParameterError("origin", f"two finite coordinates [m], got {self.origin!r}")
+        if not (np.isfinite(self.height_std) and self.height_std >= 0.0):
+            raise ParameterError("height_std", f"a length >= 0 [m], got {self.height_std!r}")
         if not np.any(np.isfinite(elevation)):
             raise ParameterError("elevation", "at least one known cell, all are unknown")
         elevation[np.isinf(elevation)] = np.nan

@@ -21,6 +21,7 @@ from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.path import PathBatch
 from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
 from planner.settings import PlannerSettings
+from planner.swept.hazards import Hazards, nothing_looked_for
 
 _ROUNDING = 1e-9
 """By so much v² at the start may exceed what service braking can bring down [m²/s²]."""
@@ -38,6 +39,7 @@ class TimeOptimalBatch:
         speed_sq: v² [m²/s²].
         reachable_start_sq: (M,) highest v² at the start that service braking can bring down.
         cost: (M,) travel time plus the charge for what is not reached [s].
+        hazards: what body and wheels meet.
     """
 
     model: Model
@@ -50,6 +52,7 @@ class TimeOptimalBatch:
     speed_sq: Floats
     reachable_start_sq: Floats
     cost: Floats
+    hazards: Hazards
 
     @property
     def reachable(self) -> Bools:
@@ -105,6 +108,7 @@ def solve(
     clear: float | Floats,
     speed_limit: Floats | None,
     settings: PlannerSettings | None = None,
+    hazards: Hazards | None = None,
 ) -> TimeOptimalBatch:
     """Time-optimal profiles on ground that was sampled before.
 
@@ -115,11 +119,12 @@ def solve(
         clear: station up to which the way is known free, one for all or (M,) [m].
         speed_limit: (N, M) limits of the paths themselves [m/s].
         settings: weights of the ranking.
+        hazards: what body and wheels meet; left out, nothing.
     """
     candidates = len(profile.count)
     scalars, start_sq = planning_limits(model), np.full(candidates, np.square(start_speed))
     bounds = speed_bounds(
-        profile, ground, model, np.full(candidates, clear, np.float64), speed_limit
+        profile, ground, model, np.full(candidates, clear, np.float64), speed_limit, hazards
     )
     speed_sq, reachable = time_optimal_profile(
         profile_problem(profile, ground, bounds, scalars, start_sq)
@@ -127,5 +132,15 @@ def solve(
     penalty = (settings or PlannerSettings()).horizon_penalty
     cost = travel_cost(profile.station, speed_sq, penalty)
     return TimeOptimalBatch(
-        model, scalars, profile, ground, bounds, speed_limit, start_sq, speed_sq, reachable, cost
+        model,
+        scalars,
+        profile,
+        ground,
+        bounds,
+        speed_limit,
+        start_sq,
+        speed_sq,
+        reachable,
+        cost,
+        hazards or nothing_looked_for(),
     )

@@ -1,0 +1,1 @@
+"""What body and wheels meet on their way: steps, rocks, walls, rough ground."""
