@@ -87,8 +87,8 @@ class Vehicle:
         "left out.", default=None, above=0.0,
     )  # fmt: skip
     front_brake_share: float | None = quantity(
-        "1", "Part of the braking force on the front axle; its static load share if left out.",
-        default=None, at_least=0.0, at_most=1.0,
+        "1", "Part of the braking force on the front axle; left out, that of the static load, or, "
+        "skid-steered, wheels of a side that turn as one.", default=None, at_least=0.0, at_most=1.0,
     )  # fmt: skip
     ride_frequency: float = quantity(
         "Hz", "Bounce of the body on its suspension or tyres.", default=2.5, above=0.0
@@ -132,7 +132,8 @@ class Vehicle:
         )  # fmt: skip
 
     @property
-    def brake_share(self) -> float:
-        """Part of the braking force on the front axle [1]."""
-        share = self.front_brake_share
-        return self.cg_x / self.wheelbase if share is None else share
+    def brake_share(self) -> float | None:
+        """Part of the braking force on the front axle [1]; None where no axle locks by itself."""
+        if self.front_brake_share is None and self.drive == "ackermann":
+            return self.cg_x / self.wheelbase
+        return self.front_brake_share

@@ -148,7 +148,7 @@ BOUNDS: dict[Limiting, Bound] = {
     ),
     Limiting.CREST: Bound(
         "wheels would press too little over a crest, or the body too much in a dip",
-        "models.laws.crest:load_loss", Lift(relaxation="even_grade"), "#2b7a78", "#58b3b0",
+        "models.laws.crest:crest_speed_sq", Lift({"ground_even": True}), "#2b7a78", "#58b3b0",
     ),
     Limiting.FRICTION: Bound(
         "friction of the ground, shared by slope, turn and brakes",
@@ -157,6 +157,7 @@ BOUNDS: dict[Limiting, Bound] = {
     ),
     Limiting.HOLDING: Bound(
         "brakes and friction could not hold the vehicle at rest",
-        "models.laws.holding:holds", Lift(relaxation="any_hold"), "#9c2f4a", "#d9708a",
+        "models.laws.holding:brakes_hold",
+        Lift({"stops_at_once": True}, relaxation="any_friction"), "#9c2f4a", "#d9708a",
     ),
 }  # fmt: skip

@@ -91,7 +91,8 @@ def check_plan(
     bounds = speed_bounds(profile, ground, model, np.array([clear], np.float64))
     emergency = plan.status is Status.INFEASIBLE
     return check(
-        track_of(profile, ground, 0), np.square(plan.speed), float(bounds.clear_distance[0]),
+        track_of(profile, bounds.ground, 0), np.square(plan.speed), float(bounds.clear_distance[0]),
         float(ground.distance_offset[0]), ground.motion, model,
+        even=track_of(profile, bounds.even_ground, 0), errors=ground.errors,
         decel=np.inf if emergency else None,
     )  # fmt: skip

@@ -33,6 +33,7 @@ STATUSES = ("ok", "blocked", "infeasible", "degraded")
 END_SLACK = 0.05  # m past the last station that is still integrated, on the last values
 GIVE_UP = 60.0  # s after which a stop that creeps on counts as none
 DISTANCE_AGREES = 2e-3  # m between the reported and the own stopping distance
+CREST_AGREES = 4e-2  # by so much a reported share may be lower, for the crests between stations
 LOAD_AGREES = 1e-3  # between the reported and the own rear load share
 
 Columns = Mapping[str, np.ndarray]
@@ -419,9 +420,8 @@ class Law:
         a_y = v**2 * here.curvature / cos_roll
         aside = 2.0 * z / width * (cos_grade * np.sin(here.roll) + a_y / G)
         rear = ((length - x) * weight - shift) / (length - x)
-        if self.crests:
-            rear = rear - self.lost_load(here, v)
-        return np.array([rear, weight - abs(aside), (x * weight + shift) / x])
+        loads = np.array([rear, weight - abs(aside), (x * weight + shift) / x])
+        return loads - self.lost_load(here, v)
 
     def braking_loads(self, y: np.ndarray, onset: np.ndarray) -> np.ndarray:
         """Least shares (3, M) in the states y (4, M), of either surface where there may be two."""
@@ -845,7 +845,8 @@ def _check_reported(
             book.add(s[k], "bookkeeping", off, text)
         off = rear[k] - least
         if exact and not steep:
-            off = abs(off)
+            # Between stations a plan counts the sharper crest of those on both sides.
+            off = max(off, least - rear[k] - CREST_AGREES)
         if off > max(LOAD_AGREES, book.tolerance):
             text = f"rear_load is {rear[k]:.4f}, not {least:.4f}"
             book.add(s[k], "bookkeeping", off, text)

@@ -42,3 +42,30 @@ def kept_force(
     """
     loss = speed * speed * np.fmax(-vertical_curvature, 0.0) / GRAVITY
     return np.fmax(1.0 - share * loss, 0.0)
+
+
+def crest_speed_sq(
+    least_share: Elementwise, min_share: Elementwise, vertical_curvature: Elementwise
+) -> Elementwise:
+    """Highest v² over a crest at which every axle, side and wheel keeps its share [m²/s²].
+
+    v² = g (share − least)/(−κ_v): with nothing to keep, g cos θ cos φ/|κ_v|, where the vehicle
+    would fly. Huge where the ground does not fall away, 0 where nothing can be lost.
+
+    Args:
+        least_share: least share of its level static load that any of them has without crest [1].
+        min_share: share that each must keep [1].
+        vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
+    """
+    spare = np.fmax(least_share - min_share, 0.0)
+    return GRAVITY * spare / np.fmax(-vertical_curvature, 1e-300)
+
+
+def dip_speed_sq(vertical_accel: Elementwise, vertical_curvature: Elementwise) -> Elementwise:
+    """Highest v² through a dip at a vertical acceleration v² κ_v [m²/s²]; huge without a dip.
+
+    Args:
+        vertical_accel: highest one allowed [m/s²].
+        vertical_curvature: κ_v = dθ/ds, positive in a dip [1/m].
+    """
+    return vertical_accel / np.fmax(vertical_curvature, 1e-300)

@@ -202,7 +202,8 @@ def _to_target(j: int, k: int, problem: StopProblem) -> tuple[float, float]:
     slope_sum = half * (2.0 * slope + seen * (forces.lower_slope[nxt, j] - slope))
     intercept_sum = half * (2.0 * intercept + seen * (forces.lower_intercept[nxt, j] - intercept))
     sine_sum = half * (2.0 * sine + seen * (sin_grade[nxt, j] - sine))
-    return slope_sum, intercept_sum + sine_sum * (1.0 + turn * turn / 12.0)
+    falls = sine_sum * (1.0 + turn * turn / 12.0) - problem.height
+    return slope_sum, intercept_sum + falls
 
 
 @row_pass

@@ -10,7 +10,8 @@ import numpy as np
 
 from models.arrays import Floats, Ints
 from models.effects.registry import MotionTerms
-from planner.bounds.pointwise import PointwiseBounds, side_reach
+from models.quantity import GRAVITY
+from planner.bounds.pointwise import PointwiseBounds
 from planner.bounds.stopping_path import (
     OVERRUN,
     REAR_LOAD,
@@ -43,23 +44,29 @@ _ROLLOVER = int(Limiting.ROLLOVER)
 
 @kernel
 def integrated_bound(
-    chosen: Ints, problem: StopProblem, motion: MotionTerms, limits: PlanningLimits,
-    bounds: PointwiseBounds,
+    chosen: Ints, problem: StopProblem, everywhere: bool, motion: MotionTerms,
+    limits: PlanningLimits, bounds: PointwiseBounds,
 ) -> None:  # fmt: skip
     """Lower bounds to speeds whose integrated stop ends before the target, loads kept.
 
     Args:
         chosen: indices of the candidates that need it.
         problem: terrain, forces and targets of all candidates.
+        everywhere: False where the closed form holds already, and only loads are looked after.
         motion: effects.
         limits: of the model.
         bounds: v² and its labels are lowered in place; those <= 0 stay.
     """
     columns = np.empty((_COLUMNS, problem.terrain.station.shape[0]))
     for j in chosen:
-        path = _path_of(j, problem, limits, columns)
-        conditions = StopConditions(problem.target[j], motion, limits.rear_lever, limits.min_load)
-        for k in range(path.station.shape[0]):
+        path = _path_of(j, problem, columns)
+        last = path.station.shape[0] if everywhere else bounds.last_risk[j] + 1
+        watched = np.inf if everywhere else path.station[min(last, path.station.shape[0] - 1)]
+        conditions = StopConditions(
+            problem.target[j], motion, limits.rear_lever, limits.front_lever, limits.side_lever,
+            limits.min_load, problem.height, watched,
+        )  # fmt: skip
+        for k in range(last):
             bound = bounds.speed_sq_max[k, j]
             if bound <= 0.0:
                 continue
@@ -70,22 +77,21 @@ def integrated_bound(
 
 
 @kernel
-def _path_of(j: int, problem: StopProblem, limits: PlanningLimits, columns: Floats) -> StopPath:
+def _path_of(j: int, problem: StopProblem, columns: Floats) -> StopPath:
     """Candidate j without padding, as views of ``columns``."""
     terrain, forces = problem.terrain, problem.forces
     n = terrain.counts[j]
     path = StopPath(
         columns[0, :n], columns[1, :n], columns[2, :n], columns[3, :n], columns[4, :n],
         columns[5, :n], columns[6, :n], columns[7, :n], columns[8, :n], columns[9, :n],
-        columns[10, :n], columns[11, :n], columns[12, :n],
+        columns[10, :n], columns[11, :n], columns[12, :n], columns[13, :n], columns[14, :n],
     )  # fmt: skip
     for k in range(n):
         sin_grade, sin_roll = terrain.sin_grade[k, j], terrain.sin_roll[k, j]
         curvature = terrain.curvature[k, j]
         cosine = np.sqrt(1.0 - sin_grade * sin_grade)
         cos_lean = np.sqrt(1.0 - sin_roll * sin_roll)
-        reach = side_reach(curvature, sin_roll, cosine, cos_lean, limits)
-        bend = abs(curvature)
+        bend, bank = abs(curvature), cosine * sin_roll
         path.station[k], path.grade[k] = terrain.station[k, j], terrain.grade[k, j]
         path.sin_grade[k] = sin_grade
         path.lower_slope[k] = forces.lower_slope[k, j]
@@ -94,7 +100,9 @@ def _path_of(j: int, problem: StopProblem, limits: PlanningLimits, columns: Floa
         path.upper_intercept[k] = forces.upper_intercept[k, j]
         path.dead_time[k], path.slowest[k] = forces.dead_time[k, j], forces.slowest[k, j]
         path.upright[k] = cosine * cos_lean
-        path.side_speed_sq[k] = reach / bend if bend > 0.0 else np.inf
+        path.tilt[k] = bank if curvature > 0.0 else -bank
+        path.lean[k] = bend / (GRAVITY * cos_lean)
+        path.falls[k] = max(-terrain.vertical_curvature[k, j], 0.0) / GRAVITY
         path.bend[k] = bend
         yaw = np.arctan2(terrain.heading_y[k, j], terrain.heading_x[k, j])
         turned = yaw - path.yaw[k - 1] if k > 0 else 0.0

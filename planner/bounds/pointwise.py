@@ -13,15 +13,13 @@ import numpy as np
 
 from models.arrays import Bools, Floats, Ints
 from models.quantity import GRAVITY
+from planner.bounds.contact import HOLDING, ContactRow, friction_ellipse, normal_force
 from planner.ground.forces import Forces
 from planner.ground.terrain_profile import TerrainRows
 from planner.kernels.compiled import kernel, row_pass
 from planner.kernels.limits import PlanningLimits
 from planner.limiting import Limiting
 from planner.swept.hazards import HazardRows
-
-HOLDING = 0.02
-"""Least F_b/W + sin θ: below it the brakes hardly hold the vehicle, let alone stop it."""
 
 _OPEN = -1
 _SPEED_LIMIT = int(Limiting.SPEED_LIMIT)
@@ -32,8 +30,15 @@ _LATERAL = int(Limiting.LATERAL)
 _WHEEL_SPEED = int(Limiting.WHEEL_SPEED)
 _TRACTION = int(Limiting.TRACTION)
 _UNKNOWN_TERRAIN = int(Limiting.UNKNOWN_TERRAIN)
+_CREST = int(Limiting.CREST)
+_FRICTION = int(Limiting.FRICTION)
+_HOLDING = int(Limiting.HOLDING)
 _ROUGHNESS = int(Limiting.ROUGHNESS)
 _MODEL_VALIDITY = int(Limiting.MODEL_VALIDITY)
+
+
+LEAST_TURN = 0.1
+"""Share of the lateral acceleration that any bank leaves to a turn: standing there is allowed."""
 
 
 class PointwiseBounds(NamedTuple):
@@ -42,7 +47,10 @@ class PointwiseBounds(NamedTuple):
     Attributes, as of :class:`planner.bounds.speed_bounds.SpeedBounds`:
         speed_sq_max, limiting, accel_max, demand: (N, M).
         barrier, barrier_station: (M,).
-        loads_at_risk: (M,) 1 where an axle or side may become too light during a stop.
+        lower_slope, lower_intercept: (N, M) what friction leaves of the lower bound of F_b/W, and
+            later crests.
+        first_risk, last_risk: (M,) stations between which an axle, side or wheel may become too
+            light during a stop; the count and -1 where none may.
     """
 
     speed_sq_max: Floats
@@ -51,7 +59,10 @@ class PointwiseBounds(NamedTuple):
     demand: Floats
     barrier: Ints
     barrier_station: Ints
-    loads_at_risk: Ints
+    lower_slope: Floats
+    lower_intercept: Floats
+    first_risk: Ints
+    last_risk: Ints
 
 
 class _PointRow(NamedTuple):
@@ -69,6 +80,12 @@ class _PointRow(NamedTuple):
     limit: Floats
     hazard: Ints
     rough_speed: Floats
+    vertical_curvature: Floats
+    friction: Floats
+    crest_sq: Floats
+    friction_sq: Floats
+    grip: Floats
+    holds: Floats
     lower_slope: Floats
     lower_intercept: Floats
     upper_slope: Floats
@@ -80,47 +97,75 @@ class _PointRow(NamedTuple):
     demand: Floats
 
 
+class PointProblem(NamedTuple):
+    """What the stations of M candidates are bounded by.
+
+    Attributes:
+        terrain, forces, hazards: of M candidates with up to N stations.
+        friction: (N, M) least friction [1], or (0, 0) where it is not known.
+        speed_limit: (N, M) limits of the path itself [m/s], or (0, 0).
+    """
+
+    terrain: TerrainRows
+    forces: Forces
+    hazards: HazardRows
+    friction: Floats
+    speed_limit: Floats
+
+
 @kernel
-def pointwise_bounds(
-    terrain: TerrainRows, forces: Forces, hazards: HazardRows, speed_limit: Floats,
-    limits: PlanningLimits, out: PointwiseBounds,
-) -> None:  # fmt: skip
+def pointwise_bounds(problem: PointProblem, limits: PlanningLimits, out: PointwiseBounds) -> None:
     """Bounds of each station by itself, and the first one that bars the way.
 
     Args:
-        terrain, forces, hazards: of M candidates with up to N stations.
-        speed_limit: (N, M) limits of the path itself [m/s], or (0, 0).
+        problem: the candidates.
         limits: of the model.
         out: filled in, without any stopping path.
     """
+    terrain, forces, hazards = problem.terrain, problem.forces, problem.hazards
     stations, candidates = terrain.sin_grade.shape
-    cosine, cos_lean = np.empty(candidates), np.empty(candidates)
+    scratch = np.empty((6, candidates))
     barred = np.empty(candidates, np.int64)
-    limit = np.full(candidates, np.inf)
+    limit, friction = np.full(candidates, np.inf), np.full(candidates, np.inf)
     rough_speed, hazard = np.full(candidates, np.inf), np.zeros(candidates, np.int64)
+    scratch[3], scratch[4] = np.inf, np.inf
     out.barrier[:] = _STOPPING_PATH
     out.barrier_station[:] = terrain.counts
-    out.loads_at_risk[:] = 0
+    out.first_risk[:], out.last_risk[:] = stations, -1
+    slips = problem.friction.shape[0] > 0
     for k in range(stations):
-        if speed_limit.shape[0] > 0:
-            limit = speed_limit[k]
+        if problem.speed_limit.shape[0] > 0:
+            limit = problem.speed_limit[k]
         if hazards.code.shape[0] > 0:
             hazard = hazards.code[k]
         if hazards.rough_speed.shape[0] > 0:
             rough_speed = hazards.rough_speed[k]
+        if slips:
+            friction = problem.friction[k]
         row = _PointRow(
-            terrain.sin_grade[k], terrain.sin_roll[k], terrain.curvature[k], cosine, cos_lean,
+            terrain.sin_grade[k], terrain.sin_roll[k], terrain.curvature[k], scratch[0], scratch[1],
             terrain.known[k], forces.trained[k], forces.slowest[k], forces.fastest[k], limit,
-            hazard, rough_speed, forces.lower_slope[k], forces.lower_intercept[k],
+            hazard, rough_speed, terrain.vertical_curvature[k], friction,
+            scratch[2], scratch[3], scratch[4], scratch[5],
+            out.lower_slope[k], out.lower_intercept[k],
             forces.upper_slope[k], forces.upper_intercept[k], barred,
             out.speed_sq_max[k], out.limiting[k], out.accel_max[k], out.demand[k],
         )  # fmt: skip
         _cosines(row)
+        contact = ContactRow(
+            row.sin_grade, row.sin_roll, row.cosine, row.cos_lean, row.curvature,
+            row.vertical_curvature, row.slowest, row.fastest, row.limit, row.friction,
+            forces.lower_slope[k], forces.lower_intercept[k], row.lower_slope, row.lower_intercept,
+            row.crest_sq, row.friction_sq, row.grip, row.holds,
+        )  # fmt: skip
+        normal_force(contact, limits)
+        if slips:
+            friction_ellipse(contact, limits)
         _drive(row, limits)
         _bars(row, limits)
         _speeds(row, limits)
         _close(k, row, out.barrier, out.barrier_station)
-        _risks(k, row, limits, out.barrier_station, out.loads_at_risk)
+        _risks(k, row, limits, out)
     before, label_before = out.speed_sq_max[0].copy(), out.limiting[0].copy()
     for k in range(stations - 1):
         _between(k, out, before, label_before)
@@ -165,7 +210,7 @@ def _drive(row: _PointRow, limits: PlanningLimits) -> None:
         sine, upright = row.sin_grade[j], row.cosine[j] * row.cos_lean[j]
         resistance = limits.resistance + limits.turning_drag * abs(row.curvature[j])
         holding = sine + resistance * row.cosine[j]
-        thrust = GRAVITY * (limits.specific_force - holding)
+        thrust = GRAVITY * (min(limits.specific_force, row.grip[j]) - holding)
         lifting = GRAVITY * ((upright - limits.min_load) * per_lever - sine)
         row.accel_max[j] = max(min(limits.accel, min(thrust, lifting)), 0.0)
         row.demand[j] = holding
@@ -185,8 +230,16 @@ def _bars(row: _PointRow, limits: PlanningLimits) -> None:
         side = upright - limits.side_lever * abs(row.cosine[j] * row.sin_roll[j])
         why = _SPEED_LIMIT if row.limit[j] <= 0.0 else _OPEN
         why = _TRACTION if row.demand[j] > limits.specific_force else why
+        bank = row.cosine[j] * row.sin_roll[j]
+        sticks = row.friction[j] * upright
+        climbs = np.sqrt(max(sticks * sticks - bank * bank, 0.0))
+        slips = (abs(bank) >= sticks) | (row.demand[j] > climbs)
         why = _STOPPING_PATH if least + sine < HOLDING else why
-        why = _ROLLOVER if side < limits.min_load else why
+        why = _HOLDING if min(row.holds[j], climbs - abs(sine)) < 0.0 else why
+        why = _FRICTION if slips else why
+        # A wheel carries what is left of its axle's share and of its side's.
+        wheel = min(rear, front) + side - upright
+        why = _ROLLOVER if min(side, wheel) < limits.min_load else why
         why = _TIP_OVER if min(rear, front) < limits.min_load else why
         why = why if row.hazard[j] == 0 else row.hazard[j]
         why = why if row.trained[j] else _MODEL_VALIDITY
@@ -203,11 +256,21 @@ def _speeds(row: _PointRow, limits: PlanningLimits) -> None:
         bound = cap * cap
         bend = abs(row.curvature[j])
         per_bend = 1.0 / bend
-        turning = limits.lateral_accel * row.cos_lean[j] * per_bend if bend > 0.0 else np.inf
+        # A bank that falls away from the turn is felt as well; of what it leaves, never nothing.
+        bank = row.cosine[j] * row.sin_roll[j]
+        outward = bank if row.curvature[j] > 0.0 else -bank
+        felt = limits.lateral_accel - GRAVITY * max(outward, 0.0)
+        felt = max(felt, LEAST_TURN * limits.lateral_accel)
+        turning = felt * row.cos_lean[j] * per_bend if bend > 0.0 else np.inf
         why = _LATERAL if turning < bound else why
         bound = min(bound, turning)
         reach = side_reach(
-            row.curvature[j], row.sin_roll[j], row.cosine[j], row.cos_lean[j], limits
+            row.curvature[j],
+            row.sin_roll[j],
+            row.cosine[j],
+            row.cos_lean[j],
+            row.sin_grade[j],
+            limits,
         )
         rolling = reach * per_bend if bend > 0.0 else np.inf
         why = _ROLLOVER if rolling < bound else why
@@ -220,36 +283,48 @@ def _speeds(row: _PointRow, limits: PlanningLimits) -> None:
         bound = min(bound, sustained * sustained)
         rough = row.rough_speed[j]
         why = _ROUGHNESS if rough * rough < bound else why
-        row.speed_sq_max[j] = min(bound, rough * rough)
+        bound = min(bound, rough * rough)
+        why = _CREST if row.crest_sq[j] < bound else why
+        bound = min(bound, row.crest_sq[j])
+        why = _FRICTION if row.friction_sq[j] < bound else why
+        row.speed_sq_max[j] = min(bound, row.friction_sq[j])
         row.limiting[j] = why
 
 
 @row_pass
 def side_reach(
-    curvature: float, sin_roll: float, cosine: float, cos_lean: float, limits: PlanningLimits
-) -> float:
-    """Highest v² |κ| that keeps both sides loaded [m/s²]."""
+    curvature: float, sin_roll: float, cosine: float, cos_lean: float, sine: float,
+    limits: PlanningLimits,
+) -> float:  # fmt: skip
+    """Highest v² |κ| that keeps both sides and every wheel loaded at a held speed [m/s²]."""
     outward = cosine * sin_roll if curvature > 0.0 else -cosine * sin_roll
-    spare = (cosine * cos_lean - limits.min_load) * (1.0 / limits.side_lever)
+    axle = min(limits.rear_lever * sine, -limits.front_lever * sine)
+    spare = (cosine * cos_lean + axle - limits.min_load) * (1.0 / limits.side_lever)
     return max(GRAVITY * (spare - outward), 0.0) * cos_lean
 
 
 @row_pass
-def _risks(
-    k: int, row: _PointRow, limits: PlanningLimits, barrier_station: Ints, loads_at_risk: Ints
-) -> None:
+def _risks(k: int, row: _PointRow, limits: PlanningLimits, out: PointwiseBounds) -> None:
     """Could the loads run short at the highest speed that any candidate has here?"""
+    barrier_station, first_risk, last_risk = out.barrier_station, out.first_risk, out.last_risk
     for j in range(row.sin_roll.shape[0]):
-        slow = row.slowest[j]
+        slow, sine = row.slowest[j], row.sin_grade[j]
         cap = min(min(limits.speed, row.limit[j]), row.fastest[j])
-        reach = side_reach(
-            row.curvature[j], row.sin_roll[j], row.cosine[j], row.cos_lean[j], limits
-        )
         fast = max(cap, slow)
         upper = row.upper_intercept[j] + max(slow * row.upper_slope[j], fast * row.upper_slope[j])
-        rear = row.cosine[j] * row.cos_lean[j] - limits.rear_lever * upper
-        risk = (reach < cap * cap * abs(row.curvature[j])) | (rear < limits.min_load)
-        loads_at_risk[j] |= 1 if risk & (k < barrier_station[j]) else 0
+        bank = row.cosine[j] * row.sin_roll[j]
+        outward = bank if row.curvature[j] > 0.0 else -bank
+        lost = max(-row.vertical_curvature[j], 0.0) * cap * cap * (1.0 / GRAVITY)
+        up = row.cosine[j] * row.cos_lean[j] - lost
+        turn = abs(row.curvature[j]) * cap * cap / (GRAVITY * row.cos_lean[j])
+        side = up - limits.side_lever * max(abs(bank), abs(outward + turn))
+        axle = up + min(
+            min(limits.rear_lever * sine, -limits.front_lever * sine), -limits.rear_lever * upper
+        )
+        risk = (min(axle, side) < limits.min_load) | (axle + side - up < limits.min_load)
+        risk &= k < barrier_station[j]
+        first_risk[j] = min(first_risk[j], k) if risk else first_risk[j]
+        last_risk[j] = k if risk else last_risk[j]
 
 
 @row_pass

@@ -12,21 +12,24 @@ ahead, in :mod:`planner.bounds.closed_form_stop` and, stop by stop, in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from models.arrays import Floats, Ints
+from models.effects.registry import crest_share
 from models.parameters import Model
 from planner.bounds.closed_form_stop import stopping_bound
+from planner.bounds.crest_force import lose_on_crests
 from planner.bounds.integrated_stop import integrated_bound
-from planner.bounds.pointwise import PointwiseBounds, pointwise_bounds
+from planner.bounds.pointwise import PointProblem, PointwiseBounds, pointwise_bounds
+from planner.bounds.speed_excess import add_speed, speed_excess
 from planner.bounds.stopping_path import StopProblem
 from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import inlined, kernel, row_pass
-from planner.kernels.limits import planning_limits
+from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.kernels.workspace import empty
 from planner.limiting import Limiting
 from planner.swept.hazards import Hazards, nothing_looked_for
@@ -59,6 +62,9 @@ class SpeedBounds:
         barrier: (M,) what ends the clear distance, as :class:`Limiting`; STOPPING_PATH if it is
             the end of the path or of the way known free.
         barrier_station: (M,) index of the first station that is barred, the count if none is.
+        ground: braking with what crests and friction leave of the lower bound of its force.
+        even_ground: with the force as it is learned; where the model says itself what crests take,
+            the same as ``ground``.
     """
 
     speed_sq_max: Floats
@@ -68,6 +74,8 @@ class SpeedBounds:
     clear_distance: Floats
     barrier: Ints
     barrier_station: Ints
+    ground: BrakingGround
+    even_ground: BrakingGround
 
 
 def speed_bounds(
@@ -84,35 +92,69 @@ def speed_bounds(
         profile: terrain under the wheels.
         ground: braking along the candidates.
         model: vehicle, terrain and limits.
-        clear: (M,) station up to which the way is known free, inf if unlimited [m].
+        clear: (M,) station up to which the way is known free, inf if unlimited; the front of the
+            vehicle stays before it [m].
         speed_limit: (N, M) limits of the path itself [m/s].
         hazards: what body and wheels meet; left out, nothing.
     """
     shape = profile.grade.shape
-    speed_sq_max, accel_max, demand, codes = empty(4, *shape)
-    barrier, barrier_station, loads_at_risk = (np.empty(shape[1], np.int64) for _ in range(3))
+    speed_sq_max, accel_max, demand, lower_slope, lower_intercept, codes = empty(6, *shape)
+    barrier, barrier_station, first_risk, last_risk = np.empty((4, shape[1]), np.int64)
     found = PointwiseBounds(
         speed_sq_max, codes.view(np.int64), accel_max, demand, barrier, barrier_station,
-        loads_at_risk,
+        lower_slope, lower_intercept, first_risk, last_risk,
     )  # fmt: skip
-    terrain, forces, limits = profile.rows, ground.forces, planning_limits(model)
-    own_limits = np.empty((0, 0)) if speed_limit is None else speed_limit
-    met = hazards or nothing_looked_for()
-    pointwise_bounds(terrain, forces, met.rows, own_limits, limits, found)
-    clear_distance = _clear_distance(profile, clear, barrier, barrier_station)
-    problem = StopProblem(terrain, forces, clear_distance - ground.distance_offset - STOP_GUARD)
+    limits, nothing = planning_limits(model), np.empty((0, 0))
+    pointwise_bounds(
+        PointProblem(
+            profile.rows, ground.forces, (hazards or nothing_looked_for()).rows,
+            nothing if ground.friction is None else ground.friction,
+            nothing if speed_limit is None else speed_limit,
+        ), limits, found,
+    )  # fmt: skip
+    front = model.vehicle.shape.front
+    clear_distance = _clear_distance(
+        profile, np.maximum(clear - front, 0.0), barrier, barrier_station
+    )
+    left = replace(ground, lower_slope=lower_slope, lower_intercept=lower_intercept)
+    _stopping_path(profile, left, clear_distance, limits, found)
+    _keep_chords_below(speed_sq_max, found.limiting, barrier)
+    return SpeedBounds(
+        speed_sq_max, found.limiting, accel_max, demand, clear_distance, barrier, barrier_station,
+        left, ground if crest_share(model.effect) is None else left,
+    )  # fmt: skip
+
+
+def _stopping_path(
+    profile: TerrainProfile, ground: BrakingGround, clear_distance: Floats,
+    limits: PlanningLimits, found: PointwiseBounds,
+) -> None:  # fmt: skip
+    """Lower v² to what stops before the clear distance, from the speed that it may really have."""
+    speed_sq_max, errors = found.speed_sq_max, ground.errors
+    problem = StopProblem(
+        profile.rows, ground.forces, clear_distance - ground.distance_offset - STOP_GUARD,
+        errors.height,
+    )  # fmt: skip
+    excess = speed_excess(profile, ground, limits)
+    fastest = limits.speed
+    if excess is not None:
+        fastest += float(excess.max())
+        add_speed(speed_sq_max, excess, 1.0)
+    # In place: the forces of the problem are those of what is found.
+    lose_on_crests(problem, fastest, limits.crest_share, ground.motion, found)
     # Drag may allow more than the closed form, which knows of none: those stops are tried for.
     tried = (found.limiting.copy(), speed_sq_max.copy()) if ground.motion.moves else ()
-    stopping_bound(problem, limits.speed, float(ground.dead_time.max()), found)
-    integrated = np.flatnonzero(loads_at_risk if ground.closed_form else np.ones(shape[1]))
+    stopping_bound(problem, fastest, float(ground.dead_time.max()), found)
+    everywhere = not ground.closed_form
+    integrated = np.arange(len(clear_distance))
+    if not everywhere:
+        integrated = np.flatnonzero(found.last_risk >= 0)
     if len(integrated) > 0:
         for array, standing in zip((found.limiting, speed_sq_max), tried, strict=False):
             np.copyto(array, standing, where=speed_sq_max > 0.0)
-        integrated_bound(integrated, problem, ground.motion, limits, found)
-    _keep_chords_below(speed_sq_max, found.limiting, barrier)
-    return SpeedBounds(
-        speed_sq_max, found.limiting, accel_max, demand, clear_distance, barrier, barrier_station
-    )
+        integrated_bound(integrated, problem, everywhere, ground.motion, limits, found)
+    if excess is not None:
+        add_speed(speed_sq_max, excess, -1.0)
 
 
 def _clear_distance(

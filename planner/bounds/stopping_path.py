@@ -35,6 +35,9 @@ STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)
 
 _SUBSTEPS = 2
 
+_LOAD_GUARD = 5e-4
+"""Share kept free under brakes for what changes within half a step."""
+
 
 @inlined
 def onset_speed(slope_sum: float, intercept_sum: float, slowest: float) -> float:
@@ -64,11 +67,13 @@ class StopProblem(NamedTuple):
     Attributes:
         terrain, forces: of M candidates with up to N stations.
         target: (M,) the vehicle must stand here [m].
+        height: the stop may fall by this much further than the map says [m].
     """
 
     terrain: TerrainRows
     forces: Forces
     target: Floats
+    height: float
 
 
 class StopPath(NamedTuple):
@@ -80,7 +85,8 @@ class StopPath(NamedTuple):
         dead_time: from command to onset [s].
         slowest: speed below which the force no longer changes [m/s].
         upright: cos(roll) cos(grade).
-        side_speed_sq: highest v² that keeps both sides loaded.
+        tilt: cos(grade) sin(roll), positive where it falls away from the turn.
+        lean: by how much v² adds to that [s²/m²]; falls: share of the load it takes [s²/m²].
         bend: |curvature| [1/m].
         yaw: heading, without jumps [rad].
     """
@@ -95,7 +101,9 @@ class StopPath(NamedTuple):
     dead_time: Floats
     slowest: Floats
     upright: Floats
-    side_speed_sq: Floats
+    tilt: Floats
+    lean: Floats
+    falls: Floats
     bend: Floats
     yaw: Floats
 
@@ -106,14 +114,20 @@ class StopConditions(NamedTuple):
     Attributes:
         target: the vehicle must stand here [m].
         motion: effects.
-        rear_lever: cg_z / (L − cg_x).
-        min_load: share of its static load that the rear axle must keep.
+        rear_lever, front_lever, side_lever: as of the limits.
+        min_load: share of its static load that every axle, side and wheel must keep.
+        height: the stop may fall by this much further [m].
+        watched: behind this station no load can run short, and the target is known to be kept [m].
     """
 
     target: float
     motion: MotionTerms
     rear_lever: float
+    front_lever: float
+    side_lever: float
     min_load: float
+    height: float
+    watched: float
 
 
 @inlined
@@ -140,8 +154,8 @@ def integrate_stop(
     v_i = max(speed, path.slowest[k])
     energy = speed * speed
     s = station[k] + speed * path.dead_time[k]
-    i, least = _hold_speed(k, s, energy, path, conditions.rear_lever)
-    if energy > path.side_speed_sq[i] or (i + 1 < count and _side_lifts(i, s, energy, path)):
+    i, least, side = _hold_speed(k, s, energy, path, conditions)
+    if side < conditions.min_load:
         return SIDE_LOAD, station[i], least
     force, heat, previous = 0.0, motion.heat, 0.0
     while i + 1 < count:
@@ -151,65 +165,75 @@ def integrate_stop(
             if motion.lag > 0.0:
                 piece = min(piece, max(0.2 * motion.lag * np.sqrt(energy), 1e-3))
             u = (s + 0.5 * piece - station[i]) / length
-            a, share, force, heat = _brake(
+            a, share, wheel, force, heat = _brake(
                 i, u, piece, v_i, (energy, previous, force, heat), path, conditions
             )
             least = min(least, share)
-            if least < conditions.min_load:
+            if least < conditions.min_load + _LOAD_GUARD:
                 return REAR_LOAD, s, least
+            if wheel < conditions.min_load + _LOAD_GUARD:
+                return SIDE_LOAD, s, least
             after = energy - 2.0 * a * piece
             if after <= 0.0 and a > 0.0:
-                s += energy / (2.0 * a)
+                s += (0.5 * energy + GRAVITY * conditions.height) / a
                 return (STOPPED if s <= target else OVERRUN), s, least
             energy = after
             previous = a
             s = s + piece if piece < station[i + 1] - s else station[i + 1]
+        if s > conditions.watched:
+            return STOPPED, s, least
         if s > target:
             left = energy / (2.0 * previous) if previous > 0.0 else np.inf
             return OVERRUN, s + left, least
-        if energy > path.side_speed_sq[i + 1]:
-            return SIDE_LOAD, s, least
         i += 1
     return OVERRUN, s, least
 
 
 @inlined
 def _hold_speed(
-    k: int, onset: float, energy: float, path: StopPath, rear_lever: float
-) -> tuple[int, float]:
-    """Drive at held speed up to the onset, or to where a side lifts.
+    k: int, onset: float, energy: float, path: StopPath, conditions: StopConditions
+) -> tuple[int, float, float]:
+    """Drive at held speed up to the onset, or to where a side or wheel lifts.
 
     Returns:
-        The segment that this is in, and the least rear load share before it.
+        The segment that this is in, and the least shares of the rear and of any side or wheel.
     """
-    least = np.inf
+    least, side = np.inf, np.inf
     i = k
-    while i + 1 < path.station.shape[0] and path.station[i + 1] <= onset:
-        if energy > path.side_speed_sq[i] or energy > path.side_speed_sq[i + 1]:
-            break
-        least = min(least, path.upright[i] + rear_lever * path.sin_grade[i])
+    while True:
+        rear, wheel = _held_shares(i, energy, path, conditions)
+        least, side = min(least, rear), min(side, wheel)
+        beyond = i + 1 >= path.station.shape[0] or path.station[i + 1] > onset
+        if beyond or side < conditions.min_load:
+            return i, least, side
         i += 1
-    return i, least
 
 
 @inlined
-def _side_lifts(i: int, onset: float, energy: float, path: StopPath) -> bool:
-    """At the held speed, before the end of a segment that it is driven to."""
-    return bool(path.station[i + 1] <= onset and energy > path.side_speed_sq[i + 1])
+def _held_shares(
+    i: int, energy: float, path: StopPath, conditions: StopConditions
+) -> tuple[float, float]:
+    """Rear share, and the least of sides and wheels, at station i at a held speed."""
+    up = path.upright[i] - path.falls[i] * energy
+    rear = up + conditions.rear_lever * path.sin_grade[i]
+    axle = min(rear, up - conditions.front_lever * path.sin_grade[i])
+    side = up - conditions.side_lever * abs(path.tilt[i] + path.lean[i] * energy)
+    return rear, min(side, axle + side - up)
 
 
 @inlined
 def _brake(
     i: int, u: float, piece: float, v_i: float, state: tuple[float, float, float, float],
     path: StopPath, conditions: StopConditions,
-) -> tuple[float, float, float, float]:  # fmt: skip
+) -> tuple[float, float, float, float, float]:  # fmt: skip
     """One piece of a stop, by what acts in its middle, at share u of segment i.
 
     Args:
         state: v² before the piece, deceleration before it, force built up, heat of the brakes.
 
     Returns:
-        Deceleration [m/s²], rear load share, force built up, heat of the brakes.
+        Deceleration [m/s²], share of the rear axle, least share of sides and rear wheels, force
+        built up, heat of the brakes.
     """
     motion = conditions.motion
     energy, previous, force, heat = state
@@ -241,4 +265,10 @@ def _brake(
         yaw = w * path.yaw[i] + u * path.yaw[i + 1]
         a += motion_deceleration(middle, bend, yaw, motion)
         upper += max(motion_deceleration(np.sqrt(energy), bend, yaw, motion), 0.0) / GRAVITY
-    return a, up - conditions.rear_lever * upper, force, heat
+    # The load lost over a crest is that at the fastest end of the piece.
+    up -= (w * path.falls[i] + u * path.falls[i + 1]) * energy
+    rear = up - conditions.rear_lever * upper
+    tilt = w * path.tilt[i] + u * path.tilt[i + 1]
+    lean = w * path.lean[i] + u * path.lean[i + 1]
+    side = up - conditions.side_lever * abs(tilt + lean * energy)
+    return a, rear, min(side, rear + side - up), force, heat

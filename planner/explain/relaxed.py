@@ -67,6 +67,13 @@ def _far_sides(model: Model) -> Model:
     return _stretched(model, 1.0 / _FAR, model.vehicle.cg_z / _FAR)
 
 
+def _any_friction(model: Model) -> Model:
+    """Ground of which nobody knows the friction, so that it bounds nothing."""
+    base = model.braking
+    surfaces = {n: replace(t, sliding_friction=None) for n, t in base.terrain.items()}
+    return replace(model, braking=replace(base, sliding_friction=None, terrain=surfaces))
+
+
 def _stretched(model: Model, factor: float, cg_z: float) -> Model:
     v, terrain = model.vehicle, model.terrain
     vehicle = replace(v, cg_z=cg_z, cg_x=v.cg_x * factor, wheelbase=v.wheelbase * factor)
@@ -88,6 +95,7 @@ def _out_of_reach(limits: tuple[str, ...]) -> Callable[[Model], Model]:
 
 _RELAXATIONS: Mapping[str, Callable[[Model], Model]] = {
     "as_fast_as_trained": _as_fast_as_trained,
+    "any_friction": _any_friction,
     "far_axles": _far_axles,
     "far_sides": _far_sides,
 }

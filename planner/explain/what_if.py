@@ -42,6 +42,8 @@ class Assumptions:
         path_limits: the speed limits of the path count.
         ground_known: unknown ground counts as level and known.
         surfaces_known: surfaces that the model never learned count as the ground it learned on.
+        ground_even: no crests and no dips.
+        ground_smooth: body and wheels strike nothing, and no roughness slows.
         stops_at_once: emergency stops take no distance; the loads they cause stay as they are.
     """
 
@@ -54,6 +56,8 @@ class Assumptions:
     ground_known: bool = False
     surfaces_known: bool = False
     stops_at_once: bool = False
+    ground_even: bool = False
+    ground_smooth: bool = False
 
 
 class WhatIf:
@@ -103,6 +107,9 @@ class WhatIf:
         profile = self._profile
         if assumptions.ground_known:
             profile = replace(profile, known=np.ones_like(profile.known))
+        if assumptions.ground_even:
+            flat = np.zeros_like(profile.vertical_curvature)
+            profile = replace(profile, vertical_curvature=flat)
         classes = self._classes
         if assumptions.surfaces_known:
             classes = tuple(_learned_surface(model, name) for name in classes)

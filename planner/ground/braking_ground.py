@@ -10,6 +10,7 @@ that it can then be.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +18,7 @@ from models.arrays import Bools, Floats
 from models.effects import registry
 from models.parameters import Model
 from models.quantity import GRAVITY
-from planner.ground.crests import over_crests
-from planner.ground.force_margins import capped, ground_terms, widened
+from planner.ground.force_margins import capped, frictions_on, ground_terms, widened
 from planner.ground.forces import Forces, on_many_surfaces, on_one_surface
 from planner.ground.surface_cache import surface_cache_of
 from planner.ground.surface_table import surface_bits
@@ -39,6 +39,20 @@ class GroundConditions:
     brake_heat: float = 0.0
 
 
+class StopErrors(NamedTuple):
+    """What makes a stop longer than the model says, beside its force and dead time.
+
+    Attributes:
+        speed: the vehicle may be faster than planned by this [m/s].
+        drive_cut: the drive may be cut during the dead time, so that a slope speeds the vehicle up.
+        height: the stop may fall by this much further than the map says [m].
+    """
+
+    speed: float = 0.0
+    drive_cut: bool = False
+    height: float = 0.0
+
+
 @dataclass(frozen=True, slots=True)
 class BrakingGround:
     """Braking along M candidates of up to N stations; arrays are (N, M) unless said otherwise.
@@ -55,6 +69,8 @@ class BrakingGround:
             None where there are none.
         motion: terms that act on the motion itself; friction is in the forces already.
         closed_form: the stopping path has one: nothing acts on the motion, one slowest speed.
+        friction: least friction of the ground [1]; None where it is not known.
+        errors: of speed and map.
     """
 
     lower_slope: Floats
@@ -69,6 +85,8 @@ class BrakingGround:
     push: Floats | None
     motion: registry.MotionTerms
     closed_form: bool
+    friction: Floats | None
+    errors: StopErrors
 
     @property
     def forces(self) -> Forces:
@@ -107,9 +125,9 @@ def ground_along(
     margin = braking.extrapolation_margin if braking.extrapolate else -1.0
     bits = surface_bits(profile, known.class_bits)
     if len(table) == 1:
-        forces = on_one_surface(profile.grade, table[0], margin)
+        forces = on_one_surface(profile.grade, profile.sin_roll, table[0], margin)
     else:
-        forces = on_many_surfaces(profile.grade, bits, table, margin)
+        forces = on_many_surfaces(profile.grade, profile.sin_roll, bits, table, margin)
     motion = known.motion._replace(heat=now.brake_heat)
     push = None
     if model.effect:
@@ -130,13 +148,18 @@ def ground_along(
             push = np.minimum(0.0, np.minimum(*pushes))
     if known.margins is not None:
         forces = widened(forces, profile.grade, bits, known.margins)
+    friction = None
     if known.slides:
-        forces = capped(forces, profile, bits, table)
+        friction, most_friction = frictions_on(bits, table)
+        forces = capped(forces, profile, friction, most_friction)
     if uncertainty is not None and motion.moves:
         # Drag needs no friction: it adds to a force that is capped.
         drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
         forces = forces._replace(upper_intercept=forces.upper_intercept + drag)
-    if known.crests is not None:
-        lever = model.vehicle.cg_z / (model.vehicle.wheelbase - model.vehicle.cg_x)
-        forces = over_crests(forces, profile, known.crests, lever, lagged=motion.lag > 0.0)
-    return BrakingGround(*forces, push, motion, known.closed_form)
+    width = 0.0 if uncertainty is None else uncertainty.width
+    errors = StopErrors(
+        width * braking.speed_error, braking.drive_in_dead_time != "held",
+        # The height of one place against that of another: two errors.
+        width * np.sqrt(2.0) * profile.height_std,
+    )  # fmt: skip
+    return BrakingGround(*forces, push, motion, known.closed_form, friction, errors)

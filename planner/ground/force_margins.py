@@ -112,18 +112,29 @@ def _widen(grade: Floats, bits: Ints, matrices: Floats, forces: Forces, out: For
             out.upper_intercept[k, j] = forces.upper_intercept[k, j] + intercept
 
 
-def capped(forces: Forces, profile: TerrainProfile, bits: Ints, table: Floats) -> Forces:
-    """Cap both bounds by friction times the share of the weight that presses on the ground.
+def frictions_on(bits: Ints, table: Floats) -> tuple[Floats, Floats]:
+    """Least and most friction of the surfaces that each station may be on, (N, M) [1].
 
     Args:
-        forces: (N, M). profile: terrain under the wheels.
-        bits: (N, M) surfaces that each station may be on.
+        bits: (N, M) surfaces.
         table: (S, COLUMNS) of :mod:`planner.ground.surface_table`.
     """
     on = [((bits >> i) & 1).astype(np.bool_) for i in range(len(table))]
     lower, upper = table[:, FRICTION], table[:, MOST_FRICTION]
     least = np.min([np.where(m, f, np.inf) for m, f in zip(on, lower, strict=True)], axis=0)
     most = np.max([np.where(m, f, 0.0) for m, f in zip(on, upper, strict=True)], axis=0)
+    return least, most
+
+
+def capped(forces: Forces, profile: TerrainProfile, least: Floats, most: Floats) -> Forces:
+    """Cap both bounds by friction times the share of the weight that presses on the ground.
+
+    What turns and banks take of it: :mod:`planner.bounds.contact`.
+
+    Args:
+        forces: (N, M). profile: terrain under the wheels.
+        least, most: friction, (N, M) [1].
+    """
     upright = np.sqrt((1.0 - profile.sin_grade**2) * (1.0 - profile.sin_roll**2))
     slow, fast = forces.slowest, forces.fastest
 

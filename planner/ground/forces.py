@@ -12,8 +12,10 @@ from planner.ground.surface_table import (
     B_M,
     DEAD,
     FASTEST,
+    LEAST_SIN_ROLL,
     M_B,
     M_M,
+    MOST_SIN_ROLL,
     OFFSET,
     SLOWEST,
     STEEPEST_DOWN,
@@ -40,20 +42,21 @@ class Forces(NamedTuple):
 
 
 class _Around(NamedTuple):
-    """Grade of a row and of its neighbours, (M,) each [rad]."""
+    """Grade of a row and of its neighbours [rad], and the sine of its roll, (M,) each."""
 
     grade: Floats
     before: Floats
     after: Floats
+    sin_roll: Floats
 
 
-def on_one_surface(grade: Floats, surface: Floats, margin: float) -> Forces:
+def on_one_surface(grade: Floats, sin_roll: Floats, surface: Floats, margin: float) -> Forces:
     """Bounds of the force on one surface.
 
     Where it has no kink and does not extrapolate, the upper bound *is* the lower one.
 
     Args:
-        grade: (N, M) [rad].
+        grade, sin_roll: (N, M) [rad], [1].
         surface: (COLUMNS,) of :mod:`planner.ground.surface_table`.
         margin: share of the force that counts as uncertain where it extrapolates; < 0: it must not.
     """
@@ -67,15 +70,17 @@ def on_one_surface(grade: Floats, surface: Floats, margin: float) -> Forces:
         lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
         np.empty(grade.shape, np.bool_), np.full(grade.shape[1], surface[OFFSET]),
     )  # fmt: skip
-    _forces_on_one_surface(grade, surface, margin, two, forces)
+    _forces_on_one_surface(grade, sin_roll, surface, margin, two, forces)
     return forces
 
 
-def on_many_surfaces(grade: Floats, bits: Ints, table: Floats, margin: float) -> Forces:
+def on_many_surfaces(
+    grade: Floats, sin_roll: Floats, bits: Ints, table: Floats, margin: float
+) -> Forces:
     """Bounds of the force over all surfaces that a station may be on.
 
     Args:
-        grade, margin: as in :func:`on_one_surface`.
+        grade, sin_roll, margin: as in :func:`on_one_surface`.
         bits: (N, M) surfaces that each station may be on.
         table: (S, COLUMNS) of :mod:`planner.ground.surface_table`.
     """
@@ -87,22 +92,24 @@ def on_many_surfaces(grade: Floats, bits: Ints, table: Floats, margin: float) ->
         lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
         trained, distance_offset,
     )  # fmt: skip
-    _forces(grade, bits, table, margin, forces)
+    _forces(grade, sin_roll, bits, table, margin, forces)
     return forces
 
 
 @kernel
 def _forces_on_one_surface(
-    grade: Floats, surface: Floats, margin: float, two: bool, out: Forces
+    grade: Floats, sin_roll: Floats, surface: Floats, margin: float, two: bool, out: Forces
 ) -> None:
     """Both bounds, of which the upper one is written only where the two may differ."""
     extra = max(margin, 0.0)
     for k in range(grade.shape[0]):
-        around = _Around(grade[k], grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)])
+        around = _Around(
+            grade[k], grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)], sin_roll[k]
+        )
         if two:
             _force_row(around, surface, extra, 1.0, out.upper_slope[k], out.upper_intercept[k])
         _force_row(around, surface, extra, -1.0, out.lower_slope[k], out.lower_intercept[k])
-        _trained_row(grade[k], surface, margin, out.trained[k])
+        _trained_row(around, surface, margin, out.trained[k])
 
 
 @inlined
@@ -123,8 +130,10 @@ def _force_row(
     m_m, b_m, m_b, b_b = surface[M_M], surface[B_M], surface[M_B], surface[B_B]
     up_m_m, up_b_m = surface[UP_M_M], surface[UP_B_M]
     down, up = surface[STEEPEST_DOWN], surface[STEEPEST_UP]
+    least_roll, most_roll = surface[LEAST_SIN_ROLL], surface[MOST_SIN_ROLL]
     kink = has_kink(surface)
     grade, before, after = around.grade, around.before, around.after
+    sin_roll = around.sin_roll
     for j in range(grade.shape[0]):
         theta = grade[j]
         per_speed = sign * ((up_m_m if theta > 0.0 else m_m) * theta + m_b)
@@ -134,20 +143,28 @@ def _force_row(
         bends = kink & (steepest_down < 0.0) & (steepest_up > 0.0)
         per_speed = max(per_speed, sign * m_b) if bends else per_speed
         constant = max(constant, sign * b_b) if bends else constant
-        share = extra if (steepest_down < down) | (steepest_up > up) else 0.0
+        beyond = (steepest_down < down) | (steepest_up > up)
+        beyond |= (sin_roll[j] < least_roll) | (sin_roll[j] > most_roll)
+        share = extra if beyond else 0.0
         slope[j] = sign * (per_speed + share * abs(per_speed))
         intercept[j] = sign * (constant + share * abs(constant))
 
 
 @row_pass
-def _trained_row(grade: Floats, surface: Floats, margin: float, trained: Bools) -> None:
+def _trained_row(around: _Around, surface: Floats, margin: float, trained: Bools) -> None:
     down, up = surface[STEEPEST_DOWN], surface[STEEPEST_UP]
+    least_roll, most_roll = surface[LEAST_SIN_ROLL], surface[MOST_SIN_ROLL]
+    grade, sin_roll = around.grade, around.sin_roll
     for j in range(grade.shape[0]):
-        trained[j] = ((grade[j] >= down) & (grade[j] <= up)) | (margin >= 0.0)
+        inside = (grade[j] >= down) & (grade[j] <= up)
+        inside &= (sin_roll[j] >= least_roll) & (sin_roll[j] <= most_roll)
+        trained[j] = inside | (margin >= 0.0)
 
 
 @kernel
-def _forces(grade: Floats, surfaces: Ints, table: Floats, margin: float, out: Forces) -> None:
+def _forces(
+    grade: Floats, sin_roll: Floats, surfaces: Ints, table: Floats, margin: float, out: Forces
+) -> None:
     """Both bounds of the force over all surfaces that a station may be on."""
     stations, candidates = grade.shape
     for k in range(stations):
@@ -184,6 +201,9 @@ def _forces(grade: Floats, surfaces: Ints, table: Floats, margin: float, out: Fo
                 least_slow = min(least_slow, table[i, SLOWEST])
                 most_slow = max(most_slow, table[i, SLOWEST])
                 fast = min(fast, table[i, FASTEST])
+                lean = sin_roll[k, j]
+                if lean < table[i, LEAST_SIN_ROLL] or lean > table[i, MOST_SIN_ROLL]:
+                    inside, near_inside = False, False
                 if theta < table[i, STEEPEST_DOWN] or theta > table[i, STEEPEST_UP]:
                     inside = False
                 if steepest_down < table[i, STEEPEST_DOWN] or steepest_up > table[i, STEEPEST_UP]:

@@ -32,7 +32,6 @@ class SurfaceCache:
             zero.
         motion: terms that act on the motion itself, without friction, brakes cold.
         slides: friction caps the force of some surface.
-        crests: share of the load lost over a crest that the force loses as well; None: not known.
         closed_form: nothing acts on the motion, and all surfaces have one slowest speed.
     """
 
@@ -41,7 +40,6 @@ class SurfaceCache:
     margins: Floats | None
     motion: registry.MotionTerms
     slides: bool
-    crests: float | None
     closed_form: bool
 
 
@@ -75,6 +73,5 @@ def _gather(
         doubt if doubt is not None and doubt.any() else None,
         motion,
         bool(np.isfinite(table[:, FRICTION]).any()),
-        registry.crest_share(model.effect),
         motion == registry.NO_MOTION and bool(np.ptp(table[:, SLOWEST]) == 0.0),
     )

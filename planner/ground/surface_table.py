@@ -14,8 +14,9 @@ from planner.ground.uncertainty import Uncertainty
 
 (
     M_M, B_M, M_B, B_B, UP_M_M, UP_B_M, DEAD, OFFSET,
-    SLOWEST, FASTEST, STEEPEST_DOWN, STEEPEST_UP, FRICTION, MOST_FRICTION, COLUMNS,
-) = range(15)  # fmt: skip
+    SLOWEST, FASTEST, STEEPEST_DOWN, STEEPEST_UP, LEAST_SIN_ROLL, MOST_SIN_ROLL,
+    FRICTION, MOST_FRICTION, COLUMNS,
+) = range(17)  # fmt: skip
 """Columns of the table."""
 
 MOST_SURFACES = 62
@@ -72,7 +73,8 @@ def surface_table(
         )
         sliding = np.inf if braking.sliding_friction is None else braking.sliding_friction
         capped = (min(sliding, friction) for friction in lockup)
-        row[SLOWEST:] = (*braking.speed_range, *braking.grade_range, *capped)
+        rolls = np.sin(braking.trained_roll)
+        row[SLOWEST:] = (*braking.speed_range, *braking.grade_range, *rolls, *capped)
     bits = np.zeros(len(class_names), np.int64)
     strange = False
     for index, name in enumerate(class_names):

@@ -16,6 +16,7 @@ from models.arrays import Bools, Floats, Ints
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.footprint import POINTS, offset, on_grid
 from planner.ground.surface_bits import surfaces_under_wheels
+from planner.ground.vertical_curvature import vertical_curvature
 from planner.kernels.compiled import inlined, kernel, row_pass
 from planner.kernels.workspace import empty
 
@@ -34,6 +35,7 @@ class TerrainRows(NamedTuple):
     grade: Floats
     sin_grade: Floats
     sin_roll: Floats
+    vertical_curvature: Floats
     known: Bools
 
 
@@ -50,8 +52,10 @@ class TerrainProfile:
         curvature: plan-view curvature, left turns positive [1/m].
         grade: uphill positive [rad], 0 where unknown.
         sin_grade, sin_roll: sines of grade and roll (left side up positive), 0 where unknown.
+        vertical_curvature: change of the grade along the path, negative over a crest [1/m].
         known: all ground under path and wheels is known.
         surfaces: bits of the terrain classes under path and wheels.
+        height_std: error of the map's heights against each other [m], one number.
     """
 
     count: Ints
@@ -65,15 +69,17 @@ class TerrainProfile:
     grade: Floats
     sin_grade: Floats
     sin_roll: Floats
+    vertical_curvature: Floats
     known: Bools
     surfaces: Ints
+    height_std: float = 0.0
 
     @property
     def rows(self) -> TerrainRows:
         """The arrays for kernels."""
         return TerrainRows(
             self.count, self.station, self.heading_x, self.heading_y, self.curvature,
-            self.grade, self.sin_grade, self.sin_roll, self.known,
+            self.grade, self.sin_grade, self.sin_roll, self.vertical_curvature, self.known,
         )  # fmt: skip
 
     @property
@@ -120,7 +126,8 @@ def terrain_profile(
         )  # fmt: skip
     return TerrainProfile(
         count, x, y, z, station, heading_x, heading_y, curvature,
-        grade, sin_grade, sin_roll, known, surfaces,
+        grade, sin_grade, sin_roll, vertical_curvature(station, grade, known), known,
+        surfaces, elevation_map.height_std,
     )  # fmt: skip
 
 

@@ -35,7 +35,7 @@ class CycleBatch:
         """The first M candidates of a batch."""
         violation = screen(
             solved.profile, solved.ground, solved.bounds, solved.speed_sq, solved.model,
-            solved.speed_limit,
+            solved.speed_limit, solved.hazards.rows.rough_speed,
         )  # fmt: skip
         m = len(names)
         return cls(names, solved, violation[:m], ~solved.reachable[:m])

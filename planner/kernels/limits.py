@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from models.effects.registry import crest_share as crest_share_of
 from models.parameters import Model
 from models.quantity import GRAVITY
 
@@ -15,6 +16,8 @@ class PlanningLimits(NamedTuple):
         rear_lever: cg_z / (L − cg_x). front_lever: cg_z / cg_x. side_lever: 2 cg_z / B.
         resistance: f_r. turning_drag: μ_t L / 2 of a skid-steer vehicle, else 0 [m].
         half_slip_track: B_s / 2 of a skid-steer vehicle, else B / 2 [m].
+        ahead: cg_x / L. high: cg_z / L. brake_share: of the front axle, -1 where none locks alone.
+        crest_share: share of the load lost over a crest that the braking force loses as well.
         specific_force: max drive force / weight. specific_power: max drive power / weight [m/s].
     """
 
@@ -32,6 +35,11 @@ class PlanningLimits(NamedTuple):
     accel: float
     decel: float
     lateral_accel: float
+    vertical_accel: float
+    ahead: float
+    high: float
+    brake_share: float
+    crest_share: float
 
 
 def planning_limits(model: Model) -> PlanningLimits:
@@ -39,6 +47,7 @@ def planning_limits(model: Model) -> PlanningLimits:
     vehicle, limits, terrain = model.vehicle, model.limits, model.terrain
     weight = vehicle.mass * GRAVITY
     skid_steer = vehicle.drive == "skid_steer"
+    crest_share = crest_share_of(model.effect)
     return PlanningLimits(
         rear_lever=vehicle.cg_z / (vehicle.wheelbase - vehicle.cg_x),
         front_lever=vehicle.cg_z / vehicle.cg_x,
@@ -54,4 +63,9 @@ def planning_limits(model: Model) -> PlanningLimits:
         accel=float(limits.accel),
         decel=float(limits.decel),
         lateral_accel=float(limits.lateral_accel),
+        vertical_accel=float(limits.vertical_accel),
+        ahead=vehicle.cg_x / vehicle.wheelbase,
+        high=vehicle.cg_z / vehicle.wheelbase,
+        brake_share=-1.0 if vehicle.brake_share is None else float(vehicle.brake_share),
+        crest_share=1.0 if crest_share is None else crest_share,
     )

@@ -24,12 +24,15 @@ class CandidateColumn:
     Attributes:
         model, scalars: vehicle, braking, limits; and its numbers.
         fixed_prefix: (h,) v² of the first h >= 1 stations, which no profile changes [m²/s²].
-        track: geometry and braking as the judge takes them; x, y, z: positions [m].
+        track: geometry and braking as the judge takes them; even: the same with the whole of the
+            braking force; x, y, z: positions [m].
         clear: station before which every stop ends [m]; offset: safety offset of a stop [m].
         barrier, barrier_station: what ends the clear distance, and the first station it bars.
         speed_sq_max: highest v² as the bounds have it; bound: the same, lowered by repairs [m²/s²].
         label: which bound that is, as :class:`Limiting`.
         demand: thrust that holds the speed, as a share of the weight.
+        errors: of speed and map that every stop survives.
+        hazards, index, first: what body and wheels meet; candidate and first station there.
     """
 
     def __init__(
@@ -48,7 +51,12 @@ class CandidateColumn:
         self.model, self.scalars = solved.model, solved.scalars
         self.fixed_prefix = fixed_prefix
         self.track = track_of(profile, ground, j, solved.speed_limit, first)
+        self.even = track_of(profile, bounds.even_ground, j, solved.speed_limit, first)
         n = first + len(self.track.station)
+        self.hazards, self.index, self.first = solved.hazards, j, first
+        if self.hazards.rows.rough_speed.size > 0:
+            rough = self.hazards.rows.rough_speed[first:n, j]
+            np.minimum(self.track.speed_limit, rough, out=self.track.speed_limit)
         self.x, self.y, self.z = (a[first:n, j] for a in (profile.x, profile.y, profile.z))
         self.clear = float(bounds.clear_distance[j]) - float(profile.station[first, j])
         self.offset = float(ground.distance_offset[j])
@@ -61,13 +69,21 @@ class CandidateColumn:
             np.ascontiguousarray(array[first:n, j])
             for array in (bounds.accel_max, bounds.demand, ground.braking_intercept)
         )
-        self._motion = ground.motion
+        self._motion, self.errors = ground.motion, ground.errors
         self._sine = np.sin(self.track.grade)
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Judgement:
         """Exact constraints of a profile (N,); see :func:`planner.verify.judge.check`."""
         return check(
-            self.track, speed_sq, self.clear, self.offset, self._motion, self.model, decel=decel
+            self.track,
+            speed_sq,
+            self.clear,
+            self.offset,
+            self._motion,
+            self.model,
+            even=self.even,
+            errors=self.errors,
+            decel=decel,
         )
 
     def fastest(self) -> tuple[Floats, bool]:

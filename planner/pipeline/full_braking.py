@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from models.arrays import Floats
+from planner.ground.braking_ground import StopErrors
 from planner.limiting import Limiting
 from planner.pipeline.candidate_column import CandidateColumn
 from planner.plan import Status, motion_of
@@ -45,7 +46,8 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
         answer[k + 1] = after
     verdict = column.judge(answer, decel=np.inf)
     breach = verdict.violation
-    if max(breach.overrun, breach.axle_load, breach.side_load, breach.decel) > 0.0:
+    loads = max(breach.axle_load, breach.side_load, breach.wheel_load)
+    if max(breach.overrun, loads, breach.decel) > 0.0:
         return emergency_stop(column)
     if column.bound[0] < start_sq:
         label = Limiting(int(column.label[0])).label
@@ -97,5 +99,10 @@ def _why_at_once(column: CandidateColumn, stop: float, lightest: float) -> str:
         return (
             f"braking from {speed:.2f} m/s leaves an axle or side {lightest:.1%} of its load, "
             f"{column.scalars.min_load:.0%} is wanted"
+        )
+    if column.errors != StopErrors():
+        return (
+            f"full braking from {speed:.2f} m/s takes {stop:.2f} m, and with the errors of speed "
+            f"and map it may pass the clear distance of {column.clear:.2f} m"
         )
     return f"starts at {speed:.2f} m/s: only full braking at once stops in time"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.arrays import Floats
+from models.laws.holding import friction_holds
 from models.quantity import GRAVITY
 from planner.limiting import Limiting
 from planner.pipeline.candidate_column import CandidateColumn
@@ -47,6 +48,12 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
             return f"unknown ground under the wheels at {station:.2f} m"
         case Limiting.MODEL_VALIDITY:
             low, high = np.rad2deg(column.model.braking.grade_range)
+            if low <= grade <= high:
+                low, high = np.rad2deg(column.model.braking.trained_roll)
+                return (
+                    f"roll {roll:.1f}° at {station:.2f} m is outside the trained "
+                    f"{low:.1f}° … {high:.1f}°"
+                )
             return (
                 f"grade {grade:.1f}° at {station:.2f} m is outside the trained "
                 f"{low:.1f}° … {high:.1f}°"
@@ -54,7 +61,23 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
         case Limiting.TIP_OVER:
             return f"an axle keeps too little load on grade {grade:.1f}° at {station:.2f} m"
         case Limiting.ROLLOVER:
-            return f"a side keeps too little load on roll {roll:.1f}° at {station:.2f} m"
+            return f"a side or a wheel keeps too little load on roll {roll:.1f}° at {station:.2f} m"
+        case Limiting.FRICTION:
+            mu = column.track.friction[k]
+            return (
+                f"grade {grade:.1f}° and roll {roll:.1f}° at {station:.2f} m take more than the "
+                f"friction of {mu:.2f} gives"
+            )
+        case Limiting.HOLDING if (
+            friction_holds(column.track.friction[k], column.track.grade[k], column.track.roll[k])
+            < 0.0
+        ):
+            return (
+                f"friction does not hold a standing vehicle on grade {grade:.1f}° and roll "
+                f"{roll:.1f}° at {station:.2f} m"
+            )
+        case Limiting.STEP | Limiting.CLEARANCE | Limiting.BODY:
+            return column.hazards.why(column.index, column.first + k)
         case Limiting.SPEED_LIMIT:
             return f"the speed limit of the path is 0 at {station:.2f} m"
         case Limiting.TRACTION:

@@ -126,6 +126,7 @@ def solve(
     bounds = speed_bounds(
         profile, ground, model, np.full(candidates, clear, np.float64), speed_limit, hazards
     )
+    ground = bounds.ground
     speed_sq, reachable = time_optimal_profile(
         profile_problem(profile, ground, bounds, scalars, start_sq)
     )

@@ -28,6 +28,7 @@ def screen(
     speed_sq: Floats,
     model: Model,
     speed_limit: Floats | None = None,
+    rough_speed: Floats | None = None,
 ) -> Floats:
     """Judge M profiles of up to N stations.
 
@@ -36,25 +37,31 @@ def screen(
         speed_sq: (N, M) v² [m²/s²].
         model: vehicle and limits.
         speed_limit: (N, M) limits of the paths themselves [m/s].
+        rough_speed: (N, M) limits of rough ground [m/s].
 
     Returns:
-        (M, 8) worst breaches in the order of :class:`planner.verify.judge.Violations`, 0 where
+        (M, 11) worst breaches in the order of :class:`planner.verify.judge.Violations`, 0 where
         there is none.
     """
     worst = np.zeros((speed_sq.shape[1], len(Violations._fields)))
-    limit = ground.fastest if speed_limit is None else np.minimum(ground.fastest, speed_limit)
+    limit = ground.fastest
+    for own in (speed_limit, rough_speed):
+        limit = limit if own is None or own.size == 0 else np.minimum(limit, own)
+    friction = np.empty((0, 0)) if ground.friction is None else ground.friction
     batch = ProfileBatch(
-        profile.rows, ground.forces._replace(fastest=limit), speed_sq, bounds.clear_distance
-    )
-    _screen(batch, terms_of(model, ground.motion, all_loads=False), worst)
+        profile.rows, ground.forces._replace(fastest=limit), friction, speed_sq,
+        bounds.clear_distance,
+    )  # fmt: skip
+    _screen(batch, terms_of(model, ground.motion, ground.errors, all_loads=False), worst)
     return worst
 
 
 class ProfileBatch(NamedTuple):
-    """M profiles to be judged; (N, M), the clear distance (M,) [m]."""
+    """M profiles to be judged; (N, M), friction (0, 0) if unknown, the clear distance (M,) [m]."""
 
     terrain: TerrainRows
     forces: Forces
+    friction: Floats
     speed_sq: Floats
     clear_distance: Floats
 
@@ -63,22 +70,28 @@ class ProfileBatch(NamedTuple):
 def _screen(batch: ProfileBatch, terms: Terms, worst: Floats) -> None:
     terrain, forces = batch.terrain, batch.forces
     stations, candidates = terrain.station.shape
-    column, memory = np.empty((13, stations)), np.empty((8, stations))
+    column, memory = np.empty((15, stations)), np.empty((8, stations))
     answers = np.empty((3, stations))
     bad = np.zeros(stations, np.bool_)
     turns = terms.motion.moves
     for j in range(candidates):
         m = terrain.counts[j]
-        copy_columns(0, j, terrain, forces, turns, column)
+        copy_columns(0, j, terrain, forces, batch.friction, turns, column)
         for k in range(m):
-            column[12, k] = batch.speed_sq[k, j]
+            column[14, k] = batch.speed_sq[k, j]
         track = Track(
             column[0, :m], column[1, :m], column[2, :m], column[3, :m], column[4, :m],
             column[5, :m], column[6, :m], column[7, :m], column[8, :m], column[9, :m],
-            column[10, :m], column[11, :m],
+            column[10, :m], column[11, :m], column[12, :m], column[13, :m],
         )  # fmt: skip
         survey = survey_of(track, terms.body, memory)
         plan = JudgedPlan(
-            track, survey, column[12, :m], batch.clear_distance[j], forces.distance_offset[j]
+            track,
+            survey,
+            track,
+            survey,
+            column[14, :m],
+            batch.clear_distance[j],
+            forces.distance_offset[j],
         )
         judge_track(plan, terms, JudgeNotes(answers[0], answers[1], answers[2], worst[j], bad))

@@ -18,11 +18,13 @@ from models.effects.registry import MotionTerms
 from models.laws import slip_track
 from models.parameters import Model
 from models.quantity import GRAVITY
+from planner.ground.braking_ground import StopErrors
 from planner.kernels.compiled import inlined, kernel
 from planner.kernels.limits import planning_limits
 from planner.kernels.motion_laws import motion_deceleration
 from planner.limiting import Limiting
 from planner.verify.stop_by_energy import (
+    Shares,
     Target,
     ends_before,
     loads_by_energy,
@@ -39,7 +41,13 @@ BETWEEN = 3
 """Points inside each segment from which a stop is tried as well."""
 
 _TOLERANCE = 1e-6
-_OVERRUN, _AXLE, _SIDE, _SPEED, _LATERAL, _WHEEL, _ACCEL, _DECEL = range(8)
+(
+    _OVERRUN, _AXLE, _SIDE, _SPEED, _LATERAL, _WHEEL, _ACCEL, _DECEL, _VERTICAL, _FRICTION,
+    _WHEEL_LOAD,
+) = range(11)  # fmt: skip
+_LEAST_TURN = 0.1
+"""Share of the lateral acceleration that any bank leaves to a turn."""
+
 _rim_ratio = inlined(slip_track.outer_wheel_speed_ratio)
 
 
@@ -54,6 +62,9 @@ class Violations(NamedTuple):
     wheel_speed: float
     accel: float
     decel: float
+    vertical: float
+    friction: float
+    wheel_load: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +100,8 @@ def check(
     motion: MotionTerms,
     model: Model,
     *,
+    even: Track | None = None,
+    errors: StopErrors | None = None,
     decel: float | None = None,
     between: int = BETWEEN,
     time_step: float = TIME_STEP,
@@ -96,12 +109,15 @@ def check(
     """Judge one plan.
 
     Args:
-        track: the candidate.
+        track: the candidate, with what crests and friction leave of the braking force.
         speed_sq: (N,) v², linear between stations [m²/s²].
         clear_distance: station before which every stop must end [m].
         distance_offset: safety offset of the model [m].
         motion: effects on the motion.
         model: vehicle and limits.
+        even: the candidate with the whole of the force, for the stops that are told; the same if
+            left out.
+        errors: of speed and map that every stop has to survive; none if left out.
         decel: planned deceleration allowed, inf for an emergency; that of the model if left out.
         between: points inside each segment to try as well.
         time_step: of the integrator [s].
@@ -112,20 +128,21 @@ def check(
     stop_distance, rear_load, side_load = np.empty((3, n))
     worst = np.zeros(len(Violations._fields))
     bad = np.zeros(max(n - 1, 1), np.bool_)
-    terms = terms_of(model, motion, all_loads=True)._replace(between=between, time_step=time_step)
+    terms = terms_of(model, motion, errors or StopErrors(), all_loads=True)
+    terms = terms._replace(between=between, time_step=time_step)
     if decel is not None:
         terms = terms._replace(limits=terms.limits._replace(decel=decel))
     notes = JudgeNotes(stop_distance, rear_load, side_load, worst, bad)
-    _check(track, speed_sq, clear_distance, distance_offset, terms, notes)
+    _check((track, even or track), speed_sq, clear_distance, distance_offset, terms, notes)
     violation = Violations(*(float(w) for w in worst))
     return Judgement(stop_distance, rear_load, side_load, violation, np.flatnonzero(bad))
 
 
-def terms_of(model: Model, motion: MotionTerms, *, all_loads: bool) -> Terms:
-    """What plans of a model are judged by, with these effects on the motion."""
+def terms_of(model: Model, motion: MotionTerms, errors: StopErrors, *, all_loads: bool) -> Terms:
+    """What plans of a model are judged by, with these effects on the motion and these errors."""
     in_time = motion != registry.NO_MOTION._replace(heat=motion.heat)
     limits = planning_limits(model)
-    return Terms(body_of(model), limits, motion, in_time, BETWEEN, TIME_STEP, all_loads)
+    return Terms(body_of(model), limits, motion, errors, in_time, BETWEEN, TIME_STEP, all_loads)
 
 
 class JudgedPlan(NamedTuple):
@@ -133,6 +150,8 @@ class JudgedPlan(NamedTuple):
 
     Attributes:
         track, survey: the candidate, (N,) each.
+        even, even_survey: the same with the braking force as it is learned, on even ground: the
+            stops that a plan reports are of these, those that it survives of the others.
         speed_sq: (N,) v², linear between stations [m²/s²].
         clear_distance: station before which every stop must end [m].
         distance_offset: safety offset of the model, added to every stop [m].
@@ -140,6 +159,8 @@ class JudgedPlan(NamedTuple):
 
     track: Track
     survey: Survey
+    even: Track
+    even_survey: Survey
     speed_sq: Floats
     clear_distance: float
     distance_offset: float
@@ -150,7 +171,7 @@ class JudgeNotes(NamedTuple):
 
     Attributes:
         stop_distance, rear_load, side_load: (N,) as of :class:`Judgement`.
-        worst: (8,) worst breach of each kind, in the order of :class:`Violations`; only raised.
+        worst: (11,) worst breach of each kind, in the order of :class:`Violations`; only raised.
         bad: (N − 1,) segments in or at the start of which something is breached; only set.
     """
 
@@ -187,11 +208,13 @@ def _breaks(worst: Floats, kind: int, breach: float) -> bool:
 
 @kernel
 def _check(
-    track: Track, speed_sq: Floats, clear_distance: float, distance_offset: float, terms: Terms,
-    notes: JudgeNotes,
+    tracks: tuple[Track, Track], speed_sq: Floats, clear_distance: float, distance_offset: float,
+    terms: Terms, notes: JudgeNotes,
 ) -> None:  # fmt: skip
+    track, even = tracks
     survey = survey_of(track, terms.body, np.empty((8, speed_sq.shape[0])))
-    plan = JudgedPlan(track, survey, speed_sq, clear_distance, distance_offset)
+    even_survey = survey_of(even, terms.body, np.empty((8, speed_sq.shape[0])))
+    plan = JudgedPlan(track, survey, even, even_survey, speed_sq, clear_distance, distance_offset)
     judge_track(plan, terms, notes)
 
 
@@ -206,9 +229,9 @@ def judge_track(plan: JudgedPlan, terms: Terms, notes: JudgeNotes) -> None:
 
     A v² that is not a number, or a stop that does not end, is a breach by infinity: nothing raises.
     """
-    track, survey, speed_sq, limits = plan.track, plan.survey, plan.speed_sq, terms.limits
+    track, survey, speed_sq = plan.track, plan.survey, plan.speed_sq
     stations = speed_sq.shape[0]
-    at_risk = _loads_at_risk(track, survey, limits.min_load, np.sqrt(speed_sq.max()))
+    at_risk = _loads_at_risk(track, survey, terms, np.sqrt(speed_sq.max()))
     watch = _Watch(
         target_at(track, survey, plan.clear_distance - plan.distance_offset),
         max(plan.clear_distance, track.station[0]) + 5.0,
@@ -235,14 +258,18 @@ def judge_track(plan: JudgedPlan, terms: Terms, notes: JudgeNotes) -> None:
                 top = max(top, track.speed_limit[k + 1])
             command = StopCommand(at(track.station, i, u), speed, dead, track.slowest[k])
             told = terms.all_loads and point == 0
-            end, rear, side, onset_in, end_in = _follow(
-                plan, terms, watch, command, (i, onset_in, end_in), told
+            real = _as_it_may_be(track, survey, terms, command, i)
+            end, shares, onset_in, end_in = _follow(
+                (track, survey), terms, watch, real, (i, onset_in, end_in, False)
             )
-            if point == 0:
-                notes.stop_distance[k] = end - command.station + plan.distance_offset
-                notes.rear_load[k], notes.side_load[k] = rear, side
+            if told:
+                planned, least, _, _ = _follow(
+                    (plan.even, plan.even_survey), terms, watch, command, (i, i, i, True)
+                )
+                notes.stop_distance[k] = planned - command.station + plan.distance_offset
+                notes.rear_load[k], notes.side_load[k] = least[0], least[1]
             over = end + plan.distance_offset - plan.clear_distance
-            bad = _judge_point(plan, terms, (i, u, energy), (over, rear, side, top), notes.worst)
+            bad = _judge_point(plan, terms, (i, u, energy), (over, top), shares, notes.worst)
             notes.bad[i] |= bad
         if k + 1 < stations and (speed_sq[k] > 0.0 or speed_sq[k + 1] > 0.0):
             notes.bad[k] |= _judge_segment(k, plan, terms, notes.worst)
@@ -250,69 +277,109 @@ def judge_track(plan: JudgedPlan, terms: Terms, notes: JudgeNotes) -> None:
 
 @inlined
 def _follow(
-    plan: JudgedPlan, terms: Terms, watch: _Watch, command: StopCommand,
-    segments: tuple[int, int, int], told: bool,
-) -> tuple[float, float, float, int, int]:  # fmt: skip
+    ground: tuple[Track, Survey], terms: Terms, watch: _Watch, command: StopCommand,
+    start: tuple[int, int, int, bool],
+) -> tuple[float, Shares, int, int]:  # fmt: skip
     """Where a stop ends, the least loads on it, and the segments of its onset and end.
 
     Args:
-        segments: of the command, and of the last stop's onset and end.
-        told: where it ends and its loads are told: a yes or no will not do.
+        ground: the track that is braked on.
+        start: segments of the command, and of the last stop's onset and end; and whether it is told
+            as planned: then a yes or no will not do, and the map counts as exact.
     """
-    track, survey = plan.track, plan.survey
-    i, onset_in, end_in = segments
-    rear, side = np.inf, np.inf
+    track, survey = ground
+    i, onset_in, end_in, told = start
+    height = 0.0 if told else terms.errors.height
+    least = (np.inf, np.inf, np.inf)
     if watch.quick and not told:
-        well, onset_in = ends_before(track, survey, command, onset_in, watch.target)
+        well, onset_in = ends_before(track, survey, command, onset_in, watch.target, height)
         if well:
-            return min(command.station, watch.target.station), rear, side, onset_in, end_in
+            return min(command.station, watch.target.station), least, onset_in, end_in
     if terms.in_time:
-        end, rear, side = stop_in_time(track, terms, command, i, watch.limit)
-        return end, rear, side, onset_in, end_in
-    stop = stop_by_energy(track, survey, command, onset_in, end_in)
+        end, least = stop_in_time(track, terms, command, i, (watch.limit, height))
+        return end, least, onset_in, end_in
+    stop = stop_by_energy(track, survey, command, onset_in, end_in, height)
     if watch.at_risk or told:
-        rear, side = loads_by_energy(track, survey, command, i, stop)
-    return stop.station, rear, side, stop.onset_in, stop.end_in
+        least = loads_by_energy(track, survey, command, i, stop)
+    return stop.station, least, stop.onset_in, stop.end_in
+
+
+@inlined
+def _as_it_may_be(
+    track: Track, survey: Survey, terms: Terms, command: StopCommand, i: int
+) -> StopCommand:
+    """The stop of a vehicle that is faster than planned and rolls on a slope in its dead time."""
+    errors, dead = terms.errors, command.dead_time
+    speed, gain = command.speed + errors.speed, 0.0
+    if errors.drive_cut and dead > 0.0:
+        last = track.station.shape[0] - 1
+        m = i
+        while True:
+            gain = max(gain, -GRAVITY * (survey.sine[m] + terms.limits.resistance))
+            reached = command.station + (speed + 0.5 * gain * dead) * dead
+            if m >= last or (m > i and track.station[m] > reached):
+                break
+            m += 1
+    if gain <= 0.0:
+        return StopCommand(command.station, speed, dead, command.slowest)
+    distance = (speed + 0.5 * gain * dead) * dead
+    onset = speed + gain * dead
+    return StopCommand(command.station, onset, distance / onset, command.slowest)
 
 
 @inlined
 def _judge_point(
     plan: JudgedPlan, terms: Terms, place: tuple[int, float, float],
-    stop: tuple[float, float, float, float], worst: Floats,
+    stop: tuple[float, float], shares: Shares, worst: Floats,
 ) -> bool:  # fmt: skip
     """Is anything breached at share u of segment i, at this v²?
 
     Args:
         place: i, u and v².
-        stop: metres beyond the clear distance, rear share, side share, highest speed there.
+        stop: metres beyond the clear distance, and the highest speed there.
+        shares: least loads on the stop.
     """
     limits = terms.limits
     i, u, energy = place
-    over, rear, side, top = stop
+    over, top = stop
     speed = np.sqrt(energy)
     rim = speed * _rim_ratio(at(plan.track.curvature, i, u), terms.body.slip_track)
-    lateral = energy * abs(at(plan.survey.lean, i, u))
+    lean = at(plan.survey.lean, i, u)
+    # Half the difference of the sides' shares at rest is the bank, for each lateral g.
+    bank = at(plan.survey.right, i, u) - at(plan.survey.left, i, u)
+    bank /= 2.0 * plan.survey.per_lateral
+    outward = bank if lean > 0.0 else -bank
+    allowed = max(limits.lateral_accel - max(outward, 0.0), _LEAST_TURN * limits.lateral_accel)
+    vertical = energy * at(plan.track.vertical_curvature, i, u)
     bad = _breaks(worst, _OVERRUN, over)
-    bad |= _breaks(worst, _AXLE, limits.min_load - rear)
-    bad |= _breaks(worst, _SIDE, limits.min_load - side)
+    bad |= _breaks(worst, _AXLE, limits.min_load - shares[0])
+    bad |= _breaks(worst, _SIDE, limits.min_load - shares[1])
+    bad |= _breaks(worst, _WHEEL_LOAD, limits.min_load - shares[2])
     bad |= _breaks(worst, _SPEED, speed - min(limits.speed, top))
-    bad |= _breaks(worst, _LATERAL, lateral - limits.lateral_accel)
+    bad |= _breaks(worst, _LATERAL, energy * abs(lean) - allowed)
+    bad |= _breaks(worst, _VERTICAL, vertical - limits.vertical_accel)
     bad |= _breaks(worst, _WHEEL, rim - limits.max_wheel_speed)
     return bad
 
 
 @inlined
-def _loads_at_risk(track: Track, survey: Survey, min_load: float, fastest: float) -> bool:
-    """Could any stop from up to this speed unload the rear or a side too much, anywhere?"""
+def _loads_at_risk(track: Track, survey: Survey, terms: Terms, fastest: float) -> bool:
+    """Could any stop from up to this speed unload an axle, side or wheel too much, anywhere?"""
+    errors, resistance = terms.errors, terms.limits.resistance
+    rolls_on = -GRAVITY * (survey.sine.min() + resistance) if errors.drive_cut else 0.0
+    fastest += errors.speed + max(rolls_on, 0.0) * track.dead_time.max()
     least = np.inf
     for k in range(track.station.shape[0]):
         slow = track.slowest[k]
         part = max(slow * track.upper_slope[k], max(fastest, slow) * track.upper_slope[k])
         decel = GRAVITY * max(part + track.upper_intercept[k] + survey.sine[k], 0.0)
+        lost = max(-track.vertical_curvature[k], 0.0) * fastest * fastest / GRAVITY
         rolling = survey.per_lateral * fastest * fastest * abs(survey.lean[k])
         side = min(survey.left[k], survey.right[k]) - rolling
-        least = min(least, min(survey.rear[k] - survey.per_decel * decel, side))
-    return not (least >= min_load)
+        axle = min(survey.rear[k] - survey.per_decel * decel, survey.front[k])
+        upright = 0.5 * (survey.left[k] + survey.right[k])
+        least = min(least, min(min(axle, side), axle + side - upright) - lost)
+    return not (least >= terms.limits.min_load)
 
 
 @inlined
@@ -344,7 +411,21 @@ def _judge_segment(k: int, plan: JudgedPlan, terms: Terms, worst: Floats) -> boo
         bad |= _breaks(worst, _DECEL, -accel - min(limits.decel, braking))
         if not (accel <= 0.0) or thrust < 0.0:
             bad |= _breaks(worst, _ACCEL, accel - min(limits.accel, thrust))
+        if track.friction[m] < np.inf:
+            driven = max(accel / GRAVITY + holding, -(accel / GRAVITY + sine))
+            bad |= _breaks(worst, _FRICTION, _slides_by(m, driven, speed_sq[m], plan))
     return bad
+
+
+@inlined
+def _slides_by(m: int, along: float, energy: float, plan: JudgedPlan) -> float:
+    """By how much the force at station m, a share of the weight, exceeds friction there."""
+    track = plan.track
+    grade, roll = track.grade[m], track.roll[m]
+    normal = np.cos(grade) * np.cos(roll)
+    normal += min(track.vertical_curvature[m], 0.0) * energy / GRAVITY
+    across = np.sin(roll) * np.cos(grade) + track.curvature[m] * energy / GRAVITY
+    return float(np.hypot(along, across) - track.friction[m] * normal)
 
 
 VIOLATION_LIMITING: dict[str, Limiting] = {
@@ -356,5 +437,8 @@ VIOLATION_LIMITING: dict[str, Limiting] = {
     "wheel_speed": Limiting.WHEEL_SPEED,
     "accel": Limiting.ACCEL,
     "decel": Limiting.DECEL,
+    "vertical": Limiting.CREST,
+    "friction": Limiting.FRICTION,
+    "wheel_load": Limiting.ROLLOVER,
 }
 """Which bound a breach belongs to."""

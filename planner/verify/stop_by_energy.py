@@ -23,6 +23,10 @@ _LONGEST = 1e3
 """A stop longer than this is called no stop [m]."""
 
 
+Shares = tuple[float, float, float]
+"""Of the level static loads: rear axle, lighter side, lightest wheel."""
+
+
 @inlined
 def work_up_to(track: Track, survey: Survey, s: float, i: int, v_i: float) -> float:
     """What full braking takes out from the first station to s in segment i, over m g [m].
@@ -82,12 +86,12 @@ def target_at(track: Track, survey: Survey, station: float) -> Target:
 
 @inlined
 def ends_before(
-    track: Track, survey: Survey, command: StopCommand, i: int, target: Target
+    track: Track, survey: Survey, command: StopCommand, i: int, target: Target, height: float
 ) -> tuple[bool, int]:
     """Does a stop end before the target? The same as asking :func:`stop_by_energy` where.
 
     Args:
-        track, survey, command, i: as there.
+        track, survey, command, i, height: as there.
         target: of the stop.
 
     Returns:
@@ -97,26 +101,29 @@ def ends_before(
     onset = command.station + command.speed * command.dead_time
     i = segment(track.station, onset, i)
     needed = work_up_to(track, survey, onset, i, v_i)
-    needed += 0.5 * command.speed * command.speed / GRAVITY
+    needed += 0.5 * command.speed * command.speed / GRAVITY + height
     enough = v_i * target.slope_work + target.intercept_work >= needed
     return (onset <= target.station) & enough, i
 
 
 @inlined
-def stop_by_energy(track: Track, survey: Survey, command: StopCommand, i: int, j: int) -> StopEnd:
+def stop_by_energy(
+    track: Track, survey: Survey, command: StopCommand, i: int, j: int, height: float
+) -> StopEnd:
     """Where a stop ends of which nothing but brakes and grade decide.
 
     Args:
         track, survey: the path, (N,) each.
         command: of the stop.
         i, j: segments to look for onset and end from.
+        height: the stop may fall by this much further than the track [m].
     """
     s, v = command.station, command.speed
     station = track.station
     v_i = max(v, command.slowest)
     onset = s + v * command.dead_time
     i = segment(station, onset, i)
-    needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY
+    needed = work_up_to(track, survey, onset, i, v_i) + 0.5 * v * v / GRAVITY + height
     j = max(j, i)
     last = station.shape[0] - 2
     while j > i and v_i * survey.slope_work[j] + survey.intercept_work[j] >= needed:
@@ -151,25 +158,37 @@ def stop_by_energy(track: Track, survey: Survey, command: StopCommand, i: int, j
 @inlined
 def _shares_at(
     track: Track, survey: Survey, i: int, u: float, energy: float, v_i: float, braking: bool
-) -> tuple[float, float]:
-    """Rear share and least side share between stations i and i + 1 at v² = ``energy``."""
+) -> Shares:
+    """Shares of rear, lighter side and lightest wheel between i and i + 1 at v² = ``energy``."""
     # Angles are linear in between: sines and cosines bulge above their chords.
     pitched, rolled = track.grade[i + 1] - track.grade[i], track.roll[i + 1] - track.roll[i]
     bulge = 1.0 + 0.5 * u * (1.0 - u) * (pitched * pitched + rolled * rolled)
-    rear = bulge * at(survey.rear, i, u)
+    normal = max(-at(track.vertical_curvature, i, u), 0.0) * energy / GRAVITY
+    rear = bulge * at(survey.rear, i, u) - normal
+    front = bulge * at(survey.front, i, u) - normal
     if braking:
         upper = v_i * at(track.upper_slope, i, u) + at(track.upper_intercept, i, u)
-        rear -= survey.per_decel * GRAVITY * (upper + bulge * at(survey.sine, i, u))
+        decel = GRAVITY * (upper + bulge * at(survey.sine, i, u))
+        rear -= survey.per_decel * decel
+        front += survey.per_accel * decel
     lateral = survey.per_lateral * energy * at(survey.lean, i, u)
     left, right = bulge * at(survey.left, i, u), bulge * at(survey.right, i, u)
-    return rear, min(left - lateral, right + lateral)
+    side = min(left - lateral, right + lateral) - normal
+    upright = 0.5 * (left + right) - normal
+    return rear, side, min(rear, front) + side - upright
+
+
+@inlined
+def lesser(a: Shares, b: Shares) -> Shares:
+    """Each share the lesser of two."""
+    return min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2])
 
 
 @inlined
 def loads_by_energy(
     track: Track, survey: Survey, command: StopCommand, k: int, stop: StopEnd
-) -> tuple[float, float]:
-    """Least rear share and least side share on a stop of :func:`stop_by_energy`.
+) -> Shares:
+    """Least shares of the rear axle, of a side and of a wheel on a stop of :func:`stop_by_energy`.
 
     Args:
         track, survey, command: as there.
@@ -181,22 +200,19 @@ def loads_by_energy(
     v_i = max(command.speed, command.slowest)
     held = command.speed * command.speed
     ds = station[k + 1] - station[k]
-    rear, side = _shares_at(track, survey, k, (command.station - station[k]) / ds, held, v_i, False)
+    least = _shares_at(track, survey, k, (command.station - station[k]) / ds, held, v_i, False)
     for m in range(k + 1, i + 1):
-        r, d = _shares_at(track, survey, m, 0.0, held, v_i, False)
-        rear, side = min(rear, r), min(side, d)
+        least = lesser(least, _shares_at(track, survey, m, 0.0, held, v_i, False))
     u = min((onset - station[i]) / (station[i + 1] - station[i]), 1.0)
-    r, d = _shares_at(track, survey, i, u, held, v_i, True)
-    rear, side = min(rear, r), min(side, d)
+    least = lesser(least, _shares_at(track, survey, i, u, held, v_i, True))
     for m in range(i + 1, j + 1):
         left = needed - v_i * survey.slope_work[m] - survey.intercept_work[m]
-        r, d = _shares_at(track, survey, m, 0.0, 2.0 * GRAVITY * max(left, 0.0), v_i, True)
-        rear, side = min(rear, r), min(side, d)
+        energy = 2.0 * GRAVITY * max(left, 0.0)
+        least = lesser(least, _shares_at(track, survey, m, 0.0, energy, v_i, True))
     if end > station[j + 1]:
         # It runs off the end of the path.
         left = needed - v_i * survey.slope_work[j + 1] - survey.intercept_work[j + 1]
-        r, d = _shares_at(track, survey, j, 1.0, 2.0 * GRAVITY * max(left, 0.0), v_i, True)
-        rear, side = min(rear, r), min(side, d)
+        energy = 2.0 * GRAVITY * max(left, 0.0)
+        least = lesser(least, _shares_at(track, survey, j, 1.0, energy, v_i, True))
     u = min((end - station[j]) / (station[j + 1] - station[j]), 1.0)
-    r, d = _shares_at(track, survey, j, u, 0.0, v_i, True)
-    return min(rear, r), min(side, d)
+    return lesser(least, _shares_at(track, survey, j, u, 0.0, v_i, True))

@@ -14,9 +14,11 @@ from models.laws import wheel_loads
 from models.quantity import GRAVITY
 from planner.kernels.compiled import inlined
 from planner.kernels.motion_laws import motion_deceleration
+from planner.verify.stop_by_energy import Shares, lesser
 from planner.verify.track import Body, StopCommand, Terms, Track, at, segment
 
 _rear_share = inlined(wheel_loads.rear_load_share)
+_front_share = inlined(wheel_loads.front_load_share)
 _left_share = inlined(wheel_loads.left_load_share)
 _right_share = inlined(wheel_loads.right_load_share)
 
@@ -51,8 +53,8 @@ def _shares(
     v_i: float,
     i: int,
     braking: bool,
-) -> tuple[float, float]:
-    """Least axle share and least side share at s, braking or holding the speed."""
+) -> Shares:
+    """Shares of rear, lighter side and lightest wheel at s, braking or holding the speed."""
     i = segment(track.station, s, i)
     u = min((s - track.station[i]) / (track.station[i + 1] - track.station[i]), 1.0)
     grade, roll = at(track.grade, i, u), at(track.roll, i, u)
@@ -63,42 +65,44 @@ def _shares(
         upper = min(upper, motion.friction * np.cos(grade) * np.cos(roll))
         decel = GRAVITY * (upper + np.sin(grade))
         decel += max(motion_deceleration(max(v, 0.0), bend, at(track.yaw, i, u), motion), 0.0)
-    rear = _rear_share(grade, roll, decel, body.wheelbase, body.cg_x, body.cg_z)
+    normal = max(-at(track.vertical_curvature, i, u), 0.0) * v * v / GRAVITY
+    rear = _rear_share(grade, roll, decel, body.wheelbase, body.cg_x, body.cg_z) - normal
+    front = _front_share(grade, roll, decel, body.wheelbase, body.cg_x, body.cg_z) - normal
     lateral = v * v * bend / np.cos(roll)
     left = _left_share(grade, roll, lateral, body.track_width, body.cg_z)
     right = _right_share(grade, roll, lateral, body.track_width, body.cg_z)
-    return rear, min(left, right)
+    side = min(left, right) - normal
+    return rear, side, min(rear, front) + side - (0.5 * (left + right) - normal)
 
 
 @inlined
 def stop_in_time(
-    track: Track, terms: Terms, command: StopCommand, i: int, limit: float
-) -> tuple[float, float, float]:
-    """Where any stop ends, and the least rear and side shares on its way.
+    track: Track, terms: Terms, command: StopCommand, i: int, ends: tuple[float, float]
+) -> tuple[float, Shares]:
+    """Where any stop ends, and the least shares of rear axle, sides and wheels on its way.
 
     Args:
         track: the path, (N,) each.
         terms: vehicle, effects, time step.
         command: of the stop; i: the segment that it is in.
-        limit: a stop that gets here is not followed further [m].
+        ends: a stop that gets to the first is not followed further; by the second it may fall
+            further than the track [m].
     """
     body, motion, h = terms.body, terms.motion, terms.time_step
+    limit, height = ends
     v = command.speed
     station = track.station
     v_i = max(v, command.slowest)
     onset = command.station + v * command.dead_time
-    rear, side = _shares(track, body, motion, command.station, v, v_i, i, False)
+    least = _shares(track, body, motion, command.station, v, v_i, i, False)
     while station[i + 1] < onset and i + 2 < station.shape[0]:
         i += 1
-        r, d = _shares(track, body, motion, station[i], v, v_i, i, False)
-        rear, side = min(rear, r), min(side, d)
-    r, d = _shares(track, body, motion, onset, v, v_i, i, False)
-    rear, side = min(rear, r), min(side, d)
+        least = lesser(least, _shares(track, body, motion, station[i], v, v_i, i, False))
+    least = lesser(least, _shares(track, body, motion, onset, v, v_i, i, False))
     f, q = 0.0, motion.heat
     s = onset
     while s <= limit:
-        r, d = _shares(track, body, motion, s, v, v_i, i, True)
-        rear, side = min(rear, r), min(side, d)
+        least = lesser(least, _shares(track, body, motion, s, v, v_i, i, True))
         a1, f1, q1 = _rates(track, motion, s, v, f, q, v_i, i)
         if v <= 0.0:
             break
@@ -112,18 +116,16 @@ def stop_in_time(
         after = v - h * (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0
         if after <= 0.0:
             # Within the last step the deceleration is as good as constant.
-            s += 0.5 * v * h * v / (v - after)
+            s += 0.5 * v * h * v / (v - after) + GRAVITY * height * h / (v - after)
         else:
             s += h * (v + 2.0 * v2 + 2.0 * v3 + v4) / 6.0
             f += h * (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0
             q += h * (q1 + 2.0 * q2 + 2.0 * q3 + q4) / 6.0
         while station[i + 1] < s and i + 2 < station.shape[0]:
             i += 1
-            r, d = _shares(track, body, motion, station[i], v, v_i, i, True)
-            rear, side = min(rear, r), min(side, d)
+            least = lesser(least, _shares(track, body, motion, station[i], v, v_i, i, True))
         v = after
         if v <= 0.0:
-            r, d = _shares(track, body, motion, s, 0.0, v_i, i, True)
-            rear, side = min(rear, r), min(side, d)
+            least = lesser(least, _shares(track, body, motion, s, 0.0, v_i, i, True))
             break
-    return s, rear, side
+    return s, least

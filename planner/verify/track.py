@@ -14,7 +14,7 @@ from models.arrays import Floats
 from models.effects.registry import MotionTerms
 from models.laws import wheel_loads
 from models.parameters import Model
-from planner.ground.braking_ground import BrakingGround
+from planner.ground.braking_ground import BrakingGround, StopErrors
 from planner.ground.forces import Forces
 from planner.ground.terrain_profile import TerrainProfile, TerrainRows
 from planner.kernels.compiled import inlined, kernel
@@ -33,7 +33,9 @@ class Track(NamedTuple):
         station, grade, roll, curvature, yaw: geometry; yaw without jumps.
         lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest: as of the
             ground.
-        speed_limit: of path and trained range [m/s].
+        speed_limit: of path, trained range and rough ground [m/s].
+        vertical_curvature: change of the grade, negative over a crest [1/m].
+        friction: of the ground, inf where it is not known [1].
     """
 
     station: Floats
@@ -48,6 +50,8 @@ class Track(NamedTuple):
     dead_time: Floats
     slowest: Floats
     speed_limit: Floats
+    vertical_curvature: Floats
+    friction: Floats
 
 
 class Body(NamedTuple):
@@ -64,7 +68,7 @@ class Terms(NamedTuple):
     """What plans are judged by.
 
     Attributes:
-        body, limits: of the model. motion: effects on the motion itself.
+        body, limits: of the model. motion: effects on the motion itself. errors: of speed and map.
         in_time: something acts on the motion, so stops are integrated in time.
         between: points inside each segment from which a stop is tried as well.
         time_step: of the integrator [s].
@@ -74,6 +78,7 @@ class Terms(NamedTuple):
     body: Body
     limits: PlanningLimits
     motion: MotionTerms
+    errors: StopErrors
     in_time: bool
     between: int
     time_step: float
@@ -131,7 +136,8 @@ def track_of(
     """One candidate out of a batch, contiguous, without padding and without its first stations."""
     n = int(profile.count[candidate])
     columns = np.empty((len(Track._fields), n - first))
-    copy_columns(first, candidate, profile.rows, ground.forces, True, columns)
+    friction = np.empty((0, 0)) if ground.friction is None else ground.friction
+    copy_columns(first, candidate, profile.rows, ground.forces, friction, True, columns)
     track = Track(*columns)
     if speed_limit is not None:
         np.minimum(track.speed_limit, speed_limit[first:n, candidate], out=track.speed_limit)
@@ -140,16 +146,18 @@ def track_of(
 
 @kernel
 def copy_columns(
-    first: int, j: int, terrain: TerrainRows, forces: Forces, turns: bool, out: Floats
-) -> None:
+    first: int, j: int, terrain: TerrainRows, forces: Forces, friction: Floats, turns: bool,
+    out: Floats,
+) -> None:  # fmt: skip
     """Stations of candidate j from ``first`` on, in the order of :class:`Track`.
 
     Args:
         first: stations before it are left out.
         j: the candidate.
         terrain, forces: of the batch; ``forces.fastest`` becomes the speed limit.
+        friction: (N, M), or (0, 0) where it is not known.
         turns: False leaves the yaw at 0, where nothing asks for it.
-        out: (≥ 12, ≥ count − first).
+        out: (≥ 14, ≥ count − first).
     """
     for k in range(first, terrain.counts[j]):
         i = k - first
@@ -167,6 +175,8 @@ def copy_columns(
         out[9, i] = forces.dead_time[k, j]
         out[10, i] = forces.slowest[k, j]
         out[11, i] = forces.fastest[k, j]
+        out[12, i] = terrain.vertical_curvature[k, j]
+        out[13, i] = friction[k, j] if friction.shape[0] > 0 else np.inf
 
 
 def body_of(model: Model) -> Body:

@@ -57,6 +57,7 @@ ATV: Tables = {
         "b_b": 0.40,
         "dead_time": 0.30,
         "distance_offset": 0.20,
+        "drive_in_dead_time": "held",
         "speed_range": [1.0, 4.0],
         "grade_range": [-0.26, 0.26],
     },
@@ -110,7 +111,7 @@ def model_of(tables: Mapping[str, Any]) -> Model:
         return values
 
     def ranges(values: Mapping[str, Any]) -> dict[str, Any]:
-        named = ("speed_range", "grade_range")
+        named = ("speed_range", "grade_range", "roll_range")
         return uphill({k: tuple(v) if k in named else v for k, v in values.items()})
 
     braking = dict(tables["braking"])

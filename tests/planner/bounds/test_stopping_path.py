@@ -19,6 +19,9 @@ from planner.path import CandidatePath, batch
 from tests.planner.scenes import G, Tables, ground_map, model_of, plane, straight, tables_with
 
 NO_LIMITS = {"speed": 8.0, "min_load": 0.01}
+KEPT_ON_CRESTS = ("crest_unloading", {"k": 0.0})
+"""Brakes whose force is the same whatever presses on the ground."""
+
 FAST = {"speed_range": [0.0, 8.0], "grade_range": [-0.5, 0.5]}
 
 
@@ -44,8 +47,13 @@ def stopping_of(
     return profile, ground, speed_bounds(profile, ground, model, np.array([np.inf]))
 
 
-def stop_by_scipy(profile: TerrainProfile, tables: Tables, k: int, v: float) -> float:
-    """Station at which the vehicle rests: v' = −g (F_b/W + sin θ) with θ linear in station."""
+def stop_by_scipy(
+    profile: TerrainProfile, tables: Tables, k: int, v: float, *, crests: bool = False
+) -> float:
+    """Station at which the vehicle rests: v' = −g (F_b/W + sin θ) with θ linear in station.
+
+    With crests the force is that share of itself which still presses on the ground.
+    """
     b = tables["braking"]
     station, grade = profile.station[:, 0], profile.grade[:, 0]
     v_i = max(v, b["speed_range"][0])
@@ -53,6 +61,10 @@ def stop_by_scipy(profile: TerrainProfile, tables: Tables, k: int, v: float) -> 
     def rates(_: float, y: np.ndarray) -> list[float]:
         theta = np.interp(y[0], station, grade)
         force = (b["m_m"] * v_i + b["b_m"]) * theta + b["m_b"] * v_i + b["b_b"]
+        if crests:
+            i = min(int(np.searchsorted(station, y[0], "right")) - 1, len(station) - 2)
+            falls = (grade[i + 1] - grade[i]) / (station[i + 1] - station[i])
+            force *= 1.0 + min(falls, 0.0) * y[1] ** 2 / (G * np.cos(theta))
         return [y[1], -G * (force + np.sin(theta))]
 
     def stands(_: float, y: np.ndarray) -> float:
@@ -81,7 +93,7 @@ def test_stops_on_hills_end_just_before_the_end_of_the_way(
     b_m: float, m_m: float, m_b: float, dead_time: float, slowest: float, integrated: bool
 ) -> None:
     tables = tables_with(
-        limits=NO_LIMITS,
+        KEPT_ON_CRESTS, limits=NO_LIMITS,
         braking=FAST | {"b_m": b_m, "m_m": m_m, "m_b": m_b, "dead_time": dead_time,
                         "speed_range": [slowest, 8.0]},
     )  # fmt: skip
@@ -107,9 +119,28 @@ def test_stops_on_hills_end_just_before_the_end_of_the_way(
     assert checked >= 5
 
 
+def test_what_crests_take_from_the_force_is_left_out_of_the_stop() -> None:
+    """Never too little, and not much too much: the least force over a whole stop would be it."""
+    tables = tables_with(limits=NO_LIMITS, braking=FAST)
+    profile, _, bounds = stopping_of(
+        tables, ground_map(hills, resolution=0.1), straight(16.0), spacing=0.05
+    )
+    limited = np.flatnonzero(bounds.limiting[:, 0] == Limiting.STOPPING_PATH)
+    clear, left, ignored = bounds.clear_distance[0] - 0.2, [], []
+    for k in limited[:: max(len(limited) // 12, 1)]:
+        v = float(np.sqrt(bounds.speed_sq_max[k, 0]))
+        if v == 0.0 or clear - profile.station[k, 0] < 0.3:
+            continue
+        left.append(clear - stop_by_scipy(profile, tables, int(k), v, crests=True))
+        ignored.append(clear - stop_by_scipy(profile, tables, int(k), v))
+    assert len(left) >= 5
+    assert min(left) >= 0.5 * STOP_GUARD
+    assert max(left) < 0.6 * max(ignored)
+
+
 def test_the_bound_converges_with_the_spacing() -> None:
     """Distance given up shrinks at least with the square of the spacing."""
-    tables = tables_with(limits=NO_LIMITS, braking=FAST)
+    tables = tables_with(KEPT_ON_CRESTS, limits=NO_LIMITS, braking=FAST)
     ground = ground_map(hills, resolution=0.05)
     lost = []
     for spacing in (0.4, 0.2, 0.1):

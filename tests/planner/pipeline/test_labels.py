@@ -23,7 +23,7 @@ def drawn(seed: int) -> tuple[Track, dict[str, np.ndarray]]:
     track = Track(
         np.arange(N) * 0.25, rng.uniform(-0.3, 0.3, N), zeros, zeros, zeros,
         rng.uniform(-0.03, 0.03, N), rng.uniform(0.1, 0.5, N), zeros, zeros, zeros,
-        np.full(N, rng.uniform(0.0, 1.5)), np.full(N, np.inf),
+        np.full(N, rng.uniform(0.0, 1.5)), np.full(N, np.inf), zeros, np.full(N, np.inf),
     )  # fmt: skip
     return track, {
         "speed_sq": rng.uniform(0.0, 16.0, N),

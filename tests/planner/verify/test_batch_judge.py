@@ -86,8 +86,8 @@ SIDE = {"min_load": 0.5, "lateral_accel": 9.0}
         ("wheel_speed", {"vehicle": {"max_wheel_speed": 2.0}}, 1.2),
         ("accel", {}, 1.2),
         ("decel", {}, 1.2),
-        ("axle_load", {"vehicle": {"cg_z": 1.1}, "limits": {"min_load": 0.15}}, 1.6),
-        ("side_load", {"vehicle": {"track_width": 0.4}, "limits": SIDE}, 2.5),
+        ("wheel_load", {"vehicle": {"cg_z": 1.1}, "limits": {"min_load": 0.15}}, 1.6),
+        ("side_load", {"vehicle": {"track_width": 0.4}, "limits": SIDE}, 6.0),
     ],
 )
 def test_each_kind_of_breach_is_found_in_the_right_candidate(

@@ -62,6 +62,8 @@ class Case:
             float(ground.distance_offset[0]),
             ground.motion,
             self.model,
+            even=track_of(self.solved.profile, bounds.even_ground, 0),
+            errors=ground.errors,
             **options,
         )
 
@@ -98,9 +100,12 @@ def test_stops_agree_with_the_oracles_within_a_millimetre(
     for k in going[:: max(len(going) // 6, 1)]:
         stop = oracle.emergency_stop(plan.station[k], plan.speed[k], columns, tables)
         assert plan.stop_distance[k] == pytest.approx(stop.distance, abs=1e-3)
-        assert plan.side_load[k] == pytest.approx(stop.side_load, abs=2e-3)
+        assert plan.side_load[k] <= stop.side_load + 2e-3
+        assert plan.side_load[k] >= stop.side_load - oracle.CREST_AGREES
         if effect is None or effect[0] == "wheel_lockup":
-            assert plan.rear_load[k] == pytest.approx(stop.rear_load, abs=2e-3)
+            # Between stations the sharper crest of those on both sides counts.
+            assert stop.rear_load - oracle.CREST_AGREES <= plan.rear_load[k]
+            assert plan.rear_load[k] <= stop.rear_load + 2e-3
         else:
             # Forces that are not there yet count as if they were.
             assert plan.rear_load[k] <= stop.rear_load + 2e-3
@@ -210,7 +215,7 @@ def test_a_breach_between_stations_only_is_found() -> None:
          plane(), straight(20.0)),
         ("lateral", tables_with(limits={"lateral_accel": 0.5}), plane(), arc(12.0, 0.3)),
         ("wheel_speed", tables_with(vehicle={"max_wheel_speed": 1.5}), plane(), straight(20.0)),
-        ("side_load",
+        ("wheel_load",
          tables_with(vehicle={"cg_z": 0.7}, limits={"lateral_accel": 20.0, "min_load": 0.3,
                                                     "decel": 9.0, "accel": 9.0}),
          plane(), arc(10.0, 0.5)),
@@ -243,7 +248,8 @@ def test_the_limit_of_the_path_counts_as_well_as_the_models() -> None:
 def test_lateral_acceleration_is_that_in_the_tilted_plane() -> None:
     """v² κ / cos φ: across a slope the same turn takes more of it."""
     case = Case(tables_with(limits={"lateral_accel": 0.5}), plane(lean=0.25), straight(12.0))
-    case.track = case.track._replace(curvature=np.full_like(case.track.station, 0.1))
+    bend = -np.sign(case.track.roll) * 0.1
+    case.track = case.track._replace(curvature=bend)
     cos_roll = 1.0 / np.sqrt(1.0 + 0.25**2)
     for share, breached in ((0.99, False), (1.01, True)):
         speed_sq = np.minimum(case.speed_sq, share * 0.5 * cos_roll / 0.1)
