@@ -7,73 +7,20 @@ by a default; physical constants of a vehicle have none.
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
 
-import numpy as np
-
 from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
+from models.quantity import (
+    Matrix,
+    quantity,
+    validate_covariance,
+    validate_quantities,
+    validate_range,
+)
+from models.surface_braking import SurfaceBraking, UphillBraking
 from models.vehicle import Vehicle
-
-Matrix = tuple[tuple[float, ...], ...]
-
-
-def _validate_range(name: str, bounds: tuple[float, float]) -> None:
-    low, high = bounds
-    if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise ParameterError(name, f"two finite numbers, low < high, got [{low:g}, {high:g}]")
-
-
-def _validate_covariance(name: str, covariance: Matrix | None, size: int) -> None:
-    if covariance is None or (size == 0 and len(covariance) == 0):
-        return
-    if len(covariance) != size or any(len(row) != size for row in covariance):
-        raise ParameterError(name, f"a {size} x {size} matrix")
-    matrix = np.asarray(covariance)
-    scale = float(np.max(np.abs(matrix)))
-    if not (np.isfinite(scale) and np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * scale)):
-        raise ParameterError(name, "a finite symmetric matrix")
-    if np.linalg.eigvalsh(matrix)[0] < -1e-9 * scale:
-        raise ParameterError(name, "a positive semidefinite matrix, got a negative eigenvalue")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UphillBraking:
-    """Slope coefficients that replace ``m_m`` and ``b_m`` uphill. Source: Braking, Sec. 2."""
-
-    m_m: float = quantity("s/m", "Change of the uphill slope coefficient with speed.")
-    b_m: float = quantity("1", "Uphill slope coefficient at rest.")
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SurfaceBraking:
-    """What differs on one named surface; every key left out is that of ``[braking]``."""
-
-    m_m: float | None = quantity("s/m", "See [braking].", default=None)
-    b_m: float | None = quantity("1", "See [braking].", default=None)
-    m_b: float | None = quantity("s/m", "See [braking].", default=None)
-    b_b: float | None = quantity("1", "See [braking].", default=None)
-    dead_time: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
-    distance_offset: float | None = quantity("m", "See [braking].", default=None, at_least=0.0)
-    time_offset: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
-    force_std: float | None = quantity("1", "See [braking].", default=None, at_least=0.0)
-    dead_time_std: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
-    covariance: Matrix | None = None
-    speed_range: tuple[float, float] | None = None
-    grade_range: tuple[float, float] | None = None
-    roll_range: tuple[float, float] | None = None
-    sliding_friction: float | None = quantity("1", "See [braking].", default=None, above=0.0)
-    uphill: UphillBraking | None = None
-    class_id: int | None = None
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +29,18 @@ class Braking:
 
     F_b/W = (m_m v_i + b_m) θ + (m_b v_i + b_b), dimensionless, with θ the grade (uphill positive)
     and v_i the speed at brake onset. The sign of the slope coefficients is learned, not assumed.
+
+    Attributes:
+        speed_range: lowest and highest onset speed that the coefficients were learned on [m/s].
+        grade_range: likewise the grades [rad], uphill positive.
+        roll_range: likewise the rolls [rad], left side up positive; left out, as far to either side
+            as the steeper end of ``grade_range``.
+        covariance: of m_m, b_m, m_b, b_b, in their units; left out, they count as exact.
+        drive_in_dead_time: what the drive does between stop command and onset: the speed is held,
+            or the drive is cut and the vehicle rolls; of either, the longer stop counts.
+        uphill: m_m and b_m that hold uphill instead.
+        extrapolate: plan on ground steeper than trained, with a margin, instead of not at all.
+        terrain: surfaces of the map that differ, by name.
     """
 
     m_m: float = quantity("s/m", "Change of the slope coefficient with speed at onset.")
@@ -124,13 +83,13 @@ class Braking:
 
     def __post_init__(self) -> None:
         validate_quantities(self)
-        _validate_range("speed_range", self.speed_range)
-        _validate_range("grade_range", self.grade_range)
+        validate_range("speed_range", self.speed_range)
+        validate_range("grade_range", self.grade_range)
         if self.roll_range is not None:
-            _validate_range("roll_range", self.roll_range)
+            validate_range("roll_range", self.roll_range)
         if self.speed_range[0] < 0.0:
             raise ParameterError("speed_range", f"speeds >= 0, got {self.speed_range[0]:g}")
-        _validate_covariance("covariance", self.covariance, 4)
+        validate_covariance("covariance", self.covariance, 4)
         if not self.level_force(self.speed_range[0]) > 0.0:
             raise ParameterError(
                 "b_b", "brakes that slow the vehicle on level ground, m_b v + b_b > 0"
@@ -212,7 +171,7 @@ class Effect:
     source: str = ""
 
     def __post_init__(self) -> None:
-        _validate_covariance("covariance", self.covariance, len(self.parameters))
+        validate_covariance("covariance", self.covariance, len(self.parameters))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
 

@@ -8,12 +8,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from typing import Any, TypeAlias
+
+import numpy as np
 
 from models.errors import ParameterError
 
 GRAVITY = 9.80665
 """Standard gravity g [m/s²]."""
+
+Matrix: TypeAlias = tuple[tuple[float, ...], ...]
+"""Rows of a matrix as a file holds them."""
 
 _REQUIRED = dataclasses.MISSING
 
@@ -82,3 +87,32 @@ def validate_quantities(instance: Any) -> None:
             and metadata["at_least"] <= value <= metadata["at_most"]
         ):
             raise ParameterError(field.name, f"{describe_range(metadata)}, got {value!r}")
+
+
+def validate_range(name: str, bounds: tuple[float, float]) -> None:
+    """Check that a range has two ends, the lower one first.
+
+    Raises:
+        ParameterError: names the field and what was expected.
+    """
+    low, high = bounds
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise ParameterError(name, f"two finite numbers, low < high, got [{low:g}, {high:g}]")
+
+
+def validate_covariance(name: str, covariance: Matrix | None, size: int) -> None:
+    """Check that a matrix can be a covariance of as many parameters; None passes.
+
+    Raises:
+        ParameterError: names the field and what was expected.
+    """
+    if covariance is None or (size == 0 and len(covariance) == 0):
+        return
+    if len(covariance) != size or any(len(row) != size for row in covariance):
+        raise ParameterError(name, f"a {size} x {size} matrix")
+    matrix = np.asarray(covariance)
+    scale = float(np.max(np.abs(matrix)))
+    if not (np.isfinite(scale) and np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * scale)):
+        raise ParameterError(name, "a finite symmetric matrix")
+    if np.linalg.eigvalsh(matrix)[0] < -1e-9 * scale:
+        raise ParameterError(name, "a positive semidefinite matrix, got a negative eigenvalue")

@@ -21,9 +21,10 @@ from scipy.optimize import linprog
 from models.arrays import Floats
 from models.errors import ParameterError
 from models.laws import braking
-from models.parameters import Braking, Effect, Model, SurfaceBraking
+from models.parameters import Braking, Effect, Model
 from models.quantity import GRAVITY
 from models.stops.simulation import simulate_stop
+from models.surface_braking import SurfaceBraking
 
 from .quad import LIMITS, QUAD, ROLLING
 from .stop_sample import StopSample

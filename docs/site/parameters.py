@@ -12,8 +12,9 @@ import msgspec
 
 from models.effects.effect_law import EffectLaw, Parameter
 from models.effects.registry import LAWS
-from models.parameters import Braking, Effect, Limits, SurfaceBraking, Terrain, UphillBraking
+from models.parameters import Braking, Effect, Limits, Terrain
 from models.quantity import describe_range
+from models.surface_braking import SurfaceBraking, UphillBraking
 from models.vehicle import Vehicle
 from services.discovery import finding
 from services.io.bags.topics import Channel, MapSource, PathSource

@@ -25,10 +25,11 @@ from models.calibration.margins import offset_for
 from models.calibration.stopping import stopping_distance, stopping_time
 from models.calibration.surface_fit import CalibrationSettings, offset_of
 from models.errors import ParameterError
-from models.parameters import Braking, SurfaceBraking
+from models.parameters import Braking
 from models.stop_logs import random_effects
 from models.stop_logs.dead_time import DeadTime
 from models.stop_logs.measured_log import MeasuredLog
+from models.surface_braking import SurfaceBraking
 
 FEWEST = 2
 """Stops of its own without which a vehicle gets the fleet's mean."""

@@ -27,7 +27,7 @@ from models.calibration.surface_fit import (
     fit_records,
     fit_surfaces,
 )
-from models.parameters import Braking, SurfaceBraking
+from models.parameters import Braking
 from models.stop_logs.dead_time import DeadTime
 from models.stop_logs.drive_quality import Suspect
 from models.stop_logs.find_stops import StopWindow
@@ -35,6 +35,7 @@ from models.stop_logs.ground_grade import Dive
 from models.stop_logs.measure import Measured, Slope
 from models.stop_logs.measured_log import MeasuredLog, measure_stops
 from models.stop_logs.mount_offset import Mount
+from models.surface_braking import SurfaceBraking
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,8 @@ import dataclasses
 import math
 
 from models.errors import ParameterError
-from models.parameters import Model, SurfaceBraking, Terrain
+from models.parameters import Model, Terrain
+from models.surface_braking import SurfaceBraking
 from models.terrain.observation import Features
 from models.terrain.resistances import TerrainEstimate
 

@@ -87,6 +87,7 @@ def cautious(found: Model, file: Model) -> Model:
         dead_time=max(f.dead_time, o.dead_time),
         distance_offset=max(f.distance_offset, o.distance_offset),
         time_offset=max(f.time_offset, o.time_offset),
+        speed_error=max(f.speed_error, o.speed_error),
         force_std=max(f.force_std, o.force_std),
         dead_time_std=max(f.dead_time_std, o.dead_time_std),
     )

@@ -14,7 +14,7 @@ from services.settings.learning import Learning
 LIMITS = "limits"
 _UNITS = {
     "speed": "m/s", "accel": "m/s²", "decel": "m/s²", "jerk": "m/s³", "lateral_accel": "m/s²",
-    "min_load": "1",
+    "vertical_accel": "m/s²", "min_load": "1",
 }  # fmt: skip
 
 

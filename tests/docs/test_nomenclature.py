@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -11,6 +12,8 @@ from pathlib import Path
 import pytest
 
 from models.effects.registry import LAWS
+from models.parameters import Braking, Limits, Terrain
+from models.vehicle import Vehicle
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "nomenclature.md").read_text()
@@ -130,6 +133,14 @@ def test_public_signatures_are_in_si_units() -> None:
         if parts(name).endswith(tuple(f"_{suffix}_" for suffix in SUFFIXES))
     ]
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("kind", [Vehicle, Braking, Terrain, Limits])
+def test_every_key_of_a_model_file_is_told(kind: type) -> None:
+    rows = [row for title in titles() for row in table(title)]
+    told = {name for row in rows for cell in row for name in re.findall(r"`(\w+)`", cell)}
+    wanted = {field.name for field in dataclasses.fields(kind)}
+    assert not wanted - told
 
 
 @pytest.mark.parametrize("word", sorted(retired()))

@@ -9,7 +9,8 @@ import pytest
 
 from models.effects.registry import LAWS, motion, motion_deceleration, validate
 from models.errors import ParameterError
-from models.parameters import Effect, SurfaceBraking
+from models.parameters import Effect
+from models.surface_braking import SurfaceBraking
 from tests.models.models_for_tests import BASE
 
 NEGATIVE = tuple(tuple(-1.0 * (i == j) for j in range(4)) for i in range(4))
@@ -25,6 +26,11 @@ NEGATIVE = tuple(tuple(-1.0 * (i == j) for j in range(4)) for i in range(4))
         ("braking", {"dead_time": -0.1}, "dead_time"),
         ("braking", {"speed_range": (4.0, 1.0)}, "speed_range"),
         ("braking", {"grade_range": (0.1, 0.1)}, "grade_range"),
+        ("braking", {"roll_range": (0.1, -0.1)}, "roll_range"),
+        ("braking", {"speed_error": -0.1}, "speed_error"),
+        ("vehicle", {"width": 0.9}, "width"),
+        ("vehicle", {"wheel_width": 0.0}, "wheel_width"),
+        ("limits", {"vertical_accel": 0.0}, "vertical_accel"),
         ("braking", {"b_b": -0.2}, "b_b"),
         ("braking", {"covariance": ((1.0,),)}, "covariance"),
         ("braking", {"covariance": NEGATIVE}, "covariance"),
@@ -52,6 +58,32 @@ def test_a_surface_changes_only_what_its_table_names() -> None:
     ice = braking.on("ice")
     assert (ice.b_b, ice.dead_time, ice.m_b) == (0.1, 0.4, 0.015)
     assert braking.on("nowhere") == replace(braking, terrain={})
+
+
+def test_sizes_that_are_left_out_follow_the_wheel_radius() -> None:
+    bare = replace(BASE.vehicle, wheel_radius=0.3, track_width=1.0, wheelbase=1.2)
+    shape = bare.shape
+    assert shape[:-1] == pytest.approx((1.21, 0.9, 0.9, 0.225, 0.1, 0.1, 0.21))
+    assert len(shape.assumed) == 6
+    told = replace(bare, width=1.5, front_overhang=0.0, ground_clearance=0.4, wheel_width=0.3)
+    assert told.shape.assumed == ("rear_overhang", "max_step", "wheel_travel")
+    assert told.shape[:4] == pytest.approx((1.5, 0.6, 0.9, 0.4))
+    assert replace(bare, wheel_width=0.3).shape.width == pytest.approx(1.3)
+
+
+def test_the_front_axle_brakes_by_its_static_load_unless_told() -> None:
+    assert replace(BASE.vehicle, cg_x=0.3, wheelbase=1.2).brake_share == pytest.approx(0.25)
+    assert replace(BASE.vehicle, front_brake_share=0.7).brake_share == 0.7
+
+
+def test_rolls_are_trained_as_far_as_grades_unless_told() -> None:
+    braking = replace(BASE.braking, grade_range=(-0.3, 0.1), roll_range=None)
+    assert braking.trained_roll == (-0.3, 0.3)
+    told = replace(
+        braking, roll_range=(-0.1, 0.2), terrain={"ice": SurfaceBraking(roll_range=(0.0, 0.1))}
+    )
+    assert told.trained_roll == (-0.1, 0.2)
+    assert told.on("ice").trained_roll == (0.0, 0.1)
 
 
 @pytest.mark.parametrize("name", list(LAWS))

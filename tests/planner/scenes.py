@@ -14,15 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from models.parameters import (
-    Braking,
-    Effect,
-    Limits,
-    Model,
-    SurfaceBraking,
-    Terrain,
-    UphillBraking,
-)
+from models.parameters import Braking, Effect, Limits, Model, Terrain
+from models.surface_braking import SurfaceBraking, UphillBraking
 from models.vehicle import Vehicle
 from planner.ground.elevation_map import ElevationMap
 from planner.limiting import Limiting

@@ -13,7 +13,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from models.parameters import Braking, Model, SurfaceBraking
+from models.parameters import Braking, Model
+from models.surface_braking import SurfaceBraking
 from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan, Status

@@ -12,8 +12,9 @@ from models.calibration.online import OnlineBraking
 from models.calibration.published import PublishSettings
 from models.calibration.recursive import Acceptance, RecursiveSettings, at_least_both
 from models.errors import ParameterError
-from models.parameters import Braking, SurfaceBraking
+from models.parameters import Braking
 from models.stop_logs.stop_stream import StreamedStop
+from models.surface_braking import SurfaceBraking
 
 TIGHT = ((1e-4, 0.0, 0.0, 0.0), (0.0, 9e-4, 0.0, 0.0), (0.0, 0.0, 4e-6, 0.0), (0.0, 0.0, 0.0, 4e-5))
 PRIOR = Braking(

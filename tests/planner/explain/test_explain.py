@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from models.parameters import Effect, Model, SurfaceBraking
+from models.parameters import Effect, Model
+from models.surface_braking import SurfaceBraking
 from planner.explain.explain import Explanation, explain, stretches
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty

@@ -3,6 +3,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -17,15 +18,8 @@ from hypothesis import strategies as st
 
 from models.effects.registry import LAWS
 from models.errors import InputError
-from models.parameters import (
-    Braking,
-    Effect,
-    Limits,
-    Model,
-    SurfaceBraking,
-    Terrain,
-    UphillBraking,
-)
+from models.parameters import Braking, Effect, Limits, Model, Terrain
+from models.surface_braking import SurfaceBraking, UphillBraking
 from models.vehicle import Vehicle
 from services.io.model_file import (
     find_model,
@@ -80,6 +74,42 @@ def test_shipped_vehicles_stop_on_every_trained_grade(name: str) -> None:
                 assert force + np.sin(grade) > 0.03
 
 
+def test_what_the_atv_leaves_out_is_commented_with_the_number_that_then_holds() -> None:
+    """Uncommented, those lines change nothing; examples of what has no default are not of them."""
+    file = find_model("atv")
+    known = {
+        field.name for kind in (Vehicle, Braking, Limits) for field in dataclasses.fields(kind)
+    }
+    examples = {
+        "motor_torque_constant",
+        "gear_ratio",
+        "idle_current",
+        "sliding_friction",
+        "covariance",
+    }
+    told = set(re.findall(r"^# (\w+) = ", file.read_text(), re.MULTILINE)) & known
+    held = "|".join(told - examples)
+    model = read_model(file)
+    said = model_from_dict(
+        tomllib.loads(re.sub(rf"^# ({held}) = ", r"\1 = ", file.read_text(), flags=re.MULTILINE)),
+        "atv",
+    )
+    sizes, own = said.vehicle.shape, model.vehicle.shape
+    assert sizes.assumed == ()
+    assert len(own.assumed) == 4
+    assert sizes[:-1] == pytest.approx(own[:-1], abs=1e-3)
+    assert said.vehicle.brake_share == model.vehicle.brake_share
+    assert said.braking.trained_roll == model.braking.trained_roll
+    assert dataclasses.replace(said.braking, roll_range=None) == model.braking
+    assert said.limits == model.limits
+    for kind in (Vehicle, Braking, Limits):
+        optional = {
+            f.name for f in dataclasses.fields(kind) if f.default is not dataclasses.MISSING
+        }
+        table = {"Vehicle": "vehicle", "Braking": "braking", "Limits": "limits"}[kind.__name__]
+        assert optional <= told | set(tomllib.loads(file.read_text())[table]) | {"uphill"}
+
+
 def test_slip_table_1_and_2_are_the_huskys() -> None:
     model = read_model(find_model("husky"))
     vehicle = model.vehicle
@@ -110,6 +140,10 @@ def test_slip_table_1_and_2_are_the_huskys() -> None:
         ("breaking", {}, "breaking", "unknown key, did you mean braking?"),
         ("vehicle.drive", "tracks", "vehicle.drive", "one of 'skid_steer', 'ackermann'"),
         ("vehicle.cg_x", 2.0, "vehicle.cg_x", "less than the wheelbase"),
+        ("vehicle.width", 0.9, "vehicle.width", "at least the track width of 1 m, got 0.9"),
+        ("vehicle.front_brake_share", 1.1, "vehicle.front_brake_share", "<= 1"),
+        ("vehicle.max_step", 0, "vehicle.max_step", "> 0 [m], got 0"),
+        ("limits.vertical_accel", 0, "limits.vertical_accel", "> 0 [m/s²], got 0"),
         ("vehicle", 3, "vehicle", "expected a table, got 3"),
         ("name", 3, "name", "expected text, got 3"),
         ("braking.extrapolate", 1, "braking.extrapolate", "expected true or false, got 1"),
@@ -117,6 +151,15 @@ def test_slip_table_1_and_2_are_the_huskys() -> None:
         ("braking.speed_range", [4.0, 1.0], "braking.speed_range", "low < high"),
         ("braking.speed_range", [1.0, "4"], "braking.speed_range[1]", "expected a number, got '4'"),
         ("braking.grade_range", [0.0, float("nan")], "braking.grade_range", "finite"),
+        ("braking.roll_range", [0.2, -0.2], "braking.roll_range", "low < high"),
+        ("braking.speed_error", -0.1, "braking.speed_error", ">= 0"),
+        ("braking.drive_in_dead_time", "off", "braking.drive_in_dead_time", "one of 'held', 'cut'"),
+        (
+            "braking.terrain.sand",
+            {"roll_range": [1, 0]},
+            "braking.terrain.sand.roll_range",
+            "low <",
+        ),
         ("braking.dead_time", -0.1, "braking.dead_time", ">= 0"),
         ("braking.b_b", -1.0, "braking.b_b", "brakes that slow the vehicle"),
         ("braking.covariance", [[1.0]], "braking.covariance", "a 4 x 4 matrix"),
@@ -236,7 +279,7 @@ def test_a_mistake_is_named_by_its_dotted_key(
 
 
 def test_every_required_key_is_missed_by_name(tables: dict[str, Any]) -> None:
-    optional = {"distance_offset", "covariance"}
+    optional = {"distance_offset", "covariance", "width", "ground_clearance"}
     for table in ("vehicle", "braking", "terrain", "limits"):
         with fault_in("m.toml", table, "missing key, expected a table"):
             model_from_dict({k: v for k, v in tables.items() if k != table}, "m.toml")
@@ -381,6 +424,7 @@ SURFACES = st.builds(
     dead_time=maybe(between(0, 10)),
     covariance=maybe(covariances(4)),
     speed_range=maybe(ranges(0, 20)),
+    roll_range=maybe(ranges(-1, 1)),
     sliding_friction=maybe(POSITIVE),
     uphill=maybe(UPHILL),
 )
@@ -416,6 +460,16 @@ def models(draw: st.DrawFn) -> Model:
         max_drive_power=draw(POSITIVE),
         gear_ratio=draw(maybe(POSITIVE)),
         idle_current=draw(maybe(NOT_NEGATIVE)),
+        width=draw(maybe(between(track, 20))),
+        front_overhang=draw(maybe(NOT_NEGATIVE)),
+        rear_overhang=draw(maybe(NOT_NEGATIVE)),
+        ground_clearance=draw(maybe(NOT_NEGATIVE)),
+        max_step=draw(maybe(POSITIVE)),
+        wheel_width=draw(maybe(POSITIVE)),
+        wheel_travel=draw(maybe(POSITIVE)),
+        front_brake_share=draw(maybe(between(0, 1))),
+        ride_frequency=draw(POSITIVE),
+        ride_damping=draw(between(0.01, 2)),
     )
     braking = Braking(
         m_m=draw(NUMBERS),
@@ -426,6 +480,10 @@ def models(draw: st.DrawFn) -> Model:
         distance_offset=draw(NOT_NEGATIVE),
         speed_range=draw(ranges(0, 20)),
         grade_range=draw(ranges(-1, 1)),
+        roll_range=draw(maybe(ranges(-1, 1))),
+        time_offset=draw(NOT_NEGATIVE),
+        speed_error=draw(between(0, 5)),
+        drive_in_dead_time=draw(st.sampled_from(["held", "cut", "either"])),
         covariance=draw(maybe(covariances(4))),
         sliding_friction=draw(maybe(POSITIVE)),
         level=draw(between(0.01, 1)),

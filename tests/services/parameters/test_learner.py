@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.errors import InputError, ParameterError
-from models.parameters import Effect, Model, UphillBraking
+from models.parameters import Effect, Model
+from models.surface_braking import UphillBraking
 from services.io.model_file import find_model, read_model
 from services.parameters.intake import Intake, columns_of
 from services.parameters.learner import Learner

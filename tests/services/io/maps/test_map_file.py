@@ -13,7 +13,8 @@ import rasterio
 from affine import Affine
 
 from models.errors import InputError
-from models.parameters import Braking, SurfaceBraking
+from models.parameters import Braking
+from models.surface_braking import SurfaceBraking
 from planner.ground.elevation_map import ElevationMap, height_at
 from planner.ground.surface_table import resolve_surface
 from services.io.maps.grid import MapInfo

@@ -1,0 +1,49 @@
+"""What differs from the base in the braking model: on one surface, or uphill."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from models.quantity import Matrix, quantity, validate_quantities
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UphillBraking:
+    """Slope coefficients that replace ``m_m`` and ``b_m`` uphill. Source: Braking, Sec. 2."""
+
+    m_m: float = quantity("s/m", "Change of the uphill slope coefficient with speed.")
+    b_m: float = quantity("1", "Uphill slope coefficient at rest.")
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurfaceBraking:
+    """What differs on one named surface; every key left out is that of ``[braking]``.
+
+    Attributes:
+        covariance, speed_range, grade_range, roll_range, uphill: See [braking].
+        class_id: number by which a map calls the surface; left out, its place among the tables,
+            counted from 1.
+    """
+
+    m_m: float | None = quantity("s/m", "See [braking].", default=None)
+    b_m: float | None = quantity("1", "See [braking].", default=None)
+    m_b: float | None = quantity("s/m", "See [braking].", default=None)
+    b_b: float | None = quantity("1", "See [braking].", default=None)
+    dead_time: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
+    distance_offset: float | None = quantity("m", "See [braking].", default=None, at_least=0.0)
+    time_offset: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
+    force_std: float | None = quantity("1", "See [braking].", default=None, at_least=0.0)
+    dead_time_std: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
+    covariance: Matrix | None = None
+    speed_range: tuple[float, float] | None = None
+    grade_range: tuple[float, float] | None = None
+    roll_range: tuple[float, float] | None = None
+    sliding_friction: float | None = quantity("1", "See [braking].", default=None, above=0.0)
+    uphill: UphillBraking | None = None
+    class_id: int | None = None
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
