@@ -23,4 +23,14 @@ The result is a float, an array or a symbol as the arguments are. To keep it so,
 arithmetic and numpy's elementwise functions (``sqrt``, ``cos``, ``fmax``, …) only, never a branch
 on a value, ``where``, ``clip`` or ``maximum``, and calls no other law: then casadi can
 differentiate it and numba can compile it as it stands.
+
+Outside its domain a law gives NaN, never a number that could be believed. ``fmax`` and ``fmin``
+drop a NaN, and a quotient or a square hides a wrong sign, so a law multiplies by one of these,
+which are 1 within the domain and change no digit of it:
+
+- ``np.sqrt(np.sign(x))``: NaN where x < 0 or x is NaN, 0 where x = 0;
+- ``np.sqrt(np.sign(x + 1e-300))``: the same, but 1 where x = 0;
+- ``np.sign(1.0 + np.fabs(x))``: NaN where x is NaN.
+
+Constants of a vehicle are checked where a model file is read, and not again in a law.
 """

@@ -94,7 +94,7 @@ def mean_deceleration(
 ) -> Elementwise:
     """Mean deceleration of one stop, ā = v_i / (t_f − t_i) [m/s²].
 
-    Source: Braking (1).
+    NaN unless the stop ends after its onset. Source: Braking (1).
 
     Args:
         onset_speed: speed at ``onset_time`` [m/s].
@@ -102,7 +102,8 @@ def mean_deceleration(
         stop_time: t_f > t_i, the first time the speed crosses zero [s]; the body rocks back
             afterwards, so later crossings mean nothing.
     """
-    return onset_speed / (stop_time - onset_time)
+    duration = stop_time - onset_time
+    return onset_speed / (duration / np.sqrt(np.sign(duration)))
 
 
 def stopping_time(
@@ -110,7 +111,7 @@ def stopping_time(
 ) -> Elementwise:
     """Time from stop command to standstill, t_s = v/a + t_delay + t_offset [s].
 
-    Source: Braking (11).
+    NaN where a < 0: nothing stops there. Source: Braking (11).
 
     Args:
         speed: v at the stop command [m/s], >= 0.
@@ -118,7 +119,8 @@ def stopping_time(
         dead_time: t_delay from command to onset [s].
         time_offset: safety offset [s].
     """
-    return speed / deceleration + dead_time + time_offset
+    slowing = deceleration * np.sqrt(np.sign(deceleration))
+    return speed / slowing + dead_time + time_offset
 
 
 def stopping_distance(
@@ -130,8 +132,8 @@ def stopping_distance(
     """Distance from stop command to standstill, s = v²/(2a) + t_delay v + s_offset [m].
 
     The speed controller holds v during the dead time. Valid on constant grade; along a varying
-    slope integrate v dv = −a ds instead. Source: Braking (12), corrected: see
-    :func:`stopping_distance_as_printed`.
+    slope integrate v dv = −a ds instead. NaN where a < 0: nothing stops there.
+    Source: Braking (12), corrected: see :func:`stopping_distance_as_printed`.
 
     Args:
         speed: v at the stop command [m/s], >= 0.
@@ -139,7 +141,8 @@ def stopping_distance(
         dead_time: t_delay from command to onset [s].
         distance_offset: safety offset s_offset [m].
     """
-    return speed * speed / (2.0 * deceleration) + dead_time * speed + distance_offset
+    slowing = deceleration * np.sqrt(np.sign(deceleration))
+    return speed * speed / (2.0 * slowing) + dead_time * speed + distance_offset
 
 
 def stopping_distance_as_printed(
@@ -153,7 +156,7 @@ def stopping_distance_as_printed(
 
     For comparison with the paper only. t_s holds the dead time already, so the delay counts twice:
     with ``time_offset`` 0 the result is ½ a t_delay² + v t_delay longer than the true distance.
-    Source: Braking (12), uncorrected.
+    NaN where a < 0. Source: Braking (12), uncorrected.
 
     Args:
         speed: v at the stop command [m/s], >= 0.
@@ -162,8 +165,9 @@ def stopping_distance_as_printed(
         time_offset: safety offset t_offset inside t_s [s].
         distance_offset: safety offset s_offset [m].
     """
-    t_s = speed / deceleration + dead_time + time_offset
-    return 0.5 * deceleration * t_s * t_s + dead_time * speed + distance_offset
+    slowing = deceleration * np.sqrt(np.sign(deceleration))
+    t_s = speed / slowing + dead_time + time_offset
+    return 0.5 * slowing * t_s * t_s + dead_time * speed + distance_offset
 
 
 def speed_of_stopping_distance(
@@ -175,7 +179,8 @@ def speed_of_stopping_distance(
     """Highest speed [m/s] that still stops within a distance; 0 where that is within the offset.
 
     The positive root of (12), in the form that does not cancel for short distances:
-    v = 2 d / (t_delay + √(t_delay² + 2 d/a)), d = distance − s_offset.
+    v = 2 d / (t_delay + √(t_delay² + 2 d/a)), d = distance − s_offset. NaN where a <= 0: on such
+    ground no speed stops.
     Source: Braking (12), corrected, solved for v.
 
     Args:
@@ -184,6 +189,8 @@ def speed_of_stopping_distance(
         dead_time: t_delay [s].
         distance_offset: safety offset s_offset [m].
     """
-    d = np.fmax(distance - distance_offset, 0.0)
-    time = dead_time + np.sqrt(dead_time * dead_time + 2.0 * d / deceleration)
-    return 2.0 * d / np.fmax(time, _LEAST_TIME)
+    spare = distance - distance_offset
+    d = 0.5 * (spare + np.fabs(spare))
+    slowing = deceleration / np.sqrt(np.sign(deceleration))
+    time = dead_time + np.sqrt(dead_time * dead_time + 2.0 * d / slowing)
+    return 2.0 * d / (np.fmax(time, _LEAST_TIME) * np.sign(1.0 + np.fabs(time)))

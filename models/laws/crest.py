@@ -19,29 +19,33 @@ import numpy as np
 from models.arrays import Elementwise
 from models.quantity import GRAVITY
 
+_HAIR = 1e-300
+
 
 def load_loss(speed: Elementwise, vertical_curvature: Elementwise) -> Elementwise:
-    """Share of the weight that no longer presses on the ground, max(0, −κ_v) v²/g.
+    """Share of the weight that no longer presses on the ground, max(0, −κ_v) v²/g; NaN of NaN.
 
     Args:
         speed: v [m/s].
         vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
     """
-    return speed * speed * np.fmax(-vertical_curvature, 0.0) / GRAVITY
+    falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
+    return speed * speed * falling / GRAVITY
 
 
 def kept_force(
     speed: Elementwise, vertical_curvature: Elementwise, share: Elementwise
 ) -> Elementwise:
-    """Share of F_b that is left over a crest, max(0, 1 − k load loss).
+    """Share of F_b that is left over a crest, max(0, 1 − k load loss); NaN of NaN.
 
     Args:
         speed: v [m/s].
         vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
         share: k, how much of the lost load the force loses; 1 if friction decides.
     """
-    loss = speed * speed * np.fmax(-vertical_curvature, 0.0) / GRAVITY
-    return np.fmax(1.0 - share * loss, 0.0)
+    falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
+    kept = 1.0 - share * (speed * speed * falling / GRAVITY)
+    return 0.5 * (kept + np.fabs(kept))
 
 
 def crest_speed_sq(
@@ -50,15 +54,17 @@ def crest_speed_sq(
     """Highest v² over a crest at which every axle, side and wheel keeps its share [m²/s²].
 
     v² = g (share − least)/(−κ_v): with nothing to keep, g cos θ cos φ/|κ_v|, where the vehicle
-    would fly. Huge where the ground does not fall away, 0 where nothing can be lost.
+    would fly. Huge where the ground does not fall away, 0 where nothing can be lost; NaN of NaN.
 
     Args:
         least_share: least share of its level static load that any of them has without crest [1].
         min_share: share that each must keep [1].
         vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
     """
-    spare = np.fmax(least_share - min_share, 0.0)
-    return GRAVITY * spare / np.fmax(-vertical_curvature, 1e-300)
+    over = least_share - min_share
+    spare = 0.5 * (over + np.fabs(over))
+    falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
+    return GRAVITY * spare / (falling + _HAIR)
 
 
 def dip_speed_sq(vertical_accel: Elementwise, vertical_curvature: Elementwise) -> Elementwise:
@@ -68,4 +74,5 @@ def dip_speed_sq(vertical_accel: Elementwise, vertical_curvature: Elementwise) -
         vertical_accel: highest one allowed [m/s²].
         vertical_curvature: κ_v = dθ/ds, positive in a dip [1/m].
     """
-    return vertical_accel / np.fmax(vertical_curvature, 1e-300)
+    rising = 0.5 * (np.fabs(vertical_curvature) + vertical_curvature)
+    return vertical_accel / (rising + _HAIR)

@@ -15,6 +15,7 @@ from models.quantity import GRAVITY
 
 _LEAST_SPEED = 1e-6
 _LEAST_RESISTANCE = 1e-6
+_HAIR = 1e-300
 
 
 def powered_accel_limit(
@@ -40,8 +41,9 @@ def powered_accel_limit(
         resistance_ratio: f, motion and turning resistance as a share of the normal load [1].
     """
     thrust = np.fmin(max_drive_force, max_drive_power / np.fmax(speed, _LEAST_SPEED))
+    told = np.sign(1.0 + np.fabs(speed) + np.fabs(max_drive_force) + np.fabs(max_drive_power))
     resistance = np.sin(grade) + resistance_ratio * np.cos(grade) * np.cos(roll)
-    return thrust / mass - GRAVITY * resistance
+    return thrust * told / mass - GRAVITY * resistance
 
 
 def sustained_speed(
@@ -53,8 +55,8 @@ def sustained_speed(
     """Speed [m/s] at which the power just holds the grade, P / (W (sin θ + f cos θ)).
 
     Downhill, where nothing has to be held, the denominator is taken as 10⁻⁶ W and the result is
-    huge but finite. Holds where the drive force suffices: :func:`powered_accel_limit` says so.
-    Roll is left out, which errs to the slow side.
+    huge but finite. NaN where f < 0. Holds where the drive force suffices, as
+    :func:`powered_accel_limit` says. Roll is left out, which errs to the slow side.
 
     Args:
         grade: θ [rad], uphill positive.
@@ -62,5 +64,7 @@ def sustained_speed(
         max_drive_power: P, highest power of all wheels together [W].
         resistance_ratio: f, motion and turning resistance as a share of the normal load [1].
     """
-    resistance = np.sin(grade) + resistance_ratio * np.cos(grade)
-    return max_drive_power / (mass * GRAVITY * np.fmax(resistance, _LEAST_RESISTANCE))
+    rolling = resistance_ratio * np.sqrt(np.sign(resistance_ratio + _HAIR))
+    resistance = np.sin(grade) + rolling * np.cos(grade)
+    held = np.fmax(resistance, _LEAST_RESISTANCE) * np.sign(1.0 + np.fabs(resistance))
+    return max_drive_power / (mass * GRAVITY * held)

@@ -24,6 +24,7 @@ def motion_resistance(
 
     One motor drives the wheels of a side, so F_z is the load of that side. The print has no idle
     current: its I₀ is the mean current on straights; with ``idle_current`` 0 this is the print's.
+    NaN where the side is pulled, not pressed: wheels in the air roll on nothing.
     Source: Slip (12), (13).
 
     Args:
@@ -35,7 +36,7 @@ def motion_resistance(
         side_load: F_z > 0, normal load of the side [N].
     """
     torque = gear_ratio * torque_constant * (current - idle_current)
-    return torque / (wheel_radius * side_load)
+    return torque / (wheel_radius * side_load * np.sqrt(np.sign(side_load)))
 
 
 def current_of_motion_resistance(

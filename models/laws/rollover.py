@@ -54,6 +54,7 @@ def path_lateral_accel(
     Args:
         speed_sq: v² along the path in space [m²/s²].
         curvature: κ of the plan view [1/m], left turn positive.
-        roll: φ [rad], |φ| < π/2.
+        roll: φ [rad], |φ| < π/2; NaN beyond.
     """
-    return speed_sq * curvature / np.cos(roll)
+    upright = np.cos(roll)
+    return speed_sq * curvature / (upright * np.sqrt(np.sign(upright)))

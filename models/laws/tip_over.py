@@ -35,7 +35,8 @@ def grade_limit(
     lower one is returned, negative unless the brakes alone take too much. The upper root matters
     only where it lies below π/2, that is C > B: braking near 1 g on a steep climb.
     Without a root: −π/2 where the load suffices down to the vertical, +π/2 where it suffices
-    nowhere (C > R). Omits: roll, which :func:`models.laws.wheel_loads.rear_load_share` has.
+    nowhere (C > R). NaN unless the centre of gravity is ahead of the rear axle by less than L.
+    Omits: roll, which :func:`models.laws.wheel_loads.rear_load_share` has.
     Source: Braking Sec. 5.2.
 
     Args:
@@ -45,13 +46,14 @@ def grade_limit(
         cg_z: height of the centre of gravity [m].
         min_rear_share: share of the level static rear load to keep [1].
     """
-    A = wheelbase - cg_x
+    A = (wheelbase - cg_x) * np.sqrt(np.sign(wheelbase - cg_x))
     B = cg_z
     C = min_rear_share * A + B * deceleration / GRAVITY
     cosine = C / np.sqrt(A * A + B * B)
     root = np.arctan2(B, A) - np.arccos(np.fmin(np.fmax(cosine, -1.0), 1.0))
     nowhere = _STEEP * np.fmax(cosine - 1.0, 0.0)
-    return np.fmin(np.fmax(root + nowhere, -0.5 * np.pi), 0.5 * np.pi)
+    limit = np.fmin(np.fmax(root + nowhere, -0.5 * np.pi), 0.5 * np.pi)
+    return limit * np.sign(1.0 + np.fabs(cosine))
 
 
 def rear_share_under_braking(
@@ -65,7 +67,8 @@ def rear_share_under_braking(
     """Share of its level static load the rear axle keeps under the braking model.
 
     With a_x = g (F_b/W + sin θ) the slope terms of (5) cancel:
-    W_r L / W = (L − cg_x) cos θ cos φ − cg_z F_b/W. Source: Braking (2) in (5).
+    W_r L / W = (L − cg_x) cos θ cos φ − cg_z F_b/W. NaN where cg_x > L: there is no such rear
+    axle. Source: Braking (2) in (5).
 
     Args:
         grade: θ [rad], uphill positive.
@@ -75,7 +78,8 @@ def rear_share_under_braking(
         cg_x: centre of gravity ahead of the rear axle [m].
         cg_z: height of the centre of gravity [m].
     """
-    return np.cos(roll) * np.cos(grade) - cg_z / (wheelbase - cg_x) * onset_force_ratio
+    behind = (wheelbase - cg_x) * np.sqrt(np.sign(wheelbase - cg_x))
+    return np.cos(roll) * np.cos(grade) - cg_z / behind * onset_force_ratio
 
 
 def downhill_limit_under_braking(
@@ -92,6 +96,7 @@ def downhill_limit_under_braking(
     at the onset speed. The left side is concave in θ, so it suffices between two roots: the lower
     one is bracketed by −π/2 and the grade of the highest load, sin θ = −cg_z m/(L − cg_x). Without
     a root: −π/2 where the load suffices down to the vertical, +π/2 where it suffices nowhere.
+    NaN if a number is NaN, or cg_x is not less than L.
     Plain floats, for the design of a vehicle; the planner bounds speeds at the grades it meets.
     Outside the trained grades (about ±15°) the force extrapolates. Omits: roll.
     Source: Braking Sec. 5.2 with (2), (7), (8).
@@ -104,6 +109,8 @@ def downhill_limit_under_braking(
         cg_z: height of the centre of gravity [m].
         min_rear_share: share of the level static rear load to keep [1].
     """
+    if not (wheelbase > cg_x and math.isfinite(slope + level_force + cg_z + min_rear_share)):
+        return math.nan
     lever = cg_z / (wheelbase - cg_x)
 
     def spare(grade: float) -> float:

@@ -59,8 +59,9 @@ def rear_load_share(
     """Load of the rear axle as a share of its level static load.
 
     W_r L = (L − cg_x) W cos θ cos φ − cg_z W (a_x/g − sin θ), divided by W (L − cg_x)/L.
-    Downhill and braking unload the rear. Source: Braking (3), sign of its sin θ term corrected,
-    and (5), (4) as in :func:`front_load_share`.
+    Downhill and braking unload the rear. NaN where cg_x > L: there is no such rear axle.
+    Source: Braking (3), sign of its sin θ term corrected, and (5), (4) as in
+    :func:`front_load_share`.
 
     Args:
         grade: θ [rad], uphill positive.
@@ -70,7 +71,7 @@ def rear_load_share(
         cg_x: centre of gravity ahead of the rear axle [m].
         cg_z: height of the centre of gravity [m].
     """
-    behind = wheelbase - cg_x
+    behind = (wheelbase - cg_x) * np.sqrt(np.sign(wheelbase - cg_x))
     moment = behind * np.cos(grade) * np.cos(roll) - cg_z * (deceleration / GRAVITY - np.sin(grade))
     return moment / behind
 

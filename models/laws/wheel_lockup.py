@@ -16,6 +16,7 @@ import numpy as np
 from models.arrays import Elementwise
 
 _LEAST_LEVER = 1e-9
+_HAIR = 1e-300
 
 
 def lockup_force_ratios(
@@ -32,7 +33,8 @@ def lockup_force_ratios(
     Front: μ_s cg_x c / (β L − μ_s cg_z). Rear: μ_s (L − cg_x) c / ((1 − β) L + μ_s cg_z).
     Braking loads the front: with β L <= μ_s cg_z its friction grows faster than its part of the
     force and it never locks; a number above 10⁶ stands for that. The lower one is never above
-    :func:`friction_cap`, and both equal it for the ideal share β = (cg_x + μ_s cg_z)/L.
+    :func:`friction_cap`, and both equal it for the ideal share β = (cg_x + μ_s cg_z)/L. NaN unless
+    0 <= β <= 1 and μ_s >= 0.
     For judging an axle by itself; no bound of the planner divides the force so far.
 
     Args:
@@ -44,9 +46,12 @@ def lockup_force_ratios(
         cg_x: centre of gravity ahead of the rear axle [m].
         cg_z: height of the centre of gravity [m].
     """
-    friction = sliding_friction * np.cos(grade) * np.cos(roll)
-    transfer = sliding_friction * cg_z
-    front = np.fmax(front_brake_share * wheelbase - transfer, _LEAST_LEVER)
+    inside = np.sqrt(np.sign(front_brake_share * (1.0 - front_brake_share) + _HAIR))
+    mu = sliding_friction * np.sqrt(np.sign(sliding_friction + _HAIR))
+    friction = mu * np.cos(grade) * np.cos(roll) * inside
+    transfer = mu * cg_z
+    lever = front_brake_share * wheelbase - transfer
+    front = np.fmax(lever, _LEAST_LEVER) * np.sign(1.0 + np.fabs(lever))
     rear = (1.0 - front_brake_share) * wheelbase + transfer
     return friction * cg_x / front, friction * (wheelbase - cg_x) / rear
 
@@ -56,9 +61,12 @@ def friction_cap(
 ) -> Elementwise:
     """F_b/W [1] with all wheels sliding, μ_s cos θ cos φ: no division of the force gives more.
 
+    NaN where μ_s < 0.
+
     Args:
         grade: θ [rad], uphill positive.
         roll: φ [rad], left side up positive.
         sliding_friction: μ_s [1].
     """
-    return sliding_friction * np.cos(grade) * np.cos(roll)
+    mu = sliding_friction * np.sqrt(np.sign(sliding_friction + _HAIR))
+    return mu * np.cos(grade) * np.cos(roll)

@@ -1,4 +1,7 @@
-"""One check for every law: floats, arrays, casadi symbols and numba give the same numbers."""
+"""One check for every law: floats, arrays, casadi symbols and numba give the same numbers.
+
+What is not known stays not known: an argument that is NaN makes NaN of each output that it is in.
+"""
 
 import inspect
 import warnings
@@ -51,6 +54,44 @@ def check_parity(law: Callable, **ranges: tuple[float, float]) -> None:
     compiled = numba.njit(law)
     rows = [_flat(compiled(*map(float, row))) for row in zip(*columns, strict=True)]
     _assert_same(np.array(rows), reference)
+    _assert_nan_is_kept(law, columns, symbols, outputs, compiled)
+
+
+def check_outside(law: Callable, arguments: dict[str, float], expected: float = np.nan) -> None:
+    """A law gives NaN, or a limit, outside its domain, in all four forms; all outputs alike."""
+    names = list(inspect.signature(law).parameters)
+    row = [float(arguments[name]) for name in names]
+    with np.errstate(all="ignore"):
+        found = [
+            _flat(law(*row)),
+            [float(o[1]) for o in _outputs(law(*(np.full(2, x) for x in row)))],
+        ]
+        compiled = numba.njit(error_model="numpy")(law)
+        found.append(_flat(compiled(*row)))
+    symbols = [casadi.SX.sym(name) for name in names]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)
+        outputs = list(_outputs(law(*symbols)))
+    found.append([float(o) for o in casadi.Function("law", symbols, outputs).call(row)])
+    np.testing.assert_array_equal(np.array(found), expected)
+
+
+def _assert_nan_is_kept(
+    law: Callable, columns: list[NDArray], symbols: list, outputs: list, compiled: Callable
+) -> None:
+    """One argument after the other is NaN, in all four forms."""
+    function = casadi.Function("law", symbols, outputs)
+    for i, symbol in enumerate(symbols):
+        within = [casadi.jacobian(output, symbol).nnz() > 0 for output in outputs]
+        row = [float(column[0]) for column in columns]
+        row[i] = np.nan
+        arrays = [np.full(2, value) for value in row]
+        for found in (
+            _flat(law(*row)), _flat(compiled(*row)), [float(o) for o in function.call(row)],
+            [float(output[1]) for output in _outputs(law(*arrays))],
+        ):  # fmt: skip
+            kept = [bool(np.isnan(value)) for value in found]
+            assert kept == within, f"{law.__name__}: {symbol} is NaN, the outputs are {found}"
 
 
 def _outputs(value: object) -> tuple:

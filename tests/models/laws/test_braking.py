@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.laws import braking
-from tests.models.parity import G, check_parity
+from tests.models.parity import G, check_outside, check_parity
 
 speeds = st.floats(0.0, 8.0)
 decels = st.floats(0.2, 9.0)
@@ -196,3 +196,40 @@ GRADE, COEFFICIENT, RATIO = (-0.3, 0.3), (-0.2, 0.4), (0.1, 0.9)
 )
 def test_parity(law, ranges):
     check_parity(law, **ranges)
+
+
+@pytest.mark.parametrize("deceleration", [-0.5, -1e-9, np.nan])
+def test_brakes_that_do_not_slow_stop_nowhere_and_at_no_time(deceleration):
+    """On such ground the formulas alone give 1.2 m, −7.7 s and 2e13 m/s."""
+    stop = {"speed": 4.0, "deceleration": deceleration, "dead_time": 0.3}
+    offsets = {"time_offset": 0.0, "distance_offset": 0.0}
+    check_outside(braking.stopping_time, {**stop, **offsets})
+    check_outside(braking.stopping_distance, {**stop, **offsets})
+    check_outside(braking.stopping_distance_as_printed, {**stop, **offsets})
+    check_outside(braking.speed_of_stopping_distance, {**stop, **offsets, "distance": 10.0})
+    # Without anything to stop within, too.
+    check_outside(braking.speed_of_stopping_distance, {**stop, **offsets, "distance": 0.0})
+
+
+def test_without_any_deceleration_it_rolls_for_ever():
+    stop = {"speed": 4.0, "deceleration": 0.0, "dead_time": 0.3}
+    offsets = {"time_offset": 0.0, "distance_offset": 0.0}
+    check_outside(braking.stopping_time, {**stop, **offsets}, np.inf)
+    check_outside(braking.stopping_distance, {**stop, **offsets}, np.inf)
+    check_outside(braking.speed_of_stopping_distance, {**stop, **offsets, "distance": 10.0})
+
+
+@pytest.mark.parametrize("stop_time", [1.0, 0.5])
+def test_a_stop_does_not_end_before_it_begins(stop_time):
+    times = {"onset_speed": 3.0, "onset_time": 1.0, "stop_time": stop_time}
+    check_outside(braking.mean_deceleration, times)
+
+
+@given(st.floats(-50, 50), st.floats(-5, 9), st.floats(0, 1), st.floats(-2, 2))
+def test_no_speed_is_told_that_does_not_stop_in_time(distance, net, delay, offset):
+    with np.errstate(all="ignore"):
+        speed = braking.speed_of_stopping_distance(distance, net, delay, offset)
+    assert np.isnan(speed) == (net <= 0.0)
+    if net > 1e-3 and distance > offset:
+        needed = braking.stopping_distance(speed, net, delay, offset)
+        assert needed <= distance + 1e-6 * max(1.0, abs(distance))

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.laws import drive
-from tests.models.parity import G, check_parity
+from tests.models.parity import G, check_outside, check_parity
 
 grades = st.floats(-0.6, 0.6)
 ROVER = {"mass": 30.0, "max_drive_force": 150.0, "max_drive_power": 300.0}
@@ -73,4 +73,11 @@ def test_parity():
         roll=(-0.4, 0.4),
         max_drive_force=(100.0, 300.0),
         **common,
+    )
+
+
+def test_ground_does_not_push():
+    check_outside(
+        drive.sustained_speed,
+        {"grade": 0.2, "mass": 30.0, "max_drive_power": 300.0, "resistance_ratio": -0.1},
     )

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from models.laws import motion_resistance as resistance
 from models.laws.wheel_loads import wheel_loads
-from tests.models.parity import check_parity
+from tests.models.parity import check_outside, check_parity
 
 # Slip, Table 1: k_t = 0.044 N m/A, gear 78.71, wheel diameter 0.26 m, W = 294.3 N
 HUSKY = {"torque_constant": 0.044, "gear_ratio": 78.71, "wheel_radius": 0.13}
@@ -83,3 +83,8 @@ MOTOR = {
 )
 def test_parity(law, ranges):
     check_parity(law, **ranges)
+
+
+def test_wheels_in_the_air_roll_on_nothing():
+    drive = {"current": 3.0, "idle_current": 0.5, "torque_constant": 0.044, "gear_ratio": 78.71}
+    check_outside(resistance.motion_resistance, drive | {"wheel_radius": 0.13, "side_load": -5.0})

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from models.laws import rollover
 from models.laws.wheel_loads import left_load_share, right_load_share
-from tests.models.parity import G, check_parity
+from tests.models.parity import G, check_outside, check_parity
 
 angles = st.floats(-0.6, 0.6)
 widths = st.floats(0.3, 3.0)
@@ -106,3 +106,7 @@ def test_parity():
     check_parity(
         rollover.path_lateral_accel, speed_sq=(0.0, 20.0), curvature=(-0.5, 0.5), roll=angle
     )
+
+
+def test_a_vehicle_on_its_roof_follows_no_path():
+    check_outside(rollover.path_lateral_accel, {"speed_sq": 4.0, "curvature": 0.2, "roll": 2.0})

@@ -8,7 +8,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from models.laws import braking, tip_over
 from models.laws.wheel_loads import front_load_share, rear_load_share
-from tests.models.parity import G, check_parity
+from tests.models.parity import G, check_outside, check_parity
 
 wheelbases = st.floats(0.3, 4.0)
 heights = st.floats(0.05, 1.5)
@@ -204,3 +204,14 @@ VEHICLE = {"wheelbase": (0.8, 2.0), "cg_x": (0.3, 0.6), "cg_z": (0.2, 0.6)}
 )
 def test_parity(law, ranges):
     check_parity(law, **ranges)
+
+
+def test_a_load_ahead_of_the_front_axle_has_no_limit_to_tell():
+    axles = {"wheelbase": 1.0, "cg_x": 1.2, "cg_z": 0.5}
+    check_outside(tip_over.grade_limit, {"deceleration": 2.0, "min_rear_share": 0.1, **axles})
+    check_outside(
+        tip_over.rear_share_under_braking,
+        {"grade": 0.0, "roll": 0.0, "onset_force_ratio": 0.4, **axles},
+    )
+    assert math.isnan(tip_over.downhill_limit_under_braking(-0.3, 0.4, 1.0, 1.2, 0.5, 0.1))
+    assert math.isnan(tip_over.downhill_limit_under_braking(math.nan, 0.4, 1.0, 0.6, 0.5, 0.1))

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.laws import wheel_loads as loads
-from tests.models.parity import G, check_parity
+from tests.models.parity import G, check_outside, check_parity
 
 angles = st.floats(-0.7, 0.7)
 accels = st.floats(-8.0, 8.0)
@@ -225,3 +225,17 @@ WHEELS = {
 )
 def test_parity(law, ranges):
     check_parity(law, **ranges)
+
+
+def test_no_rear_axle_ahead_of_the_load():
+    check_outside(
+        loads.rear_load_share,
+        {
+            "grade": 0.0,
+            "roll": 0.0,
+            "deceleration": 3.0,
+            "wheelbase": 1.0,
+            "cg_x": 1.2,
+            "cg_z": 0.5,
+        },
+    )

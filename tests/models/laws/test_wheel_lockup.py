@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from models.laws import braking, wheel_lockup
 from models.laws.wheel_loads import front_load_share, rear_load_share
-from tests.models.parity import check_parity
+from tests.models.parity import check_outside, check_parity
 
 LEVEL = {"grade": 0.0, "roll": 0.0}
 angles = st.floats(-0.6, 0.6)
@@ -92,3 +92,26 @@ def test_parity():
 def test_parity_of_the_cap():
     names = ("grade", "roll", "sliding_friction")
     check_parity(wheel_lockup.friction_cap, **{name: RANGES[name] for name in names})
+
+
+INSIDE = {name: 0.5 * (low + high) for name, (low, high) in RANGES.items()}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"sliding_friction": -0.1}, {"front_brake_share": -0.1}, {"front_brake_share": 1.3}],
+)
+def test_outside_there_is_no_lockup_to_tell(changes):
+    check_outside(wheel_lockup.lockup_force_ratios, {**INSIDE, **changes})
+
+
+def test_no_friction_is_a_cap_and_less_is_none():
+    ground = {"grade": 0.1, "roll": 0.0}
+    check_outside(wheel_lockup.friction_cap, {**ground, "sliding_friction": 0.0}, 0.0)
+    check_outside(wheel_lockup.friction_cap, {**ground, "sliding_friction": -0.3})
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_one_axle_may_brake_alone(share):
+    found = wheel_lockup.lockup_force_ratios(**{**INSIDE, "front_brake_share": share})
+    assert min(found) > 0.0
