@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Literal
 
 from models.errors import ParameterError
 from models.quantity import (
@@ -38,9 +38,8 @@ class Braking:
         covariance: of m_m, b_m, m_b, b_b, in their units; left out, they count as exact.
         drive_in_dead_time: what the drive does between stop command and onset: the speed is held,
             or the drive is cut and the vehicle rolls; of either, the longer stop counts.
-        uphill: m_m and b_m that hold uphill instead.
         extrapolate: plan on ground steeper than trained, with a margin, instead of not at all.
-        terrain: surfaces of the map that differ, by name.
+        uphill: m_m and b_m that hold uphill instead. terrain: surfaces that differ, by name.
     """
 
     m_m: float = quantity("s/m", "Change of the slope coefficient with speed at onset.")
@@ -49,7 +48,9 @@ class Braking:
     b_b: float = quantity("1", "Force on level ground at rest, as a share of the weight.")
     dead_time: float = quantity("s", "From stop command to onset.", at_least=0.0, at_most=10.0)
     distance_offset: float = quantity("m", "Safety offset s_offset.", default=0.0, at_least=0.0)
-    time_offset: float = quantity("s", "Safety offset t_offset.", default=0.0, at_least=0.0)
+    time_offset: float = quantity(
+        "s", "Safety offset t_offset of stopping times; bounds none.", default=0.0, at_least=0.0
+    )
     speed_range: tuple[float, float]
     grade_range: tuple[float, float]
     roll_range: tuple[float, float] | None = None
@@ -57,9 +58,7 @@ class Braking:
     force_std: float = quantity(
         "1", "Scatter of F_b/W from stop to stop that the model leaves.", default=0.0, at_least=0.0
     )
-    dead_time_std: float = quantity(
-        "s", "Scatter of the dead time from stop to stop.", default=0.0, at_least=0.0
-    )
+    dead_time_std: float = quantity("s", "Likewise of the dead time.", default=0.0, at_least=0.0)
     speed_error: float = quantity(
         "m/s", "Standard deviation of the driven speed around the planned one.", default=0.0,
         at_least=0.0, at_most=5.0,
@@ -116,26 +115,31 @@ class Braking:
     def on(self, surface: str) -> Braking:
         """The braking model on a named surface; one without a table of its own is the base."""
         table = self.terrain.get(surface)
-        changes = {} if table is None else _given(table)
-        changes.pop("class_id", None)
-        return dataclasses.replace(self, terrain={}, **changes)
-
-
-def _given(table: SurfaceBraking) -> dict[str, Any]:
-    values = {f.name: getattr(table, f.name) for f in dataclasses.fields(table)}
-    return {name: value for name, value in values.items() if value is not None}
+        return dataclasses.replace(self, terrain={}, **({} if table is None else table.given))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terrain:
     """Wheel-terrain interaction on the ground driven now. Source: Slip, Table 2."""
 
-    motion_resistance: float = quantity("1", "Coefficient f_r.", at_least=0.0)
+    motion_resistance: float = quantity(
+        "1", "Coefficient f_r that the drive has to overcome.", at_least=0.0
+    )
+    braking_resistance: float | None = quantity(
+        "1", "The f_r that counts as part of the braking force at a level below 1; "
+        "motion_resistance if left out or higher.", default=None, at_least=0.0,
+    )  # fmt: skip
     lateral_resistance: float = quantity("1", "Coefficient μ_t.", at_least=0.0)
     slip_track: float = quantity("m", "Slip track B_s, at least the track width.", above=0.0)
 
     def __post_init__(self) -> None:
         validate_quantities(self)
+
+    @property
+    def rolling_while_braking(self) -> float:
+        """The f_r of Braking (6) that stays when the brakes are applied in part only [1]."""
+        told = self.braking_resistance
+        return self.motion_resistance if told is None else min(told, self.motion_resistance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 from models.quantity import Matrix, quantity, validate_quantities
 
@@ -47,3 +49,10 @@ class SurfaceBraking:
 
     def __post_init__(self) -> None:
         validate_quantities(self)
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What differs, by the keys of ``[braking]``."""
+        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        del values["class_id"]
+        return {name: value for name, value in values.items() if value is not None}

@@ -7,6 +7,11 @@ Of braking a class tells one thing only: the motion resistance that it lacks. A 
 brakes plus motion resistance, Braking (6), so on ground that rolls more easily than the ground the
 coefficients are of, the force is less by the difference. Ground that rolls harder is given no
 credit: whether the brakes hold as well on it only stops can tell. Source: Braking (6).
+
+Where the brakes are applied in part only, the motion resistance is a part of the braking force, and
+more of it would be stronger brakes. There what is rounded up for the drive does not count: braking
+keeps the f_r that it had, or the lower one that was found, and what is open between that and the
+one for the drive is scatter of the force.
 """
 
 from __future__ import annotations
@@ -15,7 +20,7 @@ import dataclasses
 import math
 
 from models.errors import ParameterError
-from models.parameters import Model, Terrain
+from models.parameters import Braking, Model, Terrain
 from models.surface_braking import SurfaceBraking
 from models.terrain.observation import Features
 from models.terrain.resistances import TerrainEstimate
@@ -24,18 +29,48 @@ from models.terrain.resistances import TerrainEstimate
 def model_on(model: Model, known: Features) -> Model:
     """The model with the terrain parameters of the ground driven now.
 
+    A larger standard deviation never shortens a stop and never raises a speed.
+
     Args:
         model: as it was.
         known: latest estimates; what is not known stays as it was.
     """
     old = model.terrain
     wide = _slower(known.slip_track, old.slip_track)
-    terrain = Terrain(
+    terrain = dataclasses.replace(
+        old,
         motion_resistance=max(_slower(known.motion_resistance, old.motion_resistance), 0.0),
         lateral_resistance=max(_slower(known.lateral_resistance, old.lateral_resistance), 0.0),
         slip_track=max(wide, model.vehicle.track_width),
     )
-    return dataclasses.replace(model, terrain=terrain)
+    found = known.motion_resistance
+    if model.braking.level == 1.0 or not math.isfinite(found.value + found.std):
+        return dataclasses.replace(model, terrain=terrain)
+    kept = max(min(old.rolling_while_braking, found.value), 0.0)
+    terrain = dataclasses.replace(terrain, braking_resistance=kept)
+    braking = _with_scatter(model.braking, _open(old), _open(terrain))
+    return dataclasses.replace(model, terrain=terrain, braking=braking)
+
+
+def _open(terrain: Terrain) -> float:
+    """What is not known of f_r [1]: from the least, which braking counts on, to the most."""
+    return terrain.motion_resistance - terrain.rolling_while_braking
+
+
+def _with_scatter(braking: Braking, before: float, now: float) -> Braking:
+    """Brakes that scatter by what is open of f_r beyond what they scatter by already."""
+    more = (1.0 - braking.level) ** 2 * max(now**2 - before**2, 0.0)
+
+    def wider(force_std: float) -> float:
+        return math.sqrt(force_std**2 + more)
+
+    tables = {
+        name: table
+        if table.force_std is None
+        else dataclasses.replace(table, force_std=wider(table.force_std))
+        for name, table in braking.terrain.items()
+    }
+    return dataclasses.replace(braking, force_std=wider(braking.force_std), terrain=tables)
 
 
 def _slower(found: TerrainEstimate, otherwise: float) -> float:

@@ -59,7 +59,7 @@ def surface_table(
     lockup = frictions(model, uncertainty)
     for row, name in zip(table, names, strict=True):
         braking = braking_on(model, name)
-        level, resistance = braking.level, model.terrain.motion_resistance
+        level, resistance = braking.level, model.terrain.rolling_while_braking
         up = braking.uphill or braking
         row[M_M : OFFSET + 1] = (
             scale * level * braking.m_m,

@@ -13,7 +13,7 @@ import time
 from collections.abc import Mapping
 
 from models.errors import ParameterError
-from models.parameters import Model, Terrain
+from models.parameters import Model
 from services.parameters.group import Description, DriveNews, ParameterGroups, State
 from services.settings.learning import Learning
 
@@ -76,7 +76,7 @@ class TerrainGroup(ParameterGroups):
     def _now(self) -> dict[str, float]:
         age = time.monotonic() - self._taught
         share = -math.expm1(-age / self._settings.grows_old)
-        known = dataclasses.asdict(self._prior.terrain)
+        known = {name: float(getattr(self._prior.terrain, name)) for name in NAMES}
         for name, value in self._values.items():
             known[name] = value + share * max(known[name] - value, 0.0)
         known["slip_track"] = max(known["slip_track"], self._prior.vehicle.track_width)
@@ -84,7 +84,7 @@ class TerrainGroup(ParameterGroups):
 
     def apply(self, model: Model) -> Model:
         """To plan with."""
-        return dataclasses.replace(model, terrain=Terrain(**self._now()))
+        return dataclasses.replace(model, terrain=dataclasses.replace(model.terrain, **self._now()))
 
     def names(self) -> list[str]:
         """The one."""

@@ -81,8 +81,8 @@ def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) ->
             up, _ = _lines(np.array([on.uphill.m_m, on.uphill.b_m, 0.0, 0.0]), onset[rows])
             m = np.where(here > 0.0, up, m)
         force[rows] = braking.force_ratio_at_level(
-            (m + shift_m[rows]) * here + b + shift_b[rows], model.terrain.motion_resistance,
-            on.level,
+            (m + shift_m[rows]) * here + b + shift_b[rows],
+            model.terrain.rolling_while_braking, on.level,
         )  # fmt: skip
     clock = session_time(table)[:, None]
     force = force * registry.force_scale(model.effect)

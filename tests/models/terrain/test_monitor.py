@@ -3,16 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
 from models.parameters import Braking, Limits, Model, Terrain
 from models.stop_logs.drive_quality import Kind
 from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.log_checks import implausible
 from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
-from models.terrain.observation import Features
 from models.terrain.phases import Phase
-from models.terrain.resistances import TerrainEstimate
-from models.terrain.surfaces import model_on, with_surface
 from models.terrain.trace import trace
 from services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain import plant
@@ -98,31 +94,6 @@ def test_adaptive_classes_are_taught_on_the_way():
     monitor = TerrainMonitor(MODEL, HUSKY, estimator=QUIET, adaptive=adaptive)
     events(plant.drive(plant.square(sides=6), plant.ASPHALT), monitor)
     assert adaptive.classes.terrain[0].lateral_resistance.samples > 6.0
-
-
-def test_the_model_on_the_ground_driven_now_is_rounded_towards_slower():
-    known = Features(
-        TerrainEstimate(0.2, 0.02), TerrainEstimate(0.25, 0.01), TerrainEstimate(1.3, 0.1)
-    )
-    terrain = model_on(MODEL, known).terrain
-    assert terrain.motion_resistance == pytest.approx(0.22)
-    assert terrain.lateral_resistance == pytest.approx(0.26)
-    assert terrain.slip_track == pytest.approx(1.4)
-    assert model_on(MODEL, Features()).terrain == MODEL.terrain
-    narrow = Features(slip_track=TerrainEstimate(0.3, 0.01))
-    assert model_on(MODEL, narrow).terrain.slip_track == MODEL.vehicle.track_width
-
-
-def test_a_surface_brakes_less_where_it_rolls_more_easily_and_never_more():
-    easy = with_surface(MODEL, "asphalt", TerrainEstimate(0.03, 0.01), 0.13)
-    assert easy.braking.on("asphalt").b_b == pytest.approx(0.25 - (0.13 - 0.02))
-    hard = with_surface(easy, "sand", TerrainEstimate(0.40, 0.05), 0.13)
-    assert hard.braking.on("sand").b_b == 0.25
-    assert {t.class_id for t in hard.braking.terrain.values()} == {1, 2}
-    again = with_surface(hard, "asphalt", TerrainEstimate(0.0, 0.0), 0.13)
-    assert again is hard  # stops knew better
-    with pytest.raises(ParameterError, match=r"f_r is 0\.30 less"):
-        with_surface(MODEL, "ice", TerrainEstimate(0.0, 0.0), 0.30)
 
 
 def log_of(**changes):

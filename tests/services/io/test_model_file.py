@@ -32,6 +32,7 @@ from services.io.model_file import (
 from tests.services.faults import fault_in
 
 ROOT = Path(__file__).parents[3]
+KINDS = {"vehicle": Vehicle, "braking": Braking, "terrain": Terrain, "limits": Limits}
 
 
 @pytest.fixture
@@ -77,9 +78,7 @@ def test_shipped_vehicles_stop_on_every_trained_grade(name: str) -> None:
 def test_what_the_atv_leaves_out_is_commented_with_the_number_that_then_holds() -> None:
     """Uncommented, those lines change nothing; examples of what has no default are not of them."""
     file = find_model("atv")
-    known = {
-        field.name for kind in (Vehicle, Braking, Limits) for field in dataclasses.fields(kind)
-    }
+    known = {field.name for kind in KINDS.values() for field in dataclasses.fields(kind)}
     examples = {
         "motor_torque_constant",
         "gear_ratio",
@@ -102,11 +101,12 @@ def test_what_the_atv_leaves_out_is_commented_with_the_number_that_then_holds() 
     assert said.braking.trained_roll == model.braking.trained_roll
     assert dataclasses.replace(said.braking, roll_range=None) == model.braking
     assert said.limits == model.limits
-    for kind in (Vehicle, Braking, Limits):
+    assert said.terrain.rolling_while_braking == model.terrain.rolling_while_braking
+    assert dataclasses.replace(said.terrain, braking_resistance=None) == model.terrain
+    for table, kind in KINDS.items():
         optional = {
             f.name for f in dataclasses.fields(kind) if f.default is not dataclasses.MISSING
         }
-        table = {"Vehicle": "vehicle", "Braking": "braking", "Limits": "limits"}[kind.__name__]
         assert optional <= told | set(tomllib.loads(file.read_text())[table]) | {"uphill"}
 
 
@@ -493,6 +493,7 @@ def models(draw: st.DrawFn) -> Model:
     )
     terrain = Terrain(
         motion_resistance=draw(NOT_NEGATIVE),
+        braking_resistance=draw(maybe(NOT_NEGATIVE)),
         lateral_resistance=draw(NOT_NEGATIVE),
         slip_track=track + draw(NOT_NEGATIVE),
     )

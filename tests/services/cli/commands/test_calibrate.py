@@ -63,6 +63,9 @@ def test_the_command_writes_model_stops_and_page(file: Path, tmp_path: Path) -> 
     for row in rows:
         assert row["verdict"] == "usable"
         assert float(row["predicted_with_offset"]) > float(row["distance"])
+        late = float(row["predicted_time_with_offset"]) - float(row["predicted_time"])
+        assert late == pytest.approx(read_model(model).braking.time_offset)
+        assert float(row["predicted_time_with_offset"]) > float(row["time"])
         assert float(row["grade"]) == pytest.approx(float(row["grade"]), abs=0.3)
     html = page.read_text()
     assert html.count("data:image/svg+xml") == 4
