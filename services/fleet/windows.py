@@ -83,7 +83,10 @@ def ground_in(ground: GeotiffWindows, cells: tuple[slice, slice]) -> ElevationMa
     heights = known_heights(ground.read(*cells))
     if not np.isfinite(heights).any():
         heights = _with_a_known_cell(heights)
-    return ElevationMap(elevation=heights, resolution=part.resolution, origin=part.origin)
+    return ElevationMap(
+        elevation=heights, resolution=part.resolution, origin=part.origin,
+        height_std=ground.height_std,
+    )  # fmt: skip
 
 
 def _with_a_known_cell(heights: Floats) -> Floats:

@@ -11,6 +11,7 @@ import numpy as np
 from models.arrays import Floats
 from models.errors import InputError, ParameterError
 from planner.ground.elevation_map import ElevationMap
+from services.io.maps import height_error
 from services.wire.messages import MapUpdate
 
 _HIGHEST = 1e5
@@ -112,17 +113,20 @@ class MapStore:
                 raise ParameterError("class_names", "those of the whole map")
             classes = np.zeros(elevation.shape, np.int64) if classes is None else classes.copy()
             classes[cells] = _classes(update)
-        return replace(known, elevation=elevation, terrain_class=classes)
+        std = max(known.height_std, update.height_std or 0.0)
+        return replace(known, elevation=elevation, terrain_class=classes, height_std=std)
 
 
 def _whole(update: MapUpdate) -> ElevationMap:
     classes = None if update.terrain_class is None else _classes(update)
+    std = update.height_std
     return ElevationMap(
         elevation=_heights(update),
         resolution=update.resolution,
         origin=update.origin,
         terrain_class=classes,
         class_names=tuple(update.class_names or ("",)),
+        height_std=height_error.assumed(update.resolution) if std is None else std,
     )
 
 

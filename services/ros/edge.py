@@ -270,5 +270,6 @@ class Edge:
                 elevation=ground.elevation,
                 resolution=ground.resolution,
                 origin=ground.origin,
+                height_std=ground.height_std,
             )
         )

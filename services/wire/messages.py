@@ -183,6 +183,8 @@ class MapUpdate(Message, frozen=True):
         resolution: edge of a cell [m]. origin: x, y of the centre of cell [0, 0] [m].
         patch: these cells only, on the grid of the whole map that is known already.
         terrain_class: (rows, columns) whole numbers into class_names, 0 is the base surface.
+        height_std: how far heights are off against each other [m]; left out, what a robot's own map
+            may be off, or what the whole map has been off so far.
     """
 
     source: Name
@@ -193,6 +195,7 @@ class MapUpdate(Message, frozen=True):
     patch: bool = False
     terrain_class: np.ndarray | None = None
     class_names: Annotated[list[Text], Meta(min_length=1, max_length=62)] | None = None
+    height_std: Annotated[float, Meta(ge=0.0)] | None = None
 
 
 class ServiceStatus(Message, frozen=True):

@@ -79,7 +79,7 @@ def _update(file: Path) -> MapUpdate:
     return MapUpdate(
         source=f"query-{os.getpid()}-{time.time_ns()}", sequence=1, elevation=ground.elevation,
         resolution=ground.resolution, origin=ground.origin, terrain_class=ground.terrain_class,
-        class_names=list(ground.class_names),
+        class_names=list(ground.class_names), height_std=ground.height_std,
     )  # fmt: skip
 
 

@@ -3,14 +3,19 @@
 Without a coordinate system the grid is taken to be in metres, as robots' own maps are. Degrees,
 feet, Web Mercator (its metres are not metres on the ground), rotated or oblong cells are refused:
 slopes out of them would be wrong.
+
+A further band whose description speaks of a variance [m²], or of a standard deviation, an error or
+an uncertainty [m], tells how far the heights are off.
 """
 
 from __future__ import annotations
 
 import contextlib
 import logging
+import re
 import warnings
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,23 +23,20 @@ import numpy as np
 
 from models.arrays import Floats
 from services.io.access import check_file, fault
+from services.io.maps import height_error
 from services.io.maps.grid import MapInfo
 
 _SQUARE = 1e-6  # relative difference of edges, and share of shear, that is still rounding
 _METRES = ("metre", "meter", "metres", "meters", "m", "")
 _SMALLEST_CELL = 2e-3  # [m] without a coordinate system, smaller cells are degrees
+_ERRORS = re.compile(r"variance|std|stdev|sigma|standard.deviation|error|uncertainty|rmse")
+_THINNED = 1024  # rows and columns of a band of errors that are looked at
 
 
 def read_info(path: Path) -> MapInfo:
     """Grid of a GeoTIFF; raises InputError if it cannot be an elevation map in metres."""
     with opened(path) as ground:
         return ground.info
-
-
-def read_elevation(path: Path, rows: slice, columns: slice) -> Floats:
-    """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these are read."""
-    with opened(path) as ground:
-        return ground.read(rows, columns)
 
 
 class GeotiffWindows:
@@ -66,6 +68,29 @@ class GeotiffWindows:
             band = dataset.read(1, window=window, masked=True, out_dtype="float64")
             heights: Floats = np.ma.filled(band, np.nan) * dataset.scales[0] + dataset.offsets[0]
         return np.ascontiguousarray(heights[::-1] if flipped else heights)
+
+    @cached_property
+    def height_std(self) -> float:
+        """How far heights are off against each other [m], of the whole file whatever is read of it.
+
+        Raises:
+            InputError: the file is damaged there.
+        """
+        for band, words in enumerate(self._dataset.descriptions[1:], start=2):
+            kind = _ERRORS.search((words or "").lower())
+            if kind is not None and (told := self._told(band, kind[0] == "variance")) is not None:
+                return told
+        return height_error.assumed(self.info.resolution, surveyed=bool(self._dataset.crs))
+
+    def _told(self, band: int, squared: bool) -> float | None:
+        """The number of most cells of a band, out of a thinned one."""
+        dataset = self._dataset
+        shape = min(dataset.height, _THINNED), min(dataset.width, _THINNED)
+        with _in_one_line(self._path):
+            read = dataset.read(band, out_shape=shape, masked=True, out_dtype="float64")
+        errors = np.ma.filled(read, np.nan) * dataset.scales[band - 1] + dataset.offsets[band - 1]
+        told: Floats = errors[np.isfinite(errors) & (errors >= 0.0)]
+        return height_error.one_for_all(np.sqrt(told) if squared else told)
 
 
 @contextlib.contextmanager

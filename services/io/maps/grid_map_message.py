@@ -2,7 +2,8 @@
 
 A layer is a matrix whose rows run towards -x and whose columns run towards -y, from the corner of
 highest x and y, written column by column. It is a circular buffer: the first row is that of
-``outer_start_index``, the first column that of ``inner_start_index``.
+``outer_start_index``, the first column that of ``inner_start_index``. Layers of a variance or of
+bounds tell how far the heights are off (:mod:`services.io.maps.height_error`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from models.arrays import Floats
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
+from services.io.maps import height_error
 
 HEIGHTS = ("elevation", "height")
 """Layers that are taken for heights where nobody names one, in this order."""
@@ -53,10 +55,15 @@ def elevation_map_of(message: Any, layer: str = "") -> ElevationMap:
     position = info.pose.position
     x = position.x - 0.5 * info.length_x + 0.5 * info.resolution
     y = position.y - 0.5 * info.length_y + 0.5 * info.resolution
+    edge = float(info.resolution)
+    std = height_error.of_layers(
+        layers, lambda name: _layer(message, layers, name, rows, columns), heights, edge
+    )
     # From (towards -x, towards -y) to rows of constant y that grow with x and y.
     return ElevationMap(
-        elevation=heights[::-1, ::-1].T, resolution=float(info.resolution), origin=(x, y)
-    )
+        elevation=heights[::-1, ::-1].T, resolution=edge, origin=(x, y),
+        height_std=height_error.assumed(edge) if std is None else std,
+    )  # fmt: skip
 
 
 def _check_pose(pose: Any) -> None:

@@ -12,7 +12,7 @@ from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
 from services.io.access import fault
 from services.io.bags.recording import is_bag
-from services.io.maps import geotiff_file, npz_map_file
+from services.io.maps import geotiff_file, height_error, npz_map_file
 from services.io.maps.grid import MAX_CELLS, Around, MapInfo, in_words
 from services.io.maps.npz_map_file import write_map_npz
 
@@ -64,13 +64,16 @@ def read_map(
     classes: Ints | None = None
     names: tuple[str, ...] = ("",)
     if is_bag(path):
-        heights = _recorded(path, topics).elevation[cells]
+        recorded = _recorded(path, topics)
+        heights, std = recorded.elevation[cells], recorded.height_std
     elif _is_geotiff(path):
-        heights = geotiff_file.read_elevation(path, *cells)
+        with geotiff_file.opened(path) as ground:
+            heights, std = ground.read(*cells), ground.height_std
     else:
-        heights, classes, names = npz_map_file.read_layers(path)
+        heights, classes, names, told = npz_map_file.read_layers(path)
         heights = heights[cells]
         classes = None if classes is None else classes[cells]
+        std = height_error.assumed(info.resolution) if told is None else told
     heights = known_heights(heights)
     if not np.isfinite(heights).any():
         where = "" if around is None else f" at {in_words(around)}"
@@ -82,6 +85,7 @@ def read_map(
             origin=part.origin,
             terrain_class=classes,
             class_names=names,
+            height_std=std,
         )
     except ParameterError as error:
         raise fault(path, error.field, f"expected {error.expected}") from None

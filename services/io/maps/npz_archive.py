@@ -16,7 +16,7 @@ from services.io.decode import unknown
 from services.io.maps.grid import MAX_CELLS, MapInfo
 
 _REQUIRED = ("elevation", "resolution", "origin")
-_OPTIONAL = ("known", "terrain_class", "terrain_names")
+_OPTIONAL = ("known", "terrain_class", "terrain_names", "height_std")
 _BROKEN = (
     OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, SyntaxError,
     zipfile.BadZipFile, zlib.error,

@@ -1,4 +1,7 @@
-"""Elevation maps as .npz: `elevation`, `resolution`, `origin`, optional `known`, `terrain_class`.
+"""Elevation maps as .npz: `elevation`, `resolution`, `origin`, and what is optional.
+
+Optional are `known`, `terrain_class` and `height_std`: how far heights are off against each other
+[m], a number, or one a cell of which that of most cells counts.
 
 `terrain_class` holds whole numbers (0 is the base surface) or names of surfaces; with numbers, an
 optional `terrain_names` names them. Other arrays are left alone.
@@ -17,6 +20,7 @@ from models.arrays import Bools, Floats, Ints
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.surface_bits import MAX_CLASSES
 from services.io.access import fault, write_atomic
+from services.io.maps import height_error
 from services.io.maps.grid import MapInfo
 from services.io.maps.npz_archive import Archive
 
@@ -27,8 +31,11 @@ def read_info(path: Path) -> MapInfo:
         return archive.info()
 
 
-def read_layers(path: Path) -> tuple[Floats, Ints | None, tuple[str, ...]]:
-    """(rows, columns) heights [m] with NaN where unknown, classes and their names."""
+def read_layers(path: Path) -> tuple[Floats, Ints | None, tuple[str, ...], float | None]:
+    """(rows, columns) heights [m] with NaN where unknown, classes, their names, error of heights.
+
+    The error [m] is that of heights against each other, None if the file does not tell it.
+    """
     with Archive(path) as archive:
         info = archive.info()
         shape = (info.rows, info.columns)
@@ -38,16 +45,30 @@ def read_layers(path: Path) -> tuple[Floats, Ints | None, tuple[str, ...]]:
             if known.dtype.kind != "b" and not np.isin(known, (0, 1)).all():
                 raise fault(path, "known", "expected true or false, got other whole numbers")
             heights[known == 0] = np.nan
+        std = _height_std(archive, path, np.isfinite(heights))
         if "terrain_class" not in archive.names:
-            return heights, None, ("",)
+            return heights, None, ("",), std
         classes = archive.array("terrain_class", shape, "iuUS", "whole numbers or names")
         if classes.dtype.kind in "US":
-            return heights, *_classes_of_names(path, classes)
+            return heights, *_classes_of_names(path, classes), std
         names = None
         if "terrain_names" in archive.names:
             given = archive.array("terrain_names", None, "US", "names, one for each class")
             names = _checked_names(path, "terrain_names", _text(path, "terrain_names", given))
-        return heights, *_numbered(path, classes, names)
+        return heights, *_numbered(path, classes, names), std
+
+
+def _height_std(archive: Archive, path: Path, known: Bools) -> float | None:
+    if "height_std" not in archive.names:
+        return None
+    told = archive.array("height_std", None, "iuf", "a length or one a cell [m]").astype(np.float64)
+    if told.shape not in ((), (1,), known.shape):
+        words = f"expected a number or shape {known.shape} of elevation, got {told.shape}"
+        raise fault(path, "height_std", words)
+    counted = told[known] if told.shape == known.shape else told
+    if not np.all(counted >= 0.0) or np.isinf(counted).any():
+        raise fault(path, "height_std", "expected lengths >= 0 [m], got others")
+    return height_error.one_for_all(counted)
 
 
 def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:
@@ -56,6 +77,7 @@ def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:
         "elevation": elevation_map.elevation,
         "resolution": np.float64(elevation_map.resolution),
         "origin": np.asarray(elevation_map.origin, np.float64),
+        "height_std": np.float64(elevation_map.height_std),
     }
     if elevation_map.terrain_class is not None:
         arrays["terrain_class"] = elevation_map.terrain_class

@@ -345,6 +345,25 @@ def test_patches_change_their_cells_only() -> None:
         store.take(flat(3, patch=True, elevation=np.ones((2, 2)), resolution=0.5), "map")
 
 
+def test_a_patch_makes_a_map_no_more_exact() -> None:
+    store = MapStore()
+
+    def std(**changes: object) -> float:
+        assert store.take(flat(**changes), "map")
+        assert store.ground is not None
+        return store.ground.elevation_map.height_std
+
+    patch = {"patch": True, "elevation": np.zeros((2, 2)), "origin": (-3.0, -6.0)}
+    assert std(sequence=1) == pytest.approx(0.02 + 0.05 * flat().resolution)
+    assert std(sequence=2, height_std=0.05) == 0.05
+    assert std(sequence=3, **patch) == 0.05
+    assert std(sequence=4, height_std=0.01, **patch) == 0.05
+    assert std(sequence=5, height_std=0.08, **patch) == 0.08
+    assert std(sequence=6, height_std=0.0) == 0.0
+    with pytest.raises(InputError, match="height_std"):
+        store.take(flat(7, height_std=float("nan")), "map")
+
+
 def test_a_lost_patch_is_flagged_until_a_whole_map_comes() -> None:
     store = MapStore()
     patch = {"patch": True, "elevation": np.zeros((2, 2)), "origin": (-3.0, -6.0)}

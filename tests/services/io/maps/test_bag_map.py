@@ -64,6 +64,43 @@ def test_cells_without_a_basic_layer_are_unknown() -> None:
     assert not known[::-1, ::-1].T[2, 3]
 
 
+def error_of(**layers: np.ndarray) -> float:
+    return elevation_map_of(grid_maps.grid_map(HEIGHTS, 0.5, more=layers)).height_std
+
+
+def test_a_variance_is_how_far_heights_are_off() -> None:
+    std = RNG.uniform(0.01, 0.1, HEIGHTS.shape).astype(np.float32)
+    most = pytest.approx(float(np.quantile(std, 0.95)), rel=1e-4)
+    assert error_of(variance=std**2) == most
+    untold = np.where(std < 0.02, np.nan, std**2)
+    assert error_of(variance=untold) >= error_of(variance=std**2) > 0.0
+    # Bounds are those of the fused map; the variance of a raw one goes before them.
+    bounds = {"lower_bound": HEIGHTS - 2.0 * std, "upper_bound": HEIGHTS + 2.0 * std}
+    assert error_of(**bounds) == most
+    assert error_of(variance=0.0 * std + 0.01, **bounds) == pytest.approx(0.1)
+
+
+def test_a_place_that_is_off_is_a_height_that_is_off_on_a_slope() -> None:
+    rows, columns = np.meshgrid(np.arange(7), np.arange(5), indexing="ij")
+    slope = (0.5 * (0.3 * rows - 0.1 * columns)).astype(np.float32)
+    flat = np.full(slope.shape, 0.01)
+    message = grid_maps.grid_map(
+        slope, 0.5,
+        more={"variance": flat, "horizontal_variance_x": flat, "horizontal_variance_y": 4.0 * flat},
+    )  # fmt: skip
+    expected = np.sqrt(0.01 * (1.0 + 0.3**2 + 4.0 * 0.1**2))
+    assert elevation_map_of(message).height_std == pytest.approx(expected, rel=1e-5)
+
+
+def test_layers_that_tell_nothing_are_not_believed() -> None:
+    assumed = pytest.approx(0.045)
+    assert error_of() == assumed
+    zero = np.zeros_like(HEIGHTS)
+    assert error_of(upper_bound=zero, lower_bound=zero) == assumed
+    assert error_of(variance=zero * np.nan) == assumed
+    assert error_of(upper_bound=zero + 9.0) == assumed
+
+
 @pytest.mark.parametrize(
     ("change", "field", "words"),
     [

@@ -58,6 +58,7 @@ def same(a: ElevationMap, b: ElevationMap) -> bool:
         and a.resolution == b.resolution
         and a.origin == b.origin
         and a.class_names == b.class_names
+        and a.height_std == b.height_std
         and (a.terrain_class is None) == (b.terrain_class is None)
         and (a.terrain_class is None or np.array_equal(a.terrain_class, b.terrain_class))
     )
@@ -382,7 +383,7 @@ def test_npz_round_trip(tmp_path: Path) -> None:
     classes = RNG.integers(0, 3, HEIGHTS.shape)
     classified = ElevationMap(
         elevation=heights, resolution=0.1, origin=(1.5, -2.5),
-        terrain_class=classes, class_names=("", "sand", "#7"),
+        terrain_class=classes, class_names=("", "sand", "#7"), height_std=0.03,
     )  # fmt: skip
     for elevation_map in (plain, classified):
         write_map_npz(elevation_map, tmp_path / "m.npz")

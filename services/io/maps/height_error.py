@@ -1,0 +1,87 @@
+"""How far heights of a map are off against each other, as one standard deviation for all cells [m].
+
+A map that tells it is believed: the number of most cells counts, not the mean, because a stop may
+be anywhere. One that tells nothing gets a number by where it is from:
+
+- A robot's own map: 2 cm, the range noise of lidars and depth cameras averaged over a cell, and 5 %
+  of a cell, for what a cell of rough or sloping ground has to be one height of.
+- A surveyed map: 4 cm and 2 % of a cell, 6 cm at 1 m. That is what the USGS Lidar Base
+  Specification allows smooth ground to scatter within a swath at quality levels 1 and 2 (3 cm at
+  level 0, 8 cm between swaths).
+
+An error that all cells share, such as a wrong datum, is not in it: no stop depends on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from models.arrays import Floats
+
+MOST = 0.95
+"""Share of the cells whose height is no farther off."""
+
+_ON_ROBOT = (0.02, 0.05)
+_SURVEYED = (0.04, 0.02)
+_BOUNDS_APART = 4.0
+"""Standard deviations between the bounds of a cell's height, as `elevation_mapping` has them."""
+
+
+def assumed(resolution: float, *, surveyed: bool = False) -> float:
+    """What counts for a map that tells nothing [m].
+
+    Args:
+        resolution: edge of a cell [m].
+        surveyed: from an aeroplane or by a surveyor, not by a robot on its way.
+    """
+    constant, share = _SURVEYED if surveyed else _ON_ROBOT
+    return constant + share * resolution
+
+
+def one_for_all(stds: Floats) -> float | None:
+    """The standard deviation of most cells [m]; None if no cell has one.
+
+    Args:
+        stds: of cells, any shape [m]; NaN, infinite or negative where it is not told.
+    """
+    told = stds[np.isfinite(stds) & (stds >= 0.0)]
+    return float(np.quantile(told, MOST)) if len(told) else None
+
+
+def of_layers(
+    names: Sequence[str], layer: Callable[[str], Floats], heights: Floats, resolution: float
+) -> float | None:
+    """What the layers of a grid map tell [m]; None if they do not.
+
+    By the names of `elevation_mapping`: `variance` [m²], with `horizontal_variance_x` and `_y` on
+    the slope of the cell, or else `lower_bound` and `upper_bound` around the height [m].
+
+    Args:
+        names: of the layers. layer: gives (rows, columns) of one.
+        heights: (rows, columns) [m], rows along x, columns along y, NaN where unknown.
+        resolution: edge of a cell [m].
+    """
+    known = np.isfinite(heights)
+    if min(heights.shape) < 2:
+        return None
+    if "variance" in names:
+        variance = layer("variance").astype(np.float64)
+        slopes = zip(("x", "y"), np.gradient(heights, resolution), strict=True)
+        for axis, slope in slopes:
+            if (name := f"horizontal_variance_{axis}") in names:
+                variance = variance + np.nan_to_num(slope) ** 2 * _told(layer(name))
+        told = variance[known & np.isfinite(variance) & (variance >= 0.0)]
+        return one_for_all(np.sqrt(told))
+    if "lower_bound" in names and "upper_bound" in names:
+        low, high = (layer(name).astype(np.float64) for name in ("lower_bound", "upper_bound"))
+        with np.errstate(invalid="ignore"):
+            between = known & (low <= heights) & (heights <= high) & (low < high)
+        return one_for_all((high - low)[between] / _BOUNDS_APART)
+    return None
+
+
+def _told(variance: Floats) -> Floats:
+    """A variance, 0 where it is not told."""
+    return np.where(np.isfinite(variance) & (variance >= 0.0), variance, 0.0)
