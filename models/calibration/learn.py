@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from models.arrays import Floats
 from models.calibration.asymmetry import Asymmetry, asymmetry
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
+from models.calibration.speed_error import SpeedError, speed_error
 from models.calibration.surface_fit import (
     FEWEST_STOPS,
     CalibrationSettings,
@@ -29,7 +30,7 @@ from models.calibration.surface_fit import (
 )
 from models.parameters import Braking
 from models.stop_logs.dead_time import DeadTime
-from models.stop_logs.drive_quality import Suspect
+from models.stop_logs.drive_quality import Suspect, usable
 from models.stop_logs.find_stops import StopWindow
 from models.stop_logs.ground_grade import Dive
 from models.stop_logs.measure import Measured, Slope
@@ -47,6 +48,7 @@ class Calibration:
         surfaces: the base first, then each named surface that was told apart.
         windows: every stop of the log, usable or not. suspects: stretches left out.
         dead_time, dive, mount: what all stops share.
+        speed_error: how well speeds are driven; None where the log does not tell.
         warnings: what a user has to know before trusting it, in sentences.
     """
 
@@ -57,6 +59,7 @@ class Calibration:
     dead_time: DeadTime
     dive: Dive
     mount: Mount
+    speed_error: SpeedError | None
     warnings: tuple[str, ...]
 
     @property
@@ -91,9 +94,14 @@ def learn(
     measured, mount = log.measured, log.mount
     surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
     warnings += _warnings(surfaces[0], mount, known)
+    good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
+    driven = speed_error(columns, runs, good)
+    braking = _braking(known, surfaces, measured.dead_time)
+    if driven is not None:
+        braking = dataclasses.replace(braking, speed_error=driven.value)
     return Calibration(
-        _braking(known, surfaces, measured.dead_time), tuple(surfaces), log.windows, log.suspects,
-        measured.dead_time, measured.dive, mount, tuple(warnings),
+        braking, tuple(surfaces), log.windows, log.suspects,
+        measured.dead_time, measured.dive, mount, driven, tuple(warnings),
     )  # fmt: skip
 
 

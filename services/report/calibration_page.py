@@ -100,7 +100,10 @@ def _shared(calibration: Calibration) -> dict[str, str]:
     dead, dive, mount = calibration.dead_time, calibration.dive, calibration.mount
     degrees = np.rad2deg(dive.per_deceleration)
     askew = f"{np.rad2deg(mount.offset):+.2f}° by {mount.source}" if mount.known else "not known"
+    driven = calibration.speed_error
+    told = "not known" if driven is None else f"to ± {driven.value:.3f} m/s"
     return {
+        "speeds driven": told,
         "dead time": f"{dead.value:.3f} ± {dead.std:.3f} s, jitter {dead.between_stops:.3f} s",
         "brake dive": f"{degrees:.2f}° per m/s²",
         "pitch sensor mounted": askew,

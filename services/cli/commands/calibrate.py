@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from models.errors import ParameterError
 from models.parameters import Model
 from models.stop_logs.stop_record import StopRecord
 from services.cli.arguments.files import CalibrateOptions
-from services.cli.commands.calibration_rows import ROWS, surface_json
+from services.cli.commands.calibration_rows import ROWS, speed_words, surface_json
 from services.cli.screen import progress_bar
 from services.io.access import fault
 from services.io.logs.drive_log import DriveLog
@@ -151,6 +151,7 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
             "value": c.dive.per_deceleration, "std": c.dive.std, "settling": c.dive.settling,
         },
         "mount": {"value": c.mount.offset, "std": c.mount.std, "source": c.mount.source},
+        "speed_error": None if c.speed_error is None else asdict(c.speed_error),
         "surfaces": [surface_json(s) for s in c.surfaces],
         "suspects": [
             {
@@ -181,6 +182,7 @@ def show(result: CalibrateResult, console: Console) -> None:
         f"{np.rad2deg(c.mount.offset):+.2f}° by {c.mount.source}" if c.mount.known else "unknown"
     )
     console.print(f"{dead} · {dive} · mount offset {known}")
+    console.print(speed_words(c.speed_error))
     kinds = ", ".join(f"{n} {name}" for name, n in c.verdicts.items())
     console.print(f"stops found: {len(c.windows)} – {kinds}")
     for suspect in c.suspects[:_LISTED]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from models.calibration.force_fit import NAMES
+from models.calibration.speed_error import SpeedError
 from models.calibration.surface_fit import SurfaceFit
 
 
@@ -45,6 +46,16 @@ def surface_json(s: SurfaceFit) -> dict[str, Any]:
         "coverage": covered,
         "mean_excess": excess,
     }
+
+
+def speed_words(found: SpeedError | None) -> str:
+    """How well speeds are driven, in a line."""
+    if found is None:
+        return "speed error kept as it was: the log has too little driving at one command"
+    return (
+        f"speeds are driven to ± {found.value:.3f} m/s, {found.bias:+.3f} m/s from the command "
+        f"({found.stretches} stretches, {found.seconds:.0f} s)"
+    )
 
 
 def _coefficient(index: int) -> Callable[[SurfaceFit], str]:

@@ -50,7 +50,13 @@ def test_the_command_writes_model_stops_and_page(file: Path, tmp_path: Path) -> 
         "calibrate", file, "--model", "atv", "--out", model, "--stops", stops, "--report", page
     )
     assert result.returncode == 0, result.stderr
-    for words in ("dead time 0.30", "stops found: 24", "distance offset", "mount offset"):
+    for words in (
+        "dead time 0.30",
+        "speed error kept",
+        "stops found: 24",
+        "distance offset",
+        "mount offset",
+    ):
         assert words in result.stdout
     learned = read_model(model).braking
     assert learned.b_b == pytest.approx(0.40, abs=0.02)
@@ -82,6 +88,30 @@ def test_json_holds_everything_for_machines(file: Path) -> None:
     assert base["coverage"] == 1.0
     assert 0.0 < base["mean_excess"] < 0.2
     assert data["dead_time"]["value"] == pytest.approx(0.3, abs=0.01)
+
+
+def test_how_well_speeds_are_driven_is_learned_where_the_log_tells(
+    log: Log, tmp_path: Path
+) -> None:
+    """One more run, of a vehicle that is a little too fast at each of six commands."""
+    job_of = job(written(log, tmp_path / "stops.csv"))
+    before = calibrate.run(job_of, quiet=True)
+    assert before.model.braking.speed_error == 0.0
+    assert calibrate.as_json(before)["speed_error"] is None
+    t = np.arange(0.0, 60.0, 0.01)
+    told = 1.0 + 0.5 * (t // 10.0)
+    more = {
+        "run": np.full(len(t), "drive"), "t": float(log["t"][-1]) + 100.0 + t,
+        "v": told + 0.05 + 0.02 * np.sin(2.0 * np.pi * t / 3.0), "v_cmd": told,
+        "pitch": np.full(len(t), float(np.mean(log["pitch"]))),
+    }  # fmt: skip
+    both = {name: np.concatenate((log[name], more[name])) for name in more}
+    result = calibrate.run(job(written(both, tmp_path / "both.csv")), quiet=True)
+    assert result.model.braking.speed_error == pytest.approx(0.065, abs=0.01)
+    data = calibrate.as_json(result)["speed_error"]
+    assert data["stretches"] == 6
+    calibrate.write_learned_model(result, tmp_path / "m.toml")
+    assert read_model(tmp_path / "m.toml").braking.speed_error == data["value"]
 
 
 def test_the_learned_model_is_read_back_as_it_was(file: Path, tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ import pytest
 from examples.recordings import cuadriga, f1tenth, husky_drive
 from models.calibration.held_out import leave_sessions_out
 from models.calibration.learn import learn
+from models.calibration.speed_error import speed_error
+from models.stop_logs.drive_quality import find_suspects, usable
 from services.io.logs.drive_log import DriveLog, read_drive_log
 from services.io.model_file import find_model, read_model
 from services.io.table import write_csv
@@ -57,6 +59,19 @@ def test_husky_stops_of_sessions_left_out_end_within_their_prediction(tmp_path: 
     assert held_out.coverage >= 0.98
     assert held_out.mean_excess < 0.4
     assert held_out.unpredicted == ()
+
+
+def test_how_well_real_vehicles_hold_a_speed(tmp_path: Path) -> None:
+    """Cuadriga drives long stretches at one command; the Husky's windows change it every 6 s."""
+    log = log_of(cuadriga.read(real_data("stops/cuadriga")), tmp_path / "slopes.csv")
+    good = usable(len(log.columns["t"]), find_suspects(log.columns, log.runs), ["v", "v_cmd"])
+    found = speed_error(log.columns, log.runs, good)
+    assert found is not None
+    assert 0.03 < found.value < 0.08
+    assert abs(found.bias) < 0.01
+    assert found.stretches > 30
+    other = log_of(husky_drive.read(real_data("stops/drive_norlab")), tmp_path / "windows.csv")
+    assert speed_error(other.columns, other.runs, np.ones(len(other.columns["t"]), bool)) is None
 
 
 @pytest.mark.nightly
