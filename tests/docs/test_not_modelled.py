@@ -1,0 +1,82 @@
+"""The page of what is not modelled: its numbers and sentences are those of the script."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from examples import not_modelled
+from examples.not_modelled import LOADS, METRES, NAMES, Row, Stop
+from services.io.model_file import find_model, read_model
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "not-modelled.md").read_text()
+
+
+def stop(name: str, *, down: bool = True) -> Stop:
+    model = read_model(find_model(name))
+    return Stop(model, model.braking.grade_range[0] if down else 0.0)
+
+
+def row(rows: tuple[Row, ...], name: str) -> Row:
+    return next(one for one in rows if one.name == name)
+
+
+def test_the_page_has_the_tables_of_the_script(tmp_path: Path) -> None:
+    assert not_modelled.tables() in PAGE
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- tables -->\nold\n<!-- end of tables -->\nb\n")
+    words = [sys.executable, "-m", "examples.not_modelled", "--into", str(page)]
+    subprocess.run(words, cwd=ROOT, check=True, timeout=60)
+    expected = f"a\n<!-- tables -->\n{not_modelled.tables()}<!-- end of tables -->\nb\n"
+    assert page.read_text() == expected
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stops_of_the_script_are_those_by_hand(name: str) -> None:
+    one = stop(name)
+    b = one.model.braking
+    v, theta = one.speed, b.grade_range[0]
+    force = (b.m_m * v + b.b_m) * theta + b.m_b * v + b.b_b
+    braked = v * v / (2.0 * 9.80665 * (force + math.sin(theta)))
+    assert one.longer(force=-0.01) == pytest.approx(
+        v * v / (2.0 * 9.80665 * (force - 0.01 + math.sin(theta))) - braked
+    )
+    assert one.longer(dead_time=0.1) == pytest.approx(0.1 * v)
+    assert row(METRES, "slow build-up of the force").value(one) == pytest.approx(0.1 * v)
+    assert one.longer(force=-force) == math.inf
+
+
+@pytest.mark.parametrize("one", [*METRES, *LOADS], ids=lambda one: one.name)
+def test_what_a_row_says_it_does_its_number_does(one: Row) -> None:
+    for name in NAMES:
+        value = one.value(stop(name))
+        if one.does.startswith("longer") and "shorter" not in one.does:
+            assert value > 0.0
+        if one.does.startswith("shorter"):
+            assert value < 0.0
+    assert re.search(rf"^\| {re.escape(one.name)} \|", PAGE, re.MULTILINE)
+
+
+def test_a_vehicle_of_ones_own_has_a_column(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text(find_model("atv").read_text().replace('name = "atv"', 'name = "mine"'))
+    text = not_modelled.tables(("ugv", str(own)))
+    assert "| not modelled | size | formula | ugv | mine | does |" in text
+    assert "husky" not in text
+
+
+def test_no_min_load_keeps_the_payload() -> None:
+    """The sentence below the tables."""
+    for name in ("atv", "husky"):
+        one = stop(name)
+        ahead = row(LOADS, "payload farther to the front").value(one)
+        assert ahead + row(LOADS, "payload higher").value(one) > one.model.limits.min_load == 0.1
+    ahead, level = stop("husky"), stop("husky", down=False)
+    longer = row(METRES, "hot brakes")
+    assert longer.value(ahead) > 20.0 * longer.value(level)
