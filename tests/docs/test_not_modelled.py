@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from examples import not_modelled
-from examples.not_modelled import LOADS, METRES, NAMES, Row, Stop
+from examples.neglected_effects import LOADS, METRES, Row, Stop
+from examples.not_modelled import NAMES
 from services.io.model_file import find_model, read_model
 
 ROOT = Path(__file__).parents[2]
