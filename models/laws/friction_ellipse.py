@@ -17,6 +17,7 @@ import numpy as np
 from models.arrays import Elementwise
 from models.quantity import GRAVITY
 
+_HAIR = 1e-300
 TURNING_SHARE = 0.8
 """Share of the friction that a slope leaves which a turn may use: 0.6 stay for the brakes."""
 
@@ -37,7 +38,7 @@ def side_force_ratio(
 def normal_ratio(
     grade: Elementwise, roll: Elementwise, vertical_curvature: Elementwise, speed_sq: Elementwise
 ) -> Elementwise:
-    """N/W = cos θ cos φ + κ_v v²/g [1], nothing left where the vehicle would fly.
+    """N/W = cos θ cos φ + κ_v v²/g [1], nothing left where the vehicle would fly; NaN of NaN.
 
     Args:
         grade: θ [rad]. roll: φ [rad].
@@ -45,7 +46,7 @@ def normal_ratio(
         speed_sq: v² [m²/s²].
     """
     carried = np.cos(grade) * np.cos(roll) + vertical_curvature * speed_sq / GRAVITY
-    return np.fmax(carried, 0.0)
+    return 0.5 * (carried + np.fabs(carried))
 
 
 def braking_left(
@@ -53,11 +54,14 @@ def braking_left(
 ) -> Elementwise:
     """F_x/W that the ellipse leaves for brakes or drive, √((μ N)² − F_y²)/W [1]; 0 where it slides.
 
+    NaN where μ < 0.
+
     Args:
         friction: μ [1]. normal: N/W [1]. side_force: F_y/W [1].
     """
-    room = (friction * normal - side_force) * (friction * normal + side_force)
-    return np.sqrt(np.fmax(room, 0.0))
+    held = friction * np.sqrt(np.sign(friction + _HAIR)) * normal
+    room = (held - side_force) * (held + side_force)
+    return np.sqrt(0.5 * (room + np.fabs(room)))
 
 
 def lateral_speed_sq(
@@ -70,8 +74,8 @@ def lateral_speed_sq(
     """Highest v² at which bank and turn use no more friction than a turn may [m²/s²].
 
     |F_y| ≤ (0.8 μ + 0.2 |sin φ| cos θ/c) N, c = cos θ cos φ: of the friction that the bank leaves
-    a turn takes at most :data:`TURNING_SHARE`. 0 where the bank takes all of it, inf where no speed
-    is too high.
+    a turn takes at most :data:`TURNING_SHARE`. 0 where the bank takes all of it, huge where no
+    speed is too high. NaN where μ < 0.
 
     Args:
         grade: θ [rad]. roll: φ [rad], left side up positive.
@@ -83,7 +87,9 @@ def lateral_speed_sq(
     bank = np.sin(roll) * np.cos(grade)
     # A left turn (κ > 0) on ground that rises to the left pushes outward twice.
     outward = np.sign(curvature) * bank
-    share = TURNING_SHARE * friction + (1.0 - TURNING_SHARE) * np.abs(bank) / upright
-    per_speed_sq = (np.abs(curvature) + share * np.fmax(-vertical_curvature, 0.0)) / GRAVITY
-    room = np.fmax(share * upright - outward, 0.0)
-    return room / np.fmax(per_speed_sq, 1e-300)
+    mu = friction * np.sqrt(np.sign(friction + _HAIR))
+    share = TURNING_SHARE * mu + (1.0 - TURNING_SHARE) * np.fabs(bank) / upright
+    falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
+    per_speed_sq = (np.fabs(curvature) + share * falling) / GRAVITY
+    spare = share * upright - outward
+    return 0.5 * (spare + np.fabs(spare)) / (per_speed_sq + _HAIR)

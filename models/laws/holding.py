@@ -24,7 +24,7 @@ def brakes_hold(force_ratio: Elementwise, grade: Elementwise) -> Elementwise:
         force_ratio: F_b/W at standstill [1].
         grade: θ [rad].
     """
-    return force_ratio - np.abs(np.sin(grade))
+    return force_ratio - np.fabs(np.sin(grade))
 
 
 def friction_holds(friction: Elementwise, grade: Elementwise, roll: Elementwise) -> Elementwise:
@@ -34,5 +34,5 @@ def friction_holds(friction: Elementwise, grade: Elementwise, roll: Elementwise)
         friction: μ [1].
         grade: θ [rad]. roll: φ [rad].
     """
-    across = np.sin(roll) * np.cos(grade)
-    return friction * np.cos(grade) * np.cos(roll) - np.hypot(np.sin(grade), across)
+    along, across = np.sin(grade), np.sin(roll) * np.cos(grade)
+    return friction * np.cos(grade) * np.cos(roll) - np.sqrt(along * along + across * across)

@@ -72,7 +72,9 @@ def test_sizes_that_are_left_out_follow_the_wheel_radius() -> None:
 
 
 def test_the_front_axle_brakes_by_its_static_load_unless_told() -> None:
-    assert replace(BASE.vehicle, cg_x=0.3, wheelbase=1.2).brake_share == pytest.approx(0.25)
+    steered = replace(BASE.vehicle, drive="ackermann", cg_x=0.3, wheelbase=1.2)
+    assert steered.brake_share == pytest.approx(0.25)
+    assert replace(steered, drive="skid_steer").brake_share is None
     assert replace(BASE.vehicle, front_brake_share=0.7).brake_share == 0.7
 
 
