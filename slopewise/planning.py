@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from models.errors import ParameterError
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
@@ -76,7 +77,9 @@ def check_plan(
         columns are judged.
 
     Raises:
-        ParameterError: the plan begins off the map, or its columns differ in length.
+        ParameterError: fewer than two stations, columns of other lengths, or a start off the map.
     """
+    if isinstance(plan, SpeedPlan) and len(plan.station) < 2:
+        raise ParameterError("plan", f"at least 2 stations, got {len(plan.station)}")
     given = plan_of_columns(plan.columns()) if isinstance(plan, SpeedPlan) else plan
     return check(given, model, elevation_map, clear=clear)

@@ -43,8 +43,14 @@ def slope(grade: float = 0.0, roll: float = 0.0) -> Surface:
 
 
 def trapezoid(
-    top: float, *, accel: float = 0.9, decel: float | None = None, length: float = 20.0,
-    rests: float = 17.0, spacing: float = 0.1, begin: float = 0.0,
+    top: float,
+    *,
+    accel: float = 0.9,
+    decel: float | None = None,
+    length: float = 20.0,
+    rests: float = 17.0,
+    spacing: float = 0.1,
+    begin: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Stations and speeds of a drive from one speed to a top speed, and to rest."""
     s = np.linspace(0.0, length, round(length / spacing) + 1)

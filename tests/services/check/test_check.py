@@ -84,8 +84,8 @@ def unknown_below_the_body(share: float) -> Scene:
 
 
 def unknown_where_a_stop_ends(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    edge = furthest(s, v, share**2) + 0.60 + 0.28 + 0.05  # the front of the body, and a cell
+    s, v = trapezoid(3.0, decel=3.0)
+    edge = furthest(s, v, share) + 0.60 + 0.28 + 0.05  # the front of the body, and a cell
 
     def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.where(x > edge, np.nan, 0.0 * y)
@@ -192,9 +192,7 @@ def decel(share: float) -> Scene:
 
 def brakes_downhill(share: float) -> Scene:
     s, v = trapezoid(2.0, accel=0.5, decel=share * G * (0.40 + 0.38 * 0.2 - np.sin(0.2)))
-    model = model_with(
-        braking={"m_m": 0.0, "b_m": -0.38, "m_b": 0.0}, limits={"decel": 9.0}
-    )
+    model = model_with(braking={"m_m": 0.0, "b_m": -0.38, "m_b": 0.0}, limits={"decel": 9.0})
     return Scene(straight(s, v), model, ground(slope(-0.2)))
 
 
