@@ -32,8 +32,9 @@ def check(plan: GivenPlan, model: Model, heights: Heights, *, clear: float = np.
         model: vehicle, braking, effects and limits, at their means; what it states of scatter is
             left to whoever plans with margins.
         heights: map.
-        clear: station up to which the way is known free [m]. The least of this, the plan's own
-            clear distance and the end of the path counts.
+        clear: station up to which the way is known free, and before which the front of the vehicle
+            stays [m]. The plan's own clear distance and the end of its path, both for the middle of
+            the wheelbase, count as well.
 
     Returns:
         Every violation with its row, kind and size; none for a plan that may be driven.
@@ -48,7 +49,7 @@ def check(plan: GivenPlan, model: Model, heights: Heights, *, clear: float = np.
     if len(plan.x) < 2:
         at_rest = Ledger(plan.name, np.zeros(1, np.int64), np.zeros(1), notes=[_STANDS])
         return _report(plan, at_rest, np.zeros(1), np.array([[0.0], [1.0]]), 0)
-    line, ends = _line_and_end(plan, clear)
+    line, ends = _line_and_end(plan, max(clear - model.vehicle.shape.front, 0.0))
     ground = ground_under(heights, line, model.vehicle)
     first = 0.0 if plan.station is None else float(plan.station[0])
     ground = ground._replace(station=ground.station + first)
@@ -67,9 +68,9 @@ def check(plan: GivenPlan, model: Model, heights: Heights, *, clear: float = np.
     driven = motion._replace(moving=motion.moving & ground.known)
     judge_driving(ledger, model, line, ground, brakes, driven, plan.speed_limit)
     judge_obstacles(ledger, heights, line, ground, model.vehicle, driven.moving)
-    judged = judge_stops(ledger, field, ground, motion, clear_at)
+    judged = judge_stops(ledger, field, ground, motion, clear_at, rows)
     judge_told_stops(ledger, plan, line, judged, driven.moving)
-    told = np.stack((judged.distance[rows], judged.rear[rows]))
+    told = np.stack((judged.distance, judged.rear))
     return _report(plan, ledger, ground.station[rows], told, judged.lanes)
 
 

@@ -98,13 +98,13 @@ def judge_told_stops(
     ):
         if told is None:
             continue
-        excess, given = np.full(samples, _NOTHING), np.zeros(samples)
-        excess[rows] = np.where(counts, sign * (own[rows] - told), _NOTHING)
-        given[rows] = told
+        excess, numbers = np.full(samples, _NOTHING), np.zeros((2, samples))
+        excess[rows] = np.where(counts, sign * (own - told), _NOTHING)
+        numbers[:, rows] = told, own
         words = f"{kind} is {{0:.3f}} in the plan, {{1:.3f}} by the model"
-        ledger.add(kind, excess, words, given, own)
+        ledger.add(kind, excess, words, *numbers)
     if plan.stop_distance is not None:
-        longer = np.where(counts, plan.stop_distance - judged.distance[rows], 0.0)
+        longer = np.where(counts, plan.stop_distance - judged.distance, 0.0)
         if longer.max() > _MUCH:
             ledger.notes.append(
                 f"stopping distances are told up to {longer.max():.2f} m longer than the model's "

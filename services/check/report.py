@@ -41,8 +41,9 @@ class CheckReport:
         violations: by station; empty if the plan keeps every rule that could be judged.
         notes: what was not judged, and why.
         station: (N,) own stations [m].
-        stop_distance: (N,) own emergency stops, safety offset included, 0 at rest [m]; a stop that
-            was not followed to its end counts as far as it was.
+        stop_distance: (N,) own emergency stops as plans tell them, with the safety offset, 0 at
+            rest [m]: speed held in the dead time, force as learned. A stop that was not followed to
+            its end counts as far as it was.
         rear_load: (N,) least rear load on them, as a share of the level static one.
         stops: number of stops that were integrated.
     """

@@ -13,7 +13,7 @@ from services.check.driving import Motion, add_load
 from services.check.friction import braking_cap
 from services.check.ground import Ground
 from services.check.report import Ledger
-from services.check.stops import StopField, Stops, stops_from
+from services.check.stops import StopField, Stops, stops_as_told, stops_from
 
 _TRAINED = np.deg2rad(0.2)  # beyond what was trained
 _ON = 2.0  # [m] that a stop is followed beyond the clear distance
@@ -21,9 +21,9 @@ _NOTHING = -np.inf
 
 
 class JudgedStops(NamedTuple):
-    """Stops from all M samples at held speed: distances with the safety offset, and rear loads.
+    """Stops from the N rows as plans tell them: distances with the safety offset, and rear loads.
 
-    Where the plan rests they are 0 and 1. ``lanes`` counts the stops.
+    Where the plan rests they are 0 and 1. ``lanes`` counts the stops from all samples.
     """
 
     distance: Floats
@@ -32,22 +32,22 @@ class JudgedStops(NamedTuple):
 
 
 def judge_stops(
-    ledger: Ledger, field: StopField, ground: Ground, motion: Motion, clear: Floats
+    ledger: Ledger, field: StopField, ground: Ground, motion: Motion, clear: Floats, rows: Ints
 ) -> JudgedStops:
     """Drive an emergency stop from every sample that moves, and note what it breaks.
 
     Args:
         clear: (M,) station before which a stop from each sample has to end [m].
+        rows: (N,) samples of the plan's rows.
     """
     brakes, model = field.brakes, field.model
-    lanes = np.flatnonzero(motion.moving & ground.known)
-    distance, rear = np.zeros(len(clear)), np.ones(len(clear))
+    moving = motion.moving & ground.known
+    lanes = np.flatnonzero(moving)
     if len(lanes) == 0:
-        return JudgedStops(distance, rear, 0)
+        return JudgedStops(np.zeros(len(rows)), np.ones(len(rows)), 0)
     start = ground.station[lanes]
     give_up = float(clear[lanes].max()) + _ON
-    held, stops = stops_from(field, start, motion.speed[lanes], brakes.dead_time[lanes], give_up)
-    distance[lanes], rear[lanes] = held.end + brakes.offset - start, held.rear
+    stops = stops_from(field, start, motion.speed[lanes], brakes.dead_time[lanes], give_up)
     end = stops.end + brakes.offset
     longest = np.zeros(len(clear))
     longest[lanes] = end - start
@@ -72,6 +72,13 @@ def judge_stops(
         )  # fmt: skip
     _loads_on(ledger, model, stops, lanes, len(clear))
     _hold_at(ledger, field, stops, spread)
+    distance, rear = np.zeros(len(rows)), np.ones(len(rows))
+    own = moving[rows]
+    first = rows[own]
+    told = stops_as_told(
+        field, ground.station[first], motion.speed[first], brakes.dead_time[first], give_up
+    )
+    distance[own], rear[own] = told.end + brakes.offset - ground.station[first], told.rear
     return JudgedStops(distance, rear, len(lanes))
 
 

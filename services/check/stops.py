@@ -7,7 +7,7 @@ Runge–Kutta scheme whose lanes are the stops of one plan. Source: Braking (2),
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +67,11 @@ class _Here(NamedTuple):
 
 @dataclass(frozen=True)
 class StopField:
-    """Everything that decides a stop along one line of M samples."""
+    """Everything that decides a stop along one line of M samples.
+
+    ``as_learned`` leaves out what the ground takes beyond the model file: turns, banks and locked
+    axles of friction, crests that no effect names. Plans tell such stopping distances.
+    """
 
     model: Model
     brakes: Brakes
@@ -75,6 +79,7 @@ class StopField:
     table: Floats
     motion: registry.MotionTerms
     crest_share: float | None
+    as_learned: bool = False
 
     @classmethod
     def along(cls, model: Model, line: Line, ground: Ground, brakes: Brakes) -> StopField:
@@ -115,7 +120,9 @@ class StopField:
     ) -> tuple[Floats, Floats]:
         """Deceleration [m/s²], and the force that is left of a force that has built up."""
         force = force * kept_share(np.maximum(heat, 0.0), self.motion.fade, self.motion.fade_tau)
-        cap = braking_cap(self.model.vehicle, here.pose, here.friction, speed * speed)
+        cap = here.friction * here.pose.upright
+        if not self.as_learned:
+            cap = braking_cap(self.model.vehicle, here.pose, here.friction, speed * speed)
         force = np.minimum(force, cap)
         if not most:
             force = force * self._kept_over_crests(here.pose, speed)
@@ -129,6 +136,8 @@ class StopField:
         if self.crest_share is not None:
             kept: Floats = kept_force(speed, pose.bend, self.crest_share)
             return kept
+        if self.as_learned:
+            return np.ones_like(speed)
         lost = np.maximum(-pose.bend, 0.0) * speed * speed / (GRAVITY * pose.upright)
         return np.maximum(1.0 - lost, 0.0)
 
@@ -231,8 +240,8 @@ class _Lanes:
 
 def stops_from(
     field: StopField, station: Floats, speed: Floats, dead_time: Floats, give_up: float
-) -> tuple[Stops, Stops]:
-    """Emergency stops from L places: with the speed held until the brakes take hold, and at worst.
+) -> Stops:
+    """Emergency stops from L places at worst.
 
     Args:
         field: what they meet.
@@ -245,8 +254,16 @@ def stops_from(
     steepest = -float(field.table[:, 0].min())
     runs_on = steepest > field.model.terrain.motion_resistance
     if field.model.braking.drive_in_dead_time == "held" or not runs_on:
-        return held, held
-    return held, held.worst_of(_driven(field, station, speed, dead_time, give_up, True))
+        return held
+    return held.worst_of(_driven(field, station, speed, dead_time, give_up, True))
+
+
+def stops_as_told(
+    field: StopField, station: Floats, speed: Floats, dead_time: Floats, give_up: float
+) -> Stops:
+    """Emergency stops as plans tell them: speed held in the dead time, force as learned."""
+    learned = replace(field, as_learned=True)
+    return _driven(learned, station, speed, dead_time, give_up, False)
 
 
 def _driven(

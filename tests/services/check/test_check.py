@@ -64,7 +64,8 @@ def speed_limit_of_the_path(share: float) -> Scene:
 
 def stopping_path(share: float) -> Scene:
     s, v = trapezoid(3.0)
-    return Scene(straight(s, v), model_with(), ground(), furthest(s, v, share))
+    front = 0.60 + 0.28  # the way has to be free for the front of the vehicle
+    return Scene(straight(s, v), model_with(), ground(), furthest(s, v, share) + front)
 
 
 def clear_distance(share: float) -> Scene:
