@@ -13,6 +13,7 @@ from services.check.standing import JudgedStops
 
 _NOTHING = -np.inf
 _MUCH = 0.1  # [m]
+_UNEVEN = 0.025  # of a stop, where brakes hardly slow it the ground between rows counts most
 _EVEN = 0.2  # of the step between rows
 
 
@@ -29,18 +30,14 @@ def judge_columns(ledger: Ledger, plan: GivenPlan, line: Line, ground: Ground) -
         book.compare("station", plan.station, station, 0.01 + 0.002 * grown)
     if plan.z is not None:
         book.compare("z", plan.z, ground.z[rows], np.full(len(rows), 0.02), known)
+    even = _evenly_between(line)
     for name, own in (("grade", ground.grade[rows]), ("roll", ground.roll[rows])):
         given = getattr(plan, name)
         if given is not None:
-            book.compare(name, given, own, np.full(len(rows), np.deg2rad(0.6)), known)
+            book.compare(name, given, own, np.full(len(rows), np.deg2rad(0.6)), known & even)
     if plan.curvature is not None:
         own = line.curvature[rows]
-        # At the ends, and where a row was put between others, three rows are no circle of the path.
-        steps = np.diff(line.flat[rows])
-        even = np.abs(steps / np.median(steps) - 1.0) < _EVEN
-        inner = np.concatenate(([False], even[1:] & even[:-1], [False]))
-        inner[1:-1] &= np.concatenate(([True], even[:-2])) & np.concatenate((even[2:], [True]))
-        book.compare("curvature", plan.curvature, own, 0.02 + 0.1 * np.abs(own), inner)
+        book.compare("curvature", plan.curvature, own, 0.02 + 0.1 * np.abs(own), even)
     step = np.diff(station)
     if plan.accel is not None:
         own = 0.5 * np.diff(plan.speed**2) / step
@@ -51,6 +48,18 @@ def judge_columns(ledger: Ledger, plan: GivenPlan, line: Line, ground: Ground) -
         book.compare(
             "time", np.diff(plan.time), lasts, 0.02 + 0.005 * lasts, both > 0.0, "time to the next"
         )
+
+
+def _evenly_between(line: Line) -> Bools:
+    """(N,) rows with even steps around: neither an end, nor put between two others to rest there.
+
+    Such a row lies on the chord of its neighbours, with the mean of their slopes.
+    """
+    steps = np.diff(line.flat[line.at_row])
+    even = np.abs(steps / np.median(steps) - 1.0) < _EVEN
+    around = np.concatenate(([True, False], even, [False, True]))
+    found: Bools = around[:-3] & around[1:-2] & around[2:-1] & around[3:]
+    return found
 
 
 class _Book:
@@ -99,7 +108,8 @@ def judge_told_stops(
         if told is None:
             continue
         excess, numbers = np.full(samples, _NOTHING), np.zeros((2, samples))
-        excess[rows] = np.where(counts, sign * (own - told), _NOTHING)
+        uneven = _UNEVEN * own if kind == "stop_distance" else 0.0
+        excess[rows] = np.where(counts, sign * (own - told) - uneven, _NOTHING)
         numbers[:, rows] = told, own
         words = f"{kind} is {{0:.3f}} in the plan, {{1:.3f}} by the model"
         ledger.add(kind, excess, words, *numbers)

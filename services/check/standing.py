@@ -15,7 +15,7 @@ from services.check.ground import Ground
 from services.check.report import Ledger
 from services.check.stops import StopField, Stops, stops_as_told, stops_from
 
-_TRAINED = np.deg2rad(0.2)  # beyond what was trained
+_TRAINED = np.deg2rad(0.6)  # beyond what was trained, between two rows
 _ON = 2.0  # [m] that a stop is followed beyond the clear distance
 _NOTHING = -np.inf
 
