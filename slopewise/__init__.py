@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from planner.horizon.horizon import Horizon
     from planner.path import CandidatePath
     from planner.plan import SpeedPlan
+    from services.check.given_plan import GivenPlan
+    from services.check.report import CheckReport
     from services.client import PlanClient
     from services.io.logs.drive_log import DriveLog
     from slopewise.files import read_drive_log, read_map, read_model, read_paths, write_model
@@ -35,15 +37,18 @@ if TYPE_CHECKING:
     from slopewise.planning import check_plan, plan
 
 __all__ = [
-    "CandidatePath", "DriveLog", "ElevationMap", "Horizon", "Model", "PlanClient", "PlanarState",
-    "SlopewiseError", "SpeedPlan", "calibrate", "check_plan", "find_discrepancies", "plan",
-    "read_drive_log", "read_map", "read_model", "read_paths", "write_model",
+    "CandidatePath", "CheckReport", "DriveLog", "ElevationMap", "GivenPlan", "Horizon", "Model",
+    "PlanClient", "PlanarState", "SlopewiseError", "SpeedPlan", "calibrate", "check_plan",
+    "find_discrepancies", "plan", "read_drive_log", "read_map", "read_model", "read_paths",
+    "write_model",
 ]  # fmt: skip
 
 _HOMES = {
     "CandidatePath": "planner.path",
+    "CheckReport": "services.check.report",
     "DriveLog": "services.io.logs.drive_log",
     "ElevationMap": "planner.ground.elevation_map",
+    "GivenPlan": "services.check.given_plan",
     "Horizon": "planner.horizon.horizon",
     "Model": "models.parameters",
     "PlanClient": "services.client",

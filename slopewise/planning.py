@@ -8,18 +8,16 @@ import numpy as np
 
 from models.errors import ParameterError
 from models.parameters import Model
-from planner.bounds.speed_bounds import speed_bounds
-from planner.ground.braking_ground import ground_along
 from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import terrain_profile
 from planner.ground.uncertainty import Uncertainty
 from planner.path import CandidatePath
 from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank
-from planner.plan import SpeedPlan, Status
+from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
-from planner.verify.judge import Judgement, check
-from planner.verify.track import track_of
+from services.check.check import check
+from services.check.given_plan import GivenPlan, plan_of_columns
+from services.check.report import CheckReport
 
 
 def plan(
@@ -54,45 +52,34 @@ def plan(
 
 
 def check_plan(
-    plan: SpeedPlan,
+    plan: SpeedPlan | GivenPlan,
     model: Model,
     elevation_map: ElevationMap,
     *,
     clear: float = np.inf,
-) -> Judgement:
-    """Drive a plan through the judge on a map: is every constraint kept, also between stations?
+) -> CheckReport:
+    """Put a plan before the independent judge: does it keep every rule on this ground?
 
-    The ground, the clear distance and every emergency stop are worked out anew from the positions
-    of the plan; of the plan itself only its positions and speeds count.
+    Ground, forces and every emergency stop are worked out anew from the positions and speeds of
+    the plan, at its rows and between them; its further columns have to agree. Shared with the
+    planner are the model, the map, the formulas of named effects and gravity.
 
     Args:
-        plan: with stations on the map.
-        model: that it has to hold for.
+        plan: of the planner, or anybody's: ``GivenPlan(name="mine", x=x, y=y, speed=speed)``.
+        model: that it has to hold for, at its mean.
         elevation_map: ground as it is known now.
-        clear: station up to which the way is known free, counted from the first station [m].
+        clear: station up to which the way is known free, counted from the first station [m]; the
+            plan's own clear distance and the end of its path count as well.
 
     Returns:
-        ``valid``; stopping distance (N,) [m] and least axle and side loads (N,) from each station;
-        the worst violation of each constraint, 0 where there is none; the segments they are in. Of
-        a plan that is infeasible the emergency braking is not a violation.
+        ``valid``; the violations by station, kind and size; own stopping distances (N,) [m] and
+        least rear loads (N,) from each station. Of a plan that says it is infeasible only the
+        columns are judged.
 
     Raises:
-        ParameterError: the plan has fewer than two stations.
+        ParameterError: fewer than two stations, columns of other lengths, or a start off the map.
     """
-    n = len(plan.station)
-    if n < 2:
-        raise ParameterError("plan", f"at least 2 stations, got {n}")
-    vehicle = model.vehicle
-    x, y = (np.ascontiguousarray(values[:, None]) for values in (plan.x, plan.y))
-    profile = terrain_profile(
-        elevation_map, x, y, np.array([n]), vehicle.wheelbase, vehicle.track_width
-    )
-    ground = ground_along(profile, model, elevation_map.class_names)
-    bounds = speed_bounds(profile, ground, model, np.array([clear], np.float64))
-    emergency = plan.status is Status.INFEASIBLE
-    return check(
-        track_of(profile, bounds.ground, 0), np.square(plan.speed), float(bounds.clear_distance[0]),
-        float(ground.distance_offset[0]), ground.motion, model,
-        even=track_of(profile, bounds.even_ground, 0), errors=ground.errors,
-        decel=np.inf if emergency else None,
-    )  # fmt: skip
+    if isinstance(plan, SpeedPlan) and len(plan.station) < 2:
+        raise ParameterError("plan", f"at least 2 stations, got {len(plan.station)}")
+    given = plan_of_columns(plan.columns()) if isinstance(plan, SpeedPlan) else plan
+    return check(given, model, elevation_map, clear=clear)

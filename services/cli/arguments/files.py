@@ -1,4 +1,4 @@
-"""Commands that work on files: plan, calibrate, terrain, simulate, discrepancy, demo."""
+"""Commands that work on files: plan, check, calibrate, terrain, simulate, discrepancy, demo."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 from services.cli.arguments.grouped import takes
 from services.cli.arguments.options import (
     NO_ADMISSIBLE,
+    VIOLATIONS,
     AsJson,
     ClearDistance,
     Coverage,
@@ -63,6 +64,12 @@ class PlanOptions:
         ),
     ] = None
     report: Report = None
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check", help="Put what was planned before the judge of `slopewise check` as well."
+        ),
+    ] = False
     as_json: AsJson = False
 
 
@@ -73,7 +80,7 @@ def plan(options: PlanOptions) -> None:
 
     Every plan is checked after the solver: from each station, and between them, an emergency stop
     ends before the clear distance with every axle and side loaded. Status 3: no candidate may be
-    driven.
+    driven, or --check found a violation.
 
     [bold]Example[/]  slopewise plan hill.tif paths.csv --model atv --speed 2 --report plan.html
     """
@@ -105,9 +112,57 @@ def plan(options: PlanOptions) -> None:
         command.write(result, options.out)
     if options.report is not None:
         view.write_page(result, job, options.report)
+    if options.check:
+        result = command.checked(result, options.out, options.clear, quiet=options.as_json)
     say(options.as_json, view, result, options.out, options.report)
-    if not result.admissible:
+    if not result.admissible or (result.check is not None and not result.check.valid):
         raise typer.Exit(NO_ADMISSIBLE)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOptions:
+    """Words of `slopewise check`."""
+
+    plan_file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PLAN",
+            help="Plans: CSV or Parquet with x,y,speed and any further column of a plan file.",
+        ),
+    ]
+    map_file: Annotated[
+        Path, typer.Option("--map", metavar="MAP", help="Elevation map: GeoTIFF, .npz, or a bag.")
+    ]
+    model: ModelFile
+    clear: ClearDistance = None
+    topics: Topics = None
+    as_json: AsJson = False
+
+
+@app.command()
+@takes(CheckOptions)
+def check(options: CheckOptions) -> None:
+    """Judge plans, ours or anybody's: violations by station, kind and size.
+
+    Ground, forces and an emergency stop from every row, and from between rows, are derived anew
+    from map and model. Shared with the planner are the readers of both, the formulas of named
+    effects and gravity. Status 3: there is a violation.
+
+    [bold]Example[/]  slopewise check plan.csv --map hill.tif --model atv --clear 20
+    """
+    import math
+
+    from services.cli.commands import check as command
+    from services.cli.commands import check_view as view
+
+    clear = math.inf if options.clear is None else options.clear
+    job = command.CheckJob(
+        options.plan_file, options.map_file, options.model, clear, options.topics
+    )
+    result = command.run(job, quiet=options.as_json)
+    say(options.as_json, view, result)
+    if not result.valid:
+        raise typer.Exit(VIOLATIONS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,9 @@ import typer
 NO_ADMISSIBLE = 3
 """Exit status: no candidate may be driven."""
 
+VIOLATIONS = 3
+"""Exit status: a plan breaks a rule."""
+
 MapFile = Annotated[
     Path,
     typer.Argument(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import time
 from dataclasses import dataclass, field
@@ -21,13 +22,19 @@ from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank
 from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
+from services.check.given_plan import plan_of_columns
+from services.cli.commands.check import CheckResult, check_all
 from services.cli.screen import progress_bar
 from services.io.bags.recording import is_bag
+from services.io.given_plan_file import read_given_plans
 from services.io.maps.grid import footprint_margin
 from services.io.maps.map_file import frame_of, map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.path_file import check_paths_on_map, read_paths
 from services.io.plan_file import driven, write_plan_csv
+
+_SCENES = (".mcap", ".rrd")
+"""Files to look at; all else is CSV."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +62,7 @@ class PlanResult:
     seconds: float
     uncertainty: Uncertainty | None = None
     explanation: Explanation | None = None
+    check: CheckResult | None = None
 
     @property
     def admissible(self) -> bool:
@@ -112,6 +120,19 @@ def plan_on(
             start_speed=job.start_speed, clear=job.clear,
         )  # fmt: skip
     return PlanResult(ranked, elevation_map, model, seconds, job.uncertainty, explanation)
+
+
+def checked(
+    result: PlanResult, written: Path | None, clear: float | None, *, quiet: bool = False
+) -> PlanResult:
+    """The result with the word of the independent judge, of the file where a CSV was written."""
+    if written is not None and written.suffix.lower() not in _SCENES:
+        plans, source = read_given_plans(written), str(written)
+    else:
+        plans, source = [plan_of_columns(driven(plan)) for plan in result.plans], "plan"
+    reach = np.inf if clear is None else clear
+    found = check_all(plans, result.model, result.elevation_map, reach, source=source, quiet=quiet)
+    return dataclasses.replace(result, check=found)
 
 
 def _topics(job: PlanJob) -> Path | None:

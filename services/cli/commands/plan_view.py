@@ -18,7 +18,7 @@ from models.surface_braking import SurfaceBraking
 from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan, Status
-from services.cli.commands import explain_view
+from services.cli.commands import check_view, explain_view
 from services.cli.commands.plan import PlanJob, PlanResult
 from services.io.plan_file import driven, summary
 
@@ -71,12 +71,14 @@ def as_json(result: PlanResult) -> dict[str, Any]:
     """Plans for machines: a summary and the columns of each, best first."""
     found = result.explanation
     explained = {} if found is None else {"explain": explain_view.as_json(found)}
+    judged = {} if result.check is None else {"check": check_view.as_json(result.check)}
     return {
         "model": result.model.name,
         "admissible": result.admissible,
         "seconds": result.seconds,
         "plans": [{**summary(plan), "columns": _columns(plan)} for plan in result.plans],
         **explained,
+        **judged,
     }
 
 
@@ -125,6 +127,8 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
         console.print("The model states no covariance or scatter: --quantile changes little.")
     if result.explanation is not None:
         explain_view.show(result.explanation, console)
+    if result.check is not None:
+        check_view.show(result.check, console)
 
 
 def _limited_most(plan: SpeedPlan) -> str:

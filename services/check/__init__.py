@@ -1,0 +1,12 @@
+"""A judge of finished speed plans that owes nothing to what plans: ours, or anybody's.
+
+Of a plan it takes positions and speeds; ground, forces and every emergency stop are derived anew
+from the map and the model file. Its own are: heights under the wheels, grade, roll, curvature and
+stations; the braking force with surfaces, level and caps; the integration of stops in time; loads,
+friction, the drive, and what the body strikes.
+
+Shared with the planner are the reader of model files (:mod:`models.parameters`,
+:mod:`models.vehicle`) with the reader of maps, the formula of each named effect
+(:mod:`models.effects.registry`) and the number of standard gravity. A mistake in one of these is a
+mistake in both. An import contract keeps everything else out.
+"""

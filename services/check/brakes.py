@@ -1,0 +1,144 @@
+"""The braking force along a line: surfaces, brake level, effects, and what friction leaves of it.
+
+F_b/W = (m_m v_i + b_m) θ + (m_b v_i + b_b) with v_i the speed at onset, below the trained range
+that at its lower end. Where a wheel touches several surfaces the least force counts, for loads the
+most. Source: Braking (6)–(8); order of the effects as :mod:`models.effects.registry` says.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from models.arrays import Bools, Floats
+from models.effects import registry
+from models.effects.effect_law import Enters, Place
+from models.parameters import Braking, Model
+from services.check.ground import Ground
+from services.check.line import Line
+
+NO_LIMIT = 1e6
+"""Stands for friction that the model does not know."""
+
+
+class Brakes(NamedTuple):
+    """Force of R surfaces at M samples, linear in the speed at onset.
+
+    Attributes:
+        on: (R, M) surfaces that a wheel may be on.
+        slope, intercept: (R, M) of F_b/W, without ground terms [s/m], [1].
+        spare: (R, M) share by which it may be off where the model extrapolates.
+        slowest: (R, 1) speeds below which the force no longer changes [m/s].
+        fastest: (M,) highest trained speed of them all [m/s].
+        extra: (M,) ground terms [1].
+        friction: (M,) least μ of them all, :data:`NO_LIMIT` where unknown.
+        dead_time: (M,) longest of them all [s].
+        offset: safety offset, the longest along the line [m].
+        steeper, leaning: (M,) by how much grade and roll are outside what was trained [rad].
+    """
+
+    on: Bools
+    slope: Floats
+    intercept: Floats
+    spare: Floats
+    slowest: Floats
+    fastest: Floats
+    extra: Floats
+    friction: Floats
+    dead_time: Floats
+    offset: float
+    steeper: Floats
+    leaning: Floats
+
+    def force(self, onset_speed: Floats, *, most: bool = False) -> Floats:
+        """F_b/W (M,) before friction caps it, for speeds (M,) at onset [m/s]."""
+        speed = np.minimum(np.maximum(onset_speed, self.slowest), self.fastest)
+        force = speed * self.slope + self.intercept
+        sign = 1.0 if most else -1.0
+        force = force + sign * self.spare * np.abs(force)
+        ends = np.where(self.on, force, -sign * np.inf)
+        total: Floats = (ends.max(axis=0) if most else ends.min(axis=0)) + self.extra
+        return total
+
+
+def brakes_along(model: Model, ground: Ground, line: Line, class_names: tuple[str, ...]) -> Brakes:
+    """The braking force of a model on the ground along a line."""
+    names = ["", *model.braking.terrain]
+    tables = [model.braking.on(name) if name else model.braking for name in names]
+    on = np.zeros((len(names), len(ground.grade)), np.bool_)
+    for index, name in enumerate(class_names):
+        for surface in _surfaces_of(model.braking, name):
+            on[names.index(surface)] |= ground.classes[index]
+    on[0] |= ~on.any(axis=0)
+    scale = registry.force_scale(model.effect)
+    forces = [_force_of(table, model, ground.grade, scale) for table in tables]
+    place = Place(ground.grade, ground.roll, line.x, line.y, line.heading, 0.0)
+    outside = np.array([_outside(t.grade_range, ground.grade) for t in tables])
+    rolled = np.array([_outside(t.trained_roll, ground.roll) for t in tables])
+    margin = model.braking.extrapolation_margin if model.braking.extrapolate else 0.0
+    friction = np.array([_friction(model, table) for table in tables])
+
+    def worst(values: list[float], *, least: bool = False) -> Floats:
+        column = np.asarray(values)[:, None]
+        ends = np.where(on, column, np.inf if least else -np.inf)
+        found: Floats = ends.min(axis=0) if least else ends.max(axis=0)
+        return found
+
+    return Brakes(
+        on=on,
+        slope=np.array([slope for slope, _ in forces]),
+        intercept=np.array([intercept for _, intercept in forces]),
+        spare=np.where(outside > 0.0, margin, 0.0),
+        slowest=np.array([[t.speed_range[0]] for t in tables]),
+        fastest=worst([t.speed_range[1] for t in tables], least=True),
+        extra=np.broadcast_to(registry.ground_term(model.effect, place), ground.grade.shape),
+        friction=worst(friction.tolist(), least=True),
+        dead_time=worst([t.dead_time for t in tables]),
+        offset=float(worst([t.distance_offset for t in tables]).max()),
+        steeper=np.where(on, outside, 0.0).max(axis=0),
+        leaning=np.where(on, rolled, 0.0).max(axis=0),
+    )
+
+
+def _force_of(table: Braking, model: Model, grade: Floats, scale: float) -> tuple[Floats, Floats]:
+    """Slope and intercept of F_b/W over the speed at onset, (M,) each."""
+    up = table.uphill or table
+    uphill = grade > 0.0
+    slope = np.where(uphill, up.m_m, table.m_m) * grade + table.m_b
+    intercept = np.where(uphill, up.b_m, table.b_m) * grade + table.b_b
+    rolls = (1.0 - table.level) * model.terrain.motion_resistance
+    return scale * table.level * slope, scale * (table.level * intercept + rolls)
+
+
+def _friction(model: Model, table: Braking) -> float:
+    known = [NO_LIMIT if table.sliding_friction is None else table.sliding_friction]
+    for effect in model.effect:
+        if registry.law_of(effect).enters is Enters.CAP:
+            known.extend(registry.validate(effect).values())
+    return min(known)
+
+
+def _outside(bounds: tuple[float, float], values: Floats) -> Floats:
+    return np.maximum(np.maximum(bounds[0] - values, values - bounds[1]), 0.0)
+
+
+def _surfaces_of(braking: Braking, name: str) -> list[str]:
+    """Surfaces that a class of the map may be: its own, or any where the model knows none.
+
+    A class ``#3`` is known by its number: the table with that ``class_id``, else the third one if
+    it has no number of its own; 0 is the base.
+    """
+    tables = list(braking.terrain)
+    if name == "" or name in braking.terrain:
+        return [name]
+    if name.startswith("#") and name[1:].isdecimal():
+        number = int(name[1:])
+        own = [t for t in tables if braking.terrain[t].class_id == number]
+        if own:
+            return own[:1]
+        if number == 0:
+            return [""]
+        if number <= len(tables) and braking.terrain[tables[number - 1]].class_id is None:
+            return [tables[number - 1]]
+    return ["", *tables]

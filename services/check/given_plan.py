@@ -1,0 +1,130 @@
+"""A plan as somebody hands it in: positions, speeds, and whatever else it says of itself."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.arrays import Bools, Floats
+from models.errors import ParameterError
+
+COLUMNS: dict[str, str] = {
+    "x": "m",
+    "y": "m",
+    "speed": "m/s",
+    "station": "m",
+    "z": "m",
+    "grade": "rad",
+    "roll": "rad",
+    "curvature": "1/m",
+    "accel": "m/s²",
+    "time": "s",
+    "stop_distance": "m",
+    "clear_distance": "m",
+    "rear_load": "1",
+    "speed_limit": "m/s",
+}
+"""Columns that are judged, with their units; the first three are needed."""
+
+NEEDED = ("x", "y", "speed")
+_SAME = 1e-6  # [m] rows closer than that are one place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GivenPlan:
+    """One plan of N rows, at least two where it moves.
+
+    Arrays are (N,), SI, and None where the plan does not tell.
+
+    Attributes:
+        name: of the candidate.
+        x, y: middle of the wheelbase in map coordinates [m].
+        speed: v >= 0; v² is linear between rows [m/s].
+        station: metres along the ground, in three dimensions.
+        z: height of the ground [m]. grade, roll: uphill and left side up positive [rad].
+        curvature: left positive [1/m]. accel: holds from its row to the next [m/s²].
+        time: since the start [s].
+        stop_distance: emergency stop from each row, safety offset included [m].
+        clear_distance: station before which every stop ends [m].
+        rear_load: least rear load on that stop, a share of the level static one.
+        speed_limit: of the path [m/s].
+        status: as of the planner, "" if nobody says.
+    """
+
+    name: str
+    x: Floats
+    y: Floats
+    speed: Floats
+    station: Floats | None = None
+    z: Floats | None = None
+    grade: Floats | None = None
+    roll: Floats | None = None
+    curvature: Floats | None = None
+    accel: Floats | None = None
+    time: Floats | None = None
+    stop_distance: Floats | None = None
+    clear_distance: Floats | None = None
+    rear_load: Floats | None = None
+    speed_limit: Floats | None = None
+    status: str = ""
+
+    def __post_init__(self) -> None:
+        count = np.size(self.x)
+        if count < 1:
+            raise ParameterError("plan", "at least one row, got none")
+        for name, unit in COLUMNS.items():
+            given = getattr(self, name)
+            if given is None:
+                continue
+            values = np.array(given, np.float64)
+            if values.shape != (count,):
+                raise ParameterError(name, f"{count} numbers [{unit}], got shape {values.shape}")
+            if not np.isfinite(values).all():
+                row = int(np.argmin(np.isfinite(values)))
+                raise ParameterError(f"{name}[{row}]", f"a finite number [{unit}]")
+            object.__setattr__(self, name, values)
+        for name in ("speed", "speed_limit"):
+            values = getattr(self, name)
+            if values is not None and values.min() < 0.0:
+                row = int(np.argmax(values < 0.0))
+                raise ParameterError(f"{name}[{row}]", f"a speed >= 0, got {values[row]:g}")
+        if self.speed.any() and not self.moved()[1:].any():
+            raise ParameterError("plan", "at least 2 different places of a plan that moves, got 1")
+
+    def moved(self) -> Bools:
+        """(N,) rows that are not at the place of the row before; the first counts as moved."""
+        steps = np.hypot(np.diff(self.x), np.diff(self.y)) > _SAME
+        return np.concatenate(([True], steps))
+
+    def without_repeats(self) -> GivenPlan:
+        """The plan with one row for each place; of rows at one place the fastest speed counts."""
+        kept = self.moved()
+        if kept.all():
+            return self
+        groups = np.cumsum(kept) - 1
+        changes: dict[str, Floats] = {
+            name: getattr(self, name)[kept] for name in COLUMNS if getattr(self, name) is not None
+        }
+        np.maximum.at(changes["speed"], groups, self.speed)
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+
+def plan_of_columns(columns: Mapping[str, Sequence[str] | Floats], name: str = "plan") -> GivenPlan:
+    """One plan out of columns by name, as plan files have them; those not known are left out.
+
+    Args:
+        columns: at least ``x``, ``y`` and ``speed``, (N,) each, of one candidate.
+        name: of the candidate where no column says it.
+
+    Raises:
+        ParameterError: names what is missing or wrong.
+    """
+    for needed in NEEDED:
+        if needed not in columns:
+            raise ParameterError(needed, f"a column [{COLUMNS[needed]}]")
+    texts = {word: str(columns[word][0]) for word in ("candidate", "status") if word in columns}
+    numbers = {n: np.asarray(columns[n], np.float64) for n in COLUMNS if n in columns}
+    return GivenPlan(name=texts.get("candidate", name), status=texts.get("status", ""), **numbers)

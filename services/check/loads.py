@@ -1,0 +1,70 @@
+"""Loads of axles, sides and wheels, as shares of what they carry standing level.
+
+With n = cos θ cos φ + κ_v v²/g the normal force as a share of the weight, a_x the deceleration and
+a_y the lateral acceleration, moments about the contact lines give
+
+    rear   n − h/(L − c) · (a_x/g − sin θ)        front   n + h/c · (a_x/g − sin θ)
+    left   n − 2 h/B · (cos θ sin φ + a_y/g)      right   n + 2 h/B · (cos θ sin φ + a_y/g)
+
+with c = cg_x and h = cg_z. A wheel has what its axle and its side lose together: the lateral moment
+is divided between the axles as the level load is. Source: free body; Braking (3)–(5) and Slip
+(18)–(21), corrected, with the normal force of a crest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from models.arrays import Floats
+from models.quantity import GRAVITY
+from models.vehicle import Vehicle
+
+
+class Shares(NamedTuple):
+    """Least loads as shares of the level static ones; any shape."""
+
+    rear: Floats
+    front: Floats
+    side: Floats
+    wheel: Floats
+
+
+class Pose(NamedTuple):
+    """How the vehicle stands at places of any shape.
+
+    Attributes:
+        sine: sin θ. upright: cos θ cos φ. tilt: cos θ sin φ.
+        bend: κ_v, of which only crests take load [1/m].
+        turn: κ / cos φ, the lateral acceleration for each unit of v² [1/m].
+    """
+
+    sine: Floats
+    upright: Floats
+    tilt: Floats
+    bend: Floats
+    turn: Floats
+
+
+def shares_of(
+    vehicle: Vehicle, pose: Pose, speed_sq: Floats, deceleration: Floats, *, crest: bool = True
+) -> Shares:
+    """Shares at v² [m²/s²] while slowing down [m/s²]; without ``crest`` as on an even slope."""
+    height, ahead = vehicle.cg_z, vehicle.cg_x
+    behind = vehicle.wheelbase - ahead
+    normal = pose.upright + (np.minimum(pose.bend, 0.0) * speed_sq / GRAVITY if crest else 0.0)
+    forward = height * (deceleration / GRAVITY - pose.sine)
+    sideways = (
+        2.0 * height / vehicle.track_width * np.abs(pose.tilt + pose.turn * speed_sq / GRAVITY)
+    )
+    rear, front = normal - forward / behind, normal + forward / ahead
+    return Shares(rear, front, normal - sideways, np.minimum(rear, front) - sideways)
+
+
+def pose_of(grade: Floats, roll: Floats, bend: Floats, curvature: Floats) -> Pose:
+    """The pose on slopes [rad], with vertical and plan-view curvature [1/m]."""
+    cos_grade, cos_roll = np.cos(grade), np.cos(roll)
+    return Pose(
+        np.sin(grade), cos_grade * cos_roll, cos_grade * np.sin(roll), bend, curvature / cos_roll
+    )

@@ -1,0 +1,98 @@
+"""What wheels and body meet: steps, holes, ground that reaches the underside or the overhangs.
+
+A plain look at the map along the track of each wheel and below the body, in the pose of the plane
+nearest to the wheels. It finds what passes a size by a tenth or more; what it does not look at are
+the tyre's width, its travel, and rocking of the body.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.arrays import Bools, Floats
+from models.vehicle import Vehicle
+from services.check.ground import Ground, below_body, beside
+from services.check.heights import Heights, height_of
+from services.check.line import Line
+from services.check.report import Ledger
+
+_NOTHING = -np.inf
+_FINEST = 0.05  # [m] between points below the body
+
+
+def judge_obstacles(
+    ledger: Ledger, heights: Heights, line: Line, ground: Ground, vehicle: Vehicle, moving: Bools
+) -> None:
+    """Note what the vehicle would strike at samples (M,) where it moves."""
+    _body(ledger, heights, line, ground, vehicle, moving)
+    if heights.resolution > vehicle.wheel_radius:
+        ledger.notes.append(
+            f"steps were not looked for: cells of {heights.resolution:g} m do not show any to "
+            f"wheels of radius {vehicle.wheel_radius:g} m"
+        )
+        return
+    for ahead in (0.5, -0.5):
+        for aside in (0.5, -0.5):
+            x, y = beside(line, ahead * vehicle.wheelbase, aside * vehicle.track_width)
+            _steps(ledger, heights, x, y, vehicle, moving)
+
+
+def _body(
+    ledger: Ledger, heights: Heights, line: Line, ground: Ground, vehicle: Vehicle, moving: Bools
+) -> None:
+    """Heights above the plane of the wheels, at points that cover the body, against clearance."""
+    clearance = vehicle.shape.clearance
+    if clearance <= 0.0:
+        return
+    rows = np.flatnonzero(moving & ground.known)
+    if len(rows) == 0:
+        return
+    ahead, aside = below_body(vehicle, max(0.5 * heights.resolution, _FINEST))
+    x, y = beside(_only(line, rows), ahead[:, None], aside[:, None])
+    wheels = ground.wheels[:, rows]
+    rise = (wheels[0] + wheels[1] - wheels[2] - wheels[3]) / (2.0 * vehicle.wheelbase)
+    lean = (wheels[0] + wheels[2] - wheels[1] - wheels[3]) / (2.0 * vehicle.track_width)
+    plane = wheels.mean(axis=0) + ahead[:, None] * rise + aside[:, None] * lean
+    # Below the body the vertical is longer than the clearance by the slope.
+    above = (height_of(heights, x, y) - plane) / np.sqrt(1.0 + rise**2 + lean**2)
+    inside = np.abs(ahead) <= 0.5 * vehicle.wheelbase
+    inside &= np.abs(aside) <= 0.5 * vehicle.track_width
+    for kind, part in (("clearance", inside), ("body", ~inside)):
+        highest = np.full(len(moving), _NOTHING)
+        highest[rows] = np.max(np.nan_to_num(above[part], nan=-1e3), axis=0)
+        ledger.add(
+            kind, highest / clearance - 1.0,
+            f"ground {{0:.3f}} m above the wheels, the underside is at {clearance:.3f} m", highest,
+        )  # fmt: skip
+
+
+def _steps(
+    ledger: Ledger, heights: Heights, x: Floats, y: Floats, vehicle: Vehicle, moving: Bools
+) -> None:
+    """Rise over a short length of a wheel's track, beyond that of the lengths before and after."""
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))))
+    window = max(1.5 * heights.resolution, 0.5 * vehicle.wheel_radius)
+    parts = 4
+    if along[-1] < 3.0 * window:
+        return
+    s = np.arange(0.0, along[-1], window / parts)
+    z = height_of(heights, np.interp(s, along, x), np.interp(s, along, y))
+    rise = z[parts:] - z[:-parts]
+    before, own, after = rise[: -2 * parts], rise[parts:-parts], rise[2 * parts :]
+    # A slope goes on before or behind; a step does not.
+    sign = np.sign(own)
+    slope = np.maximum(np.maximum(sign * before, sign * after), 0.0)
+    step = np.nan_to_num(np.abs(own) - slope, nan=0.0)
+    middle = s[parts : parts + len(own)] + 0.5 * window
+    highest = np.zeros(len(along))
+    sample = np.clip(np.searchsorted(along, middle, "right") - 1, 0, len(along) - 1)
+    np.maximum.at(highest, sample, step)
+    limit = vehicle.shape.max_step
+    ledger.add(
+        "step", np.where(moving, highest / limit - 1.0, _NOTHING),
+        f"a step of {{0:.3f}} m at a wheel, {limit:.3f} m is the highest", highest,
+    )  # fmt: skip
+
+
+def _only(line: Line, rows: np.ndarray) -> Line:
+    return line._replace(x=line.x[rows], y=line.y[rows], heading=line.heading[rows])

@@ -1,0 +1,71 @@
+"""Ground and plans that were never planned: straight and round drives over simple surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from models.parameters import Model
+from planner.ground.elevation_map import ElevationMap
+from services.check.given_plan import GivenPlan
+from tests.planner.scenes import model_of, tables_with
+
+Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def model_with(**tables: Mapping[str, Any]) -> Model:
+    """The quad with other numbers; held speed in the dead time unless said."""
+    out = tables_with()
+    out["braking"]["drive_in_dead_time"] = "held"
+    for table, values in tables.items():
+        if table == "effect":
+            out[table] = values
+        else:
+            out[table].update(values)
+    return model_of(out)
+
+
+def ground(
+    surface: Surface | None = None, *, resolution: float = 0.2, size: float = 30.0, **layers: Any
+) -> ElevationMap:
+    """Heights of a surface over x −5 … size and y −10 … 10; level if there is none."""
+    x = np.arange(-5.0, size + resolution, resolution)
+    y = np.arange(-10.0, 10.0 + resolution, resolution)
+    heights = np.zeros((len(y), len(x))) if surface is None else surface(*np.meshgrid(x, y))
+    return ElevationMap(elevation=heights, resolution=resolution, origin=(-5.0, -10.0), **layers)
+
+
+def slope(grade: float = 0.0, roll: float = 0.0) -> Surface:
+    """A plane; roll is left side up, for a vehicle that drives along x."""
+    return lambda x, y: np.tan(grade) * x + np.tan(roll) / np.cos(grade) * y
+
+
+def trapezoid(
+    top: float,
+    *,
+    accel: float = 0.9,
+    decel: float | None = None,
+    length: float = 20.0,
+    rests: float = 17.0,
+    spacing: float = 0.1,
+    begin: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stations and speeds of a drive from one speed to a top speed, and to rest."""
+    s = np.linspace(0.0, length, round(length / spacing) + 1)
+    slowing = accel if decel is None else decel
+    up = begin**2 + 2.0 * accel * s
+    down = 2.0 * slowing * np.maximum(rests - s, 0.0)
+    return s, np.sqrt(np.minimum(np.minimum(up, down), top**2))
+
+
+def straight(s: np.ndarray, speed: np.ndarray, **columns: Any) -> GivenPlan:
+    """Along x from the origin."""
+    return GivenPlan(name="straight", x=s, y=np.zeros_like(s), speed=speed, **columns)
+
+
+def round_turn(s: np.ndarray, speed: np.ndarray, radius: float, **columns: Any) -> GivenPlan:
+    """A left turn that begins along x at the origin."""
+    x, y = radius * np.sin(s / radius), radius * (1.0 - np.cos(s / radius))
+    return GivenPlan(name="turn", x=x, y=y, speed=speed, **columns)

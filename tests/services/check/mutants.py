@@ -1,0 +1,162 @@
+"""Plans of a planner that is wrong in one place, on real ground, for the checker to find.
+
+Which mutants are unsafe is not for the checker to say: a mutant counts if the oracle of the tests,
+another judge, finds its speeds wrong on the stations and slopes of the honest plan of the same
+path. One whose mistake makes it slower, or that keeps within what bounds leave, is safe.
+Of the mutants the checker sees positions, speeds and how far the way is known free, nothing else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.parameters import Model
+from planner.ground.elevation_map import ElevationMap
+from planner.path import CandidatePath
+from planner.pipeline import time_optimal_batch
+from planner.pipeline.candidates import CandidatePlanner
+from planner.plan import SpeedPlan, motion_of
+from services.check.given_plan import GivenPlan
+from services.io.model_file import model_to_dict, read_model, shipped_models
+from tests import oracle
+from tests.planner.scenes import columns_of
+from tests.planner.test_real_terrain import PLACES, candidates, ground_of
+
+FASTER = 1.05
+UNSAFE = {
+    "overrun": 0.03, "rear_load": 0.03, "side_load": 0.03, "front_load": 0.03, "lateral": 0.1,
+    "speed_limit": 0.02, "speed_range": 0.02, "wheel_speed": 0.02, "decel": 0.1, "accel": 0.1,
+}  # fmt: skip
+"""Amounts by which the oracle has to find a mutant unsafe, in m, shares, m/s² and m/s."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """One path on one map, as planners are asked and the checker is."""
+
+    place: str
+    model: Model
+    ground: ElevationMap
+    path: CandidatePath
+    clear: float
+
+    def plan(self) -> SpeedPlan:
+        planner = CandidatePlanner(self.model)
+        (plan,) = planner.plan(self.ground, [self.path], clear=self.clear)
+        return plan
+
+
+@cache
+def model_of(vehicle: str) -> Model:
+    """A shipped vehicle that may change its speed quickly, so that bounds decide how fast it is."""
+    model = read_model(shipped_models()[vehicle])
+    return dataclasses.replace(
+        model, limits=dataclasses.replace(model.limits, accel=3.0, decel=8.0, jerk=20.0)
+    )
+
+
+def questions(place: str, vehicle: str, data: Path, seed: int) -> Iterator[Question]:
+    """Every other one into ground that is known free for a part of the way only."""
+    ground = ground_of(place, data)
+    for i, path in enumerate(candidates(place, ground, seed)):
+        clear = PLACES[place].lengths[0] / 2.0 if i % 2 else np.inf
+        yield Question(place, model_of(vehicle), ground, path, clear)
+
+
+def stripped(plan: SpeedPlan, name: str) -> GivenPlan:
+    """What the checker gets of a plan."""
+    return GivenPlan(name=name, x=plan.x, y=plan.y, speed=plan.speed)
+
+
+def faster(question: Question) -> SpeedPlan:
+    """The honest plan, driven 5 % faster."""
+    plan = question.plan()
+    return dataclasses.replace(plan, speed=FASTER * plan.speed)
+
+
+def grade_flipped(question: Question) -> SpeedPlan:
+    """Uphill and downhill confused inside the planner."""
+    honest = time_optimal_batch.terrain_profile
+
+    def flipped(*words: Any) -> Any:
+        profile = honest(*words)
+        return dataclasses.replace(profile, grade=-profile.grade, sin_grade=-profile.sin_grade)
+
+    with _instead(time_optimal_batch, "terrain_profile", flipped):
+        return question.plan()
+
+
+def shifted(question: Question) -> SpeedPlan:
+    """The map taken to lie a cell further along x."""
+    ground = question.ground
+    x, y = ground.origin
+    moved = dataclasses.replace(ground, origin=(x + ground.resolution, y))
+    return dataclasses.replace(question, ground=moved).plan()
+
+
+def stronger(question: Question) -> SpeedPlan:
+    """Brakes taken to be a tenth stronger than they are."""
+    braking = question.model.braking
+    names = ("m_m", "b_m", "m_b", "b_b")
+    more = {name: 1.1 * getattr(braking, name) for name in names}
+    tables = {
+        surface: dataclasses.replace(
+            table,
+            **{n: 1.1 * getattr(table, n) for n in names if getattr(table, n) is not None},
+        )
+        for surface, table in braking.terrain.items()
+    }
+    braking = dataclasses.replace(braking, terrain=tables, **more)
+    model = dataclasses.replace(question.model, braking=braking)
+    return dataclasses.replace(question, model=model).plan()
+
+
+MUTATIONS: dict[str, Callable[[Question], SpeedPlan]] = {
+    "5 % faster": faster,
+    "grade flipped": grade_flipped,
+    "ground shifted by a cell": shifted,
+    "brakes 10 % stronger": stronger,
+}
+
+
+def matters(mutant: SpeedPlan, honest: SpeedPlan, question: Question) -> bool:
+    """Does the oracle find the mutant's speeds unsafe on the honest plan's ground?"""
+    n = len(honest.station)
+    if len(mutant.station) != n or not np.allclose(mutant.x, honest.x):
+        return False  # a stop between two stations moved one of them
+    if not (mutant.speed > 1.01 * honest.speed).any():
+        return False
+    accel, time = motion_of(honest.station, mutant.speed**2)
+    columns = columns_of(honest) | {
+        "speed": mutant.speed, "accel": accel, "time": time,
+        "clear_distance": np.full(n, _reach(honest, question)),
+        "status": np.full(n, "ok", dtype=object),
+    }  # fmt: skip
+    tables = model_to_dict(question.model)
+    found = oracle.verify(columns, tables, interior=0, every=3)
+    return any(v.amount > UNSAFE.get(v.kind, np.inf) for v in found)
+
+
+def _reach(honest: SpeedPlan, question: Question) -> float:
+    """Station that stops must not pass: that of the barrier itself, not of the row before it."""
+    end = float(honest.station[-1])
+    clear = question.clear - question.model.vehicle.shape.front
+    barred = honest.clear_distance < min(clear, end) - 1e-6
+    beyond = honest.station[honest.station > honest.clear_distance + 1e-9]
+    return float(beyond[0]) if barred and len(beyond) else min(clear, end)
+
+
+@contextlib.contextmanager
+def _instead(module: Any, name: str, value: object) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, name, value)
+        yield
