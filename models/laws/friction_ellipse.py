@@ -17,9 +17,12 @@ import numpy as np
 from models.arrays import Elementwise
 from models.quantity import GRAVITY
 
-_HAIR = 1e-300
 TURNING_SHARE = 0.8
 """Share of the friction that a slope leaves which a turn may use: 0.6 stay for the brakes."""
+
+_HAIR = 1e-300
+_NONE = 1e-12
+"""In place of a curvature or a force of zero."""
 
 
 def side_force_ratio(
@@ -70,26 +73,41 @@ def lateral_speed_sq(
     curvature: Elementwise,
     vertical_curvature: Elementwise,
     friction: Elementwise,
+    along: Elementwise,
 ) -> Elementwise:
-    """Highest v² at which bank and turn use no more friction than a turn may [m²/s²].
+    """Highest v² at which bank, turn and crest leave friction for the way itself [m²/s²].
 
-    |F_y| ≤ (0.8 μ + 0.2 |sin φ| cos θ/c) N, c = cos θ cos φ: of the friction that the bank leaves
-    a turn takes at most :data:`TURNING_SHARE`. 0 where the bank takes all of it, huge where no
-    speed is too high. NaN where μ < 0.
+    |F_y| ≤ s N with s = 0.8 μ + 0.2 b, b = |sin φ| cos θ/c, c = cos θ cos φ: of the friction that
+    the bank leaves a turn takes at most :data:`TURNING_SHARE`. Nor does it take more than
+    √(μ² − k²), with k halfway between what is needed along the way and μ, so that the vehicle can
+    still speed up; over a crest the load stays large enough for a quarter of that way. Never below
+    b: where the bank alone is held, standing is allowed. huge where no speed is too
+    high; NaN where μ < 0.
 
     Args:
         grade: θ [rad]. roll: φ [rad], left side up positive.
         curvature: κ [1/m], left turn positive.
         vertical_curvature: κ_v [1/m]; only the load lost over a crest counts.
         friction: μ [1].
+        along: F_x/N needed to hold the speed or the vehicle [1].
     """
     upright = np.cos(grade) * np.cos(roll)
     bank = np.sin(roll) * np.cos(grade)
+    taken = np.abs(bank) / upright
+    kept = along + 0.5 * np.fmax(friction - along, 0.0)
+    held = along + 0.25 * np.fmax(friction - along, 0.0)
+    share = TURNING_SHARE * friction + (1.0 - TURNING_SHARE) * taken
+    share = np.fmin(share, np.sqrt(np.fmax(friction * friction - kept * kept, 0.0)))
+    share = np.fmax(share, taken)
+    bend, falls = np.abs(curvature), np.fmax(-vertical_curvature, 0.0)
     # A left turn (κ > 0) on ground that rises to the left pushes outward twice.
     outward = np.sign(curvature) * bank
-    mu = friction * np.sqrt(np.sign(friction + _HAIR))
-    share = TURNING_SHARE * mu + (1.0 - TURNING_SHARE) * np.fabs(bank) / upright
-    falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
-    per_speed_sq = (np.fabs(curvature) + share * falling) / GRAVITY
-    spare = share * upright - outward
-    return 0.5 * (spare + np.fabs(spare)) / (per_speed_sq + _HAIR)
+    out = np.fmax(share * upright - outward, 0.0) / np.fmax(bend + share * falls, _NONE)
+    down = np.fmax(share * upright + outward, 0.0) / np.fmax(share * falls - bend, _NONE)
+    over = upright * np.fmax(1.0 - held / np.fmax(kept, _NONE), 0.0) / np.fmax(falls, _NONE)
+    # A maximum or minimum forgets what is not a number: this does not.
+    sound = _HAIR * (
+        np.sqrt(friction) + np.fabs(grade) + np.fabs(roll) + np.fabs(curvature)
+        + np.fabs(vertical_curvature) + np.fabs(along)
+    )  # fmt: skip
+    return GRAVITY * np.fmin(over, np.fmin(out, down)) + sound
