@@ -30,6 +30,7 @@ class CandidateColumn:
         speed_sq_max: highest v² as the bounds have it; bound: the same, lowered by repairs [m²/s²].
         label: which bound that is, as :class:`Limiting`.
         demand: thrust that holds the speed, as a share of the weight.
+        known: the ground under path and wheels is.
     """
 
     def __init__(
@@ -54,6 +55,8 @@ class CandidateColumn:
         self.offset = float(ground.distance_offset[j])
         self.barrier = Limiting(int(bounds.barrier[j]))
         self.barrier_station = int(bounds.barrier_station[j]) - first
+        self.known = profile.known[first:n, j]
+        self._hazards, self._index = solved.hazards, (j, first)
         self.speed_sq_max = bounds.speed_sq_max[first:n, j]
         self.bound = self.speed_sq_max.copy()
         self.label = np.ascontiguousarray(bounds.limiting[first:n, j])
@@ -63,6 +66,11 @@ class CandidateColumn:
         )
         self._motion = ground.motion
         self._sine = np.sin(self.track.grade)
+
+    def hazard(self, k: int) -> str:
+        """Sentence for a station k to which wheels or body must not come."""
+        j, first = self._index
+        return self._hazards.why(j, first + k)
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Judgement:
         """Exact constraints of a profile (N,); see :func:`planner.verify.judge.check`."""

@@ -21,6 +21,7 @@ from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank
 from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
+from planner.swept.sentences import notes
 from services.cli.screen import progress_bar
 from services.io.bags.recording import is_bag
 from services.io.maps.grid import footprint_margin
@@ -55,6 +56,11 @@ class PlanResult:
     seconds: float
     uncertainty: Uncertainty | None = None
     explanation: Explanation | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the map cannot show, and sizes of the vehicle that are assumed."""
+        return notes(self.model.vehicle, self.elevation_map.resolution)
 
     @property
     def admissible(self) -> bool:
