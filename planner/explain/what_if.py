@@ -19,11 +19,13 @@ from planner.ground.elevation_map import ElevationMap
 from planner.ground.surface_table import resolve_surface
 from planner.ground.terrain_profile import terrain_profile
 from planner.ground.uncertainty import Uncertainty
+from planner.limiting import Limiting
 from planner.path import CandidatePath, EvenPath, batch
 from planner.pipeline.candidates import finished
 from planner.pipeline.time_optimal_batch import solve
 from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
+from planner.swept.hazards import swept_hazards
 
 _AT_ONCE = 50.0
 """F_b/W of brakes that stop at once: 4 m/s within 2 cm."""
@@ -41,9 +43,9 @@ class Assumptions:
         smooth: limit jerk.
         path_limits: the speed limits of the path count.
         ground_known: unknown ground counts as level and known.
+        ground_smooth: no step, rock or wall stands in the way of wheels and body.
         surfaces_known: surfaces that the model never learned count as the ground it learned on.
         ground_even: no crests and no dips.
-        ground_smooth: body and wheels strike nothing, and no roughness slows.
         stops_at_once: emergency stops take no distance; the loads they cause stay as they are.
     """
 
@@ -54,10 +56,10 @@ class Assumptions:
     smooth: bool = True
     path_limits: bool = True
     ground_known: bool = False
+    ground_smooth: bool = False
     surfaces_known: bool = False
     stops_at_once: bool = False
     ground_even: bool = False
-    ground_smooth: bool = False
 
 
 class WhatIf:
@@ -89,11 +91,11 @@ class WhatIf:
         self._settings = settings or PlannerSettings()
         part = batch([path], self._settings.spacing_on(elevation_map.resolution))
         vehicle = model.vehicle
-        self._name, self._limit = path.name, part.speed_limit
+        self._vehicle, self._name, self._limit = vehicle, path.name, part.speed_limit
         self._profile = terrain_profile(
             elevation_map, part.x, part.y, part.count, vehicle.wheelbase, vehicle.track_width
         )
-        self._classes = elevation_map.class_names
+        self._map, self._classes = elevation_map, elevation_map.class_names
         self._start_speed = start_speed
         self._conditions = conditions
 
@@ -110,15 +112,21 @@ class WhatIf:
         if assumptions.ground_even:
             flat = np.zeros_like(profile.vertical_curvature)
             profile = replace(profile, vertical_curvature=flat)
+        lifted = [Limiting.UNKNOWN_TERRAIN] if assumptions.ground_known else []
+        if assumptions.ground_smooth:
+            lifted += [Limiting.STEP, Limiting.CLEARANCE, Limiting.BODY]
         classes = self._classes
         if assumptions.surfaces_known:
             classes = tuple(_learned_surface(model, name) for name in classes)
         ground = ground_along(profile, model, classes, self._conditions, uncertainty)
         if assumptions.stops_at_once:
             ground = _stopping_at_once(ground)
+        # Limits of the model may be lifted; the sizes of the vehicle stay.
+        as_large = replace(model, vehicle=self._vehicle)
         solved = solve(
             profile, ground, model, start_speed=self._start_speed, clear=assumptions.clear,
             speed_limit=self._limit if assumptions.path_limits else None,
+            hazards=swept_hazards(self._map, profile, as_large, lifted=lifted),
         )  # fmt: skip
         return finished(solved, 0, self._name, smooth=self._settings.smooth and assumptions.smooth)
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
+from models.arrays import Bools, Floats, Ints, Singles
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.footprint import POINTS, offset, on_grid
 from planner.ground.surface_bits import surfaces_under_wheels
@@ -56,6 +56,10 @@ class TerrainProfile:
         known: all ground under path and wheels is known.
         surfaces: bits of the terrain classes under path and wheels.
         height_std: error of the map's heights against each other [m], one number.
+        twist: how far one wheel is below or above the plane of the others [m], float32; NaN where
+            unknown.
+        front: (N, 2, M) ground under the front wheels, left and right, above that under the middle
+            of the first station [m], float32; what is unknown repeats the last known, or 0.
     """
 
     count: Ints
@@ -72,6 +76,8 @@ class TerrainProfile:
     vertical_curvature: Floats
     known: Bools
     surfaces: Ints
+    twist: Singles
+    front: Singles
     height_std: float = 0.0
 
     @property
@@ -107,11 +113,14 @@ def terrain_profile(
     stations, candidates = x.shape
     out = empty(8, stations, candidates)
     known = np.empty((stations, candidates), np.bool_)
+    twist = np.empty((stations, candidates), np.float32)
+    front = empty(stations, candidates).view(np.float32).reshape(stations, 2, candidates)
     z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll = out
     grid = (elevation_map.origin[0], elevation_map.origin[1], 1.0 / elevation_map.resolution)
     _sample(
         elevation_map.elevation, *grid, x, y, count - 1, 0.5 * wheelbase, 0.5 * track_width,
         z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, known,
+        twist, front,
     )  # fmt: skip
     for j in np.flatnonzero(np.isnan(z[0])):
         seen = np.flatnonzero(np.isfinite(z[:, j]))
@@ -127,7 +136,7 @@ def terrain_profile(
     return TerrainProfile(
         count, x, y, z, station, heading_x, heading_y, curvature,
         grade, sin_grade, sin_roll, vertical_curvature(station, grade, known), known,
-        surfaces, elevation_map.height_std,
+        surfaces, twist, front, elevation_map.height_std,
     )  # fmt: skip
 
 
@@ -154,8 +163,8 @@ def _walk(
     station[0] = 0.0
     for k in range(stations):
         on_grid(origin_x, origin_y, per_metre, x[k], y[k], level, level, u, v, ahead_u, ahead_v)
-        _locate(elevation, u, v, ahead_u, ahead_v, 0.0, 0.0, cell, across, up)
-        _interpolate(elevation, cell, across, up, height)
+        locate(elevation, u, v, ahead_u, ahead_v, 0.0, 0.0, cell, across, up)
+        interpolate(elevation, cell, across, up, height)
         for j in range(candidates):
             if k > last[j] or np.isnan(height[j]):
                 height[j] = z[j]
@@ -169,7 +178,8 @@ def _sample(
     elevation: Floats, origin_x: float, origin_y: float, per_metre: float,
     x: Floats, y: Floats, last: Ints, half_length: float, half_width: float,
     z: Floats, station: Floats, heading_x: Floats, heading_y: Floats, curvature: Floats,
-    grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools,
+    grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools, twist: Singles,
+    front: Singles,
 ) -> None:  # fmt: skip
     """Walk all candidates station by station; each pass runs along a row, one lane a candidate.
 
@@ -195,12 +205,14 @@ def _sample(
         )  # fmt: skip
         for point in range(POINTS):
             ahead, aside = offset(point, half_length, half_width)
-            _locate(elevation, u, v, ahead_u, ahead_v, ahead, aside, cell, across, up)
-            _interpolate(elevation, cell, across, up, heights[point])
+            locate(elevation, u, v, ahead_u, ahead_v, ahead, aside, cell, across, up)
+            interpolate(elevation, cell, across, up, heights[point])
         _tilt(
             k, last, heights, 0.25 / half_length, 0.25 / half_width, z[before],
-            z[k], grade[k], sin_grade[k], sin_roll[k], known[k],
+            z[k], grade[k], sin_grade[k], sin_roll[k], known[k], twist[k],
         )  # fmt: skip
+        for side in range(2):
+            above_first(heights[side], z[0], front[before, side], k > 0, front[k, side])
         if k == 0:
             station[0] = 0.0
         else:
@@ -247,7 +259,7 @@ def _turn(
 
 
 @inlined
-def _locate(
+def locate(
     elevation: Floats, centre_u: Floats, centre_v: Floats, ahead_u: Floats, ahead_v: Floats,
     ahead: float, aside: float, cell: Ints, across: Floats, up: Floats,
 ) -> None:  # fmt: skip
@@ -268,7 +280,7 @@ def _locate(
 
 
 @row_pass
-def _interpolate(elevation: Floats, cell: Ints, across: Floats, up: Floats, height: Floats) -> None:
+def interpolate(elevation: Floats, cell: Ints, across: Floats, up: Floats, height: Floats) -> None:
     """Bilinear heights, NaN beside unknown cells."""
     flat = elevation.reshape(elevation.size)
     one, row = np.uint64(1), np.uint64(elevation.shape[1])
@@ -283,15 +295,16 @@ def _interpolate(elevation: Floats, cell: Ints, across: Floats, up: Floats, heig
 @row_pass
 def _tilt(
     k: int, last: Ints, heights: Floats, per_length: float, per_width: float, z_before: Floats,
-    z: Floats, grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools,
+    z: Floats, grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools, twist: Singles,
 ) -> None:  # fmt: skip
-    """Grade and roll of the plane nearest to the wheels."""
+    """Grade and roll of the plane nearest to the wheels, and how far they are off it."""
     front_left, front_right, rear_left = heights[0], heights[1], heights[2]
     rear_right, centre = heights[3], heights[4]
     for j in range(z.shape[0]):
         rise = (front_left[j] + front_right[j] - rear_left[j] - rear_right[j]) * per_length
         lean = (front_left[j] + rear_left[j] - front_right[j] - rear_right[j]) * per_width
         inside = k <= last[j]
+        twist[j] = np.float32(abs(front_left[j] - front_right[j] - rear_left[j] + rear_right[j]))
         seen = np.isfinite(rise) & np.isfinite(lean) & np.isfinite(centre[j]) & inside
         known[j] = seen
         unseen = z_before[j] if k > 0 else np.nan
@@ -305,6 +318,17 @@ def _tilt(
         grade[j] = arctan_of(rise, secant)
         sin_grade[j] = rise * cosine
         sin_roll[j] = tan_roll / np.sqrt(1.0 + tan_roll * tan_roll)
+
+
+@row_pass
+def above_first(
+    height: Floats, first: Floats, neighbour: Singles, repeats: bool, above: Singles
+) -> None:
+    """Heights above the first station's; what is unknown repeats its neighbour, or is 0."""
+    for j in range(above.shape[0]):
+        other = neighbour[j] if repeats else np.float32(0.0)
+        base = first[j] if np.isfinite(first[j]) else 0.0
+        above[j] = np.float32(height[j] - base) if np.isfinite(height[j]) else other
 
 
 @row_pass

@@ -32,7 +32,7 @@ class CandidateColumn:
         label: which bound that is, as :class:`Limiting`.
         demand: thrust that holds the speed, as a share of the weight.
         errors: of speed and map that every stop survives.
-        hazards, index, first: what body and wheels meet; candidate and first station there.
+        known: the ground under path and wheels is.
     """
 
     def __init__(
@@ -53,15 +53,16 @@ class CandidateColumn:
         self.track = track_of(profile, ground, j, solved.speed_limit, first)
         self.even = track_of(profile, bounds.even_ground, j, solved.speed_limit, first)
         n = first + len(self.track.station)
-        self.hazards, self.index, self.first = solved.hazards, j, first
-        if self.hazards.rows.rough_speed.size > 0:
-            rough = self.hazards.rows.rough_speed[first:n, j]
+        self._hazards, self._index = solved.hazards, (j, first)
+        if self._hazards.rows.rough_speed.size > 0:
+            rough = self._hazards.rows.rough_speed[first:n, j]
             np.minimum(self.track.speed_limit, rough, out=self.track.speed_limit)
         self.x, self.y, self.z = (a[first:n, j] for a in (profile.x, profile.y, profile.z))
         self.clear = float(bounds.clear_distance[j]) - float(profile.station[first, j])
         self.offset = float(ground.distance_offset[j])
         self.barrier = Limiting(int(bounds.barrier[j]))
         self.barrier_station = int(bounds.barrier_station[j]) - first
+        self.known = profile.known[first:n, j]
         self.speed_sq_max = bounds.speed_sq_max[first:n, j]
         self.bound = self.speed_sq_max.copy()
         self.label = np.ascontiguousarray(bounds.limiting[first:n, j])
@@ -71,6 +72,11 @@ class CandidateColumn:
         )
         self._motion, self.errors = ground.motion, ground.errors
         self._sine = np.sin(self.track.grade)
+
+    def hazard(self, k: int) -> str:
+        """Sentence for a station k to which wheels or body must not come."""
+        j, first = self._index
+        return self._hazards.why(j, first + k)
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Judgement:
         """Exact constraints of a profile (N,); see :func:`planner.verify.judge.check`."""

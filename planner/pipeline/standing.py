@@ -44,8 +44,10 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
     grade, roll = np.rad2deg(column.track.grade[k]), np.rad2deg(column.track.roll[k])
     vehicle = column.model.vehicle
     match column.barrier:
-        case Limiting.UNKNOWN_TERRAIN:
+        case Limiting.UNKNOWN_TERRAIN if not column.known[k]:
             return f"unknown ground under the wheels at {station:.2f} m"
+        case Limiting.UNKNOWN_TERRAIN | Limiting.STEP | Limiting.CLEARANCE | Limiting.BODY:
+            return f"at {station:.2f} m {column.hazard(k)}"
         case Limiting.MODEL_VALIDITY:
             low, high = np.rad2deg(column.model.braking.grade_range)
             if low <= grade <= high:
@@ -76,8 +78,6 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
                 f"friction does not hold a standing vehicle on grade {grade:.1f}° and roll "
                 f"{roll:.1f}° at {station:.2f} m"
             )
-        case Limiting.STEP | Limiting.CLEARANCE | Limiting.BODY:
-            return column.hazards.why(column.index, column.first + k)
         case Limiting.SPEED_LIMIT:
             return f"the speed limit of the path is 0 at {station:.2f} m"
         case Limiting.TRACTION:

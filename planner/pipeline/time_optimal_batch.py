@@ -21,7 +21,7 @@ from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.path import PathBatch
 from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
 from planner.settings import PlannerSettings
-from planner.swept.hazards import Hazards, nothing_looked_for
+from planner.swept.hazards import Hazards, nothing_looked_for, swept_hazards
 
 _ROUNDING = 1e-9
 """By so much v² at the start may exceed what service braking can bring down [m²/s²]."""
@@ -96,6 +96,7 @@ def time_optimal_batch(
     return solve(
         profile, ground, model, start_speed=start_speed, clear=clear,
         speed_limit=paths.speed_limit, settings=settings,
+        hazards=swept_hazards(elevation_map, profile, model),
     )  # fmt: skip
 
 

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from models.arrays import Floats, Ints
+from models.parameters import Model
+from planner.ground.elevation_map import ElevationMap
+from planner.ground.terrain_profile import TerrainProfile
+from planner.kernels.workspace import empty
+from planner.limiting import Limiting
+from planner.swept.findings import BARS, Finding, Kind
+from planner.swept.roughness import ride_of, rough_speeds, run_up
+from planner.swept.run_up import ground_behind
+from planner.swept.screen_cache import screen_for
+from planner.swept.sentences import cannot_see, sentence
+from planner.swept.sizes import swept_sizes
+from planner.swept.sweep import SweptPaths, scratch_for, sweep
+from planner.swept.wheel_path import Ground, Pose
+
+_BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
 
 
 class HazardRows(NamedTuple):
@@ -28,11 +43,13 @@ class Hazards:
             ``rough_speed`` (N, M) is the highest speed that the ground's roughness allows [m/s].
         unseen: what the map is too coarse to show, a sentence; empty where it shows all.
         why: sentence for a barred station k of candidate j: what, where and how high.
+        looked: poses that the screen of the map did not clear.
     """
 
     rows: HazardRows
     unseen: str
     why: Callable[[int, int], str]
+    looked: int = 0
 
 
 def _nothing_there(j: int, k: int) -> str:
@@ -42,3 +59,54 @@ def _nothing_there(j: int, k: int) -> str:
 def nothing_looked_for() -> Hazards:
     """Ground taken as a plane under every pose, for what-if questions and tests of other bounds."""
     return Hazards(HazardRows(np.empty((0, 0), np.int64), np.empty((0, 0))), "", _nothing_there)
+
+
+def swept_hazards(
+    elevation_map: ElevationMap,
+    profile: TerrainProfile,
+    model: Model,
+    *,
+    lifted: Collection[Limiting] = (),
+) -> Hazards:
+    """What bars wheels and body along candidates, and how fast rough ground may be driven.
+
+    The first station is where the vehicle stands: what is under it there bars nothing. Each
+    candidate is looked at up to its first bar.
+
+    Args:
+        elevation_map: ground.
+        profile: M candidates of up to N stations on it.
+        model: vehicle and limits.
+        lifted: bounds that do not count, for what-if questions.
+    """
+    vehicle = model.vehicle
+    sizes = swept_sizes(vehicle, elevation_map.resolution)
+    ground = Ground(elevation_map.elevation, *elevation_map.origin, 1.0 / elevation_map.resolution)
+    stations, candidates = profile.x.shape
+    spacing = np.hypot(profile.x[1] - profile.x[0], profile.y[1] - profile.y[0])
+    code, found = empty(stations, candidates).view(np.int64), np.zeros((candidates, 4))
+    bars = np.where(np.isin(_BAR_OF_KIND, list(lifted)), 0, _BAR_OF_KIND)
+    looked = sweep(
+        ground, SweptPaths(profile.x, profile.y, profile.rows), profile.twist,
+        screen_for(elevation_map, vehicle, sizes, profile.x, profile.y), sizes, bars,
+        scratch_for(sizes, float(spacing.max())), code, found,
+    )  # fmt: skip
+    rough = np.empty((0, 0))
+    if sizes.fine:
+        ride = ride_of(model, sizes, float(np.clip(spacing.min(), 0.5 * spacing.max(), None)))
+        behind = ground_behind(
+            ground, profile, run_up(sizes, ride.spacing), sizes.half_length, sizes.half_width
+        )
+        rough = rough_speeds(behind, profile.front, ride, spacing)
+
+    def why(j: int, k: int) -> str:
+        kind, *where = found[j]
+        pose = Pose(
+            float(profile.x[k, j]), float(profile.y[k, j]), float(profile.heading_x[k, j]),
+            float(profile.heading_y[k, j]),
+        )  # fmt: skip
+        return sentence(Finding(int(kind) if code[k, j] else 0, *where), pose, sizes)
+
+    return Hazards(
+        HazardRows(code, rough), cannot_see(sizes, elevation_map.resolution), why, looked
+    )

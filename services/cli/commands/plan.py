@@ -22,6 +22,7 @@ from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank
 from planner.plan import SpeedPlan
 from planner.settings import PlannerSettings
+from planner.swept.sentences import notes
 from services.check.given_plan import plan_of_columns
 from services.cli.commands.check import CheckResult, check_all
 from services.cli.screen import progress_bar
@@ -63,6 +64,11 @@ class PlanResult:
     uncertainty: Uncertainty | None = None
     explanation: Explanation | None = None
     check: CheckResult | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the map cannot show, and sizes of the vehicle that are assumed."""
+        return notes(self.model.vehicle, self.elevation_map.resolution)
 
     @property
     def admissible(self) -> bool:

@@ -76,6 +76,7 @@ def as_json(result: PlanResult) -> dict[str, Any]:
         "model": result.model.name,
         "admissible": result.admissible,
         "seconds": result.seconds,
+        "notes": list(result.notes),
         "plans": [{**summary(plan), "columns": _columns(plan)} for plan in result.plans],
         **explained,
         **judged,
@@ -123,6 +124,8 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
         if plan.reason:
             line = Text.assemble((plan.candidate, "bold"), f": {plan.reason}")
             console.print(Padding(line, (0, 0, 0, 2)))
+    for note in result.notes:
+        console.print(Text(note), style="dim")
     if result.uncertainty is not None and not _leaves_open(result.model):
         console.print("The model states no covariance or scatter: --quantile changes little.")
     if result.explanation is not None:

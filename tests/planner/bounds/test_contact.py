@@ -53,6 +53,7 @@ def profile_of(scene: dict[str, Floats]) -> TerrainProfile:
         np.full(SCENES, STATIONS), station, zero, zero, station, zero + 1.0, zero,
         rows["curvature"], rows["grade"], np.sin(rows["grade"]), np.sin(rows["roll"]),
         rows["vertical_curvature"], np.ones(zero.shape, np.bool_), zero.astype(np.int64) + 1,
+        zero.astype(np.float32), np.zeros((STATIONS, 2, SCENES), np.float32),
     )  # fmt: skip
 
 

@@ -1,0 +1,49 @@
+"""What bars a pose, as compiled code notes it."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from planner.limiting import Limiting
+
+
+class Kind(IntEnum):
+    """What was met; :data:`BARS` says as which bound it counts."""
+
+    NOTHING = 0
+    UNKNOWN = 1
+    RISE = 2
+    DROP = 3
+    TWIST = 4
+    UNDERSIDE = 5
+    FRONT = 6
+    REAR = 7
+    SIDE = 8
+
+
+BARS: dict[Kind, Limiting] = {
+    Kind.UNKNOWN: Limiting.UNKNOWN_TERRAIN,
+    Kind.RISE: Limiting.STEP,
+    Kind.DROP: Limiting.STEP,
+    Kind.TWIST: Limiting.STEP,
+    Kind.UNDERSIDE: Limiting.CLEARANCE,
+    Kind.FRONT: Limiting.BODY,
+    Kind.REAR: Limiting.BODY,
+    Kind.SIDE: Limiting.BODY,
+}
+
+
+class Finding(NamedTuple):
+    """What bars a pose.
+
+    Attributes:
+        kind: of :class:`Kind`.
+        height: of what is met [m].
+        ahead, aside: where, from the middle of the wheelbase [m].
+    """
+
+    kind: int
+    height: float
+    ahead: float
+    aside: float

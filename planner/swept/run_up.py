@@ -1,0 +1,68 @@
+"""Ground behind the first station: what the body comes over still moves it there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.arrays import Floats, Singles
+from planner.ground.footprint import offset, on_grid
+from planner.ground.terrain_profile import TerrainProfile, above_first, interpolate, locate
+from planner.kernels.compiled import kernel, row_pass
+from planner.swept.wheel_path import Ground
+
+
+def ground_behind(
+    ground: Ground, profile: TerrainProfile, stations: int, half_length: float, half_width: float
+) -> Singles:
+    """Ground under the front wheels of a vehicle that came straight to the first station.
+
+    Args:
+        ground: map.
+        profile: M candidates.
+        stations: B, as far apart as the first two of each candidate.
+        half_length, half_width: of the wheels [m].
+
+    Returns:
+        (B, 2, M) left and right, the first one farthest behind, as ``profile.front`` [m].
+    """
+    behind = np.empty((stations, *profile.front.shape[1:]), np.float32)
+    _sample(
+        ground, profile.x[:2], profile.y[:2], profile.heading_x[0], profile.heading_y[0],
+        half_length, half_width, profile.z[0], profile.front[0], behind,
+    )  # fmt: skip
+    return behind
+
+
+@kernel
+def _sample(
+    ground: Ground, x: Floats, y: Floats, heading_x: Floats, heading_y: Floats,
+    half_length: float, half_width: float, level: Floats, front: Singles, behind: Singles,
+) -> None:  # fmt: skip
+    stations, _, candidates = behind.shape
+    back_x, back_y, height = np.empty(candidates), np.empty(candidates), np.empty(candidates)
+    u, v = np.empty(candidates), np.empty(candidates)
+    ahead_u, ahead_v = np.empty(candidates), np.empty(candidates)
+    across, up = np.empty(candidates), np.empty(candidates)
+    cell = np.empty(candidates, np.int64)
+    for k in range(stations - 1, -1, -1):
+        _straight_back(x[0], y[0], x[1], y[1], float(stations - k), back_x, back_y)
+        on_grid(
+            ground.origin_x, ground.origin_y, ground.per_metre, back_x, back_y,
+            heading_x, heading_y, u, v, ahead_u, ahead_v,
+        )  # fmt: skip
+        for side in range(2):
+            ahead, aside = offset(side, half_length, half_width)
+            locate(ground.elevation, u, v, ahead_u, ahead_v, ahead, aside, cell, across, up)
+            interpolate(ground.elevation, cell, across, up, height)
+            later = front[side] if k == stations - 1 else behind[k + 1, side]
+            above_first(height, level, later, True, behind[k, side])
+
+
+@row_pass
+def _straight_back(
+    x: Floats, y: Floats, next_x: Floats, next_y: Floats, steps: float, out_x: Floats,
+    out_y: Floats,
+) -> None:  # fmt: skip
+    for j in range(x.shape[0]):
+        out_x[j] = x[j] - steps * (next_x[j] - x[j])
+        out_y[j] = y[j] - steps * (next_y[j] - y[j])

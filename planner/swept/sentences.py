@@ -1,0 +1,68 @@
+"""What was met in words: what, where, how high, and against which limit."""
+
+from __future__ import annotations
+
+from models.vehicle import Shape, Vehicle
+from planner.swept.findings import Finding, Kind
+from planner.swept.sizes import SweptSizes, swept_sizes
+from planner.swept.wheel_path import Pose
+
+_WHAT = {
+    Kind.RISE: "a step of {height:.2f} m up under the {wheel} wheel",
+    Kind.DROP: "a drop of {height:.2f} m under the {wheel} wheel",
+    Kind.TWIST: "the {wheel} wheel or the one across from it hangs {height:.2f} m in the air",
+    Kind.UNDERSIDE: "ground {height:.2f} m high between the wheels",
+    Kind.FRONT: "ground {height:.2f} m high under the front overhang",
+    Kind.REAR: "ground {height:.2f} m high under the rear overhang",
+    Kind.SIDE: "ground {height:.2f} m high beside the wheels on the {side}",
+}
+
+
+def sentence(found: Finding, pose: Pose, sizes: SweptSizes) -> str:
+    """What bars a pose."""
+    kind = Kind(found.kind)
+    x = pose.x + found.ahead * pose.heading_x - found.aside * pose.heading_y
+    y = pose.y + found.ahead * pose.heading_y + found.aside * pose.heading_x
+    where = f"at x {x:.2f} m, y {y:.2f} m"
+    if kind is Kind.NOTHING:
+        return f"nothing bars the vehicle {where}"
+    if kind is Kind.UNKNOWN:
+        return f"unknown ground under the body {where}"
+    side = "left" if found.aside > 0.0 else "right"
+    wheel = f"{'front' if found.ahead > 0.0 else 'rear'} {side}"
+    what = _WHAT[kind].format(height=found.height, wheel=wheel, side=side)
+    return f"{what} {where}, {_limit(kind, sizes)}"
+
+
+def _limit(kind: Kind, sizes: SweptSizes) -> str:
+    if kind in (Kind.RISE, Kind.DROP):
+        return f"the limit is {sizes.max_step:.3g} m"
+    if kind is Kind.TWIST:
+        return f"its travel is {sizes.wheel_travel:.3g} m"
+    return f"the clearance is {sizes.clearance:.3g} m"
+
+
+def cannot_see(sizes: SweptSizes, resolution: float) -> str:
+    """What a map of this resolution [m] does not show, empty where it shows all."""
+    if sizes.fine:
+        return ""
+    return (
+        f"cells of {resolution:g} m do not show steps and roughness: nothing smaller than "
+        f"{2.0 * resolution:g} m is judged, the wheels' radius is {sizes.radius:g} m"
+    )
+
+
+def notes(vehicle: Vehicle, resolution: float) -> tuple[str, ...]:
+    """What readers of plans have to know of the map, with cells of so many metres, and of sizes."""
+    told = (cannot_see(swept_sizes(vehicle, resolution), resolution), assumed_sizes(vehicle.shape))
+    return tuple(note for note in told if note)
+
+
+def assumed_sizes(shape: Shape) -> str:
+    """Which sizes of the body the model leaves out, empty where it has all."""
+    if not shape.assumed:
+        return ""
+    return (
+        f"assumed from the wheel radius: {', '.join(shape.assumed)} (clearance "
+        f"{shape.clearance:.2g} m, step {shape.max_step:.2g} m, width {shape.width:.2g} m)"
+    )

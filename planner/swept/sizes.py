@@ -1,0 +1,106 @@
+"""Sizes of body and wheels as numbers for compiled code, and what a map can show of them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from models.vehicle import Vehicle
+
+_STEPS_PER_RADIUS = 6
+_TREND = 2.5
+"""Length of ground before and after a step that tells its trend, in wheel radii."""
+
+
+class SweptSizes(NamedTuple):
+    """Lengths [m] unless said otherwise; heights above or below the plane of the wheels.
+
+    Attributes:
+        half_length, half_width: of the rectangle of the wheels.
+        front, rear, side: ends of the body from the middle of the wheelbase.
+        margin: half a cell, by which the body is wider: a cell that it touches counts.
+        clearance: of the underside. wheel_travel: see :class:`models.vehicle.Shape`.
+        radius, half_tyre: of a wheel: its radius, half its width.
+        max_step: see :class:`models.vehicle.Shape`.
+        stride: between samples of the ground under a wheel.
+        chord: how far ahead the wheel's climb is looked at. steepest: the highest climb of its
+            centre within that distance that is no step.
+        trend: ground before and after a step that tells how steep it is without it.
+        tyres: samples across a tyre [1].
+        fine: the map shows what a wheel feels.
+    """
+
+    half_length: float
+    half_width: float
+    front: float
+    rear: float
+    side: float
+    margin: float
+    clearance: float
+    wheel_travel: float
+    radius: float
+    half_tyre: float
+    max_step: float
+    stride: float
+    chord: float
+    steepest: float
+    trend: float
+    tyres: int
+    fine: bool
+
+    @property
+    def reach(self) -> float:
+        """Radius around the middle of the wheelbase within which the body is."""
+        return math.hypot(max(self.front, self.rear) + self.margin, self.side + self.margin)
+
+    @property
+    def wheel_reach(self) -> float:
+        """Radius around the middle of the wheelbase on which the wheels are."""
+        return math.hypot(self.half_length, self.half_width)
+
+    @property
+    def profile_reach(self) -> float:
+        """Ground before and after a wheel that decides whether it meets a step."""
+        return self.trend + self.chord + 2.0 * self.radius
+
+
+def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
+    """Sizes of a vehicle on a map.
+
+    A wheel of radius R that meets a face of height h begins to climb c = √(R² − (R − h)²) before
+    it, and its centre runs on a circle around the edge. So it climbs √(R² − (c − d)²) − (R − h)
+    within the first d, whatever comes behind the edge: a step is told by how steep its climb
+    begins, and a ramp that the wheel rolls up is none.
+
+    Args:
+        vehicle: with its shape.
+        resolution: edge of a cell of the map [m].
+    """
+    shape, radius = vehicle.shape, float(vehicle.wheel_radius)
+    fine = resolution <= radius
+    stride = min(radius / _STEPS_PER_RADIUS, resolution)
+    step = min(shape.max_step, radius)
+    contact = math.sqrt(radius**2 - (radius - step) ** 2)
+    strides = max(round(0.5 * radius / stride), 1)
+    seen = min(strides * stride, contact)
+    steepest = math.sqrt(radius**2 - (contact - seen) ** 2) - (radius - step)
+    return SweptSizes(
+        half_length=0.5 * vehicle.wheelbase,
+        half_width=0.5 * vehicle.track_width,
+        front=shape.front,
+        rear=shape.rear,
+        side=0.5 * shape.width,
+        margin=0.5 * resolution if fine else 0.0,
+        clearance=shape.clearance,
+        wheel_travel=shape.wheel_travel,
+        radius=radius,
+        half_tyre=0.5 * shape.wheel_width,
+        max_step=shape.max_step,
+        stride=stride,
+        # The wheel may begin to climb up to one stride after the sample before it.
+        chord=(strides + 1) * stride,
+        steepest=steepest,
+        trend=round(_TREND * radius / stride) * stride,
+        tyres=math.ceil(shape.wheel_width / resolution) + 1,
+        fine=fine,
+    )

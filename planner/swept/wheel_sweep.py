@@ -1,0 +1,134 @@
+"""Steps, drops and holes under the wheels of one pose, and a wheel in the air."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.arrays import Floats
+from planner.kernels.compiled import inlined
+from planner.swept.findings import Finding, Kind
+from planner.swept.sizes import SweptSizes
+from planner.swept.wheel_path import Ground, Pose, drop_of_rim, under_tyre
+
+_NOTHING, _RISE, _DROP, _TWIST = (
+    int(Kind.NOTHING), int(Kind.RISE), int(Kind.DROP), int(Kind.TWIST),
+)  # fmt: skip
+
+_STEEPEST = 0.6
+"""Slope that explains a climb or a fall at most, 31°."""
+
+
+@inlined
+def wheel_at(wheel: int, sizes: SweptSizes) -> tuple[float, float]:
+    """Where a wheel is, ahead and to the left of the middle of the wheelbase [m].
+
+    Front left, front right, rear left, rear right.
+    """
+    ahead = sizes.half_length if wheel < 2 else -sizes.half_length
+    return ahead, sizes.half_width if wheel % 2 == 0 else -sizes.half_width
+
+
+@inlined
+def twisted(contact: Floats, sizes: SweptSizes) -> Finding:
+    """A wheel that hangs farther below the plane of the other three than it travels.
+
+    Args:
+        contact: (4,) heights of the wheels [m]. sizes: of the vehicle.
+    """
+    twist = contact[0] - contact[1] - contact[2] + contact[3]
+    if abs(twist) > sizes.wheel_travel:
+        # Of the two wheels that the ground leaves, the front one is named.
+        aside = -sizes.half_width if twist > 0.0 else sizes.half_width
+        return Finding(_TWIST, abs(twist), sizes.half_length, aside)
+    return Finding(_NOTHING, 0.0, 0.0, 0.0)
+
+
+@inlined
+def step_met(
+    ground: Ground, pose: Pose, wheel: int, back: float, sizes: SweptSizes, scratch: Floats
+) -> Finding:  # fmt: skip
+    """The first step or drop that a wheel meets on the last piece of its way.
+
+    The centre of the wheel runs on the upper envelope of circles over the ground. Where it climbs
+    or falls faster than the ground before and after explains, there is a step.
+
+    Args:
+        ground: map. pose: of the vehicle. wheel: as of :func:`wheel_at`.
+        back: how far the pose before is behind this one [m].
+        sizes: of the vehicle.
+        scratch: (2, many) room for the profile.
+    """
+    ahead, aside = wheel_at(wheel, sizes)
+    profile, path = scratch[0], scratch[1]
+    stride, reach = sizes.stride, sizes.radius
+    rim, trend = int(reach / stride), int(sizes.trend / stride + 0.5)
+    chord, behind = int(sizes.chord / stride + 0.5), int(np.ceil(back / stride))
+    begin = -(behind + trend + rim)
+    count = min(2 * trend + 3 * rim + behind + chord + 1, profile.shape[0])
+    for n in range(count):
+        profile[n] = under_tyre(ground, pose, ahead + (begin + n) * stride, aside, sizes)
+    _roll(profile, path, count, rim, sizes)
+    first = rim + trend
+    for n in range(first, first + behind + 1):
+        found = _judged(path, n, (chord, rim, trend), sizes)
+        if found.kind != _NOTHING:
+            return Finding(found.kind, found.height, ahead + (begin + n + chord) * stride, aside)
+    return Finding(_NOTHING, 0.0, 0.0, 0.0)
+
+
+@inlined
+def _roll(profile: Floats, path: Floats, count: int, rim: int, sizes: SweptSizes) -> None:
+    """Height of the lowest point of a wheel along its profile; both (count,)."""
+    for n in range(rim, count - rim):
+        path[n] = profile[n]
+    for away in range(1, rim + 1):
+        drop = drop_of_rim(sizes.radius, away * sizes.stride)
+        for n in range(rim, count - rim):
+            nearby = (
+                profile[n - away] if profile[n - away] > profile[n + away] else profile[n + away]
+            )
+            if np.isnan(profile[n - away]) or np.isnan(profile[n + away]):
+                # One of both may be known.
+                nearby = profile[n + away] if np.isnan(profile[n - away]) else profile[n - away]
+            if nearby - drop > path[n] or np.isnan(path[n]):
+                path[n] = nearby - drop
+
+
+@inlined
+def _judged(path: Floats, n: int, samples: tuple[int, int, int], sizes: SweptSizes) -> Finding:
+    """Is what begins at sample n a step? Nobody knows where the ground beside it is unknown.
+
+    What comes after counts from a wheel radius on: until then a wheel may still be falling.
+    """
+    chord, rim, trend = samples
+    length, end = trend * sizes.stride, n + chord + rim
+    before = _clipped((path[n] - path[n - trend]) / length)
+    after = _clipped((path[end + trend] - path[end]) / length)
+    if np.isnan(before):
+        before = after
+    if np.isnan(after):
+        after = before
+    rise = path[n + chord] - path[n]
+    uphill, downhill = max(before, after), min(before, after)
+    if rise - uphill * sizes.chord > sizes.steepest:
+        return Finding(_RISE, _whole(path, n, chord, uphill, sizes), 0.0, 0.0)
+    if downhill * sizes.chord - rise > sizes.steepest:
+        return Finding(_DROP, -_whole(path, n, chord, downhill, sizes), 0.0, 0.0)
+    return Finding(_NOTHING, 0.0, 0.0, 0.0)
+
+
+@inlined
+def _clipped(slope: float) -> float:
+    """Nothing steeper is the ground's own slope."""
+    return min(max(slope, -_STEEPEST), _STEEPEST) if slope == slope else slope
+
+
+@inlined
+def _whole(path: Floats, n: int, chord: int, slope: float, sizes: SweptSizes) -> float:
+    """All of a step that begins at sample n, up to a wheel radius on: rising or falling [m]."""
+    whole = 0.0
+    for ahead in range(chord, int(sizes.radius / sizes.stride) + chord):
+        risen = path[n + ahead] - path[n] - slope * ahead * sizes.stride
+        if abs(risen) > abs(whole):
+            whole = risen
+    return whole

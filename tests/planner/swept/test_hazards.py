@@ -1,0 +1,196 @@
+"""Every hazard in a scene that it bars, and in one with a little less in which it must not."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from planner.limiting import Limiting
+from planner.path import CandidatePath
+from planner.plan import Status
+from tests.planner.scenes import ATV, arc, assert_sound, plan_one, plane, straight, tables_with
+from tests.planner.swept.scenes import FINE, Height, ground, met
+
+STEP, CLEARANCE, BODY = int(Limiting.STEP), int(Limiting.CLEARANCE), int(Limiting.BODY)
+UNKNOWN = int(Limiting.UNKNOWN_TERRAIN)
+LIMIT = 0.28 / 3.0
+CLEAR = 0.75 * 0.28
+
+
+def box(
+    x: tuple[float, float], y: tuple[float, float], height: float, slope: float = 0.0
+) -> Height:
+    """Something upright on a slope."""
+    return lambda east, north: (
+        slope * east
+        + height * ((east >= x[0]) & (east <= x[1]) & (north >= y[0]) & (north <= y[1]))
+    )
+
+
+EVERYWHERE = (-9.0, 9.0)
+
+CASES = {
+    "rock of 3 m between the tracks": (box((9.0, 9.3), (-0.15, 0.15), 3.0), {CLEARANCE, BODY}),
+    "rock under one wheel": (box((9.0, 9.3), (0.4, 0.6), 0.8), {STEP, BODY}),
+    "low rock under one wheel": (box((9.0, 9.3), (0.4, 0.6), 1.3 * LIMIT), {STEP}),
+    "step of 0.4 m up": (box((9.0, 90.0), EVERYWHERE, 0.4), {STEP, BODY}),
+    "step up": (box((9.0, 90.0), EVERYWHERE, 1.2 * LIMIT), {STEP}),
+    "step down": (box((9.0, 90.0), EVERYWHERE, -1.2 * LIMIT), {STEP}),
+    "cliff": (box((9.0, 90.0), EVERYWHERE, -3.0), {STEP}),
+    "ditch": (box((9.0, 9.6), EVERYWHERE, -0.5), {STEP}),
+    "hole under one wheel": (box((9.0, 9.6), (0.2, 0.8), -0.5), {STEP}),
+    "log": (box((9.0, 9.2), EVERYWHERE, 1.3 * LIMIT), {STEP}),
+    "wall beside the path": (box((9.0, 12.0), (0.56, 0.9), 1.0), {BODY, STEP}),
+    "post beside a wheel": (box((9.0, 9.1), (0.55, 0.65), 1.0), {BODY, STEP}),
+    "rock between the wheels": (box((9.0, 9.3), (-0.15, 0.15), 1.15 * CLEAR), {CLEARANCE, BODY}),
+}
+
+FREE = {
+    "rock between the tracks": box((9.0, 9.3), (-0.15, 0.15), 0.8 * CLEAR),
+    "step up": box((9.0, 90.0), EVERYWHERE, 0.8 * LIMIT),
+    "step down": box((9.0, 90.0), EVERYWHERE, -0.8 * LIMIT),
+    "log": box((9.0, 9.2), EVERYWHERE, 0.8 * LIMIT),
+    "low rock under one wheel": box((9.0, 9.3), (0.4, 0.6), 0.8 * LIMIT),
+    "gap that a wheel bridges": box((9.0, 9.1), EVERYWHERE, -0.5),
+    "rock beside the body": box((9.0, 9.5), (0.85, 2.0), 3.0),
+    "swell": lambda x, y: 0.15 * np.sin(2.0 * np.pi * x / 8.0),
+    "slope": lambda x, y: np.tan(np.deg2rad(25.0)) * x,
+    "side slope": lambda x, y: np.tan(np.deg2rad(14.0)) * y,
+    "grade break": lambda x, y: np.tan(np.deg2rad(12.0)) * np.abs(x - 9.0),
+    "crest": lambda x, y: -np.tan(np.deg2rad(8.0)) * np.abs(x - 9.0),
+}
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.2, -0.2])
+@pytest.mark.parametrize("name", CASES)
+def test_it_bars(name: str, slope: float) -> None:
+    height, codes = CASES[name]
+    found = met(ground(lambda x, y: height(x, y) + slope * x), straight(20.0))
+    assert found.bar in codes, (found.bar, found.hazards.looked)
+    # It stops before: nothing of the vehicle is at the obstacle yet.
+    assert found.profile.x[found.station - 1, 0] + 0.6 <= 9.0
+    assert re.search(r"\d\.\d\d m .*at x \S+ m, y \S+ m, .*(limit|clearance|travel)", found.why)
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.5])
+@pytest.mark.parametrize("name", FREE)
+def test_it_does_not_bar(name: str, heading: float) -> None:
+    c, s = np.cos(heading), np.sin(heading)
+    turned = ground(
+        lambda x, y: FREE[name](c * x + s * y, c * y - s * x), x=(-5.0, 25.0), y=(-5.0, 15.0)
+    )
+    found = met(turned, straight(16.0, heading))
+    assert found.bar == 0, found.why
+
+
+@pytest.mark.parametrize("name", ["rock of 3 m between the tracks", "step of 0.4 m up"])
+def test_the_plan_stops_before_it(name: str) -> None:
+    plan = plan_one(ATV, ground(CASES[name][0]), straight(20.0))
+    assert plan.status is Status.BLOCKED
+    assert 4.0 < plan.progress < 8.4
+    assert re.search(r"at \d\.\d\d m (a step|ground) .* at x [89]\.", plan.reason)
+    assert_sound(plan, ATV)
+    assert plan_one(ATV, ground(FREE["step up"]), straight(20.0)).status is Status.OK
+
+
+def test_a_wheel_in_the_air_is_barred() -> None:
+    """Moguls across the diagonal: no step anywhere, but one wheel hangs."""
+
+    def moguls(height: float) -> Height:
+        def wave(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+            near = np.exp(-(((x - 9.0) / 2.0) ** 2))
+            return near * height * np.sin(np.pi * (x - 9.0) / 1.2) * np.sin(np.pi * y)
+
+        return wave
+
+    found = met(ground(moguls(0.06)), straight(20.0))
+    assert (found.bar, "hangs" in found.why) == (STEP, True)
+    assert met(ground(moguls(0.01)), straight(20.0)).bar == 0
+    long_legs = tables_with(vehicle={"wheel_travel": 0.5, "max_step": 0.2})
+    assert met(ground(moguls(0.06)), straight(20.0), long_legs).bar == 0
+
+
+def test_breakover_approach_and_departure() -> None:
+    """A crest with flanks of 27° touches the underside, a valley the overhangs."""
+    crest = ground(lambda x, y: -0.5 * np.abs(x - 9.0))
+    assert met(crest, straight(20.0)).bar in (CLEARANCE, STEP)
+    valley = ground(lambda x, y: 0.5 * np.abs(x - 9.0))
+    long_nose = tables_with(vehicle={"front_overhang": 0.9})
+    found = met(valley, straight(20.0), long_nose)
+    assert (found.bar, "front overhang" in found.why) == (BODY, True)
+    long_tail = tables_with(vehicle={"rear_overhang": 0.9, "front_overhang": 0.0})
+    found = met(valley, straight(20.0), long_tail)
+    assert (found.bar, "rear overhang" in found.why) == (BODY, True)
+    high = tables_with(vehicle={"ground_clearance": 1.1, "front_overhang": 0.9, "max_step": 0.2})
+    assert met(valley, straight(20.0), high).bar == 0
+
+
+def test_unknown_ground_under_the_body_is_unknown_ground() -> None:
+    def hole(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return (np.abs(x - 9.0) < 0.15) & (np.abs(y - 0.2) < 0.06)
+
+    found = met(plane(resolution=FINE, unknown=hole), straight(20.0))
+    assert (found.bar, "unknown ground under the body" in found.why) == (UNKNOWN, True)
+    beside = plane(resolution=FINE, unknown=lambda x, y: (np.abs(x - 9.0) < 0.15) & (y > 0.8))
+    assert met(beside, straight(20.0)).bar == 0
+
+
+def test_what_the_vehicle_stands_on_does_not_hold_it() -> None:
+    """A rock under the middle of the first pose: it got there."""
+    rock = ground(box((-0.1, 0.1), (-0.1, 0.1), 0.18))
+    assert met(rock, straight(10.0)).bar == 0
+
+
+def test_the_inner_wheels_of_a_turn_meet_what_the_outer_ones_pass() -> None:
+    curve = arc(12.0, 0.25)
+    middle = met(ground(lambda x, y: 0.0 * x), curve).profile
+    k = 40
+    left = np.array([-middle.heading_y[k, 0], middle.heading_x[k, 0]])
+    for side in (0.5, -0.5):
+        at = np.array([middle.x[k, 0], middle.y[k, 0]]) + side * left
+        post = ground(
+            lambda x, y, at=at: 0.6 * (np.hypot(x - at[0], y - at[1]) < 0.08),
+            x=(-3.0, 12.0), y=(-3.0, 12.0),
+        )  # fmt: skip
+        assert met(post, curve).bar in (STEP, BODY)
+
+
+def test_a_coarse_map_says_what_it_cannot_see() -> None:
+    """On cells of 1 m a step is a slope: nobody guesses, and it is said."""
+    coarse = ground(box((9.0, 90.0), EVERYWHERE, 0.15), 1.0, y=(-8.0, 8.0))
+    found = met(coarse, straight(20.0))
+    assert (found.bar, found.slowest) == (0, np.inf)
+    assert "1 m" in found.hazards.unseen
+    assert met(ground(box((9.0, 90.0), EVERYWHERE, 0.05)), straight(20.0)).hazards.unseen == ""
+    # What it does show counts: a wall of its own size.
+    wall = ground(box((9.0, 10.0), (-1.0, 1.0), 3.0), 1.0, y=(-8.0, 8.0))
+    assert met(wall, straight(20.0)).bar in (CLEARANCE, BODY, STEP)
+
+
+def test_a_pose_is_barred_with_all_poses_since_the_one_before() -> None:
+    """Wherever stations lie, the last free one is not over the obstacle yet."""
+    rock = ground(box((9.0, 9.1), (0.4, 0.6), 0.3))
+    for length in np.linspace(18.0, 19.0, 7):
+        found = met(rock, straight(float(length)))
+        assert found.bar in (STEP, BODY)
+        assert found.profile.x[found.station - 1, 0] + 0.6 < 9.0
+
+
+def test_two_candidates_do_not_touch_each_other() -> None:
+    """The same candidate alone and beside others meets the same."""
+    from planner.ground.terrain_profile import terrain_profile
+    from planner.path import batch
+    from planner.swept.hazards import swept_hazards
+    from tests.planner.scenes import model_of
+
+    rock, model = ground(CASES["low rock under one wheel"][0]), model_of(ATV)
+    paths = [straight(20.0), CandidatePath("beside", np.array([[0.0, -1.5], [20.0, -1.5]]))]
+    part = batch(paths, 0.1)
+    profile = terrain_profile(rock, part.x, part.y, part.count, 1.2, 1.0)
+    hazards = swept_hazards(rock, profile, model)
+    alone = met(rock, straight(20.0)).hazards
+    np.testing.assert_array_equal(hazards.rows.code[:, :1], alone.rows.code)
+    np.testing.assert_allclose(hazards.rows.rough_speed[:, :1], alone.rows.rough_speed, rtol=1e-5)
+    assert not hazards.rows.code[:, 1].any()

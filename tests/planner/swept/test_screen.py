@@ -1,0 +1,120 @@
+"""The screen of a map never clears a pose that a close look bars."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.vehicle import Vehicle
+from planner.ground.elevation_map import ElevationMap
+from planner.path import CandidatePath
+from planner.swept import hazards
+from planner.swept.screen import BODY, UNSEEN, WHEELS, Screen
+from planner.swept.screen_cache import screen_for
+from planner.swept.sizes import swept_sizes
+from tests.planner.scenes import ATV, SMALL, model_of, tables_with
+from tests.planner.swept.scenes import ground, met_by
+
+MODELS = (model_of(ATV), model_of(tables_with(**SMALL)))
+
+
+def all_suspect(screen: Screen, wheels: bool) -> Screen:
+    return screen._replace(
+        bits=np.full_like(screen.bits, UNSEEN | BODY | (WHEELS if wheels else 0)),
+        steps=np.ones_like(screen.steps),
+        seen=np.zeros_like(screen.seen),
+    )
+
+
+def rough_ground(seed: int, resolution: float, size: float) -> ElevationMap:
+    """Waves, noise, rocks, steps and unknown cells around the limits of a vehicle of this size."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(0.0, 12.0, resolution), np.arange(0.0, 6.0, resolution))
+    z = rng.uniform(-0.25, 0.25) * x + rng.uniform(-0.2, 0.2) * y
+    for _ in range(rng.integers(0, 4)):
+        length, turn = size * rng.uniform(2.0, 12.0), rng.uniform(0.0, np.pi)
+        phase = rng.uniform(0.0, 6.3)
+        wave = np.sin(2 * np.pi / length * (np.cos(turn) * x + np.sin(turn) * y) + phase)
+        z += 0.02 * length * rng.uniform(0.0, 1.0) * wave
+    z += rng.choice([0.0, 0.02, 0.05]) * size * rng.standard_normal(z.shape)
+    for _ in range(rng.integers(0, 4)):
+        at, half = rng.uniform((2.0, 1.0), (10.0, 5.0)), size * rng.uniform(0.05, 0.6)
+        inside = (np.abs(x - at[0]) < half) & (np.abs(y - at[1]) < half)
+        z[inside] += size * rng.uniform(-0.5, 0.8)
+    if rng.random() < 0.3:
+        z += size * rng.uniform(-0.3, 0.3) * (np.cos(0.3) * x + np.sin(0.3) * y > 7.0)
+    z[rng.random(z.shape) < rng.choice([0.0, 0.0, 0.002])] = np.nan
+    return ElevationMap(elevation=z, resolution=resolution, origin=(0.0, 0.0))
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    small=st.booleans(),
+    resolution=st.sampled_from([0.05, 0.08, 0.1, 0.2, 0.5]),
+)
+def test_it_clears_nothing_that_is_barred(seed: int, small: bool, resolution: float) -> None:
+    model = MODELS[small]
+    rng = np.random.default_rng(seed)
+    scene = rough_ground(seed, resolution, model.vehicle.wheel_radius)
+    start, end = rng.uniform((1.0, 1.2), (3.0, 4.8)), rng.uniform((9.0, 1.2), (11.0, 4.8))
+    middle = 0.5 * (start + end) + rng.uniform(-0.5, 0.5, 2)
+    path = CandidatePath("drawn", np.array([start, middle, end]))
+    screened = met_by(scene, path, model)
+    original = hazards.screen_for
+    try:
+        hazards.screen_for = lambda *args: all_suspect(  # type: ignore[assignment]
+            original(*args), args[2].fine
+        )
+        searched = met_by(scene, path, model)
+    finally:
+        hazards.screen_for = original
+    np.testing.assert_array_equal(
+        screened.hazards.rows.code, searched.hazards.rows.code, searched.why
+    )
+    assert screened.hazards.looked <= searched.hazards.looked
+
+
+def test_smooth_ground_needs_no_closer_look() -> None:
+    hills = ground(lambda x, y: 0.3 * np.sin(0.5 * x) + 0.2 * np.cos(0.6 * y))
+    path = CandidatePath("straight", np.array([[0.0, 0.0], [20.0, 0.5]]))
+    assert met_by(hills, path, MODELS[0]).hazards.looked == 0
+
+
+def test_a_screen_is_made_once_for_a_map_and_a_vehicle() -> None:
+    scene, vehicle = ground(lambda x, y: 0.0 * x), MODELS[0].vehicle
+    sizes, x = swept_sizes(vehicle, scene.resolution), np.zeros((3, 2))
+    first = screen_for(scene, vehicle, sizes, x, x)
+    assert screen_for(scene, replace(vehicle), sizes, x, x) is first
+    other: Vehicle = replace(vehicle, ground_clearance=0.1)
+    assert screen_for(scene, other, swept_sizes(other, scene.resolution), x, x) is not first
+
+
+def test_a_large_map_is_looked_over_around_the_candidates() -> None:
+    scene = ElevationMap(elevation=np.zeros((600, 600)), resolution=0.1, origin=(0.0, 0.0))
+    vehicle = MODELS[0].vehicle
+    sizes = swept_sizes(vehicle, scene.resolution)
+    x, y = np.array([[20.0], [30.0]]), np.array([[20.0], [25.0]])
+    screen = screen_for(scene, vehicle, sizes, x, y)
+    assert screen.bits.size < 0.1 * scene.elevation.size
+    assert screen_for(scene, vehicle, sizes, x[:1] + 1.0, y[:1]) is screen
+    assert screen_for(scene, vehicle, sizes, x + 15.0, y) is not screen
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.1, 0.2])
+def test_a_rock_makes_its_surroundings_suspect(resolution: float) -> None:
+    scene = ground(lambda x, y: 1.0 * (np.hypot(x - 9.0, y) < 0.2), resolution)
+    vehicle = MODELS[0].vehicle
+    sizes = swept_sizes(vehicle, resolution)
+    screen = screen_for(scene, vehicle, sizes, np.array([[0.0]]), np.array([[0.0]]))
+
+    def bits(x: float) -> int:
+        row, column = round(4.0 / resolution), round((x + 3.0) / resolution)
+        return int(screen.bits[row // screen.cells, column // screen.cells])
+
+    assert bits(8.5) & BODY
+    assert bits(8.5) & WHEELS
+    assert bits(4.0) == 0
