@@ -131,15 +131,15 @@ BOUNDS: dict[Limiting, Bound] = {
     ),
     Limiting.STEP: Bound(
         "a step, a drop or a hole is too high for a wheel",
-        "planner.swept.hazards:swept_hazards", Lift({"ground_smooth": True}), "#7a4a1e", "#b98352",
+        "planner.swept.hazards:swept_hazards", Lift({"no_steps": True}), "#7a4a1e", "#b98352",
     ),
     Limiting.CLEARANCE: Bound(
         "the ground between the wheels is higher than the underside",
-        "planner.swept.hazards:swept_hazards", Lift({"ground_smooth": True}), "#a65e2e", "#cf8a58",
+        "planner.swept.hazards:swept_hazards", Lift({"high_enough": True}), "#a65e2e", "#cf8a58",
     ),
     Limiting.BODY: Bound(
         "the body would strike what stands ahead of, behind or beside the wheels",
-        "planner.swept.hazards:swept_hazards", Lift({"ground_smooth": True}), "#5c2b12", "#a8724f",
+        "planner.swept.hazards:swept_hazards", Lift({"narrow_enough": True}), "#5c2b12", "#a8724f",
     ),
     Limiting.ROUGHNESS: Bound(
         "vertical acceleration of the body on rough ground",
@@ -158,6 +158,6 @@ BOUNDS: dict[Limiting, Bound] = {
     Limiting.HOLDING: Bound(
         "brakes and friction could not hold the vehicle at rest",
         "models.laws.holding:brakes_hold",
-        Lift({"stops_at_once": True}, relaxation="any_friction"), "#9c2f4a", "#d9708a",
+        Lift({"holds_anywhere": True}), "#9c2f4a", "#d9708a",
     ),
 }  # fmt: skip

@@ -17,6 +17,7 @@ from scipy.interpolate import splev, splprep
 
 from models.arrays import Floats, Ints
 from models.errors import ParameterError
+from models.vehicle import Vehicle
 from planner.kernels.compiled import read_only
 
 MAX_STATIONS = 200_000
@@ -316,3 +317,15 @@ def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:
     end = np.clip(np.searchsorted(along, after, side="left"), first + 1, last + 1)
     lowest: Floats = np.minimum.reduceat(piece, np.stack((first, end), axis=1).ravel())[::2]
     return lowest
+
+
+def behind_the_front(clear: float | Floats, vehicle: Vehicle) -> Floats:
+    """Station up to which the middle of the wheelbase may come: its front stays on the free way.
+
+    Args:
+        clear: station up to which the way is known free, any shape; below 0 nothing is [m].
+        vehicle: with its front, half a wheelbase and the overhang ahead.
+    """
+    free = np.asarray(clear, np.float64)
+    reach: Floats = np.maximum(free - vehicle.shape.front, np.minimum(free, 0.0))
+    return reach

@@ -36,7 +36,9 @@ class ContactRow(NamedTuple):
 
     Attributes:
         sin_grade, sin_roll, cosine, cos_lean, curvature, vertical_curvature: terrain.
-        slowest, fastest, limit: speeds [m/s]. friction: inf where it is not known [1].
+        excess: by how much a stop may begin faster than planned [m/s].
+        slowest, fastest, limit: speeds [m/s]. dead_time: before the brakes take hold [s].
+        friction: inf where it is not known [1].
         force_slope, force_intercept: lower bound of F_b/W on even ground.
         lower_slope, lower_intercept: what turns and banks leave of it.
         crest_sq, friction_sq: highest v² by either [m²/s²].
@@ -50,6 +52,8 @@ class ContactRow(NamedTuple):
     cos_lean: Floats
     curvature: Floats
     vertical_curvature: Floats
+    excess: Floats
+    dead_time: Floats
     slowest: Floats
     fastest: Floats
     limit: Floats
@@ -81,11 +85,14 @@ def normal_force(row: ContactRow, limits: PlanningLimits) -> None:
         spare = _SPENT * max(force + sine - HOLDING, 0.0) / max(force * limits.crest_share, _NONE)
         crest = GRAVITY * min(carried, up * spare) / falls
         dip = limits.vertical_accel / max(row.vertical_curvature[j], _NONE)
-        crest = min(crest, dip)
-        row.crest_sq[j] = crest
+        # A stop that was commanded before the crest passes it faster than the plan would.
+        reached = row.excess[j] + limits.decel * row.dead_time[j]
+        passed = np.sqrt(crest)
+        passed = max(passed - reached, 0.5 * passed)
+        row.crest_sq[j] = min(passed * passed, dip)
         row.lower_slope[j] = slope
         row.lower_intercept[j] = intercept
-        row.holds[j] = slow * slope + intercept - abs(sine)
+        row.holds[j] = slow * slope + intercept - limits.holding * abs(sine)
 
 
 @row_pass

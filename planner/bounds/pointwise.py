@@ -104,6 +104,7 @@ class PointProblem(NamedTuple):
         terrain, forces, hazards: of M candidates with up to N stations.
         friction: (N, M) least friction [1], or (0, 0) where it is not known.
         speed_limit: (N, M) limits of the path itself [m/s], or (0, 0).
+        excess: (N, M) by how much stops may begin faster than planned [m/s], or (0, 0).
     """
 
     terrain: TerrainRows
@@ -111,6 +112,7 @@ class PointProblem(NamedTuple):
     hazards: HazardRows
     friction: Floats
     speed_limit: Floats
+    excess: Floats
 
 
 @kernel
@@ -127,6 +129,7 @@ def pointwise_bounds(problem: PointProblem, limits: PlanningLimits, out: Pointwi
     scratch = np.empty((6, candidates))
     barred = np.empty(candidates, np.int64)
     limit, friction = np.full(candidates, np.inf), np.full(candidates, np.inf)
+    excess = np.zeros(candidates)
     rough_speed, hazard = np.full(candidates, np.inf), np.zeros(candidates, np.int64)
     scratch[3], scratch[4] = np.inf, np.inf
     out.barrier[:] = _STOPPING_PATH
@@ -142,6 +145,8 @@ def pointwise_bounds(problem: PointProblem, limits: PlanningLimits, out: Pointwi
             rough_speed = hazards.rough_speed[k]
         if slips:
             friction = problem.friction[k]
+        if problem.excess.shape[0] > 0:
+            excess = problem.excess[k]
         row = _PointRow(
             terrain.sin_grade[k], terrain.sin_roll[k], terrain.curvature[k], scratch[0], scratch[1],
             terrain.known[k], forces.trained[k], forces.slowest[k], forces.fastest[k], limit,
@@ -154,7 +159,8 @@ def pointwise_bounds(problem: PointProblem, limits: PlanningLimits, out: Pointwi
         _cosines(row)
         contact = ContactRow(
             row.sin_grade, row.sin_roll, row.cosine, row.cos_lean, row.curvature,
-            row.vertical_curvature, row.slowest, row.fastest, row.limit, row.friction,
+            row.vertical_curvature, excess, forces.dead_time[k], row.slowest, row.fastest,
+            row.limit, row.friction,
             forces.lower_slope[k], forces.lower_intercept[k], row.lower_slope, row.lower_intercept,
             row.crest_sq, row.friction_sq, row.grip, row.holds,
         )  # fmt: skip
@@ -235,7 +241,7 @@ def _bars(row: _PointRow, limits: PlanningLimits) -> None:
         climbs = np.sqrt(max(sticks * sticks - bank * bank, 0.0))
         slips = (abs(bank) >= sticks) | (row.demand[j] > climbs)
         why = _STOPPING_PATH if least + sine < HOLDING else why
-        why = _HOLDING if min(row.holds[j], climbs - abs(sine)) < 0.0 else why
+        why = _HOLDING if min(row.holds[j], climbs - limits.holding * abs(sine)) < 0.0 else why
         why = _FRICTION if slips else why
         # A wheel carries what is left of its axle's share and of its side's.
         wheel = min(rear, front) + side - upright

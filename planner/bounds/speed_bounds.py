@@ -85,6 +85,8 @@ def speed_bounds(
     clear: Floats,
     speed_limit: Floats | None = None,
     hazards: Hazards | None = None,
+    *,
+    holds_anywhere: bool = False,
 ) -> SpeedBounds:
     """Bounds on speed along candidates.
 
@@ -92,10 +94,10 @@ def speed_bounds(
         profile: terrain under the wheels.
         ground: braking along the candidates.
         model: vehicle, terrain and limits.
-        clear: (M,) station up to which the way is known free, inf if unlimited; the front of the
-            vehicle stays before it [m].
+        clear: (M,) station up to which the vehicle may come, inf if unlimited [m].
         speed_limit: (N, M) limits of the path itself [m/s].
         hazards: what body and wheels meet; left out, nothing.
+        holds_anywhere: for what-if questions: a vehicle at rest is held on any slope.
     """
     shape = profile.grade.shape
     speed_sq_max, accel_max, demand, lower_slope, lower_intercept, codes = empty(6, *shape)
@@ -105,19 +107,18 @@ def speed_bounds(
         lower_slope, lower_intercept, first_risk, last_risk,
     )  # fmt: skip
     limits, nothing = planning_limits(model), np.empty((0, 0))
+    limits = limits._replace(holding=0.0 if holds_anywhere else 1.0)
+    excess = speed_excess(profile, ground, limits)
     pointwise_bounds(
         PointProblem(
             profile.rows, ground.forces, (hazards or nothing_looked_for()).rows,
             nothing if ground.friction is None else ground.friction,
-            nothing if speed_limit is None else speed_limit,
+            nothing if speed_limit is None else speed_limit, nothing if excess is None else excess,
         ), limits, found,
     )  # fmt: skip
-    front = model.vehicle.shape.front
-    clear_distance = _clear_distance(
-        profile, np.maximum(clear - front, 0.0), barrier, barrier_station
-    )
+    clear_distance = _clear_distance(profile, clear, barrier, barrier_station)
     left = replace(ground, lower_slope=lower_slope, lower_intercept=lower_intercept)
-    _stopping_path(profile, left, clear_distance, limits, found)
+    _stopping_path((profile, left), clear_distance, excess, limits, found)
     _keep_chords_below(speed_sq_max, found.limiting, barrier)
     return SpeedBounds(
         speed_sq_max, found.limiting, accel_max, demand, clear_distance, barrier, barrier_station,
@@ -126,22 +127,22 @@ def speed_bounds(
 
 
 def _stopping_path(
-    profile: TerrainProfile, ground: BrakingGround, clear_distance: Floats,
+    track: tuple[TerrainProfile, BrakingGround], clear_distance: Floats, excess: Floats | None,
     limits: PlanningLimits, found: PointwiseBounds,
 ) -> None:  # fmt: skip
     """Lower v² to what stops before the clear distance, from the speed that it may really have."""
+    profile, ground = track
     speed_sq_max, errors = found.speed_sq_max, ground.errors
     problem = StopProblem(
         profile.rows, ground.forces, clear_distance - ground.distance_offset - STOP_GUARD,
         errors.height,
     )  # fmt: skip
-    excess = speed_excess(profile, ground, limits)
     fastest = limits.speed
     if excess is not None:
         fastest += float(excess.max())
         add_speed(speed_sq_max, excess, 1.0)
     # In place: the forces of the problem are those of what is found.
-    lose_on_crests(problem, fastest, limits.crest_share, ground.motion, found)
+    lose_on_crests(problem, fastest, limits, ground.motion, found)
     # Drag may allow more than the closed form, which knows of none: those stops are tried for.
     tried = (found.limiting.copy(), speed_sq_max.copy()) if ground.motion.moves else ()
     stopping_bound(problem, fastest, float(ground.dead_time.max()), found)

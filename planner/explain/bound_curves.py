@@ -13,7 +13,7 @@ import numpy as np
 from models.arrays import Floats
 from models.laws import drive, rollover, slip_track, turning_resistance
 from models.parameters import Model
-from planner.bounds.speed_bounds import speed_bounds
+from planner.bounds.speed_bounds import SpeedBounds, speed_bounds
 from planner.ground.braking_ground import ground_along
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import terrain_profile
@@ -77,7 +77,15 @@ def _ahead(elevation_map: ElevationMap, plan: SpeedPlan, model: Model) -> tuple[
     profile = terrain_profile(elevation_map, x, y, count, vehicle.wheelbase, vehicle.track_width)
     ground = ground_along(profile, model, elevation_map.class_names)
     anyhow = replace(ground, fastest=np.full_like(ground.fastest, top))
-    bounds = speed_bounds(profile, anyhow, free, np.array([plan.clear_distance]))
-    allowed = np.sqrt(np.maximum(bounds.speed_sq_max[:, 0], 0.0))
-    # At the headroom nothing of it binds.
-    return np.where(allowed < 0.999 * top, allowed, np.inf), ground.fastest[:, 0]
+    clear = np.array([plan.clear_distance])
+    # What crests take of a stop depends on how fast it may be: nothing binds at the headroom.
+    above = _speeds(speed_bounds(profile, anyhow, free, clear))
+    slower = replace(free, limits=replace(free.limits, speed=model.limits.speed))
+    within = _speeds(speed_bounds(profile, ground, slower, clear))
+    bound = np.where(within < 0.999 * model.limits.speed, within, np.maximum(above, within))
+    return np.where(bound < 0.999 * top, bound, np.inf), ground.fastest[:, 0]
+
+
+def _speeds(bounds: SpeedBounds) -> Floats:
+    speed: Floats = np.sqrt(np.maximum(bounds.speed_sq_max[:, 0], 0.0))
+    return speed

@@ -20,7 +20,7 @@ from planner.ground.surface_table import resolve_surface
 from planner.ground.terrain_profile import terrain_profile
 from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
-from planner.path import CandidatePath, EvenPath, batch
+from planner.path import CandidatePath, EvenPath, batch, behind_the_front
 from planner.pipeline.candidates import finished
 from planner.pipeline.time_optimal_batch import solve
 from planner.plan import SpeedPlan
@@ -43,9 +43,11 @@ class Assumptions:
         smooth: limit jerk.
         path_limits: the speed limits of the path count.
         ground_known: unknown ground counts as level and known.
-        ground_smooth: no step, rock or wall stands in the way of wheels and body.
+        no_steps, high_enough, narrow_enough: no step stands in the way of a wheel, nothing between
+            the wheels reaches the body, nothing beside or ahead of them does.
         surfaces_known: surfaces that the model never learned count as the ground it learned on.
         ground_even: no crests and no dips.
+        holds_anywhere: a vehicle at rest is held on any slope.
         stops_at_once: emergency stops take no distance; the loads they cause stay as they are.
     """
 
@@ -56,10 +58,13 @@ class Assumptions:
     smooth: bool = True
     path_limits: bool = True
     ground_known: bool = False
-    ground_smooth: bool = False
+    no_steps: bool = False
+    high_enough: bool = False
+    narrow_enough: bool = False
     surfaces_known: bool = False
     stops_at_once: bool = False
     ground_even: bool = False
+    holds_anywhere: bool = False
 
 
 class WhatIf:
@@ -113,8 +118,9 @@ class WhatIf:
             flat = np.zeros_like(profile.vertical_curvature)
             profile = replace(profile, vertical_curvature=flat)
         lifted = [Limiting.UNKNOWN_TERRAIN] if assumptions.ground_known else []
-        if assumptions.ground_smooth:
-            lifted += [Limiting.STEP, Limiting.CLEARANCE, Limiting.BODY]
+        lifted += [Limiting.STEP] if assumptions.no_steps else []
+        lifted += [Limiting.CLEARANCE] if assumptions.high_enough else []
+        lifted += [Limiting.BODY] if assumptions.narrow_enough else []
         classes = self._classes
         if assumptions.surfaces_known:
             classes = tuple(_learned_surface(model, name) for name in classes)
@@ -124,9 +130,11 @@ class WhatIf:
         # Limits of the model may be lifted; the sizes of the vehicle stay.
         as_large = replace(model, vehicle=self._vehicle)
         solved = solve(
-            profile, ground, model, start_speed=self._start_speed, clear=assumptions.clear,
+            profile, ground, model, start_speed=self._start_speed,
+            clear=behind_the_front(assumptions.clear, self._vehicle),
             speed_limit=self._limit if assumptions.path_limits else None,
             hazards=swept_hazards(self._map, profile, as_large, lifted=lifted),
+            holds_anywhere=assumptions.holds_anywhere,
         )  # fmt: skip
         return finished(solved, 0, self._name, smooth=self._settings.smooth and assumptions.smooth)
 

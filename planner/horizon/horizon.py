@@ -24,7 +24,7 @@ from planner.horizon.answer import HorizonSettings as HorizonSettings
 from planner.horizon.cycle import Cycle
 from planner.horizon.cycle_planner import CyclePlanner, Equipment
 from planner.horizon.previous_plan import PreviousPlan
-from planner.path import CandidatePath, EvenPath, PathBatch, batch
+from planner.path import CandidatePath, EvenPath, PathBatch, batch, behind_the_front
 from planner.settings import PlannerSettings
 
 
@@ -99,7 +99,7 @@ class Horizon:
         cycle = Cycle(
             CyclePlanner(self._equipment, elevation_map, conditions, started), state, self._previous
         )
-        answer, self._previous = cycle.run(offered, free)
+        answer, self._previous = cycle.run(offered, behind_the_front(free, self.model.vehicle))
         return replace(answer, seconds=cycle.seconds)
 
 

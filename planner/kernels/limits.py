@@ -18,6 +18,7 @@ class PlanningLimits(NamedTuple):
         half_slip_track: B_s / 2 of a skid-steer vehicle, else B / 2 [m].
         ahead: cg_x / L. high: cg_z / L. brake_share: of the front axle, -1 where none locks alone.
         crest_share: share of the load lost over a crest that the braking force loses as well.
+        holding: share of the slope that brakes and friction must hold at rest: all of it.
         specific_force: max drive force / weight. specific_power: max drive power / weight [m/s].
     """
 
@@ -40,6 +41,7 @@ class PlanningLimits(NamedTuple):
     high: float
     brake_share: float
     crest_share: float
+    holding: float
 
 
 def planning_limits(model: Model) -> PlanningLimits:
@@ -68,4 +70,5 @@ def planning_limits(model: Model) -> PlanningLimits:
         high=vehicle.cg_z / vehicle.wheelbase,
         brake_share=-1.0 if vehicle.brake_share is None else float(vehicle.brake_share),
         crest_share=1.0 if crest_share is None else crest_share,
+        holding=1.0,
     )

@@ -16,7 +16,13 @@ from models.parameters import Model
 from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
-from planner.path import CandidatePath, EvenPath, resample, side_by_side
+from planner.path import (
+    CandidatePath,
+    EvenPath,
+    behind_the_front,
+    resample,
+    side_by_side,
+)
 from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from planner.plan import SpeedPlan
@@ -55,7 +61,8 @@ class CandidatePlanner:
             elevation_map: ground.
             paths: M candidates; a malformed one raises, an undrivable one gets a status.
             start_speed: speed at the first station [m/s].
-            clear: station up to which the way is known free, one for all or (M,) [m].
+            clear: station up to which the way is known free, one for all or (M,); the front of
+                the vehicle stays on it [m].
             conditions: of the moment.
             progress: called with the number of candidates done since the last call.
 
@@ -66,7 +73,7 @@ class CandidatePlanner:
             raise ParameterError("speed", f"a finite start speed >= 0 [m/s], got {start_speed}")
         if not np.all(np.asarray(clear) >= 0.0):
             raise ParameterError("clear", f"a distance >= 0 [m], got {clear}")
-        free = np.broadcast_to(np.asarray(clear, np.float64), (len(paths),))
+        free = np.broadcast_to(behind_the_front(clear, self.model.vehicle), (len(paths),))
         plans: list[SpeedPlan] = []
         for first in range(0, len(paths), _BATCH):
             part = slice(first, first + _BATCH)

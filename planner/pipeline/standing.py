@@ -6,6 +6,7 @@ import numpy as np
 
 from models.arrays import Floats
 from models.laws.holding import friction_holds
+from models.laws.wheel_loads import left_load_share, right_load_share
 from models.quantity import GRAVITY
 from planner.limiting import Limiting
 from planner.pipeline.candidate_column import CandidateColumn
@@ -63,7 +64,8 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
         case Limiting.TIP_OVER:
             return f"an axle keeps too little load on grade {grade:.1f}° at {station:.2f} m"
         case Limiting.ROLLOVER:
-            return f"a side or a wheel keeps too little load on roll {roll:.1f}° at {station:.2f} m"
+            what = "a side" if _side_is_light(column, k) else "a wheel"
+            return f"{what} keeps too little load on roll {roll:.1f}° at {station:.2f} m"
         case Limiting.FRICTION:
             mu = column.track.friction[k]
             return (
@@ -88,3 +90,13 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
             )
         case _:
             return f"the brakes do not hold on grade {grade:.1f}° at {station:.2f} m"
+
+
+def _side_is_light(column: CandidateColumn, k: int) -> bool:
+    """At station k a whole side lacks load at rest, not only the wheel where it meets an axle."""
+    vehicle, track = column.model.vehicle, column.track
+    shares = (
+        law(track.grade[k], track.roll[k], 0.0, vehicle.track_width, vehicle.cg_z)
+        for law in (left_load_share, right_load_share)
+    )
+    return min(float(share) for share in shares) < column.scalars.min_load

@@ -83,7 +83,7 @@ def time_optimal_batch(
         paths: M candidates.
         model: vehicle, braking, limits.
         start_speed: speed at the first station, one for all or (M,) [m/s].
-        clear: station up to which the way is known free, one for all or (M,) [m].
+        clear: station up to which the vehicle may come, one for all or (M,) [m].
         settings: weights of the ranking.
         conditions: of the moment.
         uncertainty: what the plans are to survive; then ``model`` is its cautious one already.
@@ -110,6 +110,7 @@ def solve(
     speed_limit: Floats | None,
     settings: PlannerSettings | None = None,
     hazards: Hazards | None = None,
+    holds_anywhere: bool = False,
 ) -> TimeOptimalBatch:
     """Time-optimal profiles on ground that was sampled before.
 
@@ -117,15 +118,22 @@ def solve(
         profile: terrain under the wheels of M candidates; ground: braking along them.
         model: vehicle, braking, limits.
         start_speed: speed at the first station, one for all or (M,) [m/s].
-        clear: station up to which the way is known free, one for all or (M,) [m].
+        clear: station up to which the vehicle may come, one for all or (M,) [m].
         speed_limit: (N, M) limits of the paths themselves [m/s].
         settings: weights of the ranking.
         hazards: what body and wheels meet; left out, nothing.
+        holds_anywhere: for what-if questions: a vehicle at rest is held on any slope.
     """
     candidates = len(profile.count)
     scalars, start_sq = planning_limits(model), np.full(candidates, np.square(start_speed))
     bounds = speed_bounds(
-        profile, ground, model, np.full(candidates, clear, np.float64), speed_limit, hazards
+        profile,
+        ground,
+        model,
+        np.full(candidates, clear, np.float64),
+        speed_limit,
+        hazards,
+        holds_anywhere=holds_anywhere,
     )
     ground = bounds.ground
     speed_sq, reachable = time_optimal_profile(

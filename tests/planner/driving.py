@@ -53,6 +53,11 @@ class Drive:
         self.rng = np.random.default_rng(self.seed)
         self.answers: list[CycleAnswer] = []
 
+    @property
+    def front(self) -> float:
+        """What the way has to be free beyond the clear distance of the stations [m]."""
+        return model_of(self.tables).vehicle.shape.front
+
     def state(self) -> PlanarState:
         """What is measured: up to the noise in speed, and half as many metres sideways."""
         off, aside = self.rng.uniform(-1.0, 1.0, 2) * self.noise
@@ -65,7 +70,9 @@ class Drive:
 
     def cycle(self) -> CycleAnswer:
         """Ask once, and drive for one period."""
-        answer = self.horizon.step(self.state(), self.paths, self.ground, clear=self.clear)
+        answer = self.horizon.step(
+            self.state(), self.paths, self.ground, clear=self.clear + self.front
+        )
         self.answers.append(answer)
         self.move(answer)
         return answer

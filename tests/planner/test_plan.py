@@ -83,4 +83,5 @@ def test_words_of_statuses_and_bounds() -> None:
     assert [bound.label for bound in Limiting] == [
         "speed_limit", "stopping_path", "tip_over", "rollover", "lateral", "wheel_speed",
         "traction", "accel", "decel", "jerk", "unknown_terrain", "model_validity",
+        "step", "clearance", "body", "roughness", "crest", "friction", "holding",
     ]  # fmt: skip

@@ -28,7 +28,13 @@ HERE = 1
 FREE: dict[str, Any] = {
     "vehicle": {"max_wheel_speed": 1e3, "max_drive_force": 1e6, "max_drive_power": 1e9},
     "limits": {"speed": 40.0, "lateral_accel": 1e3, "vertical_accel": 4.0},
-    "braking": {"speed_range": [1.0, 60.0], "grade_range": [-0.6, 0.6], "m_b": 0.0, "m_m": 0.0},
+    "braking": {
+        "speed_range": [1.0, 60.0],
+        "grade_range": [-0.6, 0.6],
+        "m_b": 0.0,
+        "m_m": 0.0,
+        "dead_time": 0.0,
+    },
 }
 """Nothing but the ground bounds the speed."""
 
@@ -105,7 +111,9 @@ def test_crests_are_passed_as_fast_as_wheels_and_brakes_keep_enough() -> None:
 @pytest.mark.parametrize("radius", [3.0, 6.0, 15.0])
 def test_no_crest_is_passed_where_the_vehicle_would_fly(radius: float) -> None:
     scene = drawn(0) | {"vertical_curvature": np.full(SCENES, -1.0 / radius)}
-    _, _, bounds = bounds_of(scene, limits={"min_load": 1e-3}, braking={"b_b": 40.0, "b_m": 0.0})
+    _, _, bounds = bounds_of(
+        scene, limits={"min_load": 1e-3}, braking={"b_b": 40.0, "b_m": 0.0}, vehicle={"cg_z": 1e-4}
+    )
     flying = G * radius
     speed_sq = bounds.speed_sq_max[HERE, 0]
     # With next to nothing to keep on the wheels it is what the brakes keep: four fifths.

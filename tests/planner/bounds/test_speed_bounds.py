@@ -412,13 +412,11 @@ def test_below_the_slowest_trained_speed_its_coefficients_hold() -> None:
     assert exact - other > 0.03
 
 
-@pytest.mark.parametrize("free", [0.0, 0.5, 0.98, 1.88, 3.65])
-def test_the_way_known_free_ends_the_stopping_path(free: float) -> None:
-    """The front of the vehicle, half a wheelbase and the overhang ahead, stays on it."""
+@pytest.mark.parametrize("clear", [0.0, 0.1, 1.0, 2.77])
+def test_the_way_known_free_ends_the_stopping_path(clear: float) -> None:
     tables = tables_with()
-    profile, _, bounds = bounds_of(model_of(tables), plane(), straight(20.0), clear=free)
-    clear = max(free - 0.6 - 0.28, 0.0)
-    assert bounds.clear_distance[0] == pytest.approx(clear)
+    profile, _, bounds = bounds_of(model_of(tables), plane(), straight(20.0), clear=clear)
+    assert bounds.clear_distance[0] == clear
     exact = stopping_bound(clear - STOP_GUARD, 0.0, tables)
     if exact > 0.0:
         assert np.sqrt(bounds.speed_sq_max[0, 0]) == pytest.approx(exact, abs=0.03)
@@ -503,7 +501,7 @@ def test_the_clear_distance_ends_at_the_last_station_before_a_barrier() -> None:
 def test_a_barrier_beyond_the_way_known_free_does_not_matter() -> None:
     hole = plane(unknown=lambda x, y: x > 10.0)
     _, _, bounds = bounds_of(model_of(tables_with()), hole, straight(20.0), clear=5.0)
-    assert bounds.clear_distance[0] == pytest.approx(5.0 - 0.88)
+    assert bounds.clear_distance[0] == 5.0
     assert Limiting(int(bounds.barrier[0])) is Limiting.STOPPING_PATH
 
 

@@ -189,7 +189,7 @@ def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
     # (L − cg_x) cos θ − cg_z (m_b v + b_b) = min_load (L − cg_x)
     theta = profile.grade[k, 0]
     exact = ((np.cos(theta) - 0.2) * 0.6 / 0.72 - 0.42) / 0.08
-    assert v == pytest.approx(exact, abs=1e-3)
+    assert exact - 0.01 < v <= exact
     # Uphill of the slope, on level ground, the stop may begin faster: it ends before the slope.
     brink = ground_map(lambda x, y: -0.2 * np.maximum(x - 15.0, 0.0))
     _, _, before = stopping_of(tables, brink, straight(30.0))

@@ -139,7 +139,9 @@ def test_what_got_worse_is_answered_safely_and_labelled(
         limit[int(travelled(drive, j) / 0.25) + int(ahead / 0.25) :] = 0.5
         drive.paths = replace(drive.paths, speed_limit=limit)
     for n in range(8):
-        now = drive.horizon.step(drive.state(), drive.paths, drive.ground, clear=drive.clear)
+        now = drive.horizon.step(
+            drive.state(), drive.paths, drive.ground, clear=drive.clear + drive.front
+        )
         drive.answers.append(now)
         plan = now.chosen
         assert plan is not None
