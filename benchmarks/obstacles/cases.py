@@ -61,9 +61,14 @@ def cases(wanted: int, models: Mapping[str, Model], seed: int) -> Iterator[Case]
         slope = Slope(*(np.tan(rng.uniform(-_STEEPEST, _STEEPEST, 2)) * (rng.random() < 0.7)))
         yield Case(
             kind, name, block, slope, resolution, float(rng.uniform(-np.pi, np.pi)),
-            int(rng.integers(2**31)), size_of(block.grown(-resolution), vehicle),
-            size_of(block.grown(resolution), vehicle),
+            int(rng.integers(2**31)), *_sizes(block, resolution, vehicle),
         )  # fmt: skip
+
+
+def _sizes(block: Block, resolution: float, vehicle: Vehicle) -> tuple[Size, Size]:
+    """What is there for sure, and what may be: outlines are shown to about a cell."""
+    of = [size_of(block.grown(by), vehicle) for by in (-resolution, 0.0, resolution)]
+    return Size(*map(min, zip(*of, strict=True))), Size(*map(max, zip(*of, strict=True)))
 
 
 def map_of(case: Case, vehicle: Vehicle, *, empty: bool = False) -> ElevationMap:
@@ -144,7 +149,7 @@ def _step(sign: float) -> _Draw:
 
 
 def _ditch(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
-    half = 0.5 * max(float(rng.uniform(0.3, 3.0)) * vehicle.wheel_radius, 2.5 * resolution)
+    half = 0.5 * max(float(rng.uniform(0.3, 7.0)) * vehicle.wheel_radius, 2.5 * resolution)
     return Block(0.0, 0.0, float(rng.uniform(-0.5, 0.5)), half, FAR,
                  -_share(rng) * vehicle.shape.max_step)  # fmt: skip
 

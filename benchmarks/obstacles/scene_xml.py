@@ -17,7 +17,7 @@ WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
 _DEEP = 1.0  # [m] thickness of the ground
 _WHEEL_SHARE = 0.04  # of the mass, each
-_FRICTION = 0.9
+_FRICTION = 0.6
 _GAIN = 0.3  # share of the weight per m/s that a wheel is slower than told
 
 

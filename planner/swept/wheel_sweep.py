@@ -117,6 +117,9 @@ def _roll(
         for n in range(first, last + 1):
             beside = max(profile[n - away], profile[n + away]) - drop
             path[n] = max(path[n], beside) + 0.0
+    for n in range(first, last + 1):
+        # Into unknown ground a wheel does not fall.
+        path[n] = path[n] if profile[n] > _ABYSS else NO_GROUND
 
 
 @inlined

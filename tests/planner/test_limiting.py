@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -37,6 +38,11 @@ from tests.planner.scenes import (
 LONG = {"x": (-3.0, 65.0)}
 BRISK = {"accel": 3.0, "decel": 3.0, "jerk": 30.0}
 STRONG = {"max_drive_force": 9000.0, "max_drive_power": 90_000.0, "max_wheel_speed": 20.0}
+
+
+def plane_with(height: Callable[[np.ndarray, np.ndarray], Any]) -> ElevationMap:
+    """Cells finer than a wheel."""
+    return ground_map(height, resolution=0.1)
 
 
 @dataclass(frozen=True)
@@ -127,7 +133,8 @@ SCENES: dict[str, Scene] = {
     ),
     "rollover standing across a slope": Scene(
         "rollover",
-        **same(tables_with(vehicle=LONG_BASE | {"cg_z": 0.9}, limits={"min_load": 0.4})),
+        **same(tables_with(vehicle=LONG_BASE | {"cg_z": 0.9, "wheel_travel": 0.5},
+                           limits={"min_load": 0.4})),
         ground=ground_map(lambda x, y: 0.4 * y * np.clip((x - 15.0) / 5.0, 0.0, 1.0)),
         free_ground=plane(), share=0.01, status=Status.BLOCKED,
         says="a side keeps too little load on roll",
@@ -198,15 +205,15 @@ SCENES: dict[str, Scene] = {
     "unknown ground across the way": Scene(
         "unknown_terrain", **same(tables_with()),
         ground=plane(unknown=lambda x, y: np.abs(x - 20.0) < 0.3), free_ground=plane(),
-        share=0.1, status=Status.BLOCKED, says="unknown ground under the wheels",
+        share=0.1, status=Status.BLOCKED, says="unknown ground under the body",
     ),
     "unknown ground under one wheel only": Scene(
         "unknown_terrain", **same(tables_with()),
         ground=plane(resolution=0.1, unknown=lambda x, y: np.hypot(x - 20.0, y - 0.5) < 0.12),
         free_ground=plane(
-            resolution=0.1, unknown=lambda x, y: np.hypot(x - 20.0, y - 0.75) < 0.12
+            resolution=0.1, unknown=lambda x, y: np.hypot(x - 20.0, y - 0.85) < 0.12
         ),
-        share=0.1, status=Status.BLOCKED, says="unknown ground under the wheels",
+        share=0.1, status=Status.BLOCKED, says="unknown ground under the body",
     ),
     "the edge of the map": Scene(
         "unknown_terrain", **same(tables_with()),
@@ -221,6 +228,29 @@ SCENES: dict[str, Scene] = {
         "model_validity", **same(tables_with(braking={"grade_range": [-0.05, 0.05]})),
         ground=ground_map(lambda x, y: 0.1 * np.maximum(x - 15.0, 0.0)), free_ground=plane(),
         share=0.1, status=Status.BLOCKED, says="is outside the trained -2.9° … 2.9°",
+    ),
+    "a step across the way": Scene(
+        "step", **same(tables_with()),
+        ground=plane_with(lambda x, y: 0.15 * (x > 20.0)),
+        free_ground=plane_with(lambda x, y: 0.06 * (x > 20.0)),
+        share=0.1, status=Status.BLOCKED, says="m up under the front",
+    ),
+    "a rock between the wheels": Scene(
+        "clearance", **same(tables_with(vehicle={"front_overhang": 0.0})),
+        ground=plane_with(lambda x, y: 0.4 * (np.hypot(x - 20.0, y) < 0.2)),
+        free_ground=plane_with(lambda x, y: 0.15 * (np.hypot(x - 20.0, y) < 0.2)),
+        share=0.1, status=Status.BLOCKED, says="m high between the wheels",
+    ),
+    "a rock before the front overhang": Scene(
+        "body", **same(tables_with(vehicle={"front_overhang": 0.6})),
+        ground=plane_with(lambda x, y: 0.4 * (np.hypot(x - 20.0, y) < 0.2)),
+        free_ground=plane_with(lambda x, y: 0.15 * (np.hypot(x - 20.0, y) < 0.2)),
+        share=0.1, status=Status.BLOCKED, says="m high under the front overhang",
+    ),
+    "a washboard": Scene(
+        "roughness", **same(tables_with()),
+        ground=plane_with(lambda x, y: 0.04 * np.sin(2.0 * np.pi * x / 1.5)),
+        free_ground=plane_with(lambda x, y: 0.04 * np.sin(2.0 * np.pi * x / 15.0)), share=0.3,
     ),
 }  # fmt: skip
 
