@@ -21,6 +21,7 @@ from planner.kernels.compiled import kernel, row_pass
 from planner.swept.blocks import Blocks, blocks_of, smoothed
 from planner.swept.lanes import PLUS_ZERO
 from planner.swept.sizes import SweptSizes
+from planner.swept.wheel_sweep import STEEPEST
 
 UNSEEN, BODY, WHEELS = 1, 2, 4
 """Bits: something in reach is unknown; the body, a wheel may strike."""
@@ -41,6 +42,8 @@ class Screen(NamedTuple):
     Attributes:
         bits: (rows, columns) what poses with their middle in a block may meet.
         steps: (rows, columns) 1 where a wheel in the block may meet a step.
+        east, north, doubt: (rows, columns) slope of the ground around a wheel in the block [1], and
+            how far what it explains of a climb may be off [m].
         seen: (rows, columns) distance from any point of a block within which all is known [m], at
             most the reach of the body.
         first_row, first_column: of the map. cells: along the edge of a block.
@@ -48,6 +51,9 @@ class Screen(NamedTuple):
 
     bits: Bytes
     steps: Bytes
+    east: Singles
+    north: Singles
+    doubt: Singles
     seen: Singles
     first_row: int
     first_column: int
@@ -63,9 +69,9 @@ class _Bounds(NamedTuple):
         body_sq, wheel_sq, saddle_sq: squares of the reach of the body and of the wheels; and by
             how much more the saddle counts.
         spread: share of the range that counts for the body. clearance: of the vehicle.
-        steepest: climb that is no step. trend: share of the range that hides in the trend.
-        radius: of the wheel. gap_sq: chord times radius.
-        near, far: reach of a wheel's climb, and of the trend beside it.
+        steepest: climb that is no step. chord: over which. per_trend: one by the length of the
+            trend [1/m]. midway: from the middle of a block to the middle of both trends.
+        radius: of the wheel. near, far: reach of a wheel's climb, and of the trend beside it.
     """
 
     fit: int
@@ -77,9 +83,10 @@ class _Bounds(NamedTuple):
     spread: np.float32
     clearance: np.float32
     steepest: np.float32
-    trend: np.float32
+    chord: np.float32
+    per_trend: np.float32
+    midway: np.float32
     radius: np.float32
-    gap_sq: np.float32
     near: np.float32
     far: np.float32
 
@@ -121,16 +128,17 @@ def screen_of(
         elevation_map.elevation, window[0] - pad * cells, window[2] - pad * cells, cells,
         (rows + 2 * pad, columns + 2 * pad),
     )  # fmt: skip
-    bits, steps = np.empty((rows, columns), np.uint8), np.empty((rows, columns), np.uint8)
-    seen = np.empty((rows, columns), np.float32)
-    _look_around(blocks, pad, offsets, bounds, sizes.reach, bits, steps, seen)
+    bits, steps = np.empty((2, rows, columns), np.uint8)
+    east, north, doubt, seen = np.empty((4, rows, columns), np.float32)
+    out = Screen(bits, steps, east, north, doubt, seen, window[0], window[2], cells)
+    _look_around(blocks, pad, offsets, bounds, sizes.reach, out)
     if sizes.fine:
         # What a wheel meets begins up to a station behind it, or a chord ahead.
         beside = math.ceil(max(sizes.chord, resolution) / bounds.edge)
         steps = maximum_filter(steps, size=2 * beside + 1)
         ring = math.ceil((sizes.wheel_reach + bounds.edge) / bounds.edge)
         bits |= WHEELS * maximum_filter(steps, size=2 * ring + 1)
-    return Screen(bits, steps, seen, window[0], window[2], cells)
+    return out._replace(bits=bits, steps=steps)
 
 
 def _around(reach: float, edge: float) -> Floats:
@@ -190,9 +198,10 @@ def _bounds(sizes: SweptSizes, cells: int, resolution: float) -> _Bounds:
         spread=f(1.0 + negative),
         clearance=f(sizes.clearance - _ROUNDING),
         steepest=f(sizes.steepest - _ROUNDING),
-        trend=f(0.5 * sizes.chord / sizes.trend),
+        chord=f(sizes.chord),
+        per_trend=f(1.0 / sizes.trend),
+        midway=f(_HALF_DIAGONAL * edge + sizes.chord + resolution + 0.5 * sizes.radius),
         radius=f(sizes.radius if sizes.fine else 0.0),
-        gap_sq=f(sizes.chord * sizes.radius),
         near=f(sizes.chord + sizes.radius + sizes.half_tyre + edge),
         far=f(sizes.profile_reach + sizes.half_tyre + edge),
     )
@@ -222,11 +231,10 @@ class _Surface(NamedTuple):
 
 @kernel
 def _look_around(
-    blocks: Blocks, pad: int, offsets: _Offsets, bounds: _Bounds, reach: float,
-    bits: Bytes, steps: Bytes, seen: Singles,
+    blocks: Blocks, pad: int, offsets: _Offsets, bounds: _Bounds, reach: float, out: Screen
 ) -> None:  # fmt: skip
     """Judge every block by the ground around it; arguments as of :func:`screen_of`."""
-    rows, columns = bits.shape
+    rows, columns = out.bits.shape
     mean = smoothed(blocks.middle, bounds.fit + 1)
     room = np.empty((11, columns), np.float32)
     s = _Surface(
@@ -269,18 +277,21 @@ def _look_around(
                 blocks.middle[k, j:end], blocks.above[k, j:end], blocks.east[k, j:end],
                 blocks.north[k, j:end], x, y, edge, offsets.rim[n], s,
             )  # fmt: skip
-        _judge_body(s, bounds, bits[r])
+        _judge_body(s, bounds, out.bits[r])
+        out.east[r], out.north[r] = s.east, s.north
+        _doubt(s, bounds, out.doubt[r])
         _judge_steps(
             blocks.middle[i, here], blocks.below[i, here], blocks.east[i, here],
-            blocks.north[i, here], s, bounds, steps[r],
+            blocks.north[i, here], s, bounds, out.doubt[r], out.steps[r],
         )  # fmt: skip
         if offsets.near.shape[0] == 0:
-            steps[r] = 0
-        seen[r] = np.float32(reach)
+            out.steps[r] = 0
+        seen = out.seen[r]
+        seen[:] = np.float32(reach)
         for n in range(offsets.hidden.shape[0]):
             k, j = i + offsets.hidden[n, 0], pad + offsets.hidden[n, 1]
-            _nearest(blocks.hidden[k, j : j + columns], offsets.distance[n], seen[r])
-        _unseen(seen[r], np.float32(reach), bits[r])
+            _nearest(blocks.hidden[k, j : j + columns], offsets.distance[n], seen)
+        _unseen(seen, np.float32(reach), out.bits[r])
 
 
 @row_pass
@@ -368,30 +379,44 @@ def _judge_body(s: _Surface, b: _Bounds, bits: Bytes) -> None:
 
 
 @row_pass
+def _doubt(s: _Surface, b: _Bounds, doubt: Singles) -> None:
+    """What the surface explains of a climb may be off by what is left and by how it bends.
+
+    Two slopes count, of which the steeper one explains more than their mean; each rests on two
+    heights. Where one could be too steep to explain anything there is no end of doubt.
+    """
+    half, one, two = np.float32(0.5), np.float32(1.0), np.float32(2.0)
+    for j in range(doubt.shape[0]):
+        bowl = half * (s.bend_x[j] + s.bend_y[j])
+        across = half * (s.bend_x[j] - s.bend_y[j])
+        bend = abs(bowl) + np.sqrt(across * across + s.warp[j] * s.warp[j])
+        slope = np.sqrt(s.east[j] * s.east[j] + s.north[j] * s.north[j]) + b.far * bend
+        lift = b.radius * (np.sqrt(one + slope * slope) - one)
+        spread = s.farthest_up[j] - s.farthest_down[j] + two * slope * b.corner + lift
+        steepest = slope + spread * b.per_trend
+        off = b.chord * (spread * b.per_trend + bend * b.midway)
+        known = (spread >= np.float32(0.0)) & (steepest < np.float32(STEEPEST))
+        doubt[j] = off if known else np.float32(np.inf)
+
+
+@row_pass
 def _judge_steps(
     middle: Singles, below: Singles, east: Singles, north: Singles, s: _Surface, b: _Bounds,
-    steps: Bytes,
+    doubt: Singles, steps: Bytes,
 ) -> None:  # fmt: skip
     """The climb from this block to what is near, against that of a step."""
-    half, one, two = np.float32(0.5), np.float32(1.0), np.float32(2.0)
+    half, one = np.float32(0.5), np.float32(1.0)
     for j in range(steps.shape[0]):
         bowl = half * (s.bend_x[j] + s.bend_y[j])
         across = half * (s.bend_x[j] - s.bend_y[j])
         bend = abs(bowl) + np.sqrt(across * across + s.warp[j] * s.warp[j])
-        slope = np.sqrt(s.east[j] * s.east[j] + s.north[j] * s.north[j])
-        near, far = slope + b.near * bend, slope + b.far * bend
-        lift = b.radius * (np.sqrt(one + near * near) - one)
+        slope = np.sqrt(s.east[j] * s.east[j] + s.north[j] * s.north[j]) + b.near * bend
+        lift = b.radius * (np.sqrt(one + slope * slope) - one)
         tilt = abs(east[j] - s.east[j] * b.edge) + abs(north[j] - s.north[j] * b.edge)
         # Within a block, here and there, the surface bends away from its tangent.
         rise = s.near[j] - (middle[j] - below[j] - half * tilt - s.level[j])
-        # The trend after is looked at a wheel radius farther on.
-        rise += half * (b.edge * b.edge + b.gap_sq) * bend + lift
-        # Two pairs of points that the trend before and after a step rests on, half of each.
-        spread = s.farthest_up[j] - s.farthest_down[j] + two * far * b.corner
-        lift = b.radius * (np.sqrt(one + far * far) - one)
-        rise += b.trend * (rise + spread + lift)
-        clear = (spread >= np.float32(0.0)) & (rise <= b.steepest)
-        steps[j] = 0 if clear else 1
+        rise += half * b.edge * b.edge * bend + lift
+        steps[j] = 0 if rise + doubt[j] <= b.steepest else 1
 
 
 @row_pass

@@ -31,12 +31,12 @@ def screen_for(
 ) -> Screen:
     """The screen of this map, which never changes, around all positions (N, M) [m]."""
     global _recent
-    window = _window(elevation_map, x, y, 0.0)
+    window = _window(elevation_map, sizes, x, y, 0.0)
     for (ground, wheeled), seen, screen in _recent:
         if ground is elevation_map and wheeled == vehicle and _holds(seen, window):
             return screen
     if elevation_map.elevation.size > _WHOLE:
-        window = _window(elevation_map, x, y, _BESIDE)
+        window = _window(elevation_map, sizes, x, y, _BESIDE)
     else:
         window = (0, elevation_map.elevation.shape[0], 0, elevation_map.elevation.shape[1])
     screen = screen_of(elevation_map, sizes, window)
@@ -44,13 +44,17 @@ def screen_for(
     return screen
 
 
-def _window(elevation_map: ElevationMap, x: Floats, y: Floats, beside: float) -> _Window:
-    """First and end row, first and end column of the cells of all positions that are on the map."""
+def _window(
+    elevation_map: ElevationMap, sizes: SweptSizes, x: Floats, y: Floats, beside: float
+) -> _Window:
+    """First and end row, first and end column of the cells around all positions on the map."""
     (rows, columns), per = elevation_map.elevation.shape, 1.0 / elevation_map.resolution
+    # Wheels are asked for as well, and where a block ends the next one begins.
+    around = 2.0 * sizes.reach * per
 
     def span(at: Floats, origin: float, count: int) -> tuple[int, int]:
         low, high = (float(np.clip((v - origin) * per, 0, count - 1)) for v in (at.min(), at.max()))
-        more = beside * (high - low)
+        more = beside * (high - low) + around
         first = max(math.floor(low - more), 0)
         return first, min(math.ceil(high + more) + 1, count)
 

@@ -15,7 +15,7 @@ from planner.swept.findings import Finding, Kind
 from planner.swept.screen import BODY, UNSEEN, WHEELS, Screen
 from planner.swept.sizes import SweptSizes
 from planner.swept.wheel_path import Ground, Pose, contact_height
-from planner.swept.wheel_sweep import step_met, twisted, wheel_at
+from planner.swept.wheel_sweep import Trend, step_met, twisted, wheel_at
 
 _NOTHING = int(Kind.NOTHING)
 _UNKNOWN = int(Kind.UNKNOWN)
@@ -40,8 +40,8 @@ def scratch_for(sizes: SweptSizes, spacing: float) -> Floats:
 
 @inlined
 def pose_met(
-    ground: Ground, pose: Pose, back: float, looks: int, sizes: SweptSizes, scratch: Floats,
-    contact: Floats, unknown_bars: bool,
+    ground: Ground, pose: Pose, back: float, looks: int, sizes: SweptSizes, trends: Floats,
+    scratch: Floats, contact: Floats, unknown_bars: bool,
 ) -> Finding:  # fmt: skip
     """What bars a pose, and all poses since the one before.
 
@@ -50,6 +50,7 @@ def pose_met(
         back: distance of the pose before [m].
         looks: bits of what is looked for; those of the four wheels from ``_WHEEL`` on.
         sizes: of the vehicle.
+        trends: (4, 2) of the wheels, as of :class:`planner.swept.wheel_sweep.Trend`.
         scratch: as of :func:`scratch_for`. contact: (4,) room for heights of the wheels.
         unknown_bars: unknown ground under the body does.
     """
@@ -68,7 +69,8 @@ def pose_met(
         for wheel in range(4):
             if not looks & (_WHEEL << wheel):
                 continue
-            met = step_met(ground, pose, wheel, back, sizes, scratch)
+            trend = Trend(trends[wheel, 0], trends[wheel, 1])
+            met = step_met(ground, pose, wheel, back, sizes, trend, scratch)
             if met.kind != _NOTHING:
                 return met
     if looks & _TWIST:
@@ -98,7 +100,7 @@ def sweep(
         Number of poses that were looked at closely.
     """
     stations, candidates = paths.x.shape
-    contact, looks = np.empty(4), np.empty(candidates, np.int64)
+    contact, looks, trends = np.empty(4), np.empty(candidates, np.int64), np.empty((4, 2))
     barred = np.zeros(candidates, np.uint8)
     looked = 0
     per_block = ground.per_metre / screen.cells
@@ -121,12 +123,18 @@ def sweep(
                 paths.x[k, j], paths.y[k, j], paths.rows.heading_x[k, j],
                 paths.rows.heading_y[k, j],
             )  # fmt: skip
-            look = _looked_closer(pose, looks[j], screen, origin_x, origin_y, per_block, sizes)
+            # The rear wheels roll where the front ones did, but for the first of the way.
+            wheels = 4 if paths.rows.station[k, j] < 2.5 * sizes.half_length else 2
+            look = _looked_closer(
+                pose, looks[j], wheels, screen, (origin_x, origin_y, per_block), sizes, trends
+            )
             if look == 0:
                 continue
             looked += 1
             back = np.sqrt(dx * dx + dy * dy)
-            met = pose_met(ground, pose, back, look, sizes, scratch, contact, bars[_UNKNOWN] > 0)
+            met = pose_met(
+                ground, pose, back, look, sizes, trends, scratch, contact, bars[_UNKNOWN] > 0
+            )
             if bars[met.kind] > 0:
                 row[j] = bars[met.kind]
                 barred[j] = 1
@@ -142,11 +150,18 @@ def _block(at: float, origin: float, per_block: float, count: int) -> int:
 
 @inlined
 def _looked_closer(
-    pose: Pose, looks: int, screen: Screen, origin_x: float, origin_y: float, per_block: float,
-    sizes: SweptSizes,
+    pose: Pose, looks: int, wheels: int, screen: Screen, grid: tuple[float, float, float],
+    sizes: SweptSizes, trends: Floats,
 ) -> int:  # fmt: skip
-    """What is left to look for: with the heading known, circles and wheels can be told apart."""
+    """What is left to look for: with the heading known, circles and wheels can be told apart.
+
+    Args:
+        pose: of the vehicle. looks: bits so far. wheels: how many of the wheels count.
+        screen: of the map. grid: corner of its first block [m], blocks in a metre.
+        sizes: of the vehicle. trends: (4, 2) out, the slopes around the wheels.
+    """
     rows, columns = screen.bits.shape
+    origin_x, origin_y, per_block = grid
     if looks & UNSEEN:
         # Three circles along the body cover it.
         length = sizes.front + sizes.rear + 2.0 * sizes.margin
@@ -161,7 +176,7 @@ def _looked_closer(
             looks &= ~UNSEEN
     if looks & WHEELS:
         looks &= ~WHEELS
-        for wheel in range(4):
+        for wheel in range(wheels):
             ahead, aside = wheel_at(wheel, sizes)
             x = pose.x + ahead * pose.heading_x - aside * pose.heading_y
             y = pose.y + ahead * pose.heading_y + aside * pose.heading_x
@@ -169,6 +184,8 @@ def _looked_closer(
             i = _block(y, origin_y, per_block, rows)
             if screen.steps[i, j]:
                 looks |= WHEELS | (_WHEEL << wheel)
+                slope = screen.east[i, j] * pose.heading_x + screen.north[i, j] * pose.heading_y
+                trends[wheel, 0], trends[wheel, 1] = slope, screen.doubt[i, j]
     return looks
 
 

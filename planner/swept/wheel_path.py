@@ -11,6 +11,9 @@ from planner.ground.elevation_map import height_at
 from planner.kernels.compiled import inlined
 from planner.swept.sizes import SweptSizes
 
+NO_GROUND = -1e12
+"""Height of what is unknown, where the highest counts [m]."""
+
 
 class Ground(NamedTuple):
     """A map for compiled code: heights [m], centre of cell [0, 0] [m], cells a metre."""
@@ -62,21 +65,20 @@ def facet_height(ground: Ground, x: float, y: float) -> float:
 
 @inlined
 def under_tyre(ground: Ground, pose: Pose, ahead: float, aside: float, sizes: SweptSizes) -> float:
-    """Highest known ground across a tyre [m], NaN where all is unknown.
+    """Highest known ground across a tyre [m], :data:`NO_GROUND` where all is unknown.
 
     Args:
         ground: map. pose: of the vehicle.
         ahead, aside: of the middle of the tyre, from the pose [m]. sizes: of the vehicle.
     """
-    highest = -np.inf
+    highest = NO_GROUND
     for n in range(sizes.tyres):
         across = aside + sizes.half_tyre * (2.0 * n / (sizes.tyres - 1) - 1.0)
         x = pose.x + ahead * pose.heading_x - across * pose.heading_y
         y = pose.y + ahead * pose.heading_y + across * pose.heading_x
         height = facet_height(ground, x, y)
-        if height > highest:
-            highest = height
-    return float(highest if highest > -np.inf else np.nan)
+        highest = height if height > highest else highest
+    return highest
 
 
 @inlined
@@ -100,11 +102,11 @@ def contact_height(
         v = (y - ground.origin_y) * ground.per_metre
         return float(height_at(ground.elevation, u, v))
     strides = int(sizes.radius / sizes.stride)
-    highest = -np.inf
+    highest = NO_GROUND
     for n in range(-strides, strides + 1):
         away = n * sizes.stride
         height = under_tyre(ground, pose, ahead + away, aside, sizes)
         height -= drop_of_rim(sizes.radius, away)
         if height > highest:
             highest = height
-    return float(highest if highest > -np.inf else np.nan)
+    return float(highest if highest > 0.5 * NO_GROUND else np.nan)

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from models.arrays import Floats
 from planner.kernels.compiled import inlined
 from planner.swept.findings import Finding, Kind
 from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_path import Ground, Pose, drop_of_rim, under_tyre
+from planner.swept.wheel_path import NO_GROUND, Ground, Pose, drop_of_rim, under_tyre
 
 _NOTHING, _RISE, _DROP, _TWIST = (
     int(Kind.NOTHING), int(Kind.RISE), int(Kind.DROP), int(Kind.TWIST),
 )  # fmt: skip
 
-_STEEPEST = 0.6
+STEEPEST = 0.6
 """Slope that explains a climb or a fall at most, 31°."""
+
+_ABYSS = 0.5 * NO_GROUND
 
 
 @inlined
@@ -43,9 +47,19 @@ def twisted(contact: Floats, sizes: SweptSizes) -> Finding:
     return Finding(_NOTHING, 0.0, 0.0, 0.0)
 
 
+class Trend(NamedTuple):
+    """What the surroundings say of the ground under a wheel: slope along the way, and doubt of the
+    climb over a chord that it explains [m].
+    """
+
+    slope: float
+    doubt: float
+
+
 @inlined
 def step_met(
-    ground: Ground, pose: Pose, wheel: int, back: float, sizes: SweptSizes, scratch: Floats
+    ground: Ground, pose: Pose, wheel: int, back: float, sizes: SweptSizes, trend: Trend,
+    scratch: Floats,
 ) -> Finding:  # fmt: skip
     """The first step or drop that a wheel meets on the last piece of its way.
 
@@ -56,42 +70,64 @@ def step_met(
         ground: map. pose: of the vehicle. wheel: as of :func:`wheel_at`.
         back: how far the pose before is behind this one [m].
         sizes: of the vehicle.
+        trend: where it explains the climb, ground farther away is not looked at.
         scratch: (2, many) room for the profile.
     """
     ahead, aside = wheel_at(wheel, sizes)
     profile, path = scratch[0], scratch[1]
-    stride, reach = sizes.stride, sizes.radius
-    rim, trend = int(reach / stride), int(sizes.trend / stride + 0.5)
+    stride = sizes.stride
+    rim, far = int(sizes.radius / stride), int(sizes.trend / stride + 0.5)
     chord, behind = int(sizes.chord / stride + 0.5), int(np.ceil(back / stride))
-    begin = -(behind + trend + rim)
-    count = min(2 * trend + 3 * rim + behind + chord + 1, profile.shape[0])
-    for n in range(count):
-        profile[n] = under_tyre(ground, pose, ahead + (begin + n) * stride, aside, sizes)
-    _roll(profile, path, count, rim, sizes)
-    first = rim + trend
-    for n in range(first, first + behind + 1):
-        found = _judged(path, n, (chord, rim, trend), sizes)
+    # Samples from the first one that the trend before rests on.
+    first = rim + far
+    last = min(first + behind, profile.shape[0] - (chord + 2 * rim + far) - 1)
+    begin = ahead - (behind + first) * stride
+    for n in range(first - rim, last + chord + rim + 1):
+        profile[n] = under_tyre(ground, pose, begin + n * stride, aside, sizes)
+    _roll(profile, path, first, last + chord, rim, sizes)
+    least, most = np.inf, -np.inf
+    for n in range(first, last + 1):
+        rise = path[n + chord] - path[n]
+        least, most = min(least, rise), max(most, rise)
+    explained = trend.slope * sizes.chord
+    if max(most - explained, explained - least) + trend.doubt <= sizes.steepest:
+        return Finding(_NOTHING, 0.0, 0.0, 0.0)
+    end = last + chord + 2 * rim + far
+    for n in range(0, first - rim):
+        profile[n] = under_tyre(ground, pose, begin + n * stride, aside, sizes)
+    for n in range(last + chord + rim + 1, end + 1):
+        profile[n] = under_tyre(ground, pose, begin + n * stride, aside, sizes)
+    _roll(profile, path, rim, end - rim, rim, sizes)
+    for n in range(first, last + 1):
+        found = _judged(path, n, (chord, rim, far), sizes)
         if found.kind != _NOTHING:
-            return Finding(found.kind, found.height, ahead + (begin + n + chord) * stride, aside)
+            return Finding(found.kind, found.height, begin + (n + chord) * stride, aside)
     return Finding(_NOTHING, 0.0, 0.0, 0.0)
 
 
 @inlined
-def _roll(profile: Floats, path: Floats, count: int, rim: int, sizes: SweptSizes) -> None:
-    """Height of the lowest point of a wheel along its profile; both (count,)."""
-    for n in range(rim, count - rim):
+def _roll(
+    profile: Floats, path: Floats, first: int, last: int, rim: int, sizes: SweptSizes
+) -> None:
+    """Height of the lowest point of a wheel along its profile, from a first to a last sample."""
+    for n in range(first, last + 1):
         path[n] = profile[n]
     for away in range(1, rim + 1):
         drop = drop_of_rim(sizes.radius, away * sizes.stride)
-        for n in range(rim, count - rim):
-            nearby = (
-                profile[n - away] if profile[n - away] > profile[n + away] else profile[n + away]
-            )
-            if np.isnan(profile[n - away]) or np.isnan(profile[n + away]):
-                # One of both may be known.
-                nearby = profile[n + away] if np.isnan(profile[n - away]) else profile[n - away]
-            if nearby - drop > path[n] or np.isnan(path[n]):
-                path[n] = nearby - drop
+        for n in range(first, last + 1):
+            beside = max(profile[n - away], profile[n + away]) - drop
+            path[n] = max(path[n], beside) + 0.0
+    for n in range(first, last + 1):
+        # Into unknown ground a wheel does not fall.
+        path[n] = path[n] if profile[n] > _ABYSS else NO_GROUND
+
+
+@inlined
+def _slope(start: float, end: float, length: float) -> float:
+    """Between two heights, NaN where one is unknown; nothing steeper is the ground's own slope."""
+    if min(start, end) < _ABYSS:
+        return np.nan
+    return min(max((end - start) / length, -STEEPEST), STEEPEST)
 
 
 @inlined
@@ -100,14 +136,14 @@ def _judged(path: Floats, n: int, samples: tuple[int, int, int], sizes: SweptSiz
 
     What comes after counts from a wheel radius on: until then a wheel may still be falling.
     """
-    chord, rim, trend = samples
-    length, end = trend * sizes.stride, n + chord + rim
-    before = _clipped((path[n] - path[n - trend]) / length)
-    after = _clipped((path[end + trend] - path[end]) / length)
-    if np.isnan(before):
-        before = after
-    if np.isnan(after):
-        after = before
+    chord, rim, far = samples
+    length, end = far * sizes.stride, n + chord + rim
+    before = _slope(path[n - far], path[n], length)
+    after = _slope(path[end], path[end + far], length)
+    before = after if np.isnan(before) else before
+    after = before if np.isnan(after) else after
+    if np.isnan(before) or min(path[n], path[n + chord]) < _ABYSS:
+        return Finding(_NOTHING, 0.0, 0.0, 0.0)
     rise = path[n + chord] - path[n]
     uphill, downhill = max(before, after), min(before, after)
     if rise - uphill * sizes.chord > sizes.steepest:
@@ -115,12 +151,6 @@ def _judged(path: Floats, n: int, samples: tuple[int, int, int], sizes: SweptSiz
     if downhill * sizes.chord - rise > sizes.steepest:
         return Finding(_DROP, -_whole(path, n, chord, downhill, sizes), 0.0, 0.0)
     return Finding(_NOTHING, 0.0, 0.0, 0.0)
-
-
-@inlined
-def _clipped(slope: float) -> float:
-    """Nothing steeper is the ground's own slope."""
-    return min(max(slope, -_STEEPEST), _STEEPEST) if slope == slope else slope
 
 
 @inlined

@@ -40,6 +40,11 @@ BRISK = {"accel": 3.0, "decel": 3.0, "jerk": 30.0}
 STRONG = {"max_drive_force": 9000.0, "max_drive_power": 90_000.0, "max_wheel_speed": 20.0}
 
 
+def plane_with(height: Callable[[np.ndarray, np.ndarray], Any]) -> ElevationMap:
+    """Cells finer than a wheel."""
+    return ground_map(height, resolution=0.1)
+
+
 @dataclass(frozen=True)
 class Scene:
     """What is planned, and the one thing that takes the bound away."""
@@ -72,10 +77,6 @@ def same(tables: Tables) -> dict[str, Tables]:
 
 def limits(**values: float) -> Tables:
     return tables_with(limits=values)
-
-
-def fine(height: Callable[[Any, Any], Any]) -> ElevationMap:
-    return ground_map(height, resolution=0.1)
 
 
 FAST = {"speed_range": [1.0, 30.0], "m_b": 0.0}
@@ -132,7 +133,8 @@ SCENES: dict[str, Scene] = {
     ),
     "rollover standing across a slope": Scene(
         "rollover",
-        **same(tables_with(vehicle=LONG_BASE | {"cg_z": 0.9, "wheel_travel": 1.0}, limits={"min_load": 0.4})),
+        **same(tables_with(vehicle=LONG_BASE | {"cg_z": 0.9, "wheel_travel": 0.5},
+                           limits={"min_load": 0.4})),
         ground=ground_map(lambda x, y: 0.4 * y * np.clip((x - 15.0) / 5.0, 0.0, 1.0)),
         free_ground=plane(), share=0.01, status=Status.BLOCKED,
         says="keeps too little load on roll",
@@ -203,15 +205,15 @@ SCENES: dict[str, Scene] = {
     "unknown ground across the way": Scene(
         "unknown_terrain", **same(tables_with()),
         ground=plane(unknown=lambda x, y: np.abs(x - 20.0) < 0.3), free_ground=plane(),
-        share=0.1, status=Status.BLOCKED, says="unknown ground under the",
+        share=0.1, status=Status.BLOCKED, says="unknown ground under the body",
     ),
     "unknown ground under one wheel only": Scene(
         "unknown_terrain", **same(tables_with()),
         ground=plane(resolution=0.1, unknown=lambda x, y: np.hypot(x - 20.0, y - 0.5) < 0.12),
         free_ground=plane(
-            resolution=0.1, unknown=lambda x, y: np.hypot(x - 20.0, y - 0.75) < 0.12
+            resolution=0.1, unknown=lambda x, y: np.hypot(x - 20.0, y - 0.85) < 0.12
         ),
-        share=0.1, status=Status.BLOCKED, says="unknown ground under the",
+        share=0.1, status=Status.BLOCKED, says="unknown ground under the body",
     ),
     "the edge of the map": Scene(
         "unknown_terrain", **same(tables_with()),
@@ -232,27 +234,6 @@ SCENES: dict[str, Scene] = {
         ground=ground_map(lambda x, y: 0.08 * y * np.clip(x - 15.0, 0.0, 1.0)),
         free_ground=plane(), share=0.1, status=Status.BLOCKED, says="outside the trained -2.9°",
     ),
-    "a curb": Scene(
-        "step", **same(tables_with()), ground=fine(lambda x, y: 0.2 * (x > 18.0)),
-        free_ground=fine(lambda x, y: 0.03 * (x > 18.0)), share=0.05, status=Status.BLOCKED,
-        says="step",
-    ),
-    "a rock between the wheels": Scene(
-        "clearance", **same(tables_with(vehicle={"front_overhang": 0.0})),
-        ground=fine(lambda x, y: 0.6 * np.exp(-((x - 18.0) ** 2 + y**2) / 0.02)),
-        free_ground=fine(lambda x, y: 0.1 * np.exp(-((x - 18.0) ** 2 + y**2) / 0.02)),
-        share=0.05, status=Status.BLOCKED,
-    ),
-    "a wall beside the way": Scene(
-        "body", **same(tables_with(vehicle={"width": 1.8})),
-        ground=fine(lambda x, y: 1.5 * ((y > 0.8) & (x > 18.0))), free_ground=plane(),
-        share=0.05, status=Status.BLOCKED,
-    ),
-    "a washboard": Scene(
-        "roughness", **same(tables_with()),
-        ground=fine(lambda x, y: 0.03 * np.sin(2.0 * np.pi * x / 1.1)),
-        free_ground=fine(lambda x, y: 0.03 * np.sin(2.0 * np.pi * x / 30.0)), share=0.3,
-    ),
     "a ridge": Scene(
         "crest", **same(tables_with(limits=BRISK | {"speed": 6.0},
                                     braking={"speed_range": [1.0, 6.0]})),
@@ -269,6 +250,29 @@ SCENES: dict[str, Scene] = {
         tables_with(braking={"b_b": 0.3, "b_m": 0.0}),
         ground=ground_map(lambda x, y: 0.16 * np.clip(x - 15.0, 0.0, None)), share=0.05,
         status=Status.BLOCKED, says="the brakes do not hold on grade 8",
+    ),
+    "a step across the way": Scene(
+        "step", **same(tables_with()),
+        ground=plane_with(lambda x, y: 0.15 * (x > 20.0)),
+        free_ground=plane_with(lambda x, y: 0.06 * (x > 20.0)),
+        share=0.1, status=Status.BLOCKED, says="m up under the front",
+    ),
+    "a rock between the wheels": Scene(
+        "clearance", **same(tables_with(vehicle={"front_overhang": 0.0})),
+        ground=plane_with(lambda x, y: 0.4 * (np.hypot(x - 20.0, y) < 0.2)),
+        free_ground=plane_with(lambda x, y: 0.15 * (np.hypot(x - 20.0, y) < 0.2)),
+        share=0.1, status=Status.BLOCKED, says="m high between the wheels",
+    ),
+    "a rock before the front overhang": Scene(
+        "body", **same(tables_with(vehicle={"front_overhang": 0.6})),
+        ground=plane_with(lambda x, y: 0.4 * (np.hypot(x - 20.0, y) < 0.2)),
+        free_ground=plane_with(lambda x, y: 0.15 * (np.hypot(x - 20.0, y) < 0.2)),
+        share=0.1, status=Status.BLOCKED, says="m high under the front overhang",
+    ),
+    "a washboard": Scene(
+        "roughness", **same(tables_with()),
+        ground=plane_with(lambda x, y: 0.04 * np.sin(2.0 * np.pi * x / 1.5)),
+        free_ground=plane_with(lambda x, y: 0.04 * np.sin(2.0 * np.pi * x / 15.0)), share=0.3,
     ),
 }  # fmt: skip
 

@@ -27,6 +27,11 @@ LEVEL = plane()
 WIDE = plane(x=(-30.0, 30.0), y=(-30.0, 30.0))
 
 
+def fine(height: Callable[[np.ndarray, np.ndarray], Any]) -> ElevationMap:
+    """Cells finer than a wheel."""
+    return ground_map(height, resolution=0.1)
+
+
 def seconds(explanation: Explanation, bound: Limiting) -> float:
     return next(cost.seconds for cost in explanation.costs if cost.limiting is bound)
 
@@ -76,6 +81,20 @@ SCENES: dict[Limiting, tuple[Model, ElevationMap, Any, dict[str, Any]]] = {
     Limiting.JERK: (with_limits(jerk=0.1), LEVEL, straight(20.0), {}),
     Limiting.UNKNOWN_TERRAIN: (
         with_limits(), plane(unknown=lambda x, y: x > 10.0), straight(20.0), {}
+    ),
+    Limiting.STEP: (
+        with_limits(), fine(lambda x, y: 0.15 * (x > 10.0)), straight(20.0), {}
+    ),
+    Limiting.CLEARANCE: (
+        with_tables(vehicle={"front_overhang": 0.0}),
+        fine(lambda x, y: 0.4 * (np.hypot(x - 10.0, y) < 0.2)), straight(20.0), {},
+    ),
+    Limiting.BODY: (
+        with_tables(vehicle={"front_overhang": 0.6}),
+        fine(lambda x, y: 0.4 * (np.hypot(x - 10.0, y) < 0.2)), straight(20.0), {},
+    ),
+    Limiting.ROUGHNESS: (
+        with_limits(), fine(lambda x, y: 0.04 * np.sin(2.0 * np.pi * x / 1.5)), straight(20.0), {},
     ),
     Limiting.MODEL_VALIDITY: (
         with_tables(braking={"grade_range": [-0.05, 0.05]}),

@@ -71,13 +71,14 @@ def test_blocked_says_where_and_why_and_is_as_sound() -> None:
     plan = plan_one(ATV, plane(unknown=lambda x, y: x > 20.0), straight(30.0))
     assert plan.status is Status.BLOCKED
     found = re.fullmatch(
-        r"stops before (\d+\.\d\d) m of 30\.00 m: unknown ground under the wheels at (\d+\.\d\d) m",
+        r"stops before (\d+\.\d\d) m of 30\.00 m: at (\d+\.\d\d) m unknown ground under the body "
+        r"at x 20\.25 m, y -?\d\.\d\d m",
         plan.reason,
     )
     assert found
     assert float(found[1]) == pytest.approx(plan.clear_distance, abs=0.005)
-    # Front wheels 0.6 m ahead, and all four cells around them known.
-    assert 20.0 - 0.6 - 0.5 <= plan.clear_distance <= 20.0 - 0.6
+    # The body 0.88 m ahead, and half of the first unknown cell.
+    assert 20.125 - 0.88 - 0.25 <= plan.clear_distance <= 20.125 - 0.88
     assert plan.progress <= plan.clear_distance
     assert_sound(plan, ATV)
 
