@@ -23,10 +23,10 @@ NO_LIMIT = 1e6
 
 
 class Brakes(NamedTuple):
-    """Force of R surfaces at M samples, linear in the speed at onset.
+    """Force of the R surfaces that are touched, at M samples, linear in the speed at onset.
 
     Attributes:
-        on: (R, M) surfaces that a wheel may be on.
+        names: of the surfaces. on: (R, M) where a wheel may be on them.
         slope, intercept: (R, M) of F_b/W, without ground terms [s/m], [1].
         spare: (R, M) share by which it may be off where the model extrapolates.
         slowest: (R, 1) speeds below which the force no longer changes [m/s].
@@ -38,6 +38,7 @@ class Brakes(NamedTuple):
         steeper, leaning: (M,) by how much grade and roll are outside what was trained [rad].
     """
 
+    names: tuple[str, ...]
     on: Bools
     slope: Floats
     intercept: Floats
@@ -71,6 +72,8 @@ def brakes_along(model: Model, ground: Ground, line: Line, class_names: tuple[st
         for surface in _surfaces_of(model.braking, name):
             on[names.index(surface)] |= ground.classes[index]
     on[0] |= ~on.any(axis=0)
+    touched = np.flatnonzero(on.any(axis=1)).tolist()
+    names, tables, on = [names[i] for i in touched], [tables[i] for i in touched], on[touched]
     scale = registry.force_scale(model.effect)
     forces = [_force_of(table, model, ground.grade, scale) for table in tables]
     place = Place(ground.grade, ground.roll, line.x, line.y, line.heading, 0.0)
@@ -86,6 +89,7 @@ def brakes_along(model: Model, ground: Ground, line: Line, class_names: tuple[st
         return found
 
     return Brakes(
+        names=tuple(names),
         on=on,
         slope=np.array([slope for slope, _ in forces]),
         intercept=np.array([intercept for _, intercept in forces]),

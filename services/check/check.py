@@ -17,7 +17,7 @@ from services.check.line import Line, line_of
 from services.check.obstacles import judge_obstacles
 from services.check.report import CheckReport, Ledger
 from services.check.standing import judge_places, judge_stops
-from services.check.stops import StopField
+from services.check.stop_field import StopField
 
 _ON = 0.3  # [m] behind its last row a plan may still end a stop at least
 _STANDS = "the plan stands in one place"

@@ -108,10 +108,10 @@ def _turns(ledger: Ledger, model: Model, line: Line, pose: Pose, motion: Motion)
     free = motion.moving & ~motion.excused
     turn = motion.speed**2 * np.abs(pose.turn)
     outward = GRAVITY * pose.tilt * np.sign(line.curvature)
-    turns = turn >= _TINY_TURN * limit
     found = turn + outward
+    beyond = np.minimum(found / limit - 1.0, turn / limit - _TINY_TURN)
     ledger.add(
-        "lateral", np.where(free & turns, found / limit - 1.0, _NOTHING),
+        "lateral", np.where(free, beyond, _NOTHING),
         "lateral acceleration of {0:.2f} m/s², {1:.2f} of it by the bank", found, outward,
     )  # fmt: skip
     pressed = motion.speed**2 * pose.bend

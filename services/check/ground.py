@@ -104,10 +104,16 @@ def _bend(station: Floats, grade: Floats, known: Bools, wheelbase: float, line: 
 
 
 def _body_known(heights: Heights, line: Line, vehicle: Vehicle) -> Bools:
-    """Is there no unknown cell below the body, looked at once in every cell and at its corners?"""
+    """Is there no unknown cell below the body, but for where it stands at the first row already?"""
     ahead, aside = below_body(vehicle, heights.resolution)
     x, y = beside(line, ahead[:, None], aside[:, None])
-    known: Bools = np.all(cell_is_known(heights, x, y), axis=0)
+    east, north = x - line.x[0], y - line.y[0]
+    cos, sin = np.cos(line.heading[0]), np.sin(line.heading[0])
+    shape, margin = vehicle.shape, 0.5 * heights.resolution
+    along, across = east * cos + north * sin, north * cos - east * sin
+    stands = (along > -shape.rear - margin) & (along < shape.front + margin)
+    stands &= np.abs(across) < 0.5 * shape.width + margin
+    known: Bools = np.all(cell_is_known(heights, x, y) | stands, axis=0)
     return known
 
 

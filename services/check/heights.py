@@ -54,13 +54,17 @@ def height_of(heights: Heights, x: Floats, y: Floats) -> Floats:
 
 
 def cell_is_known(heights: Heights, x: Floats, y: Floats) -> Bools:
-    """Whether the one cell that holds each point is known; any shape."""
+    """Whether the one cell that holds each point is known; any shape.
+
+    Less than a cell beyond its outermost centres the map counts as the cell at its rim.
+    """
     z = heights.elevation
     rows, columns = z.shape
     u, v = in_cells(heights, x, y)
-    i, j = np.floor(v + 0.5).astype(np.int64), np.floor(u + 0.5).astype(np.int64)
-    inside = (i >= 0) & (j >= 0) & (i < rows) & (j < columns)
-    known: Bools = inside & np.isfinite(z[np.where(inside, i, 0), np.where(inside, j, 0)])
+    inside = (u > -1.0) & (v > -1.0) & (u < columns) & (v < rows)
+    i = np.clip(np.floor(np.where(inside, v, 0.0) + 0.5).astype(np.int64), 0, rows - 1)
+    j = np.clip(np.floor(np.where(inside, u, 0.0) + 0.5).astype(np.int64), 0, columns - 1)
+    known: Bools = inside & np.isfinite(z[i, j])
     return known
 
 

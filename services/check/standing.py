@@ -13,7 +13,8 @@ from services.check.driving import Motion, add_load
 from services.check.friction import braking_cap
 from services.check.ground import Ground
 from services.check.report import Ledger
-from services.check.stops import StopField, Stops, stops_as_told, stops_from
+from services.check.stop_field import StopField
+from services.check.stops import Stops, stops_as_told, stops_from
 
 _TRAINED = np.deg2rad(0.6)  # beyond what was trained, between two rows
 _ON = 2.0  # [m] that a stop is followed beyond the clear distance

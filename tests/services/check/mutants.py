@@ -2,7 +2,8 @@
 
 Which mutants are unsafe is not for the checker to say: a mutant counts if the oracle of the tests,
 another judge, finds its speeds wrong on the stations and slopes of the honest plan of the same
-path. One whose mistake makes it slower, or that keeps within what bounds leave, is safe.
+path. One whose mistake makes it slower, or that keeps within what bounds leave, is safe; so is one
+that stops on slopes less than a tenth beyond what was trained, where checkers may disagree.
 Of the mutants the checker sees positions, speeds and how far the way is known free, nothing else.
 """
 
@@ -21,6 +22,7 @@ import pytest
 
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
+from planner.limiting import Limiting
 from planner.path import CandidatePath
 from planner.pipeline import time_optimal_batch
 from planner.pipeline.candidates import CandidatePlanner
@@ -37,6 +39,9 @@ UNSAFE = {
     "speed_limit": 0.02, "speed_range": 0.02, "wheel_speed": 0.02, "decel": 0.1, "accel": 0.1,
 }  # fmt: skip
 """Amounts by which the oracle has to find a mutant unsafe, in m, shares, m/s² and m/s."""
+
+STEEP = 0.1
+"""Share by which slopes are beyond what was trained where the way ends for certain."""
 
 
 @dataclass(frozen=True)
@@ -147,12 +152,24 @@ def matters(mutant: SpeedPlan, honest: SpeedPlan, question: Question) -> bool:
 
 
 def _reach(honest: SpeedPlan, question: Question) -> float:
-    """Station that stops must not pass: that of the barrier itself, not of the row before it."""
+    """Station that stops must not pass, where nobody argues: unknown, or a tenth too steep."""
     end = float(honest.station[-1])
-    clear = question.clear - question.model.vehicle.shape.front
-    barred = honest.clear_distance < min(clear, end) - 1e-6
-    beyond = honest.station[honest.station > honest.clear_distance + 1e-9]
-    return float(beyond[0]) if barred and len(beyond) else min(clear, end)
+    clear = min(question.clear - question.model.vehicle.shape.front, end)
+    row = int(np.searchsorted(honest.station, honest.clear_distance - 1e-9))
+    why = Limiting(int(honest.limiting[row]))
+    if honest.clear_distance >= clear - 1e-6 or row + 1 >= len(honest.station):
+        return clear
+    if why is Limiting.UNKNOWN_TERRAIN:
+        return float(honest.station[row + 1])
+    braking = question.model.braking
+    beyond = np.zeros_like(honest.station)
+    for values, bounds in (
+        (honest.grade, braking.grade_range), (honest.roll, braking.trained_roll),
+    ):  # fmt: skip
+        for sign, bound in zip((-1.0, 1.0), bounds, strict=True):
+            beyond = np.maximum(beyond, sign * values / abs(bound) - 1.0)
+    steep = np.flatnonzero(beyond > STEEP)
+    return min(clear, float(honest.station[steep[0]])) if len(steep) else clear
 
 
 @contextlib.contextmanager

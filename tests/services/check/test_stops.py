@@ -10,12 +10,13 @@ import pytest
 
 from models.parameters import Model
 from models.stops.simulation import GroundTrack, simulate_stop
-from services.check import stops as module
+from services.check import stop_lanes
 from services.check.brakes import brakes_along
 from services.check.ground import ground_under
 from services.check.line import line_of
 from services.check.loads import Pose
-from services.check.stops import StopField, Stops, stops_as_told, stops_from
+from services.check.stop_field import StopField
+from services.check.stops import Stops, stops_as_told, stops_from
 from tests.services.check.drives import Surface, ground, model_with, slope, straight
 
 G = 9.80665
@@ -110,7 +111,7 @@ def test_agrees_with_the_slow_reference(effect: tuple[str, Mapping[str, Any]]) -
 def test_halving_the_step_changes_nothing_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     field = field_of(model_with(), waves)
     coarse, _ = stops_on(field)
-    monkeypatch.setattr(module, "TIME_STEP", 0.5 * module.TIME_STEP)
+    monkeypatch.setattr(stop_lanes, "TIME_STEP", 0.5 * stop_lanes.TIME_STEP)
     fine, _ = stops_on(field)
     np.testing.assert_allclose(coarse.end, fine.end, atol=1e-3)
     np.testing.assert_allclose(coarse.rear, fine.rear, atol=2e-3)
