@@ -235,7 +235,7 @@ SCENES: dict[str, Scene] = {
         free_ground=plane(), share=0.1, status=Status.BLOCKED, says="outside the trained -2.9°",
     ),
     "a ridge": Scene(
-        "crest", **same(tables_with(limits=BRISK | {"speed": 6.0},
+        "crest", **same(tables_with(vehicle=STRONG, limits=BRISK | {"speed": 6.0},
                                     braking={"speed_range": [1.0, 6.0]})),
         ground=ground_map(lambda x, y: -0.14 * np.abs(x - 18.0)), free_ground=plane(), share=0.01,
     ),
@@ -243,7 +243,7 @@ SCENES: dict[str, Scene] = {
         "friction",
         tables_with(braking={"sliding_friction": 0.35}, limits=BRISK | {"lateral_accel": 9.0}),
         tables_with(limits=BRISK | {"lateral_accel": 9.0}),
-        ground=plane(x=(-20.0, 20.0), y=(-3.0, 20.0)), path=arc(25.0, 0.15), share=0.1,
+        ground=plane(x=(-20.0, 20.0), y=(-3.0, 20.0)), path=arc(25.0, 0.15), share=0.02,
     ),
     "a slope that the brakes do not hold": Scene(
         "holding", tables_with(braking={"b_b": 0.12, "b_m": 0.0}),
@@ -258,7 +258,7 @@ SCENES: dict[str, Scene] = {
         share=0.1, status=Status.BLOCKED, says="m up under the front",
     ),
     "a rock between the wheels": Scene(
-        "clearance", **same(tables_with(vehicle={"front_overhang": 0.0})),
+        "clearance", **same(tables_with(vehicle={"front_overhang": 0.0, "wheelbase": 1.25, "cg_x": 0.625})),
         ground=plane_with(lambda x, y: 0.4 * (np.hypot(x - 20.0, y) < 0.2)),
         free_ground=plane_with(lambda x, y: 0.15 * (np.hypot(x - 20.0, y) < 0.2)),
         share=0.1, status=Status.BLOCKED, says="m high between the wheels",

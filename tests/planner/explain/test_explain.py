@@ -56,10 +56,6 @@ def with_limits(**limits: float) -> Model:
 FAST = {"speed": 4.0, "accel": 4.0, "decel": 4.0, "jerk": 50.0, "lateral_accel": 20.0}
 
 
-def fine(height: Callable[[Any, Any], Any]) -> ElevationMap:
-    return ground_map(height, resolution=0.1)
-
-
 SCENES: dict[Limiting, tuple[Model, ElevationMap, Any, dict[str, Any]]] = {
     Limiting.SPEED_LIMIT: (with_limits(speed=1.5), LEVEL, straight(20.0), {}),
     Limiting.STOPPING_PATH: (with_limits(**FAST), LEVEL, straight(20.0), {"clear": 4.88}),
@@ -113,7 +109,10 @@ SCENES: dict[Limiting, tuple[Model, ElevationMap, Any, dict[str, Any]]] = {
         with_limits(), fine(lambda x, y: 0.03 * np.sin(2.0 * np.pi * x / 1.1)), straight(20.0), {}
     ),
     Limiting.CREST: (
-        with_tables(limits={**FAST, "speed": 6.0}, braking={"speed_range": [1.0, 6.0]}),
+        with_tables(
+            limits={**FAST, "speed": 6.0}, braking={"speed_range": [1.0, 6.0]},
+            vehicle={"max_drive_force": 9e3, "max_drive_power": 9e4, "max_wheel_speed": 20.0},
+        ),
         ground_map(lambda x, y: -0.14 * np.abs(x - 14.0), resolution=0.5), straight(28.0), {},
     ),
     Limiting.FRICTION: (
