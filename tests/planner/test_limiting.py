@@ -258,7 +258,8 @@ SCENES: dict[str, Scene] = {
         share=0.1, status=Status.BLOCKED, says="m up under the front",
     ),
     "a rock between the wheels": Scene(
-        "clearance", **same(tables_with(vehicle={"front_overhang": 0.0, "wheelbase": 1.25, "cg_x": 0.625})),
+        "clearance",
+        **same(tables_with(vehicle={"front_overhang": 0.0, "wheelbase": 1.25, "cg_x": 0.625})),
         ground=plane_with(lambda x, y: 0.4 * (np.hypot(x - 20.0, y) < 0.2)),
         free_ground=plane_with(lambda x, y: 0.15 * (np.hypot(x - 20.0, y) < 0.2)),
         share=0.1, status=Status.BLOCKED, says="m high between the wheels",
