@@ -28,7 +28,9 @@ def test_the_vehicle_drives_and_fans_begin_at_it() -> None:
         assert len(answer.ranking) == CANDIDATES
         answers.append(answer)
     assert drive.metres > 5.0
-    assert {answer.status for answer in answers} <= {Status.OK, Status.BLOCKED}
+    # Where the ground of a new fan is slower than the vehicle, it brakes harder and says so.
+    assert {answer.status for answer in answers} <= {Status.OK, Status.BLOCKED, Status.DEGRADED}
+    assert sum(answer.status is Status.DEGRADED for answer in answers) < 0.2 * len(answers)
 
 
 def test_arcs_are_as_long_as_they_should_be() -> None:

@@ -496,7 +496,7 @@ def test_the_batch_is_what_plans_are_made_from() -> None:
     model = model_of(ATV)
     solved = time_optimal_batch(ground, part, model, start_speed=0.7, clear=5.0)
     rough = CandidatePlanner(model, PlannerSettings(smooth=False)).plan(
-        ground, paths, start_speed=0.7, clear=5.0
+        ground, paths, start_speed=0.7, clear=5.0 + 0.88
     )
     for j, plan in enumerate(rough):
         n = len(plan.station)

@@ -178,8 +178,8 @@ def test_bad_models(ground: Path, tmp_path: Path, old: str, new: str, expected: 
 def test_real_dem_from_the_command_line(tmp_path: Path) -> None:
     dem = real_data("dem/giswqs_dem.tif")
     paths = tmp_path / "paths.csv"
-    x = np.linspace(429_400.0, 429_430.0, 31)
-    y = 5_150_700.0 + 2.0 * np.sin(np.linspace(0.0, 3.0, 31))
+    x = np.linspace(429_280.0, 429_310.0, 31)
+    y = 5_150_640.0 + 2.0 * np.sin(np.linspace(0.0, 3.0, 31))
     paths.write_text("x,y\n" + "\n".join(f"{a},{b}" for a, b in zip(x, y, strict=True)) + "\n")
     result = here("plan", dem, paths, "--model", "atv", "--out", tmp_path / "plan.csv")
     assert result.returncode == 0, result.stderr
