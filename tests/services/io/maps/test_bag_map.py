@@ -288,6 +288,6 @@ def test_public_recordings_are_planned_on_and_pictured(
         assert done.exit_code == 3
         assert plans["edge"]["status"] == "blocked"
         assert "is outside the trained" in plans["edge"]["reason"]  # it lies 18° across
-        assert "outside the trained" in plans["middle"]["reason"]  # a step of 0.4 m
+        assert "under the front overhang" in plans["middle"]["reason"]  # a step of 0.4 m
     assert "<svg" in page.read_text() or "<canvas" in page.read_text()
     assert not with_scene or scene.stat().st_size > 10_000
