@@ -33,7 +33,7 @@ STATUSES = ("ok", "blocked", "infeasible", "degraded")
 END_SLACK = 0.05  # m past the last station that is still integrated, on the last values
 GIVE_UP = 60.0  # s after which a stop that creeps on counts as none
 DISTANCE_AGREES = 2e-3  # m between the reported and the own stopping distance
-CREST_AGREES = 4e-2  # by so much a reported share may be lower, for the crests between stations
+CREST_AGREES = 1e-1  # by so much a reported share may be lower, for the crests between stations
 LOAD_AGREES = 1e-3  # between the reported and the own rear load share
 
 Columns = Mapping[str, np.ndarray]

@@ -16,7 +16,7 @@ from tests.services.service_process import free_port, running
 
 G = 9.80665
 STORE = '[store]\npath = "p.sqlite"\n'
-SOON = 3.0
+SOON = 5.0
 """From the start of the process to the first plan [s]: of a processor always, of the clock unless
 the machine has others to serve."""
 
