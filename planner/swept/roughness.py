@@ -20,7 +20,7 @@ import numpy as np
 from models.arrays import Floats, Singles
 from models.parameters import Model
 from planner.kernels.compiled import kernel, row_pass
-from planner.kernels.workspace import empty
+from planner.kernels.workspace import empty, empty_singles
 from planner.swept.lanes import PLUS_ZERO
 from planner.swept.sizes import SweptSizes
 
@@ -102,9 +102,9 @@ def rough_speeds(behind: Singles, front: Singles, ride: Ride, spacing: Floats) -
     """
     stations, _, candidates = front.shape
     count = len(behind) + stations
-    path = empty(count, candidates).view(np.float32).reshape(count, 2, candidates)
+    path = empty_singles(count, 2, candidates)
     _roll(behind, front, ride, path)
-    reached = np.empty((count, candidates), np.float32)
+    reached = empty_singles(count, candidates)
     _drive(path, ride, reached)
     held = empty(stations, candidates)
     _hold(reached, ride, spacing / ride.spacing, held)

@@ -2,8 +2,8 @@
 
 Around each block of cells a quadratic surface is taken off. Wheels and body follow planes exactly;
 four wheels at one distance from the middle follow a bowl; what a saddle costs is bounded by its
-curvature, and all else by the range of what is left. A step is looked for in what is left, too:
-the trend before and after cancels the quadratic surface. So the screen never clears a pose that
+curvature, and all else by the range of what is left. A step is looked for in what is left, too: the
+slope of the surface explains the rest of a climb. So the screen never clears a pose that
 :mod:`planner.swept.sweep` bars; it may send it one that is free.
 """
 
@@ -21,7 +21,7 @@ from planner.kernels.compiled import kernel, row_pass
 from planner.swept.blocks import Blocks, blocks_of, smoothed
 from planner.swept.lanes import PLUS_ZERO
 from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_sweep import STEEPEST
+from planner.swept.wheel_sweep import SLOPE_OPEN
 
 UNSEEN, BODY, WHEELS = 1, 2, 4
 """Bits: something in reach is unknown; the body, a wheel may strike."""
@@ -42,8 +42,7 @@ class Screen(NamedTuple):
     Attributes:
         bits: (rows, columns) what poses with their middle in a block may meet.
         steps: (rows, columns) 1 where a wheel in the block may meet a step.
-        east, north, doubt: (rows, columns) slope of the ground around a wheel in the block [1], and
-            how far what it explains of a climb may be off [m].
+        east, north: (rows, columns) slope of the ground around a wheel in the block [1].
         seen: (rows, columns) distance from any point of a block within which all is known [m], at
             most the reach of the body.
         first_row, first_column: of the map. cells: along the edge of a block.
@@ -53,7 +52,6 @@ class Screen(NamedTuple):
     steps: Bytes
     east: Singles
     north: Singles
-    doubt: Singles
     seen: Singles
     first_row: int
     first_column: int
@@ -69,9 +67,9 @@ class _Bounds(NamedTuple):
         body_sq, wheel_sq, saddle_sq: squares of the reach of the body and of the wheels; and by
             how much more the saddle counts.
         spread: share of the range that counts for the body. clearance: of the vehicle.
-        steepest: climb that is no step. chord: over which. per_trend: one by the length of the
-            trend [1/m]. midway: from the middle of a block to the middle of both trends.
-        radius: of the wheel. near, far: reach of a wheel's climb, and of the trend beside it.
+        steepest: climb that is no step, what the slope around leaves open taken off. chord: over
+            which. apart: of the climb from the middle of the block at most.
+        radius: of the wheel. near: reach of its climb.
     """
 
     fit: int
@@ -84,24 +82,23 @@ class _Bounds(NamedTuple):
     clearance: np.float32
     steepest: np.float32
     chord: np.float32
-    per_trend: np.float32
-    midway: np.float32
+    apart: np.float32
     radius: np.float32
     near: np.float32
-    far: np.float32
 
 
 class _Offsets(NamedTuple):
     """Blocks around a block: (k, 2) rows and columns each, and a length [m] for each of some.
 
     Attributes:
-        body, trend: that body and wheels reach; that decide the trend beside them, beyond these.
+        body: that body and wheels reach.
+        base: in which a wheel's climb or fall may begin or end.
         near, rim: that a wheel feels when it climbs; how far its rim is above them at least.
         hidden, distance: within reach of the body; how far they are at least.
     """
 
     body: Ints
-    trend: Ints
+    base: Ints
     near: Ints
     rim: Singles
     hidden: Ints
@@ -121,7 +118,8 @@ def screen_of(
     resolution = elevation_map.resolution
     cells = max(round(2.0 * sizes.half_length / _BLOCKS / resolution), 1)
     offsets, bounds = _offsets(sizes, cells, resolution), _bounds(sizes, cells, resolution)
-    pad = 1 + max(int(np.abs(o).max(initial=bounds.fit)) for o in (offsets.body, offsets.trend))
+    widest = max(int(np.abs(part).max(initial=0)) for part in (offsets.body, offsets.near))
+    pad = 2 + max(widest, bounds.fit)
     rows = math.ceil((window[1] - window[0]) / cells)
     columns = math.ceil((window[3] - window[2]) / cells)
     blocks = blocks_of(
@@ -129,13 +127,10 @@ def screen_of(
         (rows + 2 * pad, columns + 2 * pad),
     )  # fmt: skip
     bits, steps = np.empty((2, rows, columns), np.uint8)
-    east, north, doubt, seen = np.empty((4, rows, columns), np.float32)
-    out = Screen(bits, steps, east, north, doubt, seen, window[0], window[2], cells)
+    east, north, seen = np.empty((3, rows, columns), np.float32)
+    out = Screen(bits, steps, east, north, seen, window[0], window[2], cells)
     _look_around(blocks, pad, offsets, bounds, sizes.reach, out)
     if sizes.fine:
-        # What a wheel meets begins up to a station behind it, or a chord ahead.
-        beside = math.ceil(max(sizes.chord, resolution) / bounds.edge)
-        steps = maximum_filter(steps, size=2 * beside + 1)
         ring = math.ceil((sizes.wheel_reach + bounds.edge) / bounds.edge)
         bits |= WHEELS * maximum_filter(steps, size=2 * ring + 1)
     return out._replace(bits=bits, steps=steps)
@@ -159,23 +154,23 @@ def _offsets(sizes: SweptSizes, cells: int, resolution: float) -> _Offsets:
     # Facets lean on the cell beside them.
     wheels = sizes.wheel_reach + (sizes.radius + sizes.half_tyre + resolution) * sizes.fine
     body = max(sizes.reach, wheels + resolution * (not sizes.fine)) + half + corner
-    trend = sizes.profile_reach + sizes.half_tyre + resolution + half + corner
-    around = _around(max(body, trend if sizes.fine else 0.0), edge)
-    inner = around[:, 2] <= body
-    beside = sizes.chord + sizes.half_tyre + 2.0 * half
-    near = _around(beside + sizes.radius, edge) if sizes.fine else np.empty((0, 3))
+    # A climb begins or ends at most so far from where the wheel is.
+    swept = max(sizes.chord, resolution)
+    around = _around(swept + sizes.radius + sizes.half_tyre + 2.0 * half, edge)
+    if not sizes.fine:
+        around = around[:0]
     # From somewhere in a block to somewhere in another; a tyre is wider than its middle.
-    gap = edge * np.hypot(*np.maximum(np.abs(near[:, :2].T) - 1.0, 0.0))
+    gap = edge * np.hypot(*np.maximum(np.abs(around[:, :2].T) - 1.0, 0.0))
     along = np.sqrt(np.maximum(gap**2 - sizes.half_tyre**2, 0.0))
-    away = np.maximum(along - sizes.chord, 0.0)
-    near, away = near[away < sizes.radius], away[away < sizes.radius]
+    away = np.maximum(along - swept, 0.0)
+    near, away = around[away < sizes.radius], away[away < sizes.radius]
     hidden = _around(sizes.reach + 2.0 * half, edge)
 
     def steps(of: Floats) -> Ints:
         return np.ascontiguousarray(of[:, :2]).astype(np.int64)
 
     return _Offsets(
-        steps(around[inner]), steps(around[~inner]), steps(near),
+        steps(_around(body, edge)), steps(around[gap < swept]), steps(near),
         (sizes.radius - np.sqrt(sizes.radius**2 - away**2)).astype(np.float32),
         steps(hidden), (hidden[:, 2] - 2.0 * half).astype(np.float32),
     )  # fmt: skip
@@ -197,13 +192,11 @@ def _bounds(sizes: SweptSizes, cells: int, resolution: float) -> _Bounds:
         saddle_sq=f(abs(sizes.half_length**2 - sizes.half_width**2)),
         spread=f(1.0 + negative),
         clearance=f(sizes.clearance - _ROUNDING),
-        steepest=f(sizes.steepest - _ROUNDING),
+        steepest=f(sizes.steepest - SLOPE_OPEN * sizes.chord - _ROUNDING),
         chord=f(sizes.chord),
-        per_trend=f(1.0 / sizes.trend),
-        midway=f(_HALF_DIAGONAL * edge + sizes.chord + resolution + 0.5 * sizes.radius),
+        apart=f(_HALF_DIAGONAL * edge + max(sizes.chord, resolution) + 0.5 * sizes.chord),
         radius=f(sizes.radius if sizes.fine else 0.0),
         near=f(sizes.chord + sizes.radius + sizes.half_tyre + edge),
-        far=f(sizes.profile_reach + sizes.half_tyre + edge),
     )
 
 
@@ -212,8 +205,8 @@ class _Surface(NamedTuple):
 
     Attributes:
         level, east, north, bend_x, bend_y, warp: coefficients, for lengths in [m].
-        highest, lowest: of what is left within reach of the body. farthest_up, farthest_down:
-            within reach of the trend. near: highest that a wheel feels, its rim taken off.
+        highest, lowest: of what is left within reach of the body.
+        near, base: highest that a wheel feels, its rim taken off; lowest that it stands on.
     """
 
     level: Singles
@@ -224,9 +217,8 @@ class _Surface(NamedTuple):
     warp: Singles
     highest: Singles
     lowest: Singles
-    farthest_up: Singles
-    farthest_down: Singles
     near: Singles
+    base: Singles
 
 
 @kernel
@@ -236,10 +228,9 @@ def _look_around(
     """Judge every block by the ground around it; arguments as of :func:`screen_of`."""
     rows, columns = out.bits.shape
     mean = smoothed(blocks.middle, bounds.fit + 1)
-    room = np.empty((11, columns), np.float32)
+    room = np.empty((10, columns), np.float32)
     s = _Surface(
         room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8], room[9],
-        room[10],
     )  # fmt: skip
     m, edge = bounds.fit, bounds.edge
     west, east = slice(pad - m, pad - m + columns), slice(pad + m, pad + m + columns)
@@ -260,15 +251,7 @@ def _look_around(
                 blocks.top[k, j : j + columns], blocks.low[k, j : j + columns], x, y, s,
                 s.highest, s.lowest,
             )  # fmt: skip
-        room[8], room[9] = room[6], room[7]
-        for n in range(offsets.trend.shape[0]):
-            k, j = i + offsets.trend[n, 0], pad + offsets.trend[n, 1]
-            x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
-            _range_of(
-                blocks.top[k, j : j + columns], blocks.low[k, j : j + columns], x, y, s,
-                s.farthest_up, s.farthest_down,
-            )  # fmt: skip
-        room[10] = -np.float32(np.inf)
+        room[8], room[9] = -np.float32(np.inf), np.float32(np.inf)
         for n in range(offsets.near.shape[0]):
             k, j = i + offsets.near[n, 0], pad + offsets.near[n, 1]
             x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
@@ -277,13 +260,17 @@ def _look_around(
                 blocks.middle[k, j:end], blocks.above[k, j:end], blocks.east[k, j:end],
                 blocks.north[k, j:end], x, y, edge, offsets.rim[n], s,
             )  # fmt: skip
+        for n in range(offsets.base.shape[0]):
+            k, j = i + offsets.base[n, 0], pad + offsets.base[n, 1]
+            x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
+            end = j + columns
+            _stood_on(
+                blocks.middle[k, j:end], blocks.below[k, j:end], blocks.east[k, j:end],
+                blocks.north[k, j:end], x, y, edge, s,
+            )  # fmt: skip
         _judge_body(s, bounds, out.bits[r])
         out.east[r], out.north[r] = s.east, s.north
-        _doubt(s, bounds, out.doubt[r])
-        _judge_steps(
-            blocks.middle[i, here], blocks.below[i, here], blocks.east[i, here],
-            blocks.north[i, here], s, bounds, out.doubt[r], out.steps[r],
-        )  # fmt: skip
+        _judge_steps(s, bounds, out.steps[r])
         if offsets.near.shape[0] == 0:
             out.steps[r] = 0
         seen = out.seen[r]
@@ -356,6 +343,24 @@ def _felt(
 
 
 @row_pass
+def _stood_on(
+    middle: Singles, below: Singles, east: Singles, north: Singles, x: np.float32, y: np.float32,
+    edge: np.float32, s: _Surface,
+) -> None:  # fmt: skip
+    """Lowest of what is left in a block, its facets against the slope of the surface there."""
+    half = np.float32(0.5)
+    xx, yy, xy = half * x * x, half * y * y, x * y
+    for j in range(middle.shape[0]):
+        surface = s.level[j] + s.east[j] * x + s.north[j] * y
+        surface += s.bend_x[j] * xx + s.bend_y[j] * yy + s.warp[j] * xy
+        slope_x = s.east[j] + s.bend_x[j] * x + s.warp[j] * y
+        slope_y = s.north[j] + s.bend_y[j] * y + s.warp[j] * x
+        tilt = half * (abs(east[j] - slope_x * edge) + abs(north[j] - slope_y * edge))
+        stands, least = middle[j] - below[j] - tilt - surface, s.base[j]
+        s.base[j] = (stands if stands < least else least) + PLUS_ZERO
+
+
+@row_pass
 def _judge_body(s: _Surface, b: _Bounds, bits: Bytes) -> None:
     """What the surface costs at most, and the range of what is left, against the clearance."""
     half, one, two = np.float32(0.5), np.float32(1.0), np.float32(2.0)
@@ -379,44 +384,21 @@ def _judge_body(s: _Surface, b: _Bounds, bits: Bytes) -> None:
 
 
 @row_pass
-def _doubt(s: _Surface, b: _Bounds, doubt: Singles) -> None:
-    """What the surface explains of a climb may be off by what is left and by how it bends.
-
-    Two slopes count, of which the steeper one explains more than their mean; each rests on two
-    heights. Where one could be too steep to explain anything there is no end of doubt.
-    """
-    half, one, two = np.float32(0.5), np.float32(1.0), np.float32(2.0)
-    for j in range(doubt.shape[0]):
-        bowl = half * (s.bend_x[j] + s.bend_y[j])
-        across = half * (s.bend_x[j] - s.bend_y[j])
-        bend = abs(bowl) + np.sqrt(across * across + s.warp[j] * s.warp[j])
-        slope = np.sqrt(s.east[j] * s.east[j] + s.north[j] * s.north[j]) + b.far * bend
-        lift = b.radius * (np.sqrt(one + slope * slope) - one)
-        spread = s.farthest_up[j] - s.farthest_down[j] + two * slope * b.corner + lift
-        steepest = slope + spread * b.per_trend
-        off = b.chord * (spread * b.per_trend + bend * b.midway)
-        known = (spread >= np.float32(0.0)) & (steepest < np.float32(STEEPEST))
-        doubt[j] = off if known else np.float32(np.inf)
-
-
-@row_pass
-def _judge_steps(
-    middle: Singles, below: Singles, east: Singles, north: Singles, s: _Surface, b: _Bounds,
-    doubt: Singles, steps: Bytes,
-) -> None:  # fmt: skip
-    """The climb from this block to what is near, against that of a step."""
+def _judge_steps(s: _Surface, b: _Bounds, steps: Bytes) -> None:
+    """The highest climb of a wheel around a block, beyond the slope there, against a step's."""
     half, one = np.float32(0.5), np.float32(1.0)
     for j in range(steps.shape[0]):
         bowl = half * (s.bend_x[j] + s.bend_y[j])
         across = half * (s.bend_x[j] - s.bend_y[j])
         bend = abs(bowl) + np.sqrt(across * across + s.warp[j] * s.warp[j])
         slope = np.sqrt(s.east[j] * s.east[j] + s.north[j] * s.north[j]) + b.near * bend
+        # On a slope a wheel touches the ground a little uphill.
         lift = b.radius * (np.sqrt(one + slope * slope) - one)
-        tilt = abs(east[j] - s.east[j] * b.edge) + abs(north[j] - s.north[j] * b.edge)
-        # Within a block, here and there, the surface bends away from its tangent.
-        rise = s.near[j] - (middle[j] - below[j] - half * tilt - s.level[j])
-        rise += half * b.edge * b.edge * bend + lift
-        steps[j] = 0 if rise + doubt[j] <= b.steepest else 1
+        # The surface bends within a block, here and there, and on the way to the climb.
+        bent = bend * (half * b.edge * b.edge + b.chord * b.apart)
+        rise = s.near[j] - s.base[j] + lift + bent
+        clear = (s.near[j] > s.base[j]) & (rise <= b.steepest)
+        steps[j] = 0 if clear else 1
 
 
 @row_pass

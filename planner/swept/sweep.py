@@ -15,7 +15,7 @@ from planner.swept.findings import Finding, Kind
 from planner.swept.screen import BODY, UNSEEN, WHEELS, Screen
 from planner.swept.sizes import SweptSizes
 from planner.swept.wheel_path import Ground, Pose, contact_height
-from planner.swept.wheel_sweep import Trend, step_met, twisted, wheel_at
+from planner.swept.wheel_sweep import step_met, twisted, wheel_at
 
 _NOTHING = int(Kind.NOTHING)
 _UNKNOWN = int(Kind.UNKNOWN)
@@ -40,7 +40,7 @@ def scratch_for(sizes: SweptSizes, spacing: float) -> Floats:
 
 @inlined
 def pose_met(
-    ground: Ground, pose: Pose, back: float, looks: int, sizes: SweptSizes, trends: Floats,
+    ground: Ground, pose: Pose, back: float, looks: int, sizes: SweptSizes, around: Floats,
     scratch: Floats, contact: Floats, unknown_bars: bool,
 ) -> Finding:  # fmt: skip
     """What bars a pose, and all poses since the one before.
@@ -50,7 +50,7 @@ def pose_met(
         back: distance of the pose before [m].
         looks: bits of what is looked for; those of the four wheels from ``_WHEEL`` on.
         sizes: of the vehicle.
-        trends: (4, 2) of the wheels, as of :class:`planner.swept.wheel_sweep.Trend`.
+        around: (4,) slopes of the ground around the wheels along the way [1].
         scratch: as of :func:`scratch_for`. contact: (4,) room for heights of the wheels.
         unknown_bars: unknown ground under the body does.
     """
@@ -69,8 +69,7 @@ def pose_met(
         for wheel in range(4):
             if not looks & (_WHEEL << wheel):
                 continue
-            trend = Trend(trends[wheel, 0], trends[wheel, 1])
-            met = step_met(ground, pose, wheel, back, sizes, trend, scratch)
+            met = step_met(ground, pose, wheel, back, sizes, around[wheel], scratch)
             if met.kind != _NOTHING:
                 return met
     if looks & _TWIST:
@@ -100,18 +99,18 @@ def sweep(
         Number of poses that were looked at closely.
     """
     stations, candidates = paths.x.shape
-    contact, looks, trends = np.empty(4), np.empty(candidates, np.int64), np.empty((4, 2))
-    barred = np.zeros(candidates, np.uint8)
+    contact, around, looks = np.empty(4), np.empty(4), np.empty(candidates, np.uint8)
+    open_yet = np.full(candidates, np.uint8(255))
     looked = 0
     per_block = ground.per_metre / screen.cells
     origin_x = ground.origin_x + (screen.first_column - 0.5) / ground.per_metre
     origin_y = ground.origin_y + (screen.first_row - 0.5) / ground.per_metre
-    code[0] = 0
+    grid = (origin_x, origin_y, per_block)
+    code[:] = 0
     for k in range(1, stations):
-        row = code[k]
         some = _looks_at(
-            paths.x[k], paths.y[k], origin_x, origin_y, per_block, screen.bits, barred,
-            paths.rows.known[k], twist[k], np.float32(sizes.wheel_travel), looks, row,
+            paths.x[k], paths.y[k], grid, screen.bits, open_yet, paths.rows.known[k], twist[k],
+            np.float32(sizes.wheel_travel), looks,
         )  # fmt: skip
         if some == 0:
             continue
@@ -125,19 +124,17 @@ def sweep(
             )  # fmt: skip
             # The rear wheels roll where the front ones did, but for the first of the way.
             wheels = 4 if paths.rows.station[k, j] < 2.5 * sizes.half_length else 2
-            look = _looked_closer(
-                pose, looks[j], wheels, screen, (origin_x, origin_y, per_block), sizes, trends
-            )
+            look = _looked_closer(pose, int(looks[j]), wheels, screen, grid, sizes, around)
             if look == 0:
                 continue
             looked += 1
             back = np.sqrt(dx * dx + dy * dy)
             met = pose_met(
-                ground, pose, back, look, sizes, trends, scratch, contact, bars[_UNKNOWN] > 0
+                ground, pose, back, look, sizes, around, scratch, contact, bars[_UNKNOWN] > 0
             )
             if bars[met.kind] > 0:
-                row[j] = bars[met.kind]
-                barred[j] = 1
+                code[k, j] = bars[met.kind]
+                open_yet[j] = 0
                 found[j, 0], found[j, 1] = met.kind, met.height
                 found[j, 2], found[j, 3] = met.ahead, met.aside
     return looked
@@ -151,14 +148,14 @@ def _block(at: float, origin: float, per_block: float, count: int) -> int:
 @inlined
 def _looked_closer(
     pose: Pose, looks: int, wheels: int, screen: Screen, grid: tuple[float, float, float],
-    sizes: SweptSizes, trends: Floats,
+    sizes: SweptSizes, around: Floats,
 ) -> int:  # fmt: skip
     """What is left to look for: with the heading known, circles and wheels can be told apart.
 
     Args:
         pose: of the vehicle. looks: bits so far. wheels: how many of the wheels count.
         screen: of the map. grid: corner of its first block [m], blocks in a metre.
-        sizes: of the vehicle. trends: (4, 2) out, the slopes around the wheels.
+        sizes: of the vehicle. around: (4,) out, slopes along the way around the wheels.
     """
     rows, columns = screen.bits.shape
     origin_x, origin_y, per_block = grid
@@ -184,20 +181,22 @@ def _looked_closer(
             i = _block(y, origin_y, per_block, rows)
             if screen.steps[i, j]:
                 looks |= WHEELS | (_WHEEL << wheel)
-                slope = screen.east[i, j] * pose.heading_x + screen.north[i, j] * pose.heading_y
-                trends[wheel, 0], trends[wheel, 1] = slope, screen.doubt[i, j]
+                east, north = screen.east[i, j], screen.north[i, j]
+                around[wheel] = east * pose.heading_x + north * pose.heading_y
     return looks
 
 
 @row_pass
 def _looks_at(
-    x: Floats, y: Floats, origin_x: float, origin_y: float, per_block: float, bits: Bytes,
-    barred: Bytes, known: Bools, twist: Singles, travel: np.float32, looks: Ints, code: Ints,
+    x: Floats, y: Floats, grid: tuple[float, float, float], bits: Bytes, open_yet: Bytes,
+    known: Bools, twist: Singles, travel: np.float32, looks: Bytes,
 ) -> int:  # fmt: skip
     """What each pose of a row has to be looked at for; the number of those that have to be.
 
-    Ground that is unknown under the wheels ends a candidate as a bar does.
+    Ground that is unknown under the wheels ends a candidate as a bar does: ``open_yet`` keeps the
+    bits of those that go on.
     """
+    origin_x, origin_y, per_block = grid
     flat = bits.reshape(bits.size)
     rows, columns = bits.shape
     right, top = columns - 1.0, rows - 1.0
@@ -205,12 +204,11 @@ def _looks_at(
     for j in range(x.shape[0]):
         u = min(max((x[j] - origin_x) * per_block, 0.0), right)
         v = min(max((y[j] - origin_y) * per_block, 0.0), top)
-        block = np.uint64(int(v) * columns + int(u))
-        closed = barred[j] | (0 if known[j] else 1)
-        barred[j] = closed
-        look = int(flat[block]) | (_TWIST if twist[j] > travel else 0)
-        look = 0 if closed > 0 else look
+        block = np.uint64(np.floor(v) * columns + np.floor(u))
+        hanging = np.uint8(_TWIST) if twist[j] > travel else np.uint8(0)
+        goes_on = open_yet[j] & (np.uint8(255) if known[j] else np.uint8(0))
+        open_yet[j] = goes_on
+        look = (flat[block] | hanging) & goes_on
         looks[j] = look
-        code[j] = 0
-        some += 1 if look > 0 else 0
+        some += look
     return some

@@ -27,7 +27,6 @@ def all_suspect(screen: Screen, wheels: bool) -> Screen:
         bits=np.full_like(screen.bits, UNSEEN | BODY | (WHEELS if wheels else 0)),
         steps=np.ones_like(screen.steps),
         seen=np.zeros_like(screen.seen),
-        doubt=np.full_like(screen.doubt, np.inf),
     )
 
 
