@@ -40,6 +40,7 @@ _SHOWN = {
     "closed-loop": "benchmarks.closed_loop.tables:tables",
     "discrepancy": "benchmarks.discovery.tables:tables",
     "fleet": "benchmarks.fleet.fleet:show",
+    "obstacles": "benchmarks.obstacles.obstacles:show",
 }
 """What makes tables of a result: a function that prints to a screen, or gives them."""
 _FACTS = "measured"

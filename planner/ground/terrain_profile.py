@@ -18,7 +18,7 @@ from planner.ground.footprint import POINTS, offset, on_grid
 from planner.ground.surface_bits import surfaces_under_wheels
 from planner.ground.vertical_curvature import vertical_curvature
 from planner.kernels.compiled import inlined, kernel, row_pass
-from planner.kernels.workspace import empty
+from planner.kernels.workspace import empty, empty_singles
 
 
 class TerrainRows(NamedTuple):
@@ -113,8 +113,8 @@ def terrain_profile(
     stations, candidates = x.shape
     out = empty(8, stations, candidates)
     known = np.empty((stations, candidates), np.bool_)
-    twist = np.empty((stations, candidates), np.float32)
-    front = empty(stations, candidates).view(np.float32).reshape(stations, 2, candidates)
+    twist = empty_singles(stations, candidates)
+    front = empty_singles(stations, 2, candidates)
     z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll = out
     grid = (elevation_map.origin[0], elevation_map.origin[1], 1.0 / elevation_map.resolution)
     _sample(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
+from models.arrays import Floats, Singles
 
 _SMALL = 1 << 17
 """Below this many bytes the allocator of the language keeps memory warm by itself."""
@@ -42,6 +42,13 @@ def empty(*shape: int) -> Floats:
     if size < _SMALL:
         return np.empty(shape)
     array: Floats = np.asarray(_Loan(_block(size), size)).view(np.float64).reshape(shape)
+    return array
+
+
+def empty_singles(*shape: int) -> Singles:
+    """As :func:`empty`, of half the precision."""
+    count = int(np.prod(shape, dtype=np.int64))
+    array: Singles = empty((count + 1) // 2).view(np.float32)[:count].reshape(shape)
     return array
 
 

@@ -95,6 +95,7 @@ def _within(ahead: float, aside: float, sizes: SweptSizes) -> bool:
 @inlined
 def _part(ahead: float, sizes: SweptSizes) -> int:
     """Which part of the body is above a point between the wheels' outer edges."""
-    if ahead > sizes.half_length:
+    axle = sizes.half_length + sizes.margin
+    if ahead > axle:
         return _FRONT
-    return _REAR if ahead < -sizes.half_length else _UNDERSIDE
+    return _REAR if ahead < -axle else _UNDERSIDE

@@ -15,12 +15,13 @@ from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.workspace import empty
 from planner.limiting import Limiting
 from planner.swept.findings import BARS, Finding, Kind
-from planner.swept.roughness import ride_of, rough_speeds, run_up
+from planner.swept.ride import ride_of, run_up
+from planner.swept.roughness import rough_speeds
 from planner.swept.run_up import ground_behind
 from planner.swept.screen_cache import screen_for
 from planner.swept.sentences import cannot_see, sentence
 from planner.swept.sizes import swept_sizes
-from planner.swept.sweep import SweptPaths, scratch_for, sweep
+from planner.swept.sweep import Swept, SweptPaths, scratch_for, sweep
 from planner.swept.wheel_path import Ground, Pose
 
 _BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
@@ -88,8 +89,8 @@ def swept_hazards(
     bars = np.where(np.isin(_BAR_OF_KIND, list(lifted)), 0, _BAR_OF_KIND)
     looked = sweep(
         ground, SweptPaths(profile.x, profile.y, profile.rows), profile.twist,
-        screen_for(elevation_map, vehicle, sizes, profile.x, profile.y), sizes, bars,
-        scratch_for(sizes, float(spacing.max())), code, found,
+        screen_for(elevation_map, vehicle, sizes, profile.x, profile.y), sizes,
+        scratch_for(sizes, float(spacing.max())), Swept(bars, code, found),
     )  # fmt: skip
     rough = np.empty((0, 0))
     if sizes.fine:

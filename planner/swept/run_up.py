@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from models.arrays import Floats, Singles
@@ -26,18 +28,31 @@ def ground_behind(
         (B, 2, M) left and right, the first one farthest behind, as ``profile.front`` [m].
     """
     behind = np.empty((stations, *profile.front.shape[1:]), np.float32)
-    _sample(
-        ground, profile.x[:2], profile.y[:2], profile.heading_x[0], profile.heading_y[0],
-        half_length, half_width, profile.z[0], profile.front[0], behind,
+    start = _Start(
+        profile.x[:2], profile.y[:2], profile.heading_x[0], profile.heading_y[0], profile.z[0],
+        profile.front[0],
     )  # fmt: skip
+    _sample(ground, start, half_length, half_width, behind)
     return behind
+
+
+class _Start(NamedTuple):
+    """The first two positions (2, M) [m]; heading, height of the ground [m] and the ground under
+    the front wheels at the first one, (M,) and (2, M).
+    """
+
+    x: Floats
+    y: Floats
+    heading_x: Floats
+    heading_y: Floats
+    level: Floats
+    front: Singles
 
 
 @kernel
 def _sample(
-    ground: Ground, x: Floats, y: Floats, heading_x: Floats, heading_y: Floats,
-    half_length: float, half_width: float, level: Floats, front: Singles, behind: Singles,
-) -> None:  # fmt: skip
+    ground: Ground, start: _Start, half_length: float, half_width: float, behind: Singles
+) -> None:
     stations, _, candidates = behind.shape
     back_x, back_y, height = np.empty(candidates), np.empty(candidates), np.empty(candidates)
     u, v = np.empty(candidates), np.empty(candidates)
@@ -45,17 +60,19 @@ def _sample(
     across, up = np.empty(candidates), np.empty(candidates)
     cell = np.empty(candidates, np.int64)
     for k in range(stations - 1, -1, -1):
-        _straight_back(x[0], y[0], x[1], y[1], float(stations - k), back_x, back_y)
+        _straight_back(
+            start.x[0], start.y[0], start.x[1], start.y[1], float(stations - k), back_x, back_y
+        )
         on_grid(
             ground.origin_x, ground.origin_y, ground.per_metre, back_x, back_y,
-            heading_x, heading_y, u, v, ahead_u, ahead_v,
+            start.heading_x, start.heading_y, u, v, ahead_u, ahead_v,
         )  # fmt: skip
         for side in range(2):
             ahead, aside = offset(side, half_length, half_width)
             locate(ground.elevation, u, v, ahead_u, ahead_v, ahead, aside, cell, across, up)
             interpolate(ground.elevation, cell, across, up, height)
-            later = front[side] if k == stations - 1 else behind[k + 1, side]
-            above_first(height, level, later, True, behind[k, side])
+            later = start.front[side] if k == stations - 1 else behind[k + 1, side]
+            above_first(height, start.level, later, True, behind[k, side])
 
 
 @row_pass

@@ -31,14 +31,15 @@ def screen_for(
 ) -> Screen:
     """The screen of this map, which never changes, around all positions (N, M) [m]."""
     global _recent
-    window = _window(elevation_map, sizes, x, y, 0.0)
+    rows, columns = elevation_map.elevation.shape
+    window, whole = (0, rows, 0, columns), rows * columns <= _WHOLE
+    if not whole:
+        window = _window(elevation_map, sizes, x, y, 0.0)
     for (ground, wheeled), seen, screen in _recent:
         if ground is elevation_map and wheeled == vehicle and _holds(seen, window):
             return screen
-    if elevation_map.elevation.size > _WHOLE:
+    if not whole:
         window = _window(elevation_map, sizes, x, y, _BESIDE)
-    else:
-        window = (0, elevation_map.elevation.shape[0], 0, elevation_map.elevation.shape[1])
     screen = screen_of(elevation_map, sizes, window)
     _recent = (((elevation_map, vehicle), window, screen), *_recent[: _KEPT - 1])
     return screen

@@ -47,7 +47,7 @@ def cannot_see(sizes: SweptSizes, resolution: float) -> str:
     if sizes.fine:
         return ""
     return (
-        f"cells of {resolution:g} m do not show steps and roughness: nothing smaller than "
+        f"cells of {resolution:g} m do not show steps, twist and roughness: nothing smaller than "
         f"{2.0 * resolution:g} m is judged, the wheels' radius is {sizes.radius:g} m"
     )
 

@@ -58,11 +58,6 @@ class SweptSizes(NamedTuple):
         """Radius around the middle of the wheelbase on which the wheels are."""
         return math.hypot(self.half_length, self.half_width)
 
-    @property
-    def profile_reach(self) -> float:
-        """Ground before and after a wheel that decides whether it meets a step."""
-        return self.trend + self.chord + 2.0 * self.radius
-
 
 def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
     """Sizes of a vehicle on a map.
@@ -92,7 +87,8 @@ def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
         side=0.5 * shape.width,
         margin=0.5 * resolution if fine else 0.0,
         clearance=shape.clearance,
-        wheel_travel=shape.wheel_travel,
+        # Cells as large as the vehicle is long differ by more than that through noise alone.
+        wheel_travel=shape.wheel_travel if fine else math.inf,
         radius=radius,
         half_tyre=0.5 * shape.wheel_width,
         max_step=shape.max_step,

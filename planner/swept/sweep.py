@@ -7,21 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Bytes, Floats, Ints, Singles
+from models.arrays import Floats, Ints, Singles
 from planner.ground.terrain_profile import TerrainRows
-from planner.kernels.compiled import inlined, kernel, row_pass
+from planner.kernels.compiled import inlined, kernel
 from planner.swept.body_sweep import body_met
 from planner.swept.findings import Finding, Kind
-from planner.swept.screen import BODY, UNSEEN, WHEELS, Screen
+from planner.swept.looks import TWIST, WHEEL, looked_closer, looks_at
+from planner.swept.screen import Screen
 from planner.swept.sizes import SweptSizes
+from planner.swept.verdicts import BODY, UNSEEN, WHEELS
 from planner.swept.wheel_path import Ground, Pose, contact_height
-from planner.swept.wheel_sweep import Trend, step_met, twisted, wheel_at
+from planner.swept.wheel_sweep import step_met, twisted, wheel_at
 
 _NOTHING = int(Kind.NOTHING)
 _UNKNOWN = int(Kind.UNKNOWN)
-_TWIST, _WHEEL = 8, 16
-"""More bits than the screen has: the wheels' own heights ask for a closer look; the front left
-wheel may meet a step, and from there on the others."""
 
 
 class SweptPaths(NamedTuple):
@@ -32,29 +31,57 @@ class SweptPaths(NamedTuple):
     rows: TerrainRows
 
 
-def scratch_for(sizes: SweptSizes, spacing: float) -> Floats:
-    """Room for the profile under a wheel, for stations at most so far apart [m]."""
+class Scratch(NamedTuple):
+    """Room for one pose.
+
+    Attributes:
+        profile: (2, many) ground under a wheel, and the path of its centre.
+        contact: (4,) heights of the wheels [m].
+        around: (4,) slopes of the ground around the wheels along the way [1].
+    """
+
+    profile: Floats
+    contact: Floats
+    around: Floats
+
+
+def scratch_for(sizes: SweptSizes, spacing: float) -> Scratch:
+    """Room for poses at most so far apart [m]."""
     length = 2.0 * sizes.trend + 3.0 * sizes.radius + sizes.chord + spacing
-    return np.empty((2, math.ceil(length / sizes.stride) + 8))
+    return Scratch(np.empty((2, math.ceil(length / sizes.stride) + 8)), np.empty(4), np.empty(4))
+
+
+class Swept(NamedTuple):
+    """Bars of M candidates.
+
+    Attributes:
+        bars: code of each :class:`planner.swept.findings.Kind`, 0 if it bars nothing.
+        code: (N, M) out, 0 where nothing bars.
+        found: (M, 4) out, the numbers of a :class:`planner.swept.findings.Finding` where one does.
+    """
+
+    bars: Ints
+    code: Ints
+    found: Floats
 
 
 @inlined
 def pose_met(
-    ground: Ground, pose: Pose, back: float, looks: int, sizes: SweptSizes, trends: Floats,
-    scratch: Floats, contact: Floats, unknown_bars: bool,
+    ground: Ground, pose: Pose, back: float, looks: int, sizes: SweptSizes, scratch: Scratch,
+    unknown_bars: bool,
 ) -> Finding:  # fmt: skip
     """What bars a pose, and all poses since the one before.
 
     Args:
         ground: map. pose: of the vehicle.
         back: distance of the pose before [m].
-        looks: bits of what is looked for; those of the four wheels from ``_WHEEL`` on.
+        looks: bits of what is looked for; see :mod:`planner.swept.looks`.
         sizes: of the vehicle.
-        trends: (4, 2) of the wheels, as of :class:`planner.swept.wheel_sweep.Trend`.
-        scratch: as of :func:`scratch_for`. contact: (4,) room for heights of the wheels.
+        scratch: room, with the slopes around the wheels.
         unknown_bars: unknown ground under the body does.
     """
-    if looks & (BODY | _TWIST):
+    contact = scratch.contact
+    if looks & (BODY | TWIST):
         for wheel in range(4):
             ahead, aside = wheel_at(wheel, sizes)
             contact[wheel] = contact_height(ground, pose, ahead, aside, sizes)
@@ -67,13 +94,12 @@ def pose_met(
             return body
     if looks & WHEELS:
         for wheel in range(4):
-            if not looks & (_WHEEL << wheel):
+            if not looks & (WHEEL << wheel):
                 continue
-            trend = Trend(trends[wheel, 0], trends[wheel, 1])
-            met = step_met(ground, pose, wheel, back, sizes, trend, scratch)
+            met = step_met(ground, pose, wheel, back, sizes, scratch.around[wheel], scratch.profile)
             if met.kind != _NOTHING:
                 return met
-    if looks & _TWIST:
+    if looks & TWIST:
         met = twisted(contact, sizes)
         if met.kind != _NOTHING:
             return met
@@ -83,7 +109,7 @@ def pose_met(
 @kernel
 def sweep(
     ground: Ground, paths: SweptPaths, twist: Singles, screen: Screen, sizes: SweptSizes,
-    bars: Ints, scratch: Floats, code: Ints, found: Floats,
+    scratch: Scratch, out: Swept,
 ) -> int:  # fmt: skip
     """Bars of all candidates, up to the first of each; the first stations are where they stand.
 
@@ -91,27 +117,21 @@ def sweep(
         ground: map. paths: M candidates.
         twist: (N, M) as of :class:`planner.ground.terrain_profile.TerrainProfile` [m].
         screen: of the map. sizes: of the vehicle.
-        bars: code of each :class:`planner.swept.findings.Kind`, 0 if it bars nothing.
-        scratch: as of :func:`scratch_for`.
-        code: (N, M) out, 0 where nothing bars.
-        found: (M, 4) out, the numbers of a :class:`planner.swept.findings.Finding` where one does.
+        scratch: as of :func:`scratch_for`. out: filled in.
 
     Returns:
         Number of poses that were looked at closely.
     """
     stations, candidates = paths.x.shape
-    contact, looks, trends = np.empty(4), np.empty(candidates, np.int64), np.empty((4, 2))
-    barred = np.zeros(candidates, np.uint8)
+    looks = np.empty(candidates, np.uint8)
+    bars, code, found = out.bars, out.code, out.found
+    open_yet = np.full(candidates, np.uint8(255))
     looked = 0
-    per_block = ground.per_metre / screen.cells
-    origin_x = ground.origin_x + (screen.first_column - 0.5) / ground.per_metre
-    origin_y = ground.origin_y + (screen.first_row - 0.5) / ground.per_metre
-    code[0] = 0
+    code[:] = 0
     for k in range(1, stations):
-        row = code[k]
-        some = _looks_at(
-            paths.x[k], paths.y[k], origin_x, origin_y, per_block, screen.bits, barred,
-            paths.rows.known[k], twist[k], np.float32(sizes.wheel_travel), looks, row,
+        some = looks_at(
+            paths.x[k], paths.y[k], screen, open_yet, paths.rows.known[k], twist[k],
+            np.float32(sizes.wheel_travel), looks,
         )  # fmt: skip
         if some == 0:
             continue
@@ -125,92 +145,15 @@ def sweep(
             )  # fmt: skip
             # The rear wheels roll where the front ones did, but for the first of the way.
             wheels = 4 if paths.rows.station[k, j] < 2.5 * sizes.half_length else 2
-            look = _looked_closer(
-                pose, looks[j], wheels, screen, (origin_x, origin_y, per_block), sizes, trends
-            )
+            look = looked_closer(pose, int(looks[j]), wheels, screen, sizes, scratch.around)
             if look == 0:
                 continue
             looked += 1
             back = np.sqrt(dx * dx + dy * dy)
-            met = pose_met(
-                ground, pose, back, look, sizes, trends, scratch, contact, bars[_UNKNOWN] > 0
-            )
+            met = pose_met(ground, pose, back, look, sizes, scratch, bars[_UNKNOWN] > 0)
             if bars[met.kind] > 0:
-                row[j] = bars[met.kind]
-                barred[j] = 1
+                code[k, j] = bars[met.kind]
+                open_yet[j] = 0
                 found[j, 0], found[j, 1] = met.kind, met.height
                 found[j, 2], found[j, 3] = met.ahead, met.aside
     return looked
-
-
-@inlined
-def _block(at: float, origin: float, per_block: float, count: int) -> int:
-    return min(max(int((at - origin) * per_block), 0), count - 1)
-
-
-@inlined
-def _looked_closer(
-    pose: Pose, looks: int, wheels: int, screen: Screen, grid: tuple[float, float, float],
-    sizes: SweptSizes, trends: Floats,
-) -> int:  # fmt: skip
-    """What is left to look for: with the heading known, circles and wheels can be told apart.
-
-    Args:
-        pose: of the vehicle. looks: bits so far. wheels: how many of the wheels count.
-        screen: of the map. grid: corner of its first block [m], blocks in a metre.
-        sizes: of the vehicle. trends: (4, 2) out, the slopes around the wheels.
-    """
-    rows, columns = screen.bits.shape
-    origin_x, origin_y, per_block = grid
-    if looks & UNSEEN:
-        # Three circles along the body cover it.
-        length = sizes.front + sizes.rear + 2.0 * sizes.margin
-        third, clear = length / 3.0, True
-        radius = np.sqrt(0.25 * third * third + (sizes.side + sizes.margin) ** 2)
-        for n in range(3):
-            ahead = -sizes.rear - sizes.margin + (n + 0.5) * third
-            j = _block(pose.x + ahead * pose.heading_x, origin_x, per_block, columns)
-            i = _block(pose.y + ahead * pose.heading_y, origin_y, per_block, rows)
-            clear = clear and screen.seen[i, j] >= radius
-        if clear:
-            looks &= ~UNSEEN
-    if looks & WHEELS:
-        looks &= ~WHEELS
-        for wheel in range(wheels):
-            ahead, aside = wheel_at(wheel, sizes)
-            x = pose.x + ahead * pose.heading_x - aside * pose.heading_y
-            y = pose.y + ahead * pose.heading_y + aside * pose.heading_x
-            j = _block(x, origin_x, per_block, columns)
-            i = _block(y, origin_y, per_block, rows)
-            if screen.steps[i, j]:
-                looks |= WHEELS | (_WHEEL << wheel)
-                slope = screen.east[i, j] * pose.heading_x + screen.north[i, j] * pose.heading_y
-                trends[wheel, 0], trends[wheel, 1] = slope, screen.doubt[i, j]
-    return looks
-
-
-@row_pass
-def _looks_at(
-    x: Floats, y: Floats, origin_x: float, origin_y: float, per_block: float, bits: Bytes,
-    barred: Bytes, known: Bools, twist: Singles, travel: np.float32, looks: Ints, code: Ints,
-) -> int:  # fmt: skip
-    """What each pose of a row has to be looked at for; the number of those that have to be.
-
-    Ground that is unknown under the wheels ends a candidate as a bar does.
-    """
-    flat = bits.reshape(bits.size)
-    rows, columns = bits.shape
-    right, top = columns - 1.0, rows - 1.0
-    some = 0
-    for j in range(x.shape[0]):
-        u = min(max((x[j] - origin_x) * per_block, 0.0), right)
-        v = min(max((y[j] - origin_y) * per_block, 0.0), top)
-        block = np.uint64(int(v) * columns + int(u))
-        closed = barred[j] | (0 if known[j] else 1)
-        barred[j] = closed
-        look = int(flat[block]) | (_TWIST if twist[j] > travel else 0)
-        look = 0 if closed > 0 else look
-        looks[j] = look
-        code[j] = 0
-        some += 1 if look > 0 else 0
-    return some

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from models.arrays import Floats
@@ -18,6 +16,9 @@ _NOTHING, _RISE, _DROP, _TWIST = (
 
 STEEPEST = 0.6
 """Slope that explains a climb or a fall at most, 31°."""
+
+SLOPE_OPEN = 0.03
+"""So much of the slope around a wheel explains no climb [1]."""
 
 _ABYSS = 0.5 * NO_GROUND
 
@@ -47,18 +48,9 @@ def twisted(contact: Floats, sizes: SweptSizes) -> Finding:
     return Finding(_NOTHING, 0.0, 0.0, 0.0)
 
 
-class Trend(NamedTuple):
-    """What the surroundings say of the ground under a wheel: slope along the way, and doubt of the
-    climb over a chord that it explains [m].
-    """
-
-    slope: float
-    doubt: float
-
-
 @inlined
 def step_met(
-    ground: Ground, pose: Pose, wheel: int, back: float, sizes: SweptSizes, trend: Trend,
+    ground: Ground, pose: Pose, wheel: int, back: float, sizes: SweptSizes, around: float,
     scratch: Floats,
 ) -> Finding:  # fmt: skip
     """The first step or drop that a wheel meets on the last piece of its way.
@@ -70,7 +62,8 @@ def step_met(
         ground: map. pose: of the vehicle. wheel: as of :func:`wheel_at`.
         back: how far the pose before is behind this one [m].
         sizes: of the vehicle.
-        trend: where it explains the climb, ground farther away is not looked at.
+        around: slope of the ground around the wheel along the way [1], NaN where unknown; it
+            explains a climb but for :data:`SLOPE_OPEN`, which a step itself may add to it.
         scratch: (2, many) room for the profile.
     """
     ahead, aside = wheel_at(wheel, sizes)
@@ -89,8 +82,9 @@ def step_met(
     for n in range(first, last + 1):
         rise = path[n + chord] - path[n]
         least, most = min(least, rise), max(most, rise)
-    explained = trend.slope * sizes.chord
-    if max(most - explained, explained - least) + trend.doubt <= sizes.steepest:
+    climbs = most - (around - SLOPE_OPEN) * sizes.chord
+    falls = (around + SLOPE_OPEN) * sizes.chord - least
+    if max(climbs, falls) <= sizes.steepest:
         return Finding(_NOTHING, 0.0, 0.0, 0.0)
     end = last + chord + 2 * rim + far
     for n in range(0, first - rim):
@@ -99,7 +93,7 @@ def step_met(
         profile[n] = under_tyre(ground, pose, begin + n * stride, aside, sizes)
     _roll(profile, path, rim, end - rim, rim, sizes)
     for n in range(first, last + 1):
-        found = _judged(path, n, (chord, rim, far), sizes)
+        found = _judged(path, n, (chord, rim, far), sizes, around)
         if found.kind != _NOTHING:
             return Finding(found.kind, found.height, begin + (n + chord) * stride, aside)
     return Finding(_NOTHING, 0.0, 0.0, 0.0)
@@ -131,7 +125,9 @@ def _slope(start: float, end: float, length: float) -> float:
 
 
 @inlined
-def _judged(path: Floats, n: int, samples: tuple[int, int, int], sizes: SweptSizes) -> Finding:
+def _judged(
+    path: Floats, n: int, samples: tuple[int, int, int], sizes: SweptSizes, around: float
+) -> Finding:
     """Is what begins at sample n a step? Nobody knows where the ground beside it is unknown.
 
     What comes after counts from a wheel radius on: until then a wheel may still be falling.
@@ -142,10 +138,15 @@ def _judged(path: Floats, n: int, samples: tuple[int, int, int], sizes: SweptSiz
     after = _slope(path[end], path[end + far], length)
     before = after if np.isnan(before) else before
     after = before if np.isnan(after) else after
+    if np.isnan(before):
+        before = after = around
     if np.isnan(before) or min(path[n], path[n + chord]) < _ABYSS:
         return Finding(_NOTHING, 0.0, 0.0, 0.0)
     rise = path[n + chord] - path[n]
     uphill, downhill = max(before, after), min(before, after)
+    if not np.isnan(around):
+        uphill = max(uphill, around - SLOPE_OPEN)
+        downhill = min(downhill, around + SLOPE_OPEN)
     if rise - uphill * sizes.chord > sizes.steepest:
         return Finding(_RISE, _whole(path, n, chord, uphill, sizes), 0.0, 0.0)
     if downhill * sizes.chord - rise > sizes.steepest:

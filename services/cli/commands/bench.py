@@ -1,4 +1,4 @@
-"""`slopewise bench`: planner beside peers, cycles and optimality, closed loop, hidden effects."""
+"""`slopewise bench`: planner beside peers, cycles, optimality, closed loop, effects, obstacles."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
 
 
 def horizon(what: str, *, quick: bool, json_file: Path | None) -> None:
-    """Time cycles (`cycle`), or hold smoothed plans against the optimum (`optimality`)."""
-    module = _benchmark(f"planner.{what}")
+    """Time cycles (`cycle`), hold plans against the optimum (`optimality`), or bar `obstacles`."""
+    module = _benchmark(f"{'obstacles' if what == 'obstacles' else 'planner'}.{what}")
     console = Console()
     with progress_bar(what, module.total(quick)) as advance:
         result = module.run(quick, advance)

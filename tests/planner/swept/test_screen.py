@@ -13,9 +13,10 @@ from models.vehicle import Vehicle
 from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath
 from planner.swept import hazards
-from planner.swept.screen import BODY, UNSEEN, WHEELS, Screen
+from planner.swept.screen import Screen
 from planner.swept.screen_cache import screen_for
 from planner.swept.sizes import swept_sizes
+from planner.swept.verdicts import BODY, UNSEEN, WHEELS
 from tests.planner.scenes import ATV, SMALL, model_of, tables_with
 from tests.planner.swept.scenes import ground, met_by
 
@@ -27,7 +28,6 @@ def all_suspect(screen: Screen, wheels: bool) -> Screen:
         bits=np.full_like(screen.bits, UNSEEN | BODY | (WHEELS if wheels else 0)),
         steps=np.ones_like(screen.steps),
         seen=np.zeros_like(screen.seen),
-        doubt=np.full_like(screen.doubt, np.inf),
     )
 
 
@@ -113,8 +113,8 @@ def test_a_rock_makes_its_surroundings_suspect(resolution: float) -> None:
     screen = screen_for(scene, vehicle, sizes, np.array([[0.0]]), np.array([[0.0]]))
 
     def bits(x: float) -> int:
-        row, column = round(4.0 / resolution), round((x + 3.0) / resolution)
-        return int(screen.bits[row // screen.cells, column // screen.cells])
+        row, column = (0.0 - screen.origin_y), (x - screen.origin_x)
+        return int(screen.bits[int(row * screen.per_metre), int(column * screen.per_metre)])
 
     assert bits(8.5) & BODY
     assert bits(8.5) & WHEELS

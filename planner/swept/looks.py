@@ -1,0 +1,91 @@
+"""What a pose has to be looked at for, as the screen of the map has it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.arrays import Bools, Bytes, Floats, Singles
+from planner.kernels.compiled import inlined, row_pass
+from planner.swept.screen import Screen
+from planner.swept.sizes import SweptSizes
+from planner.swept.verdicts import UNSEEN, WHEELS
+from planner.swept.wheel_path import Pose
+from planner.swept.wheel_sweep import wheel_at
+
+TWIST, WHEEL = 8, 16
+"""More bits than the screen has: the wheels' own heights ask for a closer look; the front left
+wheel may meet a step, and from there on the others."""
+
+
+@row_pass
+def looks_at(
+    x: Floats, y: Floats, screen: Screen, open_yet: Bytes, known: Bools, twist: Singles,
+    travel: np.float32, looks: Bytes,
+) -> int:  # fmt: skip
+    """What each pose of a row has to be looked at for; the number of those that have to be.
+
+    Ground that is unknown under the wheels ends a candidate as a bar does: ``open_yet`` keeps the
+    bits of those that go on.
+    """
+    origin_x, origin_y, per_block = screen.origin_x, screen.origin_y, screen.per_metre
+    flat = screen.bits.reshape(screen.bits.size)
+    rows, columns = screen.bits.shape
+    right, top = columns - 1.0, rows - 1.0
+    some = 0
+    for j in range(x.shape[0]):
+        u = min(max((x[j] - origin_x) * per_block, 0.0), right)
+        v = min(max((y[j] - origin_y) * per_block, 0.0), top)
+        block = np.uint64(np.floor(v) * columns + np.floor(u))
+        hanging = np.uint8(TWIST) if twist[j] > travel else np.uint8(0)
+        goes_on = open_yet[j] & (np.uint8(255) if known[j] else np.uint8(0))
+        open_yet[j] = goes_on
+        look = (flat[block] | hanging) & goes_on
+        looks[j] = look
+        some += look
+    return some
+
+
+@inlined
+def _block(screen: Screen, x: float, y: float) -> tuple[int, int]:
+    rows, columns = screen.bits.shape
+    i, j = (
+        int((y - screen.origin_y) * screen.per_metre),
+        int((x - screen.origin_x) * screen.per_metre),
+    )
+    return min(max(i, 0), rows - 1), min(max(j, 0), columns - 1)
+
+
+@inlined
+def looked_closer(
+    pose: Pose, looks: int, wheels: int, screen: Screen, sizes: SweptSizes, around: Floats
+) -> int:  # fmt: skip
+    """What is left to look for: with the heading known, circles and wheels can be told apart.
+
+    Args:
+        pose: of the vehicle. looks: bits so far. wheels: how many of the wheels count.
+        screen: of the map. sizes: of the vehicle.
+        around: (4,) out, slopes along the way around the wheels.
+    """
+    if looks & UNSEEN:
+        # Three circles along the body cover it.
+        length = sizes.front + sizes.rear + 2.0 * sizes.margin
+        third, clear = length / 3.0, True
+        radius = np.sqrt(0.25 * third * third + (sizes.side + sizes.margin) ** 2)
+        for n in range(3):
+            ahead = -sizes.rear - sizes.margin + (n + 0.5) * third
+            i, j = _block(screen, pose.x + ahead * pose.heading_x, pose.y + ahead * pose.heading_y)
+            clear = clear and screen.seen[i, j] >= radius
+        if clear:
+            looks &= ~UNSEEN
+    if looks & WHEELS:
+        looks &= ~WHEELS
+        for wheel in range(wheels):
+            ahead, aside = wheel_at(wheel, sizes)
+            x = pose.x + ahead * pose.heading_x - aside * pose.heading_y
+            y = pose.y + ahead * pose.heading_y + aside * pose.heading_x
+            i, j = _block(screen, x, y)
+            if screen.steps[i, j]:
+                looks |= WHEELS | (WHEEL << wheel)
+                east, north = screen.east[i, j], screen.north[i, j]
+                around[wheel] = east * pose.heading_x + north * pose.heading_y
+    return looks

@@ -1,0 +1,85 @@
+"""A share of the obstacle benchmark: none passed that is too large, few barred that are small."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.obstacles import screening
+from benchmarks.obstacles.cases import cases, map_of, path_of
+from benchmarks.obstacles.shapes import Block
+from benchmarks.obstacles.truth import size_of
+from services.io.model_file import read_model, shipped_models
+
+MODELS = {name: read_model(shipped_models()[name]) for name in ("atv", "husky")}
+CASES = 128
+QUAD = MODELS["atv"].vehicle
+
+
+@pytest.fixture(scope="module")
+def found() -> list[screening.Outcome]:
+    return screening.outcomes(cases(CASES, MODELS, seed=5), MODELS, None)
+
+
+def test_nothing_is_passed_that_is_too_large(found: list[screening.Outcome]) -> None:
+    large = [o for o in found if screening.must_bar(o.case)]
+    assert len(large) > 0.2 * CASES
+    assert not [o.case for o in large if o.bar is None]
+
+
+def test_hardly_anything_small_is_barred(found: list[screening.Outcome]) -> None:
+    small = [o for o in found if screening.should_pass(o.case)]
+    assert len(small) > 0.2 * CASES
+    assert sum(o.bar is not None for o in small) <= 0.05 * len(small)
+
+
+def test_the_summary_counts_all(found: list[screening.Outcome]) -> None:
+    result = screening.summary(found)
+    assert result["all"]["cases"] == CASES
+    assert sum(row["cases"] for row in result["kinds"].values()) == CASES
+
+
+# ------------------------------------------------------------------------------ the truth
+
+LIMIT, CLEAR = QUAD.shape.max_step, QUAD.shape.clearance
+
+
+@pytest.mark.parametrize("height", [0.5 * LIMIT, -0.5 * LIMIT, 2.0 * LIMIT])
+def test_a_long_step_has_its_height(height: float) -> None:
+    size = size_of(Block(60.0, 0.0, 0.0, 60.0, 60.0, height), QUAD)
+    assert size.step == pytest.approx(abs(height) / LIMIT, rel=1e-3)
+    assert size.twist == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_wheel_sinks_into_a_narrow_gap_by_the_height_of_its_arc() -> None:
+    size = size_of(Block(0.0, 0.0, 0.0, 0.1, 60.0, -1.0), QUAD)
+    sinks = QUAD.wheel_radius - np.sqrt(QUAD.wheel_radius**2 - 0.1**2)
+    assert size.step == pytest.approx(sinks / LIMIT, rel=0.05)
+
+
+def test_between_the_wheels_the_underside_counts() -> None:
+    size = size_of(Block(0.0, 0.0, 0.0, 0.2, 0.2, 1.5 * CLEAR), QUAD)
+    assert (size.step, size.underside) == (0.0, pytest.approx(1.5))
+
+
+def test_beside_the_vehicle_the_distance_counts() -> None:
+    half = 0.5 * QUAD.shape.width
+    size = size_of(Block(0.0, 2.0 * half + 0.1, 0.0, 0.3, 0.1, 1.0), QUAD)
+    assert (size.step, size.beside) == (0.0, pytest.approx(0.5))
+    assert size_of(Block(0.0, 2.0, 0.0, 0.3, 0.1, 0.1), QUAD).worst == 0.0
+
+
+def test_one_wheel_on_a_rock_twists_by_its_height() -> None:
+    size = size_of(Block(0.0, 0.5, 0.0, 0.3, 0.2, 0.8 * LIMIT), QUAD)
+    assert size.twist == pytest.approx(0.8, rel=1e-3)
+
+
+def test_a_map_shows_the_case_along_its_path() -> None:
+    (case,) = cases(1, MODELS, seed=2)
+    vehicle = MODELS[case.vehicle].vehicle
+    ground, path = map_of(case, vehicle), path_of(case, vehicle)
+    assert ground.contains(*path.points.T).all()
+    assert ground.resolution == case.resolution
+    bare = map_of(case, vehicle, empty=True)
+    most = np.abs(ground.elevation - bare.elevation).max()
+    assert most == pytest.approx(abs(case.block.height), rel=0.05)
