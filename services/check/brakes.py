@@ -54,7 +54,7 @@ class Brakes(NamedTuple):
 
     def force(self, onset_speed: Floats, *, most: bool = False) -> Floats:
         """F_b/W (M,) before friction caps it, for speeds (M,) at onset [m/s]."""
-        speed = np.minimum(np.maximum(onset_speed, self.slowest), self.fastest)
+        speed = np.maximum(onset_speed, self.slowest)
         force = speed * self.slope + self.intercept
         sign = 1.0 if most else -1.0
         force = force + sign * self.spare * np.abs(force)
@@ -99,7 +99,7 @@ def brakes_along(model: Model, ground: Ground, line: Line, class_names: tuple[st
         extra=np.broadcast_to(registry.ground_term(model.effect, place), ground.grade.shape),
         friction=worst(friction.tolist(), least=True),
         dead_time=worst([t.dead_time for t in tables]),
-        offset=float(worst([t.distance_offset for t in tables]).max()),
+        offset=float(worst([t.distance_offset for t in tables])[: line.driven].max()),
         steeper=np.where(on, outside, 0.0).max(axis=0),
         leaning=np.where(on, rolled, 0.0).max(axis=0),
     )

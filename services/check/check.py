@@ -9,11 +9,12 @@ from models.errors import ParameterError
 from models.parameters import Model
 from services.check.brakes import brakes_along
 from services.check.columns import judge_columns, judge_told_stops
-from services.check.driving import judge_driving, motion_along
+from services.check.driving import judge_driving
 from services.check.given_plan import GivenPlan
 from services.check.ground import ground_under
 from services.check.heights import Heights, in_cells
 from services.check.line import Line, line_of
+from services.check.motion import motion_along
 from services.check.obstacles import judge_obstacles
 from services.check.report import CheckReport, Ledger
 from services.check.standing import judge_places, judge_stops

@@ -14,7 +14,7 @@ from services.check.standing import JudgedStops
 _NOTHING = -np.inf
 _MUCH = 0.1  # [m]
 _UNEVEN = 0.025  # of a stop, where brakes hardly slow it the ground between rows counts most
-_EVEN = 0.2  # of the step between rows
+_EVEN = 0.02  # of the step between rows
 
 
 def judge_columns(ledger: Ledger, plan: GivenPlan, line: Line, ground: Ground) -> None:
@@ -27,7 +27,9 @@ def judge_columns(ledger: Ledger, plan: GivenPlan, line: Line, ground: Ground) -
     grown = station - station[0]
     book = _Book(ledger, rows)
     if plan.station is not None:
-        book.compare("station", plan.station, station, 0.01 + 0.002 * grown)
+        # A row put between two others takes its height from the map, not from their chord.
+        chord = 0.0 if _even_steps(line).all() else 0.03
+        book.compare("station", plan.station, station, 0.01 + chord + 0.002 * grown)
     if plan.z is not None:
         book.compare("z", plan.z, ground.z[rows], np.full(len(rows), 0.02), known)
     even = _evenly_between(line)
@@ -55,11 +57,15 @@ def _evenly_between(line: Line) -> Bools:
 
     Such a row lies on the chord of its neighbours, with the mean of their slopes.
     """
-    steps = np.diff(line.flat[line.at_row])
-    even = np.abs(steps / np.median(steps) - 1.0) < _EVEN
-    around = np.concatenate(([True, False], even, [False, True]))
+    around = np.concatenate(([True, False], _even_steps(line), [False, True]))
     found: Bools = around[:-3] & around[1:-2] & around[2:-1] & around[3:]
     return found
+
+
+def _even_steps(line: Line) -> Bools:
+    steps = np.diff(line.flat[line.at_row])
+    even: Bools = np.abs(steps / np.median(steps) - 1.0) < _EVEN
+    return even
 
 
 class _Book:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from models.arrays import Bools, Floats
@@ -15,6 +13,7 @@ from services.check.friction import braking_cap, utilisation
 from services.check.ground import Ground
 from services.check.line import Line
 from services.check.loads import Pose, pose_of, shares_of
+from services.check.motion import Motion
 from services.check.report import Ledger
 from services.check.tolerances import TOLERANCES
 
@@ -22,38 +21,6 @@ _TINY_TURN = 0.1
 """Share of the lateral limit that v²|κ| has to reach before the bank counts: else nothing turns."""
 
 _NOTHING = -np.inf
-
-
-class Motion(NamedTuple):
-    """What is driven at M samples; arrays are (M,).
-
-    Attributes:
-        speed, accel: [m/s], [m/s²]; the acceleration holds from its sample on.
-        accel_before: the one that ends at the sample.
-        moving: the plan moves there. excused: it brakes down from a start that was too fast.
-    """
-
-    speed: Floats
-    accel: Floats
-    accel_before: Floats
-    moving: Bools
-    excused: Bools
-
-
-def motion_along(line: Line, station: Floats, speed: Floats, status: str) -> Motion:
-    """The motion of a plan with speeds (N,) at its rows, v² linear between them."""
-    at_rows = station[line.at_row]
-    energy = line.between(speed * speed)
-    accel = 0.5 * np.diff(speed * speed) / np.diff(at_rows)
-    own = np.append(accel, 0.0)[line.row]
-    before = own.copy()
-    before[line.at_row[1:]] = accel
-    energy[line.driven :] = 0.0
-    moving = energy > 0.0
-    braking_down = np.minimum.accumulate(own < 0.0)
-    braking_down[1:] |= braking_down[:-1]  # up to where it ends
-    excused = braking_down & (status in ("degraded", "infeasible"))
-    return Motion(np.sqrt(energy), own, before, moving, excused)
 
 
 def judge_driving(

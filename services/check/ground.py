@@ -6,13 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats
+from models.arrays import Bools, Floats, Ints
 from models.vehicle import Vehicle
 from services.check.heights import Heights, cell_is_known, classes_around, height_of
 from services.check.line import Line
 
 _BEND_OVER = 0.25
 """Of the wheelbase, on either side: over that the vertical curvature is taken."""
+
+_AT_ONCE = 4096
+"""Samples whose ground below the body is looked at together."""
 
 _WHEELS = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
 """Front left, front right, rear left, rear right, in wheelbases ahead and track widths aside."""
@@ -106,15 +109,27 @@ def _bend(station: Floats, grade: Floats, known: Bools, wheelbase: float, line: 
 def _body_known(heights: Heights, line: Line, vehicle: Vehicle) -> Bools:
     """Is there no unknown cell below the body, but for where it stands at the first row already?"""
     ahead, aside = below_body(vehicle, heights.resolution)
-    x, y = beside(line, ahead[:, None], aside[:, None])
-    east, north = x - line.x[0], y - line.y[0]
     cos, sin = np.cos(line.heading[0]), np.sin(line.heading[0])
     shape, margin = vehicle.shape, 0.5 * heights.resolution
-    along, across = east * cos + north * sin, north * cos - east * sin
-    stands = (along > -shape.rear - margin) & (along < shape.front + margin)
-    stands &= np.abs(across) < 0.5 * shape.width + margin
-    known: Bools = np.all(cell_is_known(heights, x, y) | stands, axis=0)
+    known = np.ones(len(line.x), np.bool_)
+    for part in parts_of(np.arange(len(line.x))):
+        x, y = beside(only(line, part), ahead[:, None], aside[:, None])
+        east, north = x - line.x[0], y - line.y[0]
+        along, across = east * cos + north * sin, north * cos - east * sin
+        stands = (along > -shape.rear - margin) & (along < shape.front + margin)
+        stands &= np.abs(across) < 0.5 * shape.width + margin
+        known[part] = np.all(cell_is_known(heights, x, y) | stands, axis=0)
     return known
+
+
+def parts_of(samples: Ints) -> list[Ints]:
+    """Samples in parts, so that points below the body take little memory at once."""
+    return [samples[first : first + _AT_ONCE] for first in range(0, len(samples), _AT_ONCE)]
+
+
+def only(line: Line, samples: Ints) -> Line:
+    """Places and headings of some samples."""
+    return line._replace(x=line.x[samples], y=line.y[samples], heading=line.heading[samples])
 
 
 def below_body(vehicle: Vehicle, step: float) -> tuple[Floats, Floats]:

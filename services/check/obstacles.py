@@ -11,7 +11,7 @@ import numpy as np
 
 from models.arrays import Bools, Floats
 from models.vehicle import Vehicle
-from services.check.ground import Ground, below_body, beside
+from services.check.ground import Ground, below_body, beside, only, parts_of
 from services.check.heights import Heights, height_of
 from services.check.line import Line
 from services.check.report import Ledger
@@ -48,21 +48,24 @@ def _body(
     if len(rows) == 0:
         return
     ahead, aside = below_body(vehicle, max(0.5 * heights.resolution, _FINEST))
-    x, y = beside(_only(line, rows), ahead[:, None], aside[:, None])
-    wheels = ground.wheels[:, rows]
-    rise = (wheels[0] + wheels[1] - wheels[2] - wheels[3]) / (2.0 * vehicle.wheelbase)
-    lean = (wheels[0] + wheels[2] - wheels[1] - wheels[3]) / (2.0 * vehicle.track_width)
-    plane = wheels.mean(axis=0) + ahead[:, None] * rise + aside[:, None] * lean
-    # Below the body the vertical is longer than the clearance by the slope.
-    above = (height_of(heights, x, y) - plane) / np.sqrt(1.0 + rise**2 + lean**2)
     inside = np.abs(ahead) <= 0.5 * vehicle.wheelbase
     inside &= np.abs(aside) <= 0.5 * vehicle.track_width
-    for kind, part in (("clearance", inside), ("body", ~inside)):
-        highest = np.full(len(moving), _NOTHING)
-        highest[rows] = np.max(np.nan_to_num(above[part], nan=-1e3), axis=0)
+    highest = np.full((2, len(moving)), _NOTHING)
+    for part in parts_of(rows):
+        x, y = beside(only(line, part), ahead[:, None], aside[:, None])
+        wheels = ground.wheels[:, part]
+        rise = (wheels[0] + wheels[1] - wheels[2] - wheels[3]) / (2.0 * vehicle.wheelbase)
+        lean = (wheels[0] + wheels[2] - wheels[1] - wheels[3]) / (2.0 * vehicle.track_width)
+        plane = wheels.mean(axis=0) + ahead[:, None] * rise + aside[:, None] * lean
+        # Below the body the vertical is longer than the clearance by the slope.
+        above = (height_of(heights, x, y) - plane) / np.sqrt(1.0 + rise**2 + lean**2)
+        above = np.nan_to_num(above, nan=-1e3)
+        for i, which in enumerate((inside, ~inside)):
+            highest[i, part] = np.max(above[which], axis=0)
+    for kind, found in zip(("clearance", "body"), highest, strict=True):
         ledger.add(
-            kind, highest / clearance - 1.0,
-            f"ground {{0:.3f}} m above the wheels, the underside is at {clearance:.3f} m", highest,
+            kind, found / clearance - 1.0,
+            f"ground {{0:.3f}} m above the wheels, the underside is at {clearance:.3f} m", found,
         )  # fmt: skip
 
 
@@ -92,7 +95,3 @@ def _steps(
         "step", np.where(moving, highest / limit - 1.0, _NOTHING),
         f"a step of {{0:.3f}} m at a wheel, {limit:.3f} m is the highest", highest,
     )  # fmt: skip
-
-
-def _only(line: Line, rows: np.ndarray) -> Line:
-    return line._replace(x=line.x[rows], y=line.y[rows], heading=line.heading[rows])

@@ -9,9 +9,10 @@ import numpy as np
 from models.arrays import Bools, Floats, Ints
 from models.parameters import Model
 from services.check.brakes import Brakes
-from services.check.driving import Motion, add_load
+from services.check.driving import add_load
 from services.check.friction import braking_cap
 from services.check.ground import Ground
+from services.check.motion import Motion
 from services.check.report import Ledger
 from services.check.stop_field import StopField
 from services.check.stops import Stops, stops_as_told, stops_from

@@ -86,8 +86,7 @@ class StopField:
         """F_b/W that is wanted, before build-up, heat, friction and crests."""
         b = self.brakes
         if not self.two_sided:
-            speed = np.minimum(np.maximum(onset_speed, b.slowest[0, 0]), b.fastest[0])
-            one: Floats = here.slope * speed + here.intercept
+            one: Floats = here.slope * np.maximum(onset_speed, b.slowest[0, 0]) + here.intercept
             return one
         ends = [self._force_at(here.sample + i, onset_speed, most) for i in (0, 1)]
         force: Floats = ends[0] + here.share * (ends[1] - ends[0])
@@ -97,7 +96,7 @@ class StopField:
         b = self.brakes
         part = b._replace(
             on=b.on[:, sample], slope=b.slope[:, sample], intercept=b.intercept[:, sample],
-            spare=b.spare[:, sample], fastest=b.fastest[sample], extra=b.extra[sample],
+            spare=b.spare[:, sample], extra=b.extra[sample],
         )  # fmt: skip
         return part.force(onset_speed, most=most)
 
