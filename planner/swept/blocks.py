@@ -19,6 +19,9 @@ class Blocks(NamedTuple):
         middle: height of a plane in the middle of the block; east, north: its rise across a block.
         above, below: how far facets of cells stick out of the plane, up and down (>= 0).
         hidden: 1 where some cell is unknown.
+        facets: (rows of cells, columns of cells, 4) height of each cell, NaN where unknown, its
+            rise to the east and to the north over a cell, and nothing: a cell is read at once.
+        level: height of the map that all heights here are above [m].
     """
 
     top: Singles
@@ -29,6 +32,8 @@ class Blocks(NamedTuple):
     above: Singles
     below: Singles
     hidden: Bytes
+    facets: Singles
+    level: float
 
 
 def blocks_of(
@@ -41,47 +46,61 @@ def blocks_of(
         first_row, first_column: where the first block begins; may be below 0.
         cells: along the edge of a block. shape: rows and columns of blocks.
     """
-    top, low, middle, east, north, above, below = np.empty((7, *shape), np.float32)
-    hidden = np.empty(shape, np.uint8)
-    out = Blocks(top, low, middle, east, north, above, below, hidden)
     rows, columns = (shape[0] * cells + 2, shape[1] * cells + 2)
     part = np.full((rows, columns), np.nan, np.float32)
     row, column = first_row - 1, first_column - 1
     inside = elevation[max(row, 0) : max(row + rows, 0), max(column, 0) : max(column + columns, 0)]
+    level = 0.0
     if inside.size:
         known = inside[np.isfinite(inside)]
-        level = known[0] if len(known) else 0.0
+        level = float(known[0]) if len(known) else 0.0
         i, j = max(-row, 0), max(-column, 0)
         part[i : i + inside.shape[0], j : j + inside.shape[1]] = inside - level
-    _gather(part, cells, out)
+    top, low, middle, east, north, above, below = np.empty((7, *shape), np.float32)
+    hidden = np.empty(shape, np.uint8)
+    facets = np.empty((rows - 2, columns - 2, 4), np.float32)
+    out = Blocks(top, low, middle, east, north, above, below, hidden, facets, level)
+    _tilt(part, facets)
+    _gather(cells, out)
     return out
 
 
 @kernel
-def _gather(heights: Singles, cells: int, out: Blocks) -> None:
-    """Blocks of heights that have a rim of one cell.
+def _tilt(heights: Singles, facets: Singles) -> None:
+    """Facets, as of :func:`planner.swept.wheel_path.facet`, of heights with a rim of a cell."""
+    rows, columns, _ = facets.shape
+    for i in range(rows):
+        south, here, north = heights[i], heights[i + 1], heights[i + 2]
+        for j in range(columns):
+            height = here[j + 1]
+            facets[i, j, 0] = height
+            facets[i, j, 1] = gentler(height - here[j], here[j + 2] - height)
+            facets[i, j, 2] = gentler(height - south[j + 1], north[j + 1] - height)
+            facets[i, j, 3] = np.float32(0.0)
 
-    The plane of a single cell is its facet, as of :func:`planner.swept.wheel_path.facet_height`;
-    that of several is level with their mean, tilted like the mean of their facets.
+
+@kernel
+def _gather(cells: int, out: Blocks) -> None:
+    """Blocks of so many cells.
+
+    The plane of a single cell is its facet; that of several is level with their mean, tilted like
+    the mean of their facets.
     """
     rows, columns = out.top.shape
     size = cells * cells
-    east, north = np.empty(size, np.float32), np.empty(size, np.float32)
-    middle = 0.5 * (cells - 1)
+    facets, middle = out.facets, 0.5 * (cells - 1)
     for r in range(rows):
         for c in range(columns):
             top, low, total, tilt_x, tilt_y = -np.inf, np.inf, 0.0, 0.0, 0.0
             known = 0
             for n in range(size):
-                i, j = r * cells + n // cells + 1, c * cells + n % cells + 1
-                here = heights[i, j]
-                east[n] = gentler(here - heights[i, j - 1], heights[i, j + 1] - here)
-                north[n] = gentler(here - heights[i - 1, j], heights[i + 1, j] - here)
+                i, j = r * cells + n // cells, c * cells + n % cells
+                here = facets[i, j, 0]
                 if np.isnan(here):
                     continue
                 known += 1
                 top, low, total = max(top, here), min(low, here), total + here
-                tilt_x, tilt_y = tilt_x + east[n], tilt_y + north[n]
+                tilt_x, tilt_y = tilt_x + facets[i, j, 1], tilt_y + facets[i, j, 2]
             out.hidden[r, c] = 0 if known == size else 1
             if known == 0:
                 for part in (out.top, out.low, out.middle, out.east, out.north):
@@ -91,11 +110,12 @@ def _gather(heights: Singles, cells: int, out: Blocks) -> None:
             level, tilt_x, tilt_y = total / known, tilt_x / known, tilt_y / known
             above, below = 0.0, 0.0
             for n in range(size):
-                here = heights[r * cells + n // cells + 1, c * cells + n % cells + 1]
+                i, j = r * cells + n // cells, c * cells + n % cells
+                here = facets[i, j, 0]
                 if np.isnan(here):
                     continue
                 off = here - level - tilt_x * (n % cells - middle) - tilt_y * (n // cells - middle)
-                facet = 0.5 * (abs(east[n] - tilt_x) + abs(north[n] - tilt_y))
+                facet = 0.5 * (abs(facets[i, j, 1] - tilt_x) + abs(facets[i, j, 2] - tilt_y))
                 above, below = max(above, off + facet), max(below, facet - off)
             out.top[r, c], out.low[r, c], out.middle[r, c] = top, low, level
             out.east[r, c], out.north[r, c] = tilt_x * cells, tilt_y * cells

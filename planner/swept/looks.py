@@ -8,13 +8,13 @@ from models.arrays import Bools, Bytes, Floats, Singles
 from planner.kernels.compiled import inlined, row_pass
 from planner.swept.screen import Screen
 from planner.swept.sizes import SweptSizes
-from planner.swept.verdicts import UNSEEN, WHEELS
+from planner.swept.verdicts import UNSEEN
 from planner.swept.wheel_path import Pose
 from planner.swept.wheel_sweep import wheel_at
 
-TWIST, WHEEL = 8, 16
+TWIST, WHEEL, WHEELS = 8, 16, 240
 """More bits than the screen has: the wheels' own heights ask for a closer look; the front left
-wheel may meet a step, and from there on the others."""
+wheel may meet a step, and from there on the others; any wheel may."""
 
 
 @row_pass
@@ -45,6 +45,36 @@ def looks_at(
     return some
 
 
+@row_pass
+def wheel_looks(
+    x: Floats, y: Floats, heading_x: Floats, heading_y: Floats, ahead: float, aside: float,
+    screen: Screen, wheel: np.uint8, open_yet: Bytes, looks: Bytes,
+) -> int:  # fmt: skip
+    """Add a wheel's bit to the looks of a row where the wheel may meet a step; how many there are.
+
+    Args:
+        x, y, heading_x, heading_y: (M,) poses.
+        ahead, aside: of the wheel, from the middle of the wheelbase [m].
+        screen: of the map. wheel: its bit.
+        open_yet: (M,) candidates that go on. looks: (M,) in and out.
+    """
+    origin_x, origin_y, per_block = screen.origin_x, screen.origin_y, screen.per_metre
+    flat = screen.steps.reshape(screen.steps.size)
+    rows, columns = screen.steps.shape
+    right, top = columns - 1.0, rows - 1.0
+    some = 0
+    for j in range(x.shape[0]):
+        wheel_x = x[j] + ahead * heading_x[j] - aside * heading_y[j]
+        wheel_y = y[j] + ahead * heading_y[j] + aside * heading_x[j]
+        u = min(max((wheel_x - origin_x) * per_block, 0.0), right)
+        v = min(max((wheel_y - origin_y) * per_block, 0.0), top)
+        block = np.uint64(np.floor(v) * columns + np.floor(u))
+        look = (np.uint8(0) - flat[block]) & wheel & open_yet[j]
+        looks[j] |= look
+        some += look
+    return some
+
+
 @inlined
 def _block(screen: Screen, x: float, y: float) -> tuple[int, int]:
     rows, columns = screen.bits.shape
@@ -57,12 +87,12 @@ def _block(screen: Screen, x: float, y: float) -> tuple[int, int]:
 
 @inlined
 def looked_closer(
-    pose: Pose, looks: int, wheels: int, screen: Screen, sizes: SweptSizes, around: Floats
+    pose: Pose, looks: int, screen: Screen, sizes: SweptSizes, around: Floats
 ) -> int:  # fmt: skip
-    """What is left to look for: with the heading known, circles and wheels can be told apart.
+    """What is left to look for: with the heading known, circles along the body can be told apart.
 
     Args:
-        pose: of the vehicle. looks: bits so far. wheels: how many of the wheels count.
+        pose: of the vehicle. looks: bits so far.
         screen: of the map. sizes: of the vehicle.
         around: (4,) out, slopes along the way around the wheels.
     """
@@ -77,15 +107,12 @@ def looked_closer(
             clear = clear and screen.seen[i, j] >= radius
         if clear:
             looks &= ~UNSEEN
-    if looks & WHEELS:
-        looks &= ~WHEELS
-        for wheel in range(wheels):
+    for wheel in range(4):
+        if looks & (WHEEL << wheel):
             ahead, aside = wheel_at(wheel, sizes)
             x = pose.x + ahead * pose.heading_x - aside * pose.heading_y
             y = pose.y + ahead * pose.heading_y + aside * pose.heading_x
             i, j = _block(screen, x, y)
-            if screen.steps[i, j]:
-                looks |= WHEELS | (WHEEL << wheel)
-                east, north = screen.east[i, j], screen.north[i, j]
-                around[wheel] = east * pose.heading_x + north * pose.heading_y
+            east, north = screen.east[i, j], screen.north[i, j]
+            around[wheel] = east * pose.heading_x + north * pose.heading_y
     return looks

@@ -13,7 +13,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter
 
 from models.arrays import Bytes, Singles
 from planner.ground.elevation_map import ElevationMap
@@ -22,7 +21,7 @@ from planner.swept.blocks import Blocks, blocks_of, smoothed
 from planner.swept.screen_reach import ScreenBounds, ScreenOffsets, bounds_of, cells_of, offsets_of
 from planner.swept.sizes import SweptSizes
 from planner.swept.surfaces import FacetRow, Surface, bend, felt, fit, range_of, stood_on, warp
-from planner.swept.verdicts import WHEELS, judge_body, judge_steps, nearest, unseen
+from planner.swept.verdicts import judge_body, judge_steps, nearest, unseen
 
 
 class Screen(NamedTuple):
@@ -35,6 +34,8 @@ class Screen(NamedTuple):
         seen: (rows, columns) distance from any point of a block within which all is known [m], at
             most the reach of the body.
         origin_x, origin_y: corner of block [0, 0] [m]. per_metre: blocks in a metre.
+        facets: of cells around the blocks, as of :class:`planner.swept.blocks.Blocks`.
+        first_row, first_column: of the first facet on the map, may be below 0.
     """
 
     bits: Bytes
@@ -45,6 +46,9 @@ class Screen(NamedTuple):
     origin_x: float
     origin_y: float
     per_metre: float
+    facets: Singles
+    first_row: int
+    first_column: int
 
 
 def screen_of(
@@ -64,8 +68,9 @@ def screen_of(
     pad = 2 + max(widest, bounds.fit)
     rows = math.ceil((window[1] - window[0]) / cells)
     columns = math.ceil((window[3] - window[2]) / cells)
+    first_row, first_column = window[0] - pad * cells, window[2] - pad * cells
     blocks = blocks_of(
-        elevation_map.elevation, window[0] - pad * cells, window[2] - pad * cells, cells,
+        elevation_map.elevation, first_row, first_column, cells,
         (rows + 2 * pad, columns + 2 * pad),
     )  # fmt: skip
     bits, steps = np.empty((2, rows, columns), np.uint8)
@@ -73,12 +78,10 @@ def screen_of(
     x, y = elevation_map.origin
     out = Screen(
         bits, steps, east, north, seen, x + (window[2] - 0.5) * resolution,
-        y + (window[0] - 0.5) * resolution, 1.0 / (cells * resolution),
+        y + (window[0] - 0.5) * resolution, 1.0 / (cells * resolution), blocks.facets,
+        first_row, first_column,
     )  # fmt: skip
     _look_around(blocks, pad, offsets, bounds, sizes.reach, out)
-    if sizes.fine:
-        ring = math.ceil((sizes.wheel_reach + bounds.edge) / bounds.edge)
-        bits |= WHEELS * maximum_filter(steps, size=2 * ring + 1)
     return out
 
 

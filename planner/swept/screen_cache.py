@@ -14,7 +14,7 @@ from planner.swept.sizes import SweptSizes
 
 _KEPT = 4
 
-_WHOLE = 250_000
+_WHOLE = 40_000
 """Maps of fewer cells are looked over as a whole, larger ones around the candidates."""
 
 _BESIDE = 0.25
@@ -51,7 +51,7 @@ def _window(
     """First and end row, first and end column of the cells around all positions on the map."""
     (rows, columns), per = elevation_map.elevation.shape, 1.0 / elevation_map.resolution
     # Wheels are asked for as well, and where a block ends the next one begins.
-    around = 2.0 * sizes.reach * per
+    around = (sizes.reach + max(sizes.reach, sizes.wheel_look * sizes.fine)) * per
 
     def span(at: Floats, origin: float, count: int) -> tuple[int, int]:
         low, high = (float(np.clip((v - origin) * per, 0, count - 1)) for v in (at.min(), at.max()))

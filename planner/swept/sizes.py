@@ -58,6 +58,11 @@ class SweptSizes(NamedTuple):
         """Radius around the middle of the wheelbase on which the wheels are."""
         return math.hypot(self.half_length, self.half_width)
 
+    @property
+    def wheel_look(self) -> float:
+        """Length of ground along its way that tells whether a wheel meets a step there."""
+        return 2.0 * self.trend + 3.0 * self.radius + self.chord
+
 
 def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
     """Sizes of a vehicle on a map.

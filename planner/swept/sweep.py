@@ -12,10 +12,11 @@ from planner.ground.terrain_profile import TerrainRows
 from planner.kernels.compiled import inlined, kernel
 from planner.swept.body_sweep import body_met
 from planner.swept.findings import Finding, Kind
-from planner.swept.looks import TWIST, WHEEL, looked_closer, looks_at
+from planner.swept.looks import TWIST, WHEEL, WHEELS, looked_closer, looks_at, wheel_looks
 from planner.swept.screen import Screen
 from planner.swept.sizes import SweptSizes
-from planner.swept.verdicts import BODY, UNSEEN, WHEELS
+from planner.swept.tyre_profile import Facets
+from planner.swept.verdicts import BODY, UNSEEN
 from planner.swept.wheel_path import Ground, Pose, contact_height
 from planner.swept.wheel_sweep import step_met, twisted, wheel_at
 
@@ -47,7 +48,7 @@ class Scratch(NamedTuple):
 
 def scratch_for(sizes: SweptSizes, spacing: float) -> Scratch:
     """Room for poses at most so far apart [m]."""
-    length = 2.0 * sizes.trend + 3.0 * sizes.radius + sizes.chord + spacing
+    length = sizes.wheel_look + spacing
     return Scratch(np.empty((2, math.ceil(length / sizes.stride) + 8)), np.empty(4), np.empty(4))
 
 
@@ -67,13 +68,13 @@ class Swept(NamedTuple):
 
 @inlined
 def pose_met(
-    ground: Ground, pose: Pose, back: float, looks: int, sizes: SweptSizes, scratch: Scratch,
-    unknown_bars: bool,
+    ground: Ground, facets: Facets, pose: Pose, back: float, looks: int, sizes: SweptSizes,
+    scratch: Scratch, unknown_bars: bool,
 ) -> Finding:  # fmt: skip
     """What bars a pose, and all poses since the one before.
 
     Args:
-        ground: map. pose: of the vehicle.
+        ground: map. facets: of its cells. pose: of the vehicle.
         back: distance of the pose before [m].
         looks: bits of what is looked for; see :mod:`planner.swept.looks`.
         sizes: of the vehicle.
@@ -96,7 +97,7 @@ def pose_met(
         for wheel in range(4):
             if not looks & (WHEEL << wheel):
                 continue
-            met = step_met(ground, pose, wheel, back, sizes, scratch.around[wheel], scratch.profile)
+            met = step_met(facets, pose, wheel, back, sizes, scratch.around[wheel], scratch.profile)
             if met.kind != _NOTHING:
                 return met
     if looks & TWIST:
@@ -128,11 +129,25 @@ def sweep(
     open_yet = np.full(candidates, np.uint8(255))
     looked = 0
     code[:] = 0
+    cell = 1.0 / ground.per_metre
+    facets = Facets(
+        screen.facets, ground.origin_x + screen.first_column * cell,
+        ground.origin_y + screen.first_row * cell, ground.per_metre,
+    )  # fmt: skip
     for k in range(1, stations):
         some = looks_at(
             paths.x[k], paths.y[k], screen, open_yet, paths.rows.known[k], twist[k],
             np.float32(sizes.wheel_travel), looks,
         )  # fmt: skip
+        if sizes.fine:
+            # The rear wheels roll where the front ones did, but for the first of the way.
+            rear = paths.rows.station[k].min() < 2.5 * sizes.half_length
+            for wheel in range(4 if rear else 2):
+                ahead, aside = wheel_at(wheel, sizes)
+                some += wheel_looks(
+                    paths.x[k], paths.y[k], paths.rows.heading_x[k], paths.rows.heading_y[k],
+                    ahead, aside, screen, np.uint8(WHEEL << wheel), open_yet, looks,
+                )  # fmt: skip
         if some == 0:
             continue
         for j in range(candidates):
@@ -143,14 +158,12 @@ def sweep(
                 paths.x[k, j], paths.y[k, j], paths.rows.heading_x[k, j],
                 paths.rows.heading_y[k, j],
             )  # fmt: skip
-            # The rear wheels roll where the front ones did, but for the first of the way.
-            wheels = 4 if paths.rows.station[k, j] < 2.5 * sizes.half_length else 2
-            look = looked_closer(pose, int(looks[j]), wheels, screen, sizes, scratch.around)
+            look = looked_closer(pose, int(looks[j]), screen, sizes, scratch.around)
             if look == 0:
                 continue
             looked += 1
             back = np.sqrt(dx * dx + dy * dy)
-            met = pose_met(ground, pose, back, look, sizes, scratch, bars[_UNKNOWN] > 0)
+            met = pose_met(ground, facets, pose, back, look, sizes, scratch, bars[_UNKNOWN] > 0)
             if bars[met.kind] > 0:
                 code[k, j] = bars[met.kind]
                 open_yet[j] = 0

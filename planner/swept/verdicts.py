@@ -10,8 +10,8 @@ from planner.swept.lanes import PLUS_ZERO
 from planner.swept.screen_reach import ScreenBounds
 from planner.swept.surfaces import Surface
 
-UNSEEN, BODY, WHEELS = 1, 2, 4
-"""Bits: something in reach is unknown; the body, a wheel may strike."""
+UNSEEN, BODY = 1, 2
+"""Bits: something in reach is unknown; the body may strike."""
 
 
 @row_pass

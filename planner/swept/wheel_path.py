@@ -41,6 +41,19 @@ def gentler(before: float, after: float) -> float:
 
 
 @inlined
+def facet(elevation: Floats, i: int, j: int) -> tuple[float, float, float]:
+    """Height of a cell [m], and its rise to the east and to the north over a cell [m]."""
+    rows, columns = elevation.shape
+    west, east = max(j - 1, 0), min(j + 1, columns - 1)
+    south, north = max(i - 1, 0), min(i + 1, rows - 1)
+    here = elevation[i, j]
+    # At the rim of the map a cell is its own neighbour, and level that way.
+    across = gentler(here - elevation[i, west], elevation[i, east] - here)
+    along = gentler(here - elevation[south, j], elevation[north, j] - here)
+    return here, across, along
+
+
+@inlined
 def facet_height(ground: Ground, x: float, y: float) -> float:
     """Height of the cell at a point [m], NaN where unknown.
 
@@ -54,12 +67,7 @@ def facet_height(ground: Ground, x: float, y: float) -> float:
     if not (u >= -0.5 and v >= -0.5 and u < columns - 0.5 and v < rows - 0.5):
         return np.nan
     j, i = int(u + 0.5), int(v + 0.5)
-    west, east = max(j - 1, 0), min(j + 1, columns - 1)
-    south, north = max(i - 1, 0), min(i + 1, rows - 1)
-    here = ground.elevation[i, j]
-    # At the rim of the map a cell is its own neighbour, and level that way.
-    across = gentler(here - ground.elevation[i, west], ground.elevation[i, east] - here)
-    along = gentler(here - ground.elevation[south, j], ground.elevation[north, j] - here)
+    here, across, along = facet(ground.elevation, i, j)
     return float(here + across * (u - j) + along * (v - i))
 
 

@@ -8,7 +8,8 @@ from models.arrays import Floats
 from planner.kernels.compiled import inlined
 from planner.swept.findings import Finding, Kind
 from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_path import NO_GROUND, Ground, Pose, drop_of_rim, under_tyre
+from planner.swept.tyre_profile import Facets, tyre_profile
+from planner.swept.wheel_path import NO_GROUND, Pose, drop_of_rim
 
 _NOTHING, _RISE, _DROP, _TWIST = (
     int(Kind.NOTHING), int(Kind.RISE), int(Kind.DROP), int(Kind.TWIST),
@@ -50,7 +51,7 @@ def twisted(contact: Floats, sizes: SweptSizes) -> Finding:
 
 @inlined
 def step_met(
-    ground: Ground, pose: Pose, wheel: int, back: float, sizes: SweptSizes, around: float,
+    ground: Facets, pose: Pose, wheel: int, back: float, sizes: SweptSizes, around: float,
     scratch: Floats,
 ) -> Finding:  # fmt: skip
     """The first step or drop that a wheel meets on the last piece of its way.
@@ -59,7 +60,7 @@ def step_met(
     or falls faster than the ground before and after explains, there is a step.
 
     Args:
-        ground: map. pose: of the vehicle. wheel: as of :func:`wheel_at`.
+        ground: of the map around. pose: of the vehicle. wheel: as of :func:`wheel_at`.
         back: how far the pose before is behind this one [m].
         sizes: of the vehicle.
         around: slope of the ground around the wheel along the way [1], NaN where unknown; it
@@ -75,8 +76,9 @@ def step_met(
     first = rim + far
     last = min(first + behind, profile.shape[0] - (chord + 2 * rim + far) - 1)
     begin = ahead - (behind + first) * stride
-    for n in range(first - rim, last + chord + rim + 1):
-        profile[n] = under_tyre(ground, pose, begin + n * stride, aside, sizes)
+    tyre_profile(ground, pose, begin, aside, first - rim, last + chord + rim + 1, sizes, profile)
+    if _even(profile, first, last + chord, rim, sizes, around):
+        return Finding(_NOTHING, 0.0, 0.0, 0.0)
     _roll(profile, path, first, last + chord, rim, sizes)
     least, most = np.inf, -np.inf
     for n in range(first, last + 1):
@@ -87,16 +89,35 @@ def step_met(
     if max(climbs, falls) <= sizes.steepest:
         return Finding(_NOTHING, 0.0, 0.0, 0.0)
     end = last + chord + 2 * rim + far
-    for n in range(0, first - rim):
-        profile[n] = under_tyre(ground, pose, begin + n * stride, aside, sizes)
-    for n in range(last + chord + rim + 1, end + 1):
-        profile[n] = under_tyre(ground, pose, begin + n * stride, aside, sizes)
+    tyre_profile(ground, pose, begin, aside, 0, first - rim, sizes, profile)
+    tyre_profile(ground, pose, begin, aside, last + chord + rim + 1, end + 1, sizes, profile)
     _roll(profile, path, rim, end - rim, rim, sizes)
     for n in range(first, last + 1):
         found = _judged(path, n, (chord, rim, far), sizes, around)
         if found.kind != _NOTHING:
             return Finding(found.kind, found.height, begin + (n + chord) * stride, aside)
     return Finding(_NOTHING, 0.0, 0.0, 0.0)
+
+
+@inlined
+def _even(
+    profile: Floats, first: int, last: int, rim: int, sizes: SweptSizes, around: float
+) -> bool:
+    """Is the ground too even for any step? On a slope a wheel touches a little uphill.
+
+    The rim of a wheel on a slope a reaches max(a x - drop(x)) = R (sqrt(1 + a²) - 1) above its
+    lowest point, so what is left of the ground without its slope bounds every climb.
+    """
+    least, most = np.inf, -np.inf
+    for n in range(first, last + 1):
+        left = profile[n] - around * n * sizes.stride
+        least, most = min(least, left), max(most, left)
+    for n in range(first - rim, first):
+        most = max(most, profile[n] - around * n * sizes.stride)
+    for n in range(last + 1, last + rim + 1):
+        most = max(most, profile[n] - around * n * sizes.stride)
+    lift = sizes.radius * (np.sqrt(1.0 + around * around) - 1.0)
+    return bool(most - least + lift + SLOPE_OPEN * sizes.chord <= sizes.steepest)
 
 
 @inlined

@@ -16,16 +16,16 @@ from planner.swept import hazards
 from planner.swept.screen import Screen
 from planner.swept.screen_cache import screen_for
 from planner.swept.sizes import swept_sizes
-from planner.swept.verdicts import BODY, UNSEEN, WHEELS
+from planner.swept.verdicts import BODY, UNSEEN
 from tests.planner.scenes import ATV, SMALL, model_of, tables_with
 from tests.planner.swept.scenes import ground, met_by
 
 MODELS = (model_of(ATV), model_of(tables_with(**SMALL)))
 
 
-def all_suspect(screen: Screen, wheels: bool) -> Screen:
+def all_suspect(screen: Screen) -> Screen:
     return screen._replace(
-        bits=np.full_like(screen.bits, UNSEEN | BODY | (WHEELS if wheels else 0)),
+        bits=np.full_like(screen.bits, UNSEEN | BODY),
         steps=np.ones_like(screen.steps),
         seen=np.zeros_like(screen.seen),
     )
@@ -68,7 +68,7 @@ def test_it_clears_nothing_that_is_barred(seed: int, small: bool, resolution: fl
     original = hazards.screen_for
     try:
         hazards.screen_for = lambda *args: all_suspect(  # type: ignore[assignment]
-            original(*args), args[2].fine
+            original(*args)
         )
         searched = met_by(scene, path, model)
     finally:
@@ -110,12 +110,14 @@ def test_a_rock_makes_its_surroundings_suspect(resolution: float) -> None:
     scene = ground(lambda x, y: 1.0 * (np.hypot(x - 9.0, y) < 0.2), resolution)
     vehicle = MODELS[0].vehicle
     sizes = swept_sizes(vehicle, resolution)
-    screen = screen_for(scene, vehicle, sizes, np.array([[0.0]]), np.array([[0.0]]))
+    x, y = np.array([[0.0], [12.0]]), np.zeros((2, 1))
+    screen = screen_for(scene, vehicle, sizes, x, y)
 
-    def bits(x: float) -> int:
+    def there(blocks: np.ndarray, x: float) -> int:
         row, column = (0.0 - screen.origin_y), (x - screen.origin_x)
-        return int(screen.bits[int(row * screen.per_metre), int(column * screen.per_metre)])
+        return int(blocks[int(row * screen.per_metre), int(column * screen.per_metre)])
 
-    assert bits(8.5) & BODY
-    assert bits(8.5) & WHEELS
-    assert bits(4.0) == 0
+    assert there(screen.bits, 8.5) & BODY
+    assert there(screen.steps, 8.6)
+    assert not there(screen.bits, 4.0)
+    assert not there(screen.steps, 4.0)
