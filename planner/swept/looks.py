@@ -16,6 +16,10 @@ TWIST, WHEEL, WHEELS = 8, 16, 240
 """More bits than the screen has: the wheels' own heights ask for a closer look; the front left
 wheel may meet a step, and from there on the others; any wheel may."""
 
+_TWIST_SHOWN = 0.75
+"""Share of the wheels' travel by which interpolated heights have to twist for a closer look: they
+show a narrow ridge or ditch under one wheel lower than a tyre feels it."""
+
 
 @row_pass
 def looks_at(
@@ -31,12 +35,13 @@ def looks_at(
     flat = screen.bits.reshape(screen.bits.size)
     rows, columns = screen.bits.shape
     right, top = columns - 1.0, rows - 1.0
+    most = np.float32(_TWIST_SHOWN) * travel
     some = 0
     for j in range(x.shape[0]):
         u = min(max((x[j] - origin_x) * per_block, 0.0), right)
         v = min(max((y[j] - origin_y) * per_block, 0.0), top)
         block = np.uint64(np.floor(v) * columns + np.floor(u))
-        hanging = np.uint8(TWIST) if twist[j] > travel else np.uint8(0)
+        hanging = np.uint8(TWIST) if twist[j] > most else np.uint8(0)
         goes_on = open_yet[j] & (np.uint8(255) if known[j] else np.uint8(0))
         open_yet[j] = goes_on
         look = (flat[block] | hanging) & goes_on
@@ -69,7 +74,7 @@ def wheel_looks(
         u = min(max((wheel_x - origin_x) * per_block, 0.0), right)
         v = min(max((wheel_y - origin_y) * per_block, 0.0), top)
         block = np.uint64(np.floor(v) * columns + np.floor(u))
-        look = (np.uint8(0) - flat[block]) & wheel & open_yet[j]
+        look = (wheel if flat[block] > 0 else np.uint8(0)) & open_yet[j]
         looks[j] |= look
         some += look
     return some
@@ -94,7 +99,7 @@ def looked_closer(
     Args:
         pose: of the vehicle. looks: bits so far.
         screen: of the map. sizes: of the vehicle.
-        around: (4,) out, slopes along the way around the wheels.
+        around: (4, 2) out, slopes around the wheels, along their way and to the left.
     """
     if looks & UNSEEN:
         # Three circles along the body cover it.
@@ -114,5 +119,6 @@ def looked_closer(
             y = pose.y + ahead * pose.heading_y + aside * pose.heading_x
             i, j = _block(screen, x, y)
             east, north = screen.east[i, j], screen.north[i, j]
-            around[wheel] = east * pose.heading_x + north * pose.heading_y
+            around[wheel, 0] = east * pose.heading_x + north * pose.heading_y
+            around[wheel, 1] = north * pose.heading_x - east * pose.heading_y
     return looks

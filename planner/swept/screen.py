@@ -3,8 +3,10 @@
 Around each block of cells a quadratic surface is taken off. Wheels and body follow planes exactly;
 four wheels at one distance from the middle follow a bowl; what a saddle costs is bounded by its
 curvature, and all else by the range of what is left. A step is looked for in what is left, too: the
-slope of the surface explains the rest of a climb. So the screen never clears a pose that
-:mod:`planner.swept.sweep` bars; it may send it one that is free.
+slope of the surface explains the rest of a climb. So the screen may send a pose that is free to
+:mod:`planner.swept.sweep`, and clears none that it bars, but for climbs within a few millimetres of
+what is barred: the sweep counts a little less of a step and of the slope around it, for what a map
+does not show (``cleared`` of :class:`planner.swept.sizes.SweptSizes`).
 """
 
 from __future__ import annotations

@@ -9,7 +9,6 @@ import numpy as np
 
 from models.arrays import Floats, Ints, Singles
 from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_sweep import SLOPE_OPEN
 
 _BLOCKS = 6.0
 """Blocks to the wheelbase."""
@@ -35,7 +34,7 @@ class ScreenBounds(NamedTuple):
         body_sq, wheel_sq, saddle_sq: squares of the reach of the body and of the wheels; and by
             how much more the saddle counts.
         spread: share of the range that counts for the body. clearance: of the vehicle.
-        steepest: climb that is no step, what the slope around leaves open taken off. chord: over
+        cleared: climb that is no step, beyond the slope around. chord: over
             which. apart: of the climb from the middle of the block at most.
         radius: of the wheel. near: reach of its climb.
     """
@@ -48,7 +47,7 @@ class ScreenBounds(NamedTuple):
     saddle_sq: np.float32
     spread: np.float32
     clearance: np.float32
-    steepest: np.float32
+    cleared: np.float32
     chord: np.float32
     apart: np.float32
     radius: np.float32
@@ -131,7 +130,7 @@ def bounds_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenBounds:
         saddle_sq=f(abs(sizes.half_length**2 - sizes.half_width**2)),
         spread=f(1.0 + negative),
         clearance=f(sizes.clearance - _ROUNDING),
-        steepest=f(sizes.steepest - SLOPE_OPEN * sizes.chord - _ROUNDING),
+        cleared=f(sizes.cleared - _ROUNDING),
         chord=f(sizes.chord),
         apart=f(_HALF_DIAGONAL * edge + max(sizes.chord, resolution) + 0.5 * sizes.chord),
         radius=f(sizes.radius if sizes.fine else 0.0),

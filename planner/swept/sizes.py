@@ -8,6 +8,12 @@ from typing import NamedTuple
 from models.vehicle import Vehicle
 
 _STEPS_PER_RADIUS = 6
+_SHOWN = 0.95
+"""Share of a step that a map shows: the cells on its edge lie in between."""
+
+_SLOPE_DOUBTED = 0.03
+"""So much of the slope around a wheel clears no climb [1]."""
+
 _TREND = 2.5
 """Length of ground before and after a step that tells its trend, in wheel radii."""
 
@@ -24,7 +30,8 @@ class SweptSizes(NamedTuple):
         max_step: see :class:`models.vehicle.Shape`.
         stride: between samples of the ground under a wheel.
         chord: how far ahead the wheel's climb is looked at. steepest: the highest climb of its
-            centre within that distance that is no step.
+            centre within that distance that is no step. cleared: a climb so high, beyond the slope
+            around it, needs no closer look.
         trend: ground before and after a step that tells how steep it is without it.
         tyres: samples across a tyre [1].
         fine: the map shows what a wheel feels.
@@ -44,6 +51,7 @@ class SweptSizes(NamedTuple):
     stride: float
     chord: float
     steepest: float
+    cleared: float
     trend: float
     tyres: int
     fine: bool
@@ -80,10 +88,10 @@ def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
     fine = resolution <= radius
     stride = min(radius / _STEPS_PER_RADIUS, resolution)
     step = min(shape.max_step, radius)
-    contact = math.sqrt(radius**2 - (radius - step) ** 2)
     strides = max(round(0.5 * radius / stride), 1)
-    seen = min(strides * stride, contact)
-    steepest = math.sqrt(radius**2 - (contact - seen) ** 2) - (radius - step)
+    seen = strides * stride
+    # The wheel may begin to climb up to one stride after the sample before it.
+    chord = seen + stride
     return SweptSizes(
         half_length=0.5 * vehicle.wheelbase,
         half_width=0.5 * vehicle.track_width,
@@ -98,10 +106,16 @@ def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
         half_tyre=0.5 * shape.wheel_width,
         max_step=shape.max_step,
         stride=stride,
-        # The wheel may begin to climb up to one stride after the sample before it.
-        chord=(strides + 1) * stride,
-        steepest=steepest,
+        chord=chord,
+        steepest=_climb(radius, _SHOWN * step, seen),
+        cleared=_climb(radius, step, seen) - _SLOPE_DOUBTED * chord,
         trend=round(_TREND * radius / stride) * stride,
         tyres=math.ceil(shape.wheel_width / resolution) + 1,
         fine=fine,
     )
+
+
+def _climb(radius: float, step: float, within: float) -> float:
+    """How high a wheel's centre climbs within so much of its way after it meets a step [m]."""
+    contact = math.sqrt(radius**2 - (radius - step) ** 2)
+    return math.sqrt(radius**2 - (contact - min(within, contact)) ** 2) - (radius - step)

@@ -18,7 +18,7 @@ from planner.swept.sizes import SweptSizes
 from planner.swept.tyre_profile import Facets
 from planner.swept.verdicts import BODY, UNSEEN
 from planner.swept.wheel_path import Ground, Pose, contact_height
-from planner.swept.wheel_sweep import step_met, twisted, wheel_at
+from planner.swept.wheel_sweep import Slopes, step_met, twisted, wheel_at
 
 _NOTHING = int(Kind.NOTHING)
 _UNKNOWN = int(Kind.UNKNOWN)
@@ -38,7 +38,7 @@ class Scratch(NamedTuple):
     Attributes:
         profile: (2, many) ground under a wheel, and the path of its centre.
         contact: (4,) heights of the wheels [m].
-        around: (4,) slopes of the ground around the wheels along the way [1].
+        around: (4, 2) slopes of the ground around the wheels, along their way and to the left.
     """
 
     profile: Floats
@@ -48,8 +48,8 @@ class Scratch(NamedTuple):
 
 def scratch_for(sizes: SweptSizes, spacing: float) -> Scratch:
     """Room for poses at most so far apart [m]."""
-    length = sizes.wheel_look + spacing
-    return Scratch(np.empty((2, math.ceil(length / sizes.stride) + 8)), np.empty(4), np.empty(4))
+    samples = math.ceil((sizes.wheel_look + spacing) / sizes.stride) + 8
+    return Scratch(np.empty((2, samples)), np.empty(4), np.empty((4, 2)))
 
 
 class Swept(NamedTuple):
@@ -97,7 +97,8 @@ def pose_met(
         for wheel in range(4):
             if not looks & (WHEEL << wheel):
                 continue
-            met = step_met(facets, pose, wheel, back, sizes, scratch.around[wheel], scratch.profile)
+            slopes = Slopes(scratch.around[wheel, 0], scratch.around[wheel, 1])
+            met = step_met(facets, pose, wheel, back, sizes, slopes, scratch.profile)
             if met.kind != _NOTHING:
                 return met
     if looks & TWIST:

@@ -51,7 +51,7 @@ def judge_steps(s: Surface, b: ScreenBounds, steps: Bytes) -> None:
         # The surface bends within a block, here and there, and on the way to the climb.
         bent = bend * (half * b.edge * b.edge + b.chord * b.apart)
         rise = s.near[j] - s.base[j] + lift + bent
-        clear = (s.near[j] >= s.base[j]) & (rise <= b.steepest)
+        clear = (s.near[j] >= s.base[j]) & (rise <= b.cleared)
         steps[j] = 0 if clear else 1
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from models.arrays import Floats
 from planner.kernels.compiled import inlined
 from planner.swept.findings import Finding, Kind
 from planner.swept.sizes import SweptSizes
-from planner.swept.tyre_profile import Facets, tyre_profile
+from planner.swept.tyre_profile import Facets, TyreLine, tyre_profile
 from planner.swept.wheel_path import NO_GROUND, Pose, drop_of_rim
 
 _NOTHING, _RISE, _DROP, _TWIST = (
@@ -18,10 +20,17 @@ _NOTHING, _RISE, _DROP, _TWIST = (
 STEEPEST = 0.6
 """Slope that explains a climb or a fall at most, 31°."""
 
-SLOPE_OPEN = 0.03
-"""So much of the slope around a wheel explains no climb [1]."""
+SLOPE_OPEN = 0.055
+"""So much of the slope around a wheel explains no climb [1]: a step at the limit adds as much."""
 
 _ABYSS = 0.5 * NO_GROUND
+
+
+class Slopes(NamedTuple):
+    """Of the ground around a wheel, along its way and to the left [1], NaN where unknown."""
+
+    along: float
+    across: float
 
 
 @inlined
@@ -51,7 +60,7 @@ def twisted(contact: Floats, sizes: SweptSizes) -> Finding:
 
 @inlined
 def step_met(
-    ground: Facets, pose: Pose, wheel: int, back: float, sizes: SweptSizes, around: float,
+    ground: Facets, pose: Pose, wheel: int, back: float, sizes: SweptSizes, slopes: Slopes,
     scratch: Floats,
 ) -> Finding:  # fmt: skip
     """The first step or drop that a wheel meets on the last piece of its way.
@@ -63,11 +72,12 @@ def step_met(
         ground: of the map around. pose: of the vehicle. wheel: as of :func:`wheel_at`.
         back: how far the pose before is behind this one [m].
         sizes: of the vehicle.
-        around: slope of the ground around the wheel along the way [1], NaN where unknown; it
-            explains a climb but for :data:`SLOPE_OPEN`, which a step itself may add to it.
+        slopes: of the ground around the wheel; they explain a climb, and what one edge of the tyre
+            is above the other, but for :data:`SLOPE_OPEN`, which a step itself may add to them.
         scratch: (2, many) room for the profile.
     """
     ahead, aside = wheel_at(wheel, sizes)
+    around = slopes.along
     profile, path = scratch[0], scratch[1]
     stride = sizes.stride
     rim, far = int(sizes.radius / stride), int(sizes.trend / stride + 0.5)
@@ -75,8 +85,8 @@ def step_met(
     # Samples from the first one that the trend before rests on.
     first = rim + far
     last = min(first + behind, profile.shape[0] - (chord + 2 * rim + far) - 1)
-    begin = ahead - (behind + first) * stride
-    tyre_profile(ground, pose, begin, aside, first - rim, last + chord + rim + 1, sizes, profile)
+    line = TyreLine(ahead - (behind + first) * stride, aside, _beyond_doubt(slopes.across))
+    tyre_profile(ground, pose, line, first - rim, last + chord + rim + 1, sizes, profile)
     if _even(profile, first, last + chord, rim, sizes, around):
         return Finding(_NOTHING, 0.0, 0.0, 0.0)
     _roll(profile, path, first, last + chord, rim, sizes)
@@ -89,14 +99,20 @@ def step_met(
     if max(climbs, falls) <= sizes.steepest:
         return Finding(_NOTHING, 0.0, 0.0, 0.0)
     end = last + chord + 2 * rim + far
-    tyre_profile(ground, pose, begin, aside, 0, first - rim, sizes, profile)
-    tyre_profile(ground, pose, begin, aside, last + chord + rim + 1, end + 1, sizes, profile)
+    tyre_profile(ground, pose, line, 0, first - rim, sizes, profile)
+    tyre_profile(ground, pose, line, last + chord + rim + 1, end + 1, sizes, profile)
     _roll(profile, path, rim, end - rim, rim, sizes)
     for n in range(first, last + 1):
         found = _judged(path, n, (chord, rim, far), sizes, around)
         if found.kind != _NOTHING:
-            return Finding(found.kind, found.height, begin + (n + chord) * stride, aside)
+            return Finding(found.kind, found.height, line.begin + (n + chord) * stride, aside)
     return Finding(_NOTHING, 0.0, 0.0, 0.0)
+
+
+@inlined
+def _beyond_doubt(slope: float) -> float:
+    """What of a slope no step can have added; 0 where it is unknown."""
+    return float(np.copysign(max(abs(slope) - SLOPE_OPEN, 0.0), slope) if slope == slope else 0.0)
 
 
 @inlined
@@ -117,7 +133,7 @@ def _even(
     for n in range(last + 1, last + rim + 1):
         most = max(most, profile[n] - around * n * sizes.stride)
     lift = sizes.radius * (np.sqrt(1.0 + around * around) - 1.0)
-    return bool(most - least + lift + SLOPE_OPEN * sizes.chord <= sizes.steepest)
+    return bool(most - least + lift <= sizes.cleared)
 
 
 @inlined

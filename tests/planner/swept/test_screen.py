@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,16 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from models.parameters import Model
 from models.vehicle import Vehicle
 from planner.ground.elevation_map import ElevationMap
 from planner.path import CandidatePath
 from planner.swept import hazards
 from planner.swept.screen import Screen
 from planner.swept.screen_cache import screen_for
-from planner.swept.sizes import swept_sizes
+from planner.swept.sizes import SweptSizes, swept_sizes
 from planner.swept.verdicts import BODY, UNSEEN
+from planner.swept.wheel_sweep import SLOPE_OPEN
 from tests.planner.scenes import ATV, SMALL, model_of, tables_with
-from tests.planner.swept.scenes import ground, met_by
+from tests.planner.swept.scenes import Met, ground, met_by
 
 MODELS = (model_of(ATV), model_of(tables_with(**SMALL)))
 
@@ -65,18 +68,33 @@ def test_it_clears_nothing_that_is_barred(seed: int, small: bool, resolution: fl
     middle = 0.5 * (start + end) + rng.uniform(-0.5, 0.5, 2)
     path = CandidatePath("drawn", np.array([start, middle, end]))
     screened = met_by(scene, path, model)
-    original = hazards.screen_for
-    try:
-        hazards.screen_for = lambda *args: all_suspect(  # type: ignore[assignment]
-            original(*args)
-        )
-        searched = met_by(scene, path, model)
-    finally:
-        hazards.screen_for = original
-    np.testing.assert_array_equal(
-        screened.hazards.rows.code, searched.hazards.rows.code, searched.why
-    )
+    searched = searched_everywhere(scene, path, model)
+    beyond = searched_everywhere(scene, path, model, _only_what_is_not_cleared)
+    assert first_barred(searched) <= first_barred(screened) <= first_barred(beyond), beyond.why
     assert screened.hazards.looked <= searched.hazards.looked
+
+
+def _only_what_is_not_cleared(sizes: SweptSizes) -> SweptSizes:
+    doubted = SLOPE_OPEN * sizes.chord
+    return sizes._replace(steepest=max(sizes.steepest, sizes.cleared + doubted))
+
+
+def searched_everywhere(
+    scene: ElevationMap,
+    path: CandidatePath,
+    model: Model,
+    changed: Callable[[SweptSizes], SweptSizes] = lambda sizes: sizes,
+) -> Met:
+    """What is met without a screen."""
+    with pytest.MonkeyPatch.context() as patch:
+        screen = hazards.screen_for
+        patch.setattr(hazards, "screen_for", lambda *args: all_suspect(screen(*args)))
+        patch.setattr(hazards, "swept_sizes", lambda *args: changed(swept_sizes(*args)))
+        return met_by(scene, path, model)
+
+
+def first_barred(met: Met) -> int:
+    return met.station if met.station >= 0 else len(met.profile.x)
 
 
 def test_smooth_ground_needs_no_closer_look() -> None:
