@@ -27,6 +27,24 @@ class Status(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Obstacle:
+    """What body or wheels must not come to.
+
+    Attributes:
+        bound: that it counts as.
+        x, y: where it is [m].
+        height: how high a step or the ground, how deep a drop is; 0 for unknown ground [m].
+        words: what, where and against which limit.
+    """
+
+    bound: Limiting
+    x: float
+    y: float
+    height: float
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
 class SpeedPlan:
     """Speed along one candidate of N stations; every array is (N,) and SI.
 
@@ -45,6 +63,7 @@ class SpeedPlan:
         stop_distance: emergency stop from each station [m].
         clear_distance: station before which every stop ends [m], one number.
         rear_load, side_load: least loads on that stop as shares of their level static load.
+        obstacle: that ends the clear distance, None where something else does.
     """
 
     candidate: str
@@ -66,6 +85,7 @@ class SpeedPlan:
     clear_distance: float
     rear_load: Floats
     side_load: Floats
+    obstacle: Obstacle | None = None
 
     @property
     def travel_time(self) -> float:

@@ -17,8 +17,6 @@ from .cases import Case, map_of, path_of
 TOO_LARGE, SMALL = 1.1, 0.8
 """Obstacles at least so large must be barred; at most so small they should be passed."""
 
-_HAZARDS = (Limiting.STEP, Limiting.CLEARANCE, Limiting.BODY)
-
 Result = dict[str, Any]
 
 
@@ -39,7 +37,8 @@ def planned(case: Case, model: Model) -> Outcome:
     if k >= int(solved.profile.count[0]):
         return Outcome(case, None, "")
     bar = Limiting(int(solved.bounds.barrier[0]))
-    return Outcome(case, bar, solved.hazards.why(0, k) if bar in _HAZARDS else bar.label)
+    met = solved.hazards.obstacle(0, k)
+    return Outcome(case, bar, bar.label if met is None else met.words)
 
 
 def outcomes(

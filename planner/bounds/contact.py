@@ -24,7 +24,7 @@ from planner.kernels.limits import PlanningLimits
 HOLDING = 0.02
 """Least F_b/W + sin θ: below it the brakes hardly slow the vehicle, let alone stop it."""
 
-_SPENT = 0.8
+SPENT = 0.8
 """Share of what the brakes have beyond :data:`HOLDING` that a crest may take."""
 
 _NONE = 1e-12
@@ -82,7 +82,7 @@ def normal_force(row: ContactRow, limits: PlanningLimits) -> None:
         # A wheel carries what is left of its axle's share and of its side's.
         carried = max(axle + side - up - limits.min_load, 0.0)
         force = intercept + min(slow * slope, max(cap, slow) * slope)
-        spare = _SPENT * max(force + sine - HOLDING, 0.0) / max(force * limits.crest_share, _NONE)
+        spare = SPENT * max(force + sine - HOLDING, 0.0) / max(force * limits.crest_share, _NONE)
         crest = GRAVITY * min(carried, up * spare) / falls
         dip = limits.vertical_accel / max(row.vertical_curvature[j], _NONE)
         # A stop that was commanded before the crest passes it faster than the plan would.

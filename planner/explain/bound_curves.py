@@ -14,9 +14,10 @@ from models.arrays import Floats
 from models.laws import drive, rollover, slip_track, turning_resistance
 from models.parameters import Model
 from planner.bounds.speed_bounds import SpeedBounds, speed_bounds
-from planner.ground.braking_ground import ground_along
+from planner.explain.contact_curves import contact_curves
+from planner.ground.braking_ground import BrakingGround, ground_along
 from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import terrain_profile
+from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan
 
@@ -48,12 +49,16 @@ def bound_curves(
             curvature, terrain.lateral_resistance, vehicle.wheelbase
         )
     width = terrain.slip_track if skid_steer else vehicle.track_width
-    stopping, trained = _ahead(elevation_map, plan, model)
+    x, y = (np.ascontiguousarray(values[:, None]) for values in (plan.x, plan.y))
+    count = np.array([len(plan.x)])
+    profile = terrain_profile(elevation_map, x, y, count, vehicle.wheelbase, vehicle.track_width)
+    ground = ground_along(profile, model, elevation_map.class_names)
+    stopping = _stopping(profile, ground, plan.clear_distance, model)
     with np.errstate(divide="ignore", invalid="ignore"):
         return {
             Limiting.SPEED_LIMIT: np.full_like(grade, limits.speed),
             Limiting.STOPPING_PATH: stopping,
-            Limiting.MODEL_VALIDITY: trained,
+            Limiting.MODEL_VALIDITY: ground.fastest[:, 0],
             Limiting.LATERAL: np.sqrt(limits.lateral_accel / per_speed_sq),
             Limiting.ROLLOVER: np.where(curvature == 0.0, np.inf, np.sqrt(outward / per_speed_sq)),
             Limiting.WHEEL_SPEED: vehicle.max_wheel_speed
@@ -61,29 +66,28 @@ def bound_curves(
             Limiting.TRACTION: drive.sustained_speed(
                 grade, vehicle.mass, vehicle.max_drive_power, resistance
             ),
+            **contact_curves(elevation_map, profile, ground, model),
         }
 
 
-def _ahead(elevation_map: ElevationMap, plan: SpeedPlan, model: Model) -> tuple[Floats, Floats]:
-    """What the stopping path and its loads allow, and the highest trained speed, (N,) [m/s]."""
+def _stopping(
+    profile: TerrainProfile, ground: BrakingGround, clear_distance: float, model: Model
+) -> Floats:
+    """What the stopping path and its loads allow, (N,) [m/s]."""
     vehicle, top = model.vehicle, _HEADROOM * model.limits.speed
     free = replace(
         model,
         limits=replace(model.limits, speed=top, lateral_accel=_FAR),
         vehicle=replace(vehicle, max_wheel_speed=_FAR, max_drive_power=_FAR * vehicle.mass),
     )
-    x, y = (np.ascontiguousarray(values[:, None]) for values in (plan.x, plan.y))
-    count = np.array([len(plan.x)])
-    profile = terrain_profile(elevation_map, x, y, count, vehicle.wheelbase, vehicle.track_width)
-    ground = ground_along(profile, model, elevation_map.class_names)
     anyhow = replace(ground, fastest=np.full_like(ground.fastest, top))
-    clear = np.array([plan.clear_distance])
+    clear = np.array([clear_distance])
     # What crests take of a stop depends on how fast it may be: nothing binds at the headroom.
     above = _speeds(speed_bounds(profile, anyhow, free, clear))
     slower = replace(free, limits=replace(free.limits, speed=model.limits.speed))
     within = _speeds(speed_bounds(profile, ground, slower, clear))
     bound = np.where(within < 0.999 * model.limits.speed, within, np.maximum(above, within))
-    return np.where(bound < 0.999 * top, bound, np.inf), ground.fastest[:, 0]
+    return np.where(bound < 0.999 * top, bound, np.inf)
 
 
 def _speeds(bounds: SpeedBounds) -> Floats:

@@ -13,6 +13,7 @@ from models.quantity import GRAVITY
 from planner.limiting import Limiting
 from planner.pipeline import labels
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from planner.plan import Obstacle
 from planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from planner.verify.judge import Judgement, check
 from planner.verify.track import track_of
@@ -73,10 +74,14 @@ class CandidateColumn:
         self._motion, self.errors = ground.motion, ground.errors
         self._sine = np.sin(self.track.grade)
 
-    def hazard(self, k: int) -> str:
-        """Sentence for a station k to which wheels or body must not come."""
+    @property
+    def obstacle(self) -> Obstacle | None:
+        """What wheels or body must not come to, where that ends the clear distance."""
+        if self.barrier_station >= len(self.track.station):
+            return None
         j, first = self._index
-        return self._hazards.why(j, first + k)
+        met = self._hazards.obstacle(j, first + self.barrier_station)
+        return met if met is not None and met.bound is self.barrier else None
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Judgement:
         """Exact constraints of a profile (N,); see :func:`planner.verify.judge.check`."""

@@ -47,8 +47,10 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
     match column.barrier:
         case Limiting.UNKNOWN_TERRAIN if not column.known[k]:
             return f"unknown ground under the wheels at {station:.2f} m"
-        case Limiting.UNKNOWN_TERRAIN | Limiting.STEP | Limiting.CLEARANCE | Limiting.BODY:
-            return f"at {station:.2f} m {column.hazard(k)}"
+        case Limiting.UNKNOWN_TERRAIN | Limiting.STEP | Limiting.CLEARANCE | Limiting.BODY if (
+            obstacle := column.obstacle
+        ):
+            return f"at {station:.2f} m {obstacle.words}"
         case Limiting.MODEL_VALIDITY:
             low, high = np.rad2deg(column.model.braking.grade_range)
             if low <= grade <= high:

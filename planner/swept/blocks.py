@@ -67,7 +67,12 @@ def blocks_of(
 
 @kernel
 def _tilt(heights: Singles, facets: Singles) -> None:
-    """Facets, as of :func:`planner.swept.wheel_path.facet`, of heights with a rim of a cell."""
+    """Facets of heights that have a rim of one cell.
+
+    Each cell is a plane through its own height, with the gentler of the slopes to its neighbours:
+    exact on slopes, and a single high cell keeps its full height. Beside unknown ground a cell is
+    level. Source: minmod limiter, Roe, Characteristic-based schemes (1986).
+    """
     rows, columns, _ = facets.shape
     for i in range(rows):
         south, here, north = heights[i], heights[i + 1], heights[i + 2]

@@ -14,12 +14,13 @@ from planner.ground.elevation_map import ElevationMap
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.workspace import empty
 from planner.limiting import Limiting
+from planner.plan import Obstacle
 from planner.swept.findings import BARS, Finding, Kind
 from planner.swept.ride import ride_of, run_up
 from planner.swept.roughness import rough_speeds
 from planner.swept.run_up import ground_behind
 from planner.swept.screen_cache import screen_for
-from planner.swept.sentences import cannot_see, sentence
+from planner.swept.sentences import cannot_see, obstacle_of
 from planner.swept.sizes import swept_sizes
 from planner.swept.sweep import Swept, SweptPaths, scratch_for, sweep
 from planner.swept.wheel_path import Ground, Pose
@@ -43,18 +44,18 @@ class Hazards:
             :class:`planner.limiting.Limiting`; it holds for all poses from the station before on.
             ``rough_speed`` (N, M) is the highest speed that the ground's roughness allows [m/s].
         unseen: what the map is too coarse to show, a sentence; empty where it shows all.
-        why: sentence for a barred station k of candidate j: what, where and how high.
+        obstacle: what bars station k of candidate j, None where nothing does.
         looked: poses that the screen of the map did not clear.
     """
 
     rows: HazardRows
     unseen: str
-    why: Callable[[int, int], str]
+    obstacle: Callable[[int, int], Obstacle | None]
     looked: int = 0
 
 
-def _nothing_there(j: int, k: int) -> str:
-    return f"nothing was looked for at station {k} of candidate {j}"
+def _nothing_there(j: int, k: int) -> None:
+    """Nothing was looked for."""
 
 
 def nothing_looked_for() -> Hazards:
@@ -100,14 +101,16 @@ def swept_hazards(
         )
         rough = rough_speeds(behind, profile.front, ride, spacing)
 
-    def why(j: int, k: int) -> str:
+    def obstacle(j: int, k: int) -> Obstacle | None:
         kind, *where = found[j]
+        if code[k, j] == 0:
+            return None
         pose = Pose(
             float(profile.x[k, j]), float(profile.y[k, j]), float(profile.heading_x[k, j]),
             float(profile.heading_y[k, j]),
         )  # fmt: skip
-        return sentence(Finding(int(kind) if code[k, j] else 0, *where), pose, sizes)
+        return obstacle_of(Finding(int(kind), *where), pose, sizes)
 
     return Hazards(
-        HazardRows(code, rough), cannot_see(sizes, elevation_map.resolution), why, looked
+        HazardRows(code, rough), cannot_see(sizes, elevation_map.resolution), obstacle, looked
     )

@@ -16,9 +16,9 @@ TWIST, WHEEL, WHEELS = 8, 16, 240
 """More bits than the screen has: the wheels' own heights ask for a closer look; the front left
 wheel may meet a step, and from there on the others; any wheel may."""
 
-_TWIST_SHOWN = 0.75
-"""Share of the wheels' travel by which interpolated heights have to twist for a closer look: they
-show a narrow ridge or ditch under one wheel lower than a tyre feels it."""
+_TWIST_SHOWN = 0.55
+"""Share of the wheels' travel by which interpolated heights have to twist for a closer look: wheels
+feel a ridge before and after they are on it, so two may where one of them stands on it."""
 
 
 @row_pass

@@ -38,6 +38,7 @@ class Screen(NamedTuple):
         origin_x, origin_y: corner of block [0, 0] [m]. per_metre: blocks in a metre.
         facets: of cells around the blocks, as of :class:`planner.swept.blocks.Blocks`.
         first_row, first_column: of the first facet on the map, may be below 0.
+        level: height of the map that facets are above [m].
     """
 
     bits: Bytes
@@ -51,6 +52,7 @@ class Screen(NamedTuple):
     facets: Singles
     first_row: int
     first_column: int
+    level: float
 
 
 def screen_of(
@@ -81,7 +83,7 @@ def screen_of(
     out = Screen(
         bits, steps, east, north, seen, x + (window[2] - 0.5) * resolution,
         y + (window[0] - 0.5) * resolution, 1.0 / (cells * resolution), blocks.facets,
-        first_row, first_column,
+        first_row, first_column, blocks.level,
     )  # fmt: skip
     _look_around(blocks, pad, offsets, bounds, sizes.reach, out)
     return out

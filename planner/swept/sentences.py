@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from models.vehicle import Shape, Vehicle
-from planner.swept.findings import Finding, Kind
+from planner.plan import Obstacle
+from planner.swept.findings import BARS, Finding, Kind
 from planner.swept.sizes import SweptSizes, swept_sizes
 from planner.swept.wheel_path import Pose
 
@@ -18,14 +19,16 @@ _WHAT = {
 }
 
 
-def sentence(found: Finding, pose: Pose, sizes: SweptSizes) -> str:
-    """What bars a pose."""
-    kind = Kind(found.kind)
+def obstacle_of(found: Finding, pose: Pose, sizes: SweptSizes) -> Obstacle:
+    """What bars a pose; something was found."""
     x = pose.x + found.ahead * pose.heading_x - found.aside * pose.heading_y
     y = pose.y + found.ahead * pose.heading_y + found.aside * pose.heading_x
-    where = f"at x {x:.2f} m, y {y:.2f} m"
-    if kind is Kind.NOTHING:
-        return f"nothing bars the vehicle {where}"
+    kind = Kind(found.kind)
+    return Obstacle(BARS[kind], x, y, found.height, _sentence(found, kind, (x, y), sizes))
+
+
+def _sentence(found: Finding, kind: Kind, at: tuple[float, float], sizes: SweptSizes) -> str:
+    where = f"at x {at[0]:.2f} m, y {at[1]:.2f} m"
     if kind is Kind.UNKNOWN:
         return f"unknown ground under the body {where}"
     side = "left" if found.aside > 0.0 else "right"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from models.vehicle import Vehicle
 
 _STEPS_PER_RADIUS = 6
-_SHOWN = 0.95
+_SHOWN = 0.9
 """Share of a step that a map shows: the cells on its edge lie in between."""
 
 _SLOPE_DOUBTED = 0.03

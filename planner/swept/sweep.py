@@ -15,9 +15,9 @@ from planner.swept.findings import Finding, Kind
 from planner.swept.looks import TWIST, WHEEL, WHEELS, looked_closer, looks_at, wheel_looks
 from planner.swept.screen import Screen
 from planner.swept.sizes import SweptSizes
-from planner.swept.tyre_profile import Facets
+from planner.swept.tyre_profile import Facets, resting_height, standing_height
 from planner.swept.verdicts import BODY, UNSEEN
-from planner.swept.wheel_path import Ground, Pose, contact_height
+from planner.swept.wheel_path import Ground, Pose
 from planner.swept.wheel_sweep import Slopes, step_met, twisted, wheel_at
 
 _NOTHING = int(Kind.NOTHING)
@@ -85,7 +85,12 @@ def pose_met(
     if looks & (BODY | TWIST):
         for wheel in range(4):
             ahead, aside = wheel_at(wheel, sizes)
-            contact[wheel] = contact_height(ground, pose, ahead, aside, sizes)
+            if sizes.fine:
+                contact[wheel] = standing_height(
+                    facets, pose, ahead, aside, sizes, scratch.profile[0]
+                )
+            else:
+                contact[wheel] = resting_height(ground, pose, ahead, aside)
     else:
         contact[:] = np.nan
     body = Finding(_NOTHING, 0.0, 0.0, 0.0)
@@ -133,7 +138,7 @@ def sweep(
     cell = 1.0 / ground.per_metre
     facets = Facets(
         screen.facets, ground.origin_x + screen.first_column * cell,
-        ground.origin_y + screen.first_row * cell, ground.per_metre,
+        ground.origin_y + screen.first_row * cell, ground.per_metre, screen.level,
     )  # fmt: skip
     for k in range(1, stations):
         some = looks_at(

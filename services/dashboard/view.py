@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.dashboard.board import Board, FindingSeen, GroupSeen, PlanSeen
-from services.wire.messages import Plan, ServiceStatus
+from services.wire.messages import Met, Plan, ServiceStatus
 
 _MOST_STATIONS = 240
 _MOST_OTHERS = 60
@@ -71,14 +71,26 @@ def _driven(plan: Plan) -> dict[str, Any]:
         "least_margin": None if plan.least_margin is None else _number(plan.least_margin),
         "least_rear_load": _number(plan.least_rear_load),
         "limiting": [names[code] for code in codes],
+        "obstacle": _met(plan.obstacle),
         **{name: _numbers(plan.column(name)[kept]) for name in _COLUMNS},
     }
+
+
+def _met(obstacle: Met | None) -> dict[str, Any] | None:
+    if obstacle is None:
+        return None
+    return {"x": _number(obstacle.x), "y": _number(obstacle.y), "bound": obstacle.bound}
 
 
 def _other(plan: Plan) -> dict[str, Any]:
     kept = _spread(plan.values.shape[1], _OTHER_POINTS)
     places = {name: _numbers(plan.column(name)[kept]) for name in ("x", "y")}
-    return {"name": plan.candidate, "status": plan.status, **places}
+    return {
+        "name": plan.candidate,
+        "status": plan.status,
+        "obstacle": _met(plan.obstacle),
+        **places,
+    }
 
 
 def learned(board: Board) -> dict[str, Any]:

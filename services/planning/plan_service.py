@@ -21,13 +21,21 @@ from planner.horizon.horizon import Horizon
 from planner.limiting import Limiting
 from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank, ranking_cost
-from planner.plan import SpeedPlan, Status
+from planner.plan import Obstacle, SpeedPlan, Status
 from services.parameters.in_use import ParametersInUse
 from services.planning.map_store import KnownGround
 from services.planning.plan_questions import Usable, check, resampled, usable_of
 from services.settings.service import ServiceConfig
 from services.wire import messages
-from services.wire.messages import Limit, Plan, PlanReply, PlanRequest, RankedCandidate, WireCommand
+from services.wire.messages import (
+    Limit,
+    Met,
+    Plan,
+    PlanReply,
+    PlanRequest,
+    RankedCandidate,
+    WireCommand,
+)
 
 
 class _Client:
@@ -242,7 +250,17 @@ def _plan(plan: SpeedPlan) -> Plan:
         limits=[Limit(first=i, name=Limiting(int(plan.limiting[i])).label) for i in firsts],
         columns=list(messages.PLAN_COLUMNS),
         values=np.stack([getattr(plan, name) for name in messages.PLAN_COLUMNS]),
+        obstacle=_met(plan.obstacle),
     )
+
+
+def _met(obstacle: Obstacle | None) -> Met | None:
+    if obstacle is None:
+        return None
+    return Met(
+        bound=obstacle.bound.label, x=obstacle.x, y=obstacle.y, height=obstacle.height,
+        words=obstacle.words,
+    )  # fmt: skip
 
 
 def _with(reply: PlanReply, **changes: object) -> PlanReply:

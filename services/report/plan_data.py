@@ -14,7 +14,7 @@ from models.parameters import Model
 from planner.explain.bound_curves import bound_curves
 from planner.ground.elevation_map import ElevationMap
 from planner.limiting import BOUNDS, Limiting
-from planner.plan import SpeedPlan
+from planner.plan import Obstacle, SpeedPlan
 from services.report.contours import contour_path, interval, levels, outline_path, smoothed
 from services.report.hillshade import coarsen, shade
 from services.report.plan_summary import PlanSummary
@@ -122,12 +122,26 @@ def plan_table(
         "rear": number(summary.rear_load),
         "side": number(summary.side_load),
         "limits": None if summary.limits_most is None else int(summary.limits_most),
+        "obstacle": _met(plan.obstacle, origin),
         "columns": columns,
         "bounds": [
             {"code": int(bound), "speed": numbers(speed[kept], 3)}
             for bound, speed in bounds.items()
             if np.isfinite(speed).any()
         ],
+    }
+
+
+def _met(obstacle: Obstacle | None, origin: tuple[float, float]) -> dict[str, Any] | None:
+    """What ends the clear distance, if it is something on the ground."""
+    if obstacle is None:
+        return None
+    return {
+        "code": int(obstacle.bound),
+        "x": number(obstacle.x - origin[0]),
+        "y": number(obstacle.y - origin[1]),
+        "height": number(obstacle.height),
+        "words": obstacle.words,
     }
 
 

@@ -112,6 +112,21 @@ class Limit(Message, frozen=True):
     name: str
 
 
+class Met(Message, frozen=True):
+    """What body or wheels must not come to.
+
+    Attributes:
+        bound: name of the bound that it counts as. x, y, height: where and how high it is [m].
+        words: what, where, against which limit.
+    """
+
+    bound: str
+    x: float
+    y: float
+    height: float
+    words: str
+
+
 class Plan(Message, frozen=True):
     """One plan of N stations.
 
@@ -123,6 +138,7 @@ class Plan(Message, frozen=True):
         least_rear_load: of all emergency stops, as a share of the level static load.
         limits: what limits the speed, a change an entry.
         columns: names of the rows of values. values: (rows, N).
+        obstacle: what ends the clear distance, if body or wheels must not come to it.
     """
 
     candidate: str
@@ -136,6 +152,7 @@ class Plan(Message, frozen=True):
     limits: list[Limit]
     columns: list[str]
     values: np.ndarray
+    obstacle: Met | None = None
 
     def column(self, name: str) -> np.ndarray:
         """One row of the values, (N,)."""

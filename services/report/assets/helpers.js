@@ -66,3 +66,37 @@ function hatchUnknown(pen, width, height) {
   }
   pen.stroke();
 }
+
+// What body or wheels must not come to: a triangle in the colour of its bound.
+function warn(pen, x, y, size, colour) {
+  pen.save();
+  pen.translate(x, y);
+  pen.lineJoin = "round";
+  pen.beginPath();
+  pen.moveTo(0, -1.15 * size);
+  pen.lineTo(1.1 * size, 0.8 * size);
+  pen.lineTo(-1.1 * size, 0.8 * size);
+  pen.closePath();
+  pen.lineWidth = 4.5;
+  pen.strokeStyle = "#16181a";
+  pen.stroke();
+  pen.lineWidth = 2;
+  pen.strokeStyle = "#ffffff";
+  pen.stroke();
+  pen.fillStyle = colour;
+  pen.fill();
+  pen.fillStyle = "#ffffff";
+  const [wide, high] = [0.24 * size, 0.85 * size];
+  pen.fillRect(-wide / 2, -0.42 * size, wide, 0.7 * high);
+  pen.fillRect(-wide / 2, 0.38 * size, wide, wide);
+  pen.restore();
+}
+
+function warning(colour) {
+  const small = make("canvas", { width: 32, height: 32, "aria-hidden": "true" });
+  small.style.cssText = "width:16px;height:16px";
+  const pen = small.getContext("2d");
+  pen.scale(2, 2);
+  warn(pen, 8, 9, 5, colour);
+  return small;
+}

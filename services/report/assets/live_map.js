@@ -117,9 +117,15 @@ function paintAnswer(pen, answer) {
   pen.setLineDash([]);
   pen.globalAlpha = 1;
   const plan = answer.chosen;
+  answer.others.forEach((line) => paintMet(pen, line.obstacle, 5));
   if (plan) paintChosen(pen, plan);
+  if (plan) paintMet(pen, plan.obstacle, 9);
   const [x, y, heading] = answer.pose ?? (plan ? [plan.x[0], plan.y[0], Math.atan2(plan.y[1] - plan.y[0], plan.x[1] - plan.x[0])] : []);
   if (x !== undefined && x !== null) paintVehicle(pen, toX(x), toY(y), heading);
+}
+
+function paintMet(pen, met, size) {
+  if (met) warn(pen, toX(met.x), toY(met.y), size, styleOf(`--${met.bound}`));
 }
 
 function paintChosen(pen, plan) {
@@ -184,7 +190,7 @@ function showMapLegend(version) {
   const scale = make("span", { class: "speed-scale" }, make("span", {}, "speed, m/s"), bar, make("span", { class: "ticks" }, ...marks));
   const named = surfaces.map((surface) => make("span", { class: "item" }, `outlined: ${surface.name || "base"}`));
   const behind = ground && version > ground.version ? [make("span", { class: "item" }, `drawn: version ${ground.version}`)] : [];
-  element("map-legend").replaceChildren(scale, make("span", { class: "item" }, "hatched: unknown ground"), ...named, ...behind);
+  element("map-legend").replaceChildren(scale, make("span", { class: "item" }, "hatched: unknown ground"), make("span", { class: "item" }, "triangle: obstacle"), ...named, ...behind);
 }
 
 function look(at) {

@@ -75,10 +75,12 @@ function paintMap() {
   order.forEach((i) => paintPlan(pen, plans[i], rests[i], 2.4, 0.9));
   order.forEach((i) => paintRest(pen, plans[i], rests[i], 3.6));
   const selected = plans[state.selected];
+  order.forEach((i) => paintObstacle(pen, plans[i], 5));
   if (selected) {
     paintStop(pen, selected);
     paintPlan(pen, selected, rests[state.selected], 5, 1);
     paintClear(pen, selected);
+    paintObstacle(pen, selected, 9);
     paintRest(pen, selected, rests[state.selected], 6);
     paintCursor(pen, selected, state.cursor, 6.5);
   }
@@ -235,6 +237,11 @@ function paintStop(pen, plan) {
 function paintClear(pen, plan) {
   if (!clearEndsBefore(plan)) return;
   bar(pen, along(plan, plan.clear), 12, colours.clear, 3);
+}
+
+function paintObstacle(pen, plan, size) {
+  const met = plan.obstacle;
+  if (met) warn(pen, toX(met.x), toY(met.y), size, styleOf(`--${data.limiting[met.code].key}`));
 }
 
 function bar(pen, at, half, colour, width) {
@@ -455,6 +462,8 @@ function mapLegend() {
   if (kinds.has("stop") || kinds.has("cross")) items.push(item(line("stroke:var(--not-driven);stroke-width:2.4;stroke-dasharray:.1 5;stroke-linecap:round"), "not driven"));
   items.push(item(draw("svg", { width: 22, height: 12, "aria-hidden": "true" }, draw("path", { d: "M1 6H18", style: "stroke:var(--stop);stroke-width:8;opacity:.55" }), draw("path", { d: "M18.5 0V12", style: "stroke:var(--stop);stroke-width:2.6" })), "emergency stop from the cursor"));
   if (plans.some(clearEndsBefore)) items.push(item(draw("svg", { width: 10, height: 12, "aria-hidden": "true" }, draw("path", { d: "M5 0V12", style: "stroke:var(--clear);stroke-width:2.8" })), "end of the clear distance"));
+  const met = [...new Set(plans.filter((plan) => plan.obstacle).map((plan) => plan.obstacle.code))];
+  met.forEach((code) => items.push(item(warning(styleOf(`--${data.limiting[code].key}`)), `obstacle: ${data.limiting[code].word}`)));
   items.push(item(hatch, "unknown ground"));
   if (contourPaths.length) items.push(item(line("stroke:var(--contour);stroke-width:1.4"), `contours every ${Number(ground.interval.toPrecision(3))} m`));
   ground.surfaces.forEach((surface) => items.push(item(line("stroke:var(--surface);stroke-width:1.6;stroke-dasharray:4 3"), surface.name)));

@@ -7,7 +7,8 @@ import pytest
 
 from planner.explain.bound_curves import bound_curves
 from planner.limiting import Limiting
-from planner.path import CandidatePath
+from planner.path import CandidatePath, batch
+from planner.pipeline.time_optimal_batch import time_optimal_batch
 from tests.planner.scenes import (
     ATV,
     Tables,
@@ -19,6 +20,7 @@ from tests.planner.scenes import (
     straight,
     tables_with,
 )
+from tests.planner.swept.scenes import Height
 
 
 @pytest.mark.parametrize("path", [straight(30.0), arc(20.0, 0.15)], ids=["straight", "arc"])
@@ -63,3 +65,37 @@ def test_the_stopping_path_is_open_far_from_the_end_and_closes_there() -> None:
     assert near.sum() > 5
     assert np.all(np.diff(curve[near]) <= 1e-9)
     assert curve[-1] == 0.0
+
+
+FAST = {"limits": {"speed": 6.0, "vertical_accel": 50.0}, "braking": {"speed_range": [1.0, 6.0]}}
+SOFT = {**FAST, "limits": {"speed": 6.0, "vertical_accel": 0.8}}
+SLIPPERY = {
+    "vehicle": {"max_drive_power": 20000.0},
+    "limits": {"lateral_accel": 8.0, "accel": 2.0},
+    "braking": {"sliding_friction": 0.35, "b_b": 0.2},
+}
+
+
+@pytest.mark.parametrize(
+    ("bound", "height", "path", "changes"),
+    [
+        (Limiting.CREST, lambda x, y: 0.4 * np.exp(-(((x - 15.0) / 1.6) ** 2)), straight(30.0),
+         FAST),
+        (Limiting.CREST, lambda x, y: -1.5 * np.exp(-(((x - 15.0) / 6.0) ** 2)), straight(30.0),
+         SOFT),
+        (Limiting.FRICTION, lambda x, y: 0.0 * x, arc(6.0, 0.3), SLIPPERY),
+        (Limiting.ROUGHNESS, lambda x, y: 0.03 * np.sin(np.pi * x), straight(20.0), {}),
+    ],
+    ids=["crest", "dip", "friction", "washboard"],
+)  # fmt: skip
+def test_what_the_ground_allows_is_a_curve_of_its_own(
+    bound: Limiting, height: Height, path: CandidatePath, changes: Tables
+) -> None:
+    ground, tables = ground_map(height, resolution=0.2), tables_with(**changes)
+    model = model_of(tables)
+    bounds = time_optimal_batch(ground, batch([path], 0.2), model).bounds
+    held = bounds.limiting[:, 0] == int(bound)
+    assert held.sum() >= 3
+    curve = bound_curves(ground, plan_one(tables, ground, path), model)[bound]
+    # The planner lowers a bound a little where v² between stations would leave it.
+    assert np.sqrt(bounds.speed_sq_max[held, 0]) == pytest.approx(curve[held], rel=0.02)

@@ -43,7 +43,8 @@ class Met:
 
     @property
     def why(self) -> str:
-        return self.hazards.why(0, self.station)
+        met = self.hazards.obstacle(0, self.station)
+        return "" if met is None else met.words
 
     @property
     def slowest(self) -> float:
