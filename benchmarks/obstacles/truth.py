@@ -28,8 +28,8 @@ class Size(NamedTuple):
     Attributes:
         step: of what a wheel has to climb or falls. underside: of what stands between the wheels.
         twist: of how far one wheel hangs below the other three.
-        beside: half the width of the vehicle against the distance of what stands there, if it is
-            higher than the underside.
+        beside: half the width of the vehicle against the distance of what stands there, or its
+            height against the underside's: the less of both, for both make it too large.
     """
 
     step: float
@@ -67,7 +67,8 @@ def size_of(block: Block, vehicle: Vehicle) -> Size:
     underside = block.height / shape.clearance if under else 0.0
     near = 0.0 if span[0] <= 0.0 <= span[1] else min(abs(span[0]), abs(span[1]))
     reaches = block.height > shape.clearance
-    beside = 0.5 * shape.width / max(near, 0.05) if reaches else 0.0
+    beside = min(0.5 * shape.width / max(near, 0.05), block.height / shape.clearance)
+    beside = beside if reaches else 0.0
     # What the wheels run into is judged by them.
     return Size(step, underside, twist, beside)
 
