@@ -9,6 +9,7 @@ from planner.explain.bound_curves import bound_curves
 from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
 from planner.pipeline.time_optimal_batch import time_optimal_batch
+from planner.settings import PlannerSettings
 from tests.planner.scenes import (
     ATV,
     Tables,
@@ -76,26 +77,31 @@ SLIPPERY = {
 }
 
 
+# On a finer map wheels feel a dip as roughness first.
 @pytest.mark.parametrize(
-    ("bound", "height", "path", "changes"),
+    ("bound", "height", "resolution", "path", "changes"),
     [
-        (Limiting.CREST, lambda x, y: 0.4 * np.exp(-(((x - 15.0) / 1.6) ** 2)), straight(30.0),
-         FAST),
-        (Limiting.CREST, lambda x, y: -1.5 * np.exp(-(((x - 15.0) / 6.0) ** 2)), straight(30.0),
-         SOFT),
-        (Limiting.FRICTION, lambda x, y: 0.0 * x, arc(6.0, 0.3), SLIPPERY),
-        (Limiting.ROUGHNESS, lambda x, y: 0.03 * np.sin(np.pi * x), straight(20.0), {}),
+        (Limiting.CREST, lambda x, y: 0.4 * np.exp(-(((x - 15.0) / 1.6) ** 2)), 0.2,
+         straight(30.0), FAST),
+        (Limiting.CREST, lambda x, y: -1.5 * np.exp(-(((x - 15.0) / 6.0) ** 2)), 0.5,
+         straight(30.0), SOFT),
+        (Limiting.FRICTION, lambda x, y: 0.0 * x, 0.2, arc(6.0, 0.3), SLIPPERY),
+        (Limiting.ROUGHNESS, lambda x, y: 0.03 * np.sin(np.pi * x), 0.2, straight(20.0), {}),
     ],
     ids=["crest", "dip", "friction", "washboard"],
 )  # fmt: skip
 def test_what_the_ground_allows_is_a_curve_of_its_own(
-    bound: Limiting, height: Height, path: CandidatePath, changes: Tables
+    bound: Limiting, height: Height, resolution: float, path: CandidatePath, changes: Tables
 ) -> None:
-    ground, tables = ground_map(height, resolution=0.2), tables_with(**changes)
+    ground, tables = ground_map(height, resolution=resolution), tables_with(**changes)
     model = model_of(tables)
-    bounds = time_optimal_batch(ground, batch([path], 0.2), model).bounds
+    bounds = time_optimal_batch(
+        ground, batch([path], PlannerSettings().spacing_on(resolution)), model
+    ).bounds
     held = bounds.limiting[:, 0] == int(bound)
     assert held.sum() >= 3
     curve = bound_curves(ground, plan_one(tables, ground, path), model)[bound]
-    # The planner lowers a bound a little where v² between stations would leave it.
-    assert np.sqrt(bounds.speed_sq_max[held, 0]) == pytest.approx(curve[held], rel=0.02)
+    speed = np.sqrt(bounds.speed_sq_max[held, 0])
+    assert speed.min() == pytest.approx(curve[held].min(), rel=0.01)
+    # Beside a lower station the planner lowers a bound so that v² between both stays below it.
+    assert np.all(speed <= 1.001 * curve[held])

@@ -41,7 +41,7 @@ from tests.planner.scenes import (
 ARRAYS = tuple(
     field.name
     for field in dataclasses.fields(SpeedPlan)
-    if field.name not in ("candidate", "status", "reason", "clear_distance")
+    if field.name not in ("candidate", "status", "reason", "clear_distance", "obstacle")
 )
 
 
