@@ -68,7 +68,7 @@ class Service:
         prior = read_model(find_model(config.model))
         self.plans = PlanService(config, ParametersInUse(prior))
         self.parameters = ParameterService(
-            config, prior, self._map_names_surfaces, self.plans.learn
+            config, prior, self._map_names_surfaces, self.plans.learn, self._surfaces_on_the_map
         )
         self.counters: Counter[str] = Counter()
         self.board = Board()
@@ -216,6 +216,10 @@ class Service:
     def _map_names_surfaces(self) -> bool:
         ground = self.maps.ground
         return ground is not None and any(ground.elevation_map.class_names)
+
+    def _surfaces_on_the_map(self) -> tuple[str, ...]:
+        ground = self.maps.ground
+        return () if ground is None else ground.elevation_map.class_names
 
     def _watch_learning(self) -> None:
         """Parameters that nobody looks after grow old unseen: plans are slower until then."""

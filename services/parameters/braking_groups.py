@@ -8,7 +8,7 @@ import math
 import re
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from statistics import median
 
 import msgspec
@@ -26,6 +26,7 @@ from models.parameters import Braking, Model
 from models.quantity import GRAVITY
 from models.stop_logs.stop_stream import StreamedStop
 from planner.ground.uncertainty import HOUR, Uncertainty
+from services.parameters.above_file import limited
 from services.parameters.group import Description, ParameterGroups, State
 from services.parameters.learnable import StopTaught
 from services.settings.learning import Learning
@@ -35,6 +36,10 @@ _DEAD_TIME = "dead_time"
 _UNITS = ("s/m", "1", "s/m", "1", "s")
 _SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _MOST_SURFACES = 32
+_MOST_ON_THE_MAP = 96
+_MOST_WEAKER = 64
+_MOST_TOLD = 5
+_MANY = PublishSettings().fewest
 _DEAD_TIMES = 5
 _MOST_DEAD_TIME = 3.0
 _UNSAID = (0.02, 0.06, 0.01, 0.05)
@@ -44,8 +49,11 @@ _UNSAID = (0.02, 0.06, 0.01, 0.05)
 class BrakingGroups(ParameterGroups):
     """What stops teach, surface by surface."""
 
-    def __init__(self, prior: Model, settings: Learning) -> None:
-        """Begin with the model file's coefficients."""
+    def __init__(
+        self, prior: Model, settings: Learning, on_the_map: Callable[[], Collection[str]] = tuple
+    ) -> None:
+        """Begin with the model file's coefficients; ``on_the_map``: surfaces that the map names."""
+        self._on_the_map = on_the_map
         self._prior = prior.braking
         self._settings = settings
         self._uncertainty = Uncertainty()
@@ -60,8 +68,11 @@ class BrakingGroups(ParameterGroups):
             publish=PublishSettings(rise=settings.rise, only_valid=True),
         )
         self._taught: dict[str, float] = {}
+        self._weaker: dict[tuple[str, str], int] = {}
         self._dead_times: deque[float] = deque(maxlen=_DEAD_TIMES)
         self._aged = time.monotonic()
+        self._known: tuple[Braking, list[str]] | None = None
+        self._stronger: list[str] = []
 
     # ------------------------------------------------------------------ learning
 
@@ -79,7 +90,13 @@ class BrakingGroups(ParameterGroups):
             slowing = GRAVITY * (stop.force_ratio + math.sin(stop.grade))
             late = self._prior.dead_time if math.isnan(stop.dead_time) else stop.dead_time
             distance = stop.onset_speed * late + stop.onset_speed**2 / (2.0 * slowing)
+        planned = self.expected(surface, stop.onset_speed, stop.grade)
         done = self._online.take(stop, surface)
+        self._known = None
+        if done.outcome is Acceptance.GATED and stop.force_ratio < planned:
+            self._insist(stop, surface, source, planned)
+        else:
+            self._weaker.pop((surface, source), None)
         if done.outcome in (Acceptance.ACCEPTED, Acceptance.CHANGED):
             self._taught[surface] = time.monotonic()
         if 0.0 <= stop.dead_time <= _MOST_DEAD_TIME:
@@ -89,23 +106,87 @@ class BrakingGroups(ParameterGroups):
             done.outcome.value,
         )  # fmt: skip
 
+    def _insist(self, stop: StreamedStop, surface: str, source: str, planned: float) -> None:
+        """Weak stops of one source in a row lower plans, whatever others report between them.
+
+        Otherwise whoever confirms the plan after each of them would silence bad news.
+        """
+        count = self._weaker.pop((surface, source), 0) + 1
+        self._weaker[surface, source] = count
+        while len(self._weaker) > _MOST_WEAKER:
+            self._weaker.pop(next(iter(self._weaker)))
+        if count >= RecursiveSettings().weaker:
+            below = self._online.coefficients(surface).copy()
+            below[3] -= planned - stop.force_ratio
+            self._online.doubt(surface, below)
+            self._weaker.pop((surface, source))
+
     def _begin(self, surface: str) -> None:
         """A surface that nobody braked on begins with a share of the weakest known force."""
-        if not surface or surface in self._prior.terrain or surface in self._online.learned():
+        if not surface or surface in self._prior.terrain or self._online.knows(surface):
             return
-        if len(self._online.learned()) >= _MOST_SURFACES:
-            raise ParameterError("surface", f"one of at most {_MOST_SURFACES}, got {surface}")
+        self._make_place(surface)
         self._online.doubt(surface, self._unheard_of())
+        self._known = None
+
+    def _make_place(self, surface: str) -> None:
+        """Surfaces of file and map have places of their own; names that nobody knows share theirs.
+
+        Among these the one that was taught the longest ago makes room, unless it is sure or told
+        that its ground is weaker than new ground is taken to be: that is not forgotten.
+        """
+        named = {*self._prior.terrain, *self._on_the_map()}
+        learned = self._online.learned()
+        guesses = [name for name in learned if name and name not in named]
+        mapped = len(learned) - len(guesses)
+        if surface in named and mapped < _MOST_ON_THE_MAP:
+            return
+        if len(guesses) < _MOST_SURFACES:
+            return
+        corners = self._corners()
+        new = corners @ self._unheard_of() - 1e-9
+        forces = {name: corners @ np.array(learned[name].published) for name in guesses}
+        spare = [n for n in guesses if not learned[n].valid and np.all(forces[n] >= new)]
+        if not spare:
+            raise ParameterError("surface", f"one of at most {_MOST_SURFACES}, got {surface}")
+        self._put(min(spare, key=lambda name: self._taught.get(name, -math.inf)), None, 0.0)
 
     def _unheard_of(self) -> Floats:
-        weakest = min(self.surfaces(), key=lambda b: b.level_force(b.speed_range[1]))
-        coefficients = np.array([getattr(weakest, name) for name in NAMES])
-        return np.asarray(self._uncertainty.untrained_share * coefficients)
+        """A share of the weakest force known: of the file, and of what many stops have shown.
 
-    def surfaces(self) -> list[Braking]:
-        """Base and all surfaces as planned with."""
-        used = self.in_use({})
-        return [used.on(name) for name in ("", *used.terrain)]
+        What is itself a guess says nothing of further ground; what it was held for in the beginning
+        does not either, so an estimate that is not valid counts as the stops tell it.
+        """
+        sure = [self._prior, *(self._prior.on(name) for name in self._prior.terrain)]
+        known = [np.array([getattr(one, name) for name in NAMES]) for one in sure]
+        known += [
+            np.array(one.published if one.valid else one.estimate)
+            for one in self._online.learned().values() if one.valid or one.accepted >= _MANY
+        ]  # fmt: skip
+        fast = np.array([0.0, 0.0, self._prior.speed_range[1], 1.0])
+        weakest = min(known, key=lambda coefficients: float(fast @ coefficients))
+        return np.asarray(self._uncertainty.untrained_share * weakest)
+
+    def expected(self, surface: str, speed: float, grade: float) -> float:
+        """F_b/W that is planned with at a speed [m/s] and grade [rad]."""
+        if surface and surface not in self._prior.terrain and not self._online.knows(surface):
+            return float(design(np.array([speed]), np.array([grade]))[0] @ self._unheard_of())
+        on = self._on(surface)
+        return float((on.m_m * speed + on.b_m) * grade + on.m_b * speed + on.b_b)
+
+    def _on(self, surface: str) -> Braking:
+        """What is planned with on one surface; the others need not be looked at."""
+        one = self._online.learned_of(surface)
+        used = braking_in_use(self._prior, {} if one is None else {surface: one})
+        used, _ = limited(self._prior, used, self._settings.most_above_file)
+        return used.on(surface) if surface else used
+
+    def flags(self) -> list[str]:
+        """What people should know of the force that is planned with."""
+        if not self._stronger:
+            return []
+        names = ", ".join(name or "base" for name in self._stronger[:_MOST_TOLD])
+        return [f"plans with stronger brakes than the model file: {names}"]
 
     def ground_changed(self, surface: str, before: str) -> bool:
         """The robot comes onto another surface, by name or without; does the base change with it?
@@ -131,12 +212,14 @@ class BrakingGroups(ParameterGroups):
         if had is None and np.all(force <= corners @ below + 1e-9):
             return False
         self._online.doubt("", below)
+        self._known = None
         return True
 
     def age(self) -> None:
         """Let what was learned grow older by the time since the last call."""
         now = time.monotonic()
         self._online.age(now - self._aged, self._settings.grows_old)
+        self._known = None
         self._aged = now
 
     def ages(self, now: float) -> dict[str, float]:
@@ -152,9 +235,7 @@ class BrakingGroups(ParameterGroups):
 
     def in_use(self, ages: Mapping[str, float]) -> Braking:
         """The braking model to plan with; ages [s] widen the scatter of their surface."""
-        drift = self._uncertainty.drift
-        older = {name: drift * math.sqrt(age / HOUR) for name, age in ages.items()}
-        used = braking_in_use(self._prior, self._online.learned(), older)
+        used, _ = self._limited(ages)
         late = self.dead_time()
         tables = {
             name: table if table.dead_time is None
@@ -162,6 +243,24 @@ class BrakingGroups(ParameterGroups):
             for name, table in used.terrain.items()
         }  # fmt: skip
         return dataclasses.replace(used, dead_time=max(used.dead_time, late), terrain=tables)
+
+    def _limited(self, ages: Mapping[str, float]) -> tuple[Braking, list[str]]:
+        """What was learned, as far above the file as it may be; looked up until something changes.
+
+        Learning from one stop asks several times.
+        """
+        if not ages:
+            if self._known is None:
+                self._known = self._limit({})
+            return self._known
+        return self._limit(ages)
+
+    def _limit(self, ages: Mapping[str, float]) -> tuple[Braking, list[str]]:
+        drift = self._uncertainty.drift
+        older = {name: drift * math.sqrt(age / HOUR) for name, age in ages.items()}
+        used = braking_in_use(self._prior, self._online.learned(), older)
+        used, self._stronger = limited(self._prior, used, self._settings.most_above_file)
+        return used, self._stronger
 
     def dead_time(self) -> float:
         """Of the last stops the median [s]; brakes that answer sooner are given no credit."""
@@ -239,6 +338,7 @@ class BrakingGroups(ParameterGroups):
             self._dead_times = deque(dead_times, maxlen=_DEAD_TIMES)
         if one is not None and state is not None and state["prior"] != self.digest:
             self._online.doubt(surface)
+        self._known = None
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
         """An operator's coefficients; above the model file's they count once stops confirm them.
@@ -265,15 +365,16 @@ class BrakingGroups(ParameterGroups):
             self._dead_times = deque([late] * _DEAD_TIMES, maxlen=_DEAD_TIMES)
 
     def _put(self, surface: str, one: LearnedForce | None, age: float) -> None:
+        self._known = None
         if one is None:
             self._online.forget(surface)
             self._taught.pop(surface, None)
             return
-        learned = self._online.learned()
-        if surface not in learned and len(learned) >= _MOST_SURFACES:
-            raise ParameterError("surface", f"one of at most {_MOST_SURFACES}, got {surface}")
+        if surface and surface not in self._online.learned():
+            self._make_place(surface)
         self._check(one, surface)
         self._online.restore(one, surface, age=age, time_constant=self._settings.grows_old)
+        self._known = None
         self._taught[surface] = time.monotonic() - age
 
     def _check(self, one: LearnedForce, surface: str) -> None:
@@ -293,12 +394,14 @@ class BrakingGroups(ParameterGroups):
         return design(speed.ravel(), grade.ravel())
 
     def _distance(self, surface: str, speed: float, grade: float) -> float:
-        used = self.in_use({}).on(surface) if surface else self.in_use({})
+        used, late = self._on(surface), self.dead_time()
         force = (used.m_m * speed + used.b_m) * grade + used.m_b * speed + used.b_b
         slowing = braking.deceleration(force, grade)
         if not slowing > 0.0:
             return math.inf
-        distance = braking.stopping_distance(speed, slowing, used.dead_time, used.distance_offset)
+        distance = braking.stopping_distance(
+            speed, slowing, max(used.dead_time, late), used.distance_offset
+        )
         return float(distance)
 
 
