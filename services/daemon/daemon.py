@@ -20,12 +20,10 @@ from types import TracebackType
 from typing import Any
 from uuid import uuid4
 
-import numpy as np
 import zenoh
 
 from models.errors import InputError
-from planner.ground.elevation_map import ElevationMap
-from services.daemon import systemd
+from services.daemon import systemd, warm_up
 from services.dashboard.board import Board
 from services.dashboard.parameter_board import ParameterBoard
 from services.io.maps.map_file import read_map
@@ -34,7 +32,7 @@ from services.parameters.endpoint import ParameterEndpoint
 from services.parameters.in_use import ParametersInUse, slowed
 from services.parameters.service import ParameterService
 from services.planning.map_endpoint import MapEndpoint
-from services.planning.map_store import KnownGround, MapStore
+from services.planning.map_store import MapStore
 from services.planning.plan_endpoint import PlanEndpoint
 from services.planning.plan_service import PlanService
 from services.settings.service import ServiceConfig
@@ -42,8 +40,7 @@ from services.settings.session import zenoh_config
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import words_of
-from services.wire.messages import Path as CandidateMessage
-from services.wire.messages import PlanRequest, ServiceStatus
+from services.wire.messages import ServiceStatus
 
 _log = logging.getLogger("slopewise")
 
@@ -231,14 +228,11 @@ class Service:
             self.plans.learn(slowed(self.plans.parameters, speed, words))
 
     def _warm_up(self) -> None:
-        flat = ElevationMap(elevation=np.zeros((8, 40)), resolution=1.0, origin=(-4.0, -4.0))
-        points = np.stack([np.linspace(0.0, 20.0, 50), np.zeros(50)], axis=1)
-        paths = [CandidateMessage(name="warm-up", points=points)]
-        ground = KnownGround(flat, 0, time.monotonic())
-        for client, pose in (("", None), ("warm-up", (0.0, 0.0, 0.0))):
-            request = PlanRequest(speed=0.0, paths=paths, client=client, pose=pose)
+        """Plan on all kinds of ground, so that no question waits for a compiler."""
+        for ground, request in warm_up.questions():
             reply = self.plans.answer(request, ground, "warm-up")
             codec.encode(reply, Format.MESSAGEPACK)
+        self.plans.drop(warm_up.CLIENT)
 
 
 def serve(config: ServiceConfig, seconds: float | None = None) -> None:

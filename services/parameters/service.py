@@ -257,6 +257,7 @@ class ParameterService:
         late = time.monotonic() - _FLAGGED_FOR
         set_ = [name for name, noticed in self._intake.jumped.items() if noticed > late]
         flags += [f"the clock of {name} was set" for name in set_]
+        flags += self._intake.notices.told()
         flags += [words for words in (self.learner.unable, self.learner.ground.unable) if words]
         flags += [*self.learner.flags(), *self.learner.effects.flags()]
         return flags + self.investigator.flags() + self._log.flags()

@@ -71,6 +71,11 @@ class PlanService:
             with known.lock:
                 known.horizon.forget()
 
+    def drop(self, client: str) -> None:
+        """Know nothing of a client any more."""
+        with self._lock:
+            self._clients.pop(client, None)
+
     def answer(self, request: PlanRequest, ground: KnownGround | None, source: str) -> PlanReply:
         """The answer to one question.
 
@@ -224,7 +229,8 @@ class PlanService:
             return ["no map"]
         old = ground.age() > self.config.status.map_age
         flags = ["map is old"] if old else []
-        return [*flags, "map updates were lost"] if ground.incomplete else flags
+        flags += ["map updates were lost"] if ground.incomplete else []
+        return flags + ground.flags()
 
 
 def _conditions(request: PlanRequest) -> GroundConditions:
