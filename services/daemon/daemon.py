@@ -24,6 +24,7 @@ import zenoh
 
 from models.errors import InputError
 from services.daemon import systemd, warm_up
+from services.daemon.quiet_log import NowAndThen
 from services.dashboard.board import Board
 from services.dashboard.parameter_board import ParameterBoard
 from services.io.maps.map_file import read_map
@@ -239,6 +240,7 @@ def serve(config: ServiceConfig, seconds: float | None = None) -> None:
     """Run until a signal asks to stop."""
     import signal
 
+    _log.addFilter(NowAndThen())
     service: Any = Service(config)
     # What was built up to now stays: the collector need not look at it again between questions.
     gc.collect()

@@ -72,6 +72,8 @@ class BrakingGroups(ParameterGroups):
         self._dead_times: deque[float] = deque(maxlen=_DEAD_TIMES)
         self._aged = time.monotonic()
         self._known: tuple[Braking, list[str]] | None = None
+        self._all: dict[str, LearnedForce] | None = None
+        self._on_surface: dict[str, Braking] = {}
         self._stronger: list[str] = []
 
     # ------------------------------------------------------------------ learning
@@ -92,7 +94,7 @@ class BrakingGroups(ParameterGroups):
             distance = stop.onset_speed * late + stop.onset_speed**2 / (2.0 * slowing)
         planned = self.expected(surface, stop.onset_speed, stop.grade)
         done = self._online.take(stop, surface)
-        self._known = None
+        self._changed()
         if done.outcome is Acceptance.GATED and stop.force_ratio < planned:
             self._insist(stop, surface, source, planned)
         else:
@@ -119,6 +121,7 @@ class BrakingGroups(ParameterGroups):
             below = self._online.coefficients(surface).copy()
             below[3] -= planned - stop.force_ratio
             self._online.doubt(surface, below)
+            self._changed()
             self._weaker.pop((surface, source))
 
     def _begin(self, surface: str) -> None:
@@ -127,7 +130,7 @@ class BrakingGroups(ParameterGroups):
             return
         self._make_place(surface)
         self._online.doubt(surface, self._unheard_of())
-        self._known = None
+        self._changed()
 
     def _make_place(self, surface: str) -> None:
         """Surfaces of file and map have places of their own; names that nobody knows share theirs.
@@ -136,7 +139,7 @@ class BrakingGroups(ParameterGroups):
         that its ground is weaker than new ground is taken to be: that is not forgotten.
         """
         named = {*self._prior.terrain, *self._on_the_map()}
-        learned = self._online.learned()
+        learned = self._learned()
         guesses = [name for name in learned if name and name not in named]
         mapped = len(learned) - len(guesses)
         if surface in named and mapped < _MOST_ON_THE_MAP:
@@ -161,7 +164,7 @@ class BrakingGroups(ParameterGroups):
         known = [np.array([getattr(one, name) for name in NAMES]) for one in sure]
         known += [
             np.array(one.published if one.valid else one.estimate)
-            for one in self._online.learned().values() if one.valid or one.accepted >= _MANY
+            for one in self._learned().values() if one.valid or one.accepted >= _MANY
         ]  # fmt: skip
         fast = np.array([0.0, 0.0, self._prior.speed_range[1], 1.0])
         weakest = min(known, key=lambda coefficients: float(fast @ coefficients))
@@ -176,10 +179,24 @@ class BrakingGroups(ParameterGroups):
 
     def _on(self, surface: str) -> Braking:
         """What is planned with on one surface; the others need not be looked at."""
-        one = self._online.learned_of(surface)
-        used = braking_in_use(self._prior, {} if one is None else {surface: one})
-        used, _ = limited(self._prior, used, self._settings.most_above_file)
-        return used.on(surface) if surface else used
+        known = self._on_surface.get(surface)
+        if known is None:
+            one = self._online.learned_of(surface)
+            used = braking_in_use(self._prior, {} if one is None else {surface: one})
+            used, _ = limited(self._prior, used, self._settings.most_above_file)
+            known = self._on_surface[surface] = used.on(surface) if surface else used
+        return known
+
+    def _learned(self) -> dict[str, LearnedForce]:
+        """What each surface has taught; looked up until something changes."""
+        if self._all is None:
+            self._all = self._online.learned()
+        return self._all
+
+    def _changed(self) -> None:
+        """What was looked up holds no longer."""
+        self._known = self._all = None
+        self._on_surface.clear()
 
     def flags(self) -> list[str]:
         """What people should know of the force that is planned with."""
@@ -194,7 +211,7 @@ class BrakingGroups(ParameterGroups):
         The base stands for ground without a name: it must not promise more than the ground now is
         known to give.
         """
-        learned = self._online.learned()
+        learned = self._learned()
         one = learned.get(surface) if surface else None
         if one is not None and one.accepted > 0:
             below = np.array([getattr(self.in_use({}).on(surface), name) for name in NAMES])
@@ -212,22 +229,20 @@ class BrakingGroups(ParameterGroups):
         if had is None and np.all(force <= corners @ below + 1e-9):
             return False
         self._online.doubt("", below)
-        self._known = None
+        self._changed()
         return True
 
     def age(self) -> None:
         """Let what was learned grow older by the time since the last call."""
         now = time.monotonic()
         self._online.age(now - self._aged, self._settings.grows_old)
-        self._known = None
+        self._changed()
         self._aged = now
 
     def ages(self, now: float) -> dict[str, float]:
         """Time since the last stop that each surface was taught by [s]."""
         oldest = self._settings.oldest
-        return {
-            name: min(now - self._taught.get(name, now), oldest) for name in self._online.learned()
-        }
+        return {name: min(now - self._taught.get(name, now), oldest) for name in self._learned()}
 
     def common_age(self, ages: Mapping[str, float]) -> float:
         """The age that everything has at least [s]; 0 while anything is as in the model file."""
@@ -258,7 +273,7 @@ class BrakingGroups(ParameterGroups):
     def _limit(self, ages: Mapping[str, float]) -> tuple[Braking, list[str]]:
         drift = self._uncertainty.drift
         older = {name: drift * math.sqrt(age / HOUR) for name, age in ages.items()}
-        used = braking_in_use(self._prior, self._online.learned(), older)
+        used = braking_in_use(self._prior, self._learned(), older)
         used, self._stronger = limited(self._prior, used, self._settings.most_above_file)
         return used, self._stronger
 
@@ -271,7 +286,7 @@ class BrakingGroups(ParameterGroups):
 
     def names(self) -> list[str]:
         """Groups: the base, surfaces of the file, surfaces learned."""
-        surfaces = dict.fromkeys((*self._prior.terrain, *self._online.learned()))
+        surfaces = dict.fromkeys((*self._prior.terrain, *self._learned()))
         return [BASE, *(f"{BASE}.{name}" for name in surfaces if name)]
 
     def owns(self, group: str) -> bool:
@@ -291,7 +306,7 @@ class BrakingGroups(ParameterGroups):
     def describe(self, group: str) -> Description:
         """Values as planned with, before any margin."""
         surface = surface_of(group)
-        one = self._online.learned().get(surface)
+        one = self._learned().get(surface)
         used = self.in_use({}).on(surface) if surface else self.in_use({})
         matrix = used.covariance
         stds = {} if matrix is None else {
@@ -314,7 +329,7 @@ class BrakingGroups(ParameterGroups):
     def state(self, group: str) -> State | None:
         """What a restart needs, None while nothing was learned."""
         surface = surface_of(group)
-        one = self._online.learned().get(surface)
+        one = self._learned().get(surface)
         dead_times = [] if surface else [*self._dead_times]
         if one is None and not dead_times:
             return None
@@ -338,7 +353,7 @@ class BrakingGroups(ParameterGroups):
             self._dead_times = deque(dead_times, maxlen=_DEAD_TIMES)
         if one is not None and state is not None and state["prior"] != self.digest:
             self._online.doubt(surface)
-        self._known = None
+        self._changed()
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
         """An operator's coefficients; above the model file's they count once stops confirm them.
@@ -365,16 +380,16 @@ class BrakingGroups(ParameterGroups):
             self._dead_times = deque([late] * _DEAD_TIMES, maxlen=_DEAD_TIMES)
 
     def _put(self, surface: str, one: LearnedForce | None, age: float) -> None:
-        self._known = None
+        self._changed()
         if one is None:
             self._online.forget(surface)
             self._taught.pop(surface, None)
             return
-        if surface and surface not in self._online.learned():
+        if surface and surface not in self._learned():
             self._make_place(surface)
         self._check(one, surface)
         self._online.restore(one, surface, age=age, time_constant=self._settings.grows_old)
-        self._known = None
+        self._changed()
         self._taught[surface] = time.monotonic() - age
 
     def _check(self, one: LearnedForce, surface: str) -> None:

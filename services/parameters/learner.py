@@ -138,9 +138,10 @@ class Learner:
             return changed, f"{NOT_LEARNED}expected {words}"
         slowing = GRAVITY * (stop.force_ratio + math.sin(stop.grade))
         takes = self._pace.takes(stop.onset_speed, max(slowing, 0.1), stop.dead_time)
-        weaker = stop.force_ratio < self._braking.expected(surface, stop.onset_speed, stop.grade)
         # Bad news is heard at any rate: it makes plans slower only.
-        if not self._pace.room(takes, self._arrived) and not weaker:
+        room = self._pace.room(takes, self._arrived)
+        expected = 0.0 if room else self._braking.expected(surface, stop.onset_speed, stop.grade)
+        if not room and stop.force_ratio >= expected:
             self.too_many += 1
             self._notices.say("more stops came than the vehicle can make")
             return changed, f"{NOT_LEARNED}more stops than the vehicle can make"

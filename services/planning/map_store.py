@@ -14,6 +14,7 @@ from models.arrays import Floats
 from models.errors import InputError, ParameterError
 from planner.ground.elevation_map import ElevationMap
 from services.io.maps import height_error
+from services.io.maps.grid import check_physical
 from services.wire.counting import Count, Order
 from services.wire.messages import MapUpdate
 from services.wire.notices import Notices
@@ -198,6 +199,7 @@ def _heights(update: MapUpdate) -> Floats:
     heights = update.elevation
     if heights.ndim != 2 or heights.size == 0:
         raise ParameterError("elevation", f"cells (rows, columns), got shape {heights.shape}")
+    check_physical(update.resolution, update.origin, heights.shape)
     return np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
 
 
