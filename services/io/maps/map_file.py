@@ -97,6 +97,13 @@ def read_map(
         raise fault(path, error.field, f"expected {error.expected}") from None
 
 
+def assumptions(path: Path) -> tuple[str, ...]:
+    """What a map file leaves open, and what it is taken for instead, in sentences."""
+    if is_bag(path) or not _is_geotiff(path) or geotiff_file.names_its_coordinates(path):
+        return ()
+    return ("the map names no coordinate system: its grid is taken to be in metres",)
+
+
 def known_heights(heights: Floats) -> Floats:
     """Heights with NaN where they can only be markers for missing data."""
     return np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
