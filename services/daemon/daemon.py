@@ -27,6 +27,7 @@ from services.daemon import systemd, warm_up
 from services.daemon.quiet_log import NowAndThen
 from services.dashboard.board import Board
 from services.dashboard.parameter_board import ParameterBoard
+from services.io.access import read_text
 from services.io.maps.map_file import read_map
 from services.io.model_file import find_model, read_model
 from services.parameters.endpoint import ParameterEndpoint
@@ -195,7 +196,8 @@ class Service:
         source = site.Source(status=self.status, ground=lambda: self.maps.ground, board=self.board)
         try:
             hosts = server.own_names(self.config.page.host)
-            return server.PageServer(self.config.page, site.Site(source, hosts))
+            token = self.config.page.token and read_text(Path(self.config.page.token)).strip()
+            return server.PageServer(self.config.page, site.Site(source, hosts, token))
         except InputError as error:
             self._flags.append("the live page cannot be served")
             _log.warning("%s", error)
@@ -241,6 +243,9 @@ def serve(config: ServiceConfig, seconds: float | None = None) -> None:
     import signal
 
     _log.addFilter(NowAndThen())
+    if warm_up.compiles_first():
+        words = "compiling, once after each installation; nobody is answered until that is done"
+        print(f"slopewise: {words} (slopewise warm-up does it ahead)", file=sys.stderr, flush=True)
     service: Any = Service(config)
     # What was built up to now stays: the collector need not look at it again between questions.
     gc.collect()

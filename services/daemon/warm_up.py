@@ -6,18 +6,28 @@ and few, with a name and without, at rest and driving, several times in a row as
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
 from models.arrays import Floats
 from planner.ground.elevation_map import ElevationMap
+from planner.kernels.compiled import is_first_run
 from services.planning.map_store import KnownGround
-from services.wire.messages import Path, PlanRequest
+from services.wire.messages import Path as Candidate
+from services.wire.messages import PlanRequest
 
 CLIENT = "warm-up"
 """Name of the client that asks; it is forgotten afterwards."""
+
+
+def compiles_first() -> bool:
+    """Whether nothing is compiled yet, wherever compiled code is kept."""
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    return is_first_run() if not folder else not any(Path(folder).glob("**/*.nbi"))
 
 
 def questions() -> Iterator[tuple[KnownGround, PlanRequest]]:
@@ -33,11 +43,11 @@ def questions() -> Iterator[tuple[KnownGround, PlanRequest]]:
             yield known, PlanRequest(speed=5.0 * x, paths=_fan(5), client=CLIENT, pose=pose)
 
 
-def _fan(count: int) -> list[Path]:
+def _fan(count: int) -> list[Candidate]:
     along = np.linspace(0.0, 20.0, 80)
     bends = 0.004 * np.arange(count)
     return [
-        Path(name=f"warm-up {i}", points=np.stack([along, bend * along**2], axis=1))
+        Candidate(name=f"warm-up {i}", points=np.stack([along, bend * along**2], axis=1))
         for i, bend in enumerate(bends)
     ]
 

@@ -168,8 +168,9 @@ def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
         alone = (honest.answered - answered_alone) / (honest.asked - asked_alone)
         took = np.percentile(slowed, [50, 99]) * 1e3
         print(
-            f"answered in time {share:.4f} of {asked_alone - asked}, alone {alone:.4f}, p50 {took[0]:.1f} ms, "
-            f"p99 {took[1]:.1f} ms; fastest {honest.fastest:.4f}, without {fastest:.4f} m/s; "
+            f"answered in time {share:.4f} of {asked_alone - asked}, alone {alone:.4f}, "
+            f"p50 {took[0]:.1f} ms, p99 {took[1]:.1f} ms; "
+            f"fastest {honest.fastest:.4f}, without {fastest:.4f} m/s; "
             f"memory {warm:.0f} -> {now:.0f} MB; {status['counters']}; {status['flags']}"
         )
         assert honest.fastest <= fastest + 1e-9
