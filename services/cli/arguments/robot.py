@@ -197,7 +197,8 @@ def replay(options: ReplayOptions) -> None:
     """Play recorded drives through a running service, and say what it learned from them.
 
     Samples are told as a robot would tell them, and each batch is waited for, so that nothing is
-    lost however fast it goes.
+    lost however fast it goes. Stops that come quicker than the vehicle can make them teach nothing
+    that makes plans faster, unless the service's settings allow it (stops_at_once).
 
     [bold]Example[/]  slopewise replay drive.csv --speed-up 20
     """
