@@ -29,17 +29,15 @@ from planner.ground.uncertainty import HOUR, Uncertainty
 from services.parameters.above_file import limited
 from services.parameters.group import Description, ParameterGroups, State
 from services.parameters.learnable import StopTaught
+from services.parameters.new_surfaces import makes_room, unheard_of
 from services.settings.learning import Learning
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"
 _UNITS = ("s/m", "1", "s/m", "1", "s")
 _SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")
-_MOST_SURFACES = 32
-_MOST_ON_THE_MAP = 96
 _MOST_WEAKER = 64
 _MOST_TOLD = 5
-_MANY = PublishSettings().fewest
 _DEAD_TIMES = 5
 _MOST_DEAD_TIME = 3.0
 _UNSAID = (0.02, 0.06, 0.01, 0.05)
@@ -133,42 +131,14 @@ class BrakingGroups(ParameterGroups):
         self._changed()
 
     def _make_place(self, surface: str) -> None:
-        """Surfaces of file and map have places of their own; names that nobody knows share theirs.
-
-        Among these the one that was taught the longest ago makes room, unless it is sure or told
-        that its ground is weaker than new ground is taken to be: that is not forgotten.
-        """
         named = {*self._prior.terrain, *self._on_the_map()}
-        learned = self._learned()
-        guesses = [name for name in learned if name and name not in named]
-        mapped = len(learned) - len(guesses)
-        if surface in named and mapped < _MOST_ON_THE_MAP:
-            return
-        if len(guesses) < _MOST_SURFACES:
-            return
-        corners = self._corners()
-        new = corners @ self._unheard_of() - 1e-9
-        forces = {name: corners @ np.array(learned[name].published) for name in guesses}
-        spare = [n for n in guesses if not learned[n].valid and np.all(forces[n] >= new)]
-        if not spare:
-            raise ParameterError("surface", f"one of at most {_MOST_SURFACES}, got {surface}")
-        self._put(min(spare, key=lambda name: self._taught.get(name, -math.inf)), None, 0.0)
+        least = self._corners(), self._unheard_of()
+        goes = makes_room(surface, named, self._learned(), self._taught, least)
+        if goes:
+            self._put(goes, None, 0.0)
 
     def _unheard_of(self) -> Floats:
-        """A share of the weakest force known: of the file, and of what many stops have shown.
-
-        What is itself a guess says nothing of further ground; what it was held for in the beginning
-        does not either, so an estimate that is not valid counts as the stops tell it.
-        """
-        sure = [self._prior, *(self._prior.on(name) for name in self._prior.terrain)]
-        known = [np.array([getattr(one, name) for name in NAMES]) for one in sure]
-        known += [
-            np.array(one.published if one.valid else one.estimate)
-            for one in self._learned().values() if one.valid or one.accepted >= _MANY
-        ]  # fmt: skip
-        fast = np.array([0.0, 0.0, self._prior.speed_range[1], 1.0])
-        weakest = min(known, key=lambda coefficients: float(fast @ coefficients))
-        return np.asarray(self._uncertainty.untrained_share * weakest)
+        return unheard_of(self._prior, self._learned(), self._uncertainty.untrained_share)
 
     def expected(self, surface: str, speed: float, grade: float) -> float:
         """F_b/W that is planned with at a speed [m/s] and grade [rad]."""
