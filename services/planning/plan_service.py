@@ -297,8 +297,8 @@ def _met(obstacle: Obstacle | None) -> Met | None:
     if obstacle is None:
         return None
     return Met(
-        bound=obstacle.bound.label, x=obstacle.x, y=obstacle.y, height=obstacle.height,
-        words=obstacle.words,
+        bound=obstacle.bound.label, x=float(obstacle.x), y=float(obstacle.y),
+        height=float(obstacle.height), words=obstacle.words,
     )  # fmt: skip
 
 
