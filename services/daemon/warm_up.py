@@ -9,13 +9,16 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from models.arrays import Floats
+from models.surface_braking import SurfaceBraking
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import is_first_run
+from services.parameters.in_use import ParametersInUse
 from services.planning.map_store import KnownGround
 from services.wire.messages import Path as Candidate
 from services.wire.messages import PlanRequest
@@ -28,6 +31,14 @@ def compiles_first() -> bool:
     """Whether nothing is compiled yet, wherever compiled code is kept."""
     folder = os.environ.get("NUMBA_CACHE_DIR")
     return is_first_run() if not folder else not any(Path(folder).glob("**/*.nbi"))
+
+
+def as_learned(parameters: ParametersInUse) -> ParametersInUse:
+    """The same with a surface of its own, as if a stop had taught one."""
+    braking = parameters.model.braking
+    tables = {**braking.terrain, "warm-up": SurfaceBraking(force_std=0.02, class_id=999_999)}
+    model = replace(parameters.model, braking=replace(braking, terrain=tables))
+    return replace(parameters, model=model, serial=-1 - parameters.serial)
 
 
 def questions() -> Iterator[tuple[KnownGround, PlanRequest]]:
