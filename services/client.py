@@ -65,6 +65,7 @@ class PlanClient:
         deceleration: float = 1.5,
         dead_time: float = 0.5,
         written: Format = Format.MESSAGEPACK,
+        reserved: bool = False,
     ) -> None:
         """Ask on a session that somebody opened.
 
@@ -75,6 +76,7 @@ class PlanClient:
             timeout: for an answer [s].
             deceleration, dead_time: of the own stop: what the brakes reach for certain [m/s²], [s].
             written: how to write.
+            reserved: ask on the key of the lane for clients that drive, if access is given to it.
         """
         for field, value in (("timeout", timeout), ("deceleration", deceleration)):
             if not (np.isfinite(value) and value > 0.0):
@@ -83,7 +85,8 @@ class PlanClient:
             raise ParameterError("dead_time", f"a finite number >= 0 [s], got {dead_time}")
         self._session, self._name, self._written = session, name, written
         self._timeout, self._deceleration, self._dead_time = timeout, deceleration, dead_time
-        self._plan_key, self._map_key = f"{namespace}/v1/plan", f"{namespace}/v1/map"
+        self._plan_key = f"{namespace}/v1/plan" + ("/drive" if reserved else "")
+        self._map_key = f"{namespace}/v1/map"
         self._sequence = 0
         self._encoding = codec.encoding_of(PlanRequest, written)
         self._querier = session.declare_querier(self._plan_key, timeout=timeout, express=True)

@@ -119,6 +119,16 @@ class OnlineBraking:
         """What each surface has taught; those that taught nothing are left out."""
         return {name: _learned(on) for name, on in self._surfaces.items() if not on.pristine}
 
+    def learned_of(self, surface: str) -> LearnedForce | None:
+        """What one surface has taught; None where it taught nothing."""
+        on = self._surfaces.get(surface)
+        return None if on is None or on.pristine else _learned(on)
+
+    def knows(self, surface: str) -> bool:
+        """Whether a surface taught anything."""
+        on = self._surfaces.get(surface)
+        return on is not None and not on.pristine
+
     def restore(
         self, learned: LearnedForce, surface: str = "", *, age: float = 0.0,
         time_constant: float = 3600.0,

@@ -18,6 +18,12 @@ import numpy as np
 
 from models.arrays import Floats
 
+_SLOPE = 0.02
+"""Ground that is less steep tells nothing of the slope coefficients [rad]."""
+
+_FADING = 0.9
+"""What unbelieved stops said of the slope coefficients counts less with each believed one."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecursiveSettings:
@@ -75,6 +81,7 @@ class RecursiveForce:
         self._steady = np.diag(np.square(self.settings.steady))
         self.doubted = False
         self.row = 0
+        self._leaning = 0.0
 
     def update(self, speed: float, grade: float, force_ratio: float, std: float) -> Acceptance:
         """Take in one stop.
@@ -95,7 +102,7 @@ class RecursiveForce:
         expected = float(x @ seen) + noise
         outcome = Acceptance.ACCEPTED
         if innovation * innovation > s.gate * s.gate * expected:
-            if not self._persists(innovation):
+            if not self._persists(innovation, grade):
                 self.gated += 1
                 return Acceptance.GATED
             self._open()
@@ -103,6 +110,7 @@ class RecursiveForce:
             expected = float(x @ seen) + noise
             outcome = Acceptance.CHANGED
         self.row = 0
+        self._leaning *= _FADING
         self.accepted += 1
         self.coefficients = self.coefficients + seen * (innovation / expected)
         kept = self._steady @ x
@@ -110,13 +118,21 @@ class RecursiveForce:
         self.covariance = self.covariance - np.outer(seen, seen) / expected + again
         return outcome
 
-    def _persists(self, innovation: float) -> bool:
-        """Whether unbelieved stops of the same kind have come in a row."""
+    def _persists(self, innovation: float, grade: float) -> bool:
+        """Whether unbelieved stops of the same kind have come in a row.
+
+        Of the same kind are also those that are off to one side uphill and to the other downhill:
+        slope coefficients that were bent would never mend by stops that alternate otherwise.
+        """
+        side = math.copysign(1.0, innovation * grade) if abs(grade) > _SLOPE else 0.0
+        if side:
+            self._leaning = self._leaning + side if self._leaning * side > 0.0 else side
+        leans = abs(self._leaning) >= self.settings.stronger
         if innovation < 0.0:
             self.row = min(self.row, 0) - 1
-            return -self.row >= self.settings.weaker
+            return -self.row >= self.settings.weaker or leans
         self.row = max(self.row, 0) + 1
-        return self.row >= self.settings.stronger
+        return self.row >= self.settings.stronger or leans
 
     def doubt(self) -> None:
         """What was learned may hold no longer: be as open to the next stop as to a change."""
@@ -127,7 +143,7 @@ class RecursiveForce:
         """Hold possible whatever a change may bring."""
         self.covariance = self.covariance + self._first_covariance
         self.covariance[3, 3] += self.settings.change**2
-        self.doubted = False
+        self.doubted, self._leaning = False, 0.0
 
     def age(self, seconds: float, time_constant: float) -> None:
         """Grow the covariance towards the first one: what is old is known less well."""

@@ -20,21 +20,21 @@ from types import TracebackType
 from typing import Any
 from uuid import uuid4
 
-import numpy as np
 import zenoh
 
 from models.errors import InputError
-from planner.ground.elevation_map import ElevationMap
-from services.daemon import systemd
+from services.daemon import systemd, warm_up
+from services.daemon.quiet_log import NowAndThen
 from services.dashboard.board import Board
 from services.dashboard.parameter_board import ParameterBoard
+from services.io.access import read_text
 from services.io.maps.map_file import read_map
 from services.io.model_file import find_model, read_model
 from services.parameters.endpoint import ParameterEndpoint
 from services.parameters.in_use import ParametersInUse, slowed
 from services.parameters.service import ParameterService
 from services.planning.map_endpoint import MapEndpoint
-from services.planning.map_store import KnownGround, MapStore
+from services.planning.map_store import MapStore
 from services.planning.plan_endpoint import PlanEndpoint
 from services.planning.plan_service import PlanService
 from services.settings.service import ServiceConfig
@@ -42,8 +42,7 @@ from services.settings.session import zenoh_config
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import words_of
-from services.wire.messages import Path as CandidateMessage
-from services.wire.messages import PlanRequest, ServiceStatus
+from services.wire.messages import ServiceStatus
 
 _log = logging.getLogger("slopewise")
 
@@ -68,7 +67,7 @@ class Service:
         prior = read_model(find_model(config.model))
         self.plans = PlanService(config, ParametersInUse(prior))
         self.parameters = ParameterService(
-            config, prior, self._map_names_surfaces, self.plans.learn
+            config, prior, self._map_names_surfaces, self.plans.learn, self._surfaces_on_the_map
         )
         self.counters: Counter[str] = Counter()
         self.board = Board()
@@ -197,7 +196,8 @@ class Service:
         source = site.Source(status=self.status, ground=lambda: self.maps.ground, board=self.board)
         try:
             hosts = server.own_names(self.config.page.host)
-            return server.PageServer(self.config.page, site.Site(source, hosts))
+            token = self.config.page.token and read_text(Path(self.config.page.token)).strip()
+            return server.PageServer(self.config.page, site.Site(source, hosts, token))
         except InputError as error:
             self._flags.append("the live page cannot be served")
             _log.warning("%s", error)
@@ -217,6 +217,10 @@ class Service:
         ground = self.maps.ground
         return ground is not None and any(ground.elevation_map.class_names)
 
+    def _surfaces_on_the_map(self) -> tuple[str, ...]:
+        ground = self.maps.ground
+        return () if ground is None else ground.elevation_map.class_names
+
     def _watch_learning(self) -> None:
         """Parameters that nobody looks after grow old unseen: plans are slower until then."""
         if time.monotonic() - self._learning.beat < _HANGS_AFTER:
@@ -227,20 +231,25 @@ class Service:
             self.plans.learn(slowed(self.plans.parameters, speed, words))
 
     def _warm_up(self) -> None:
-        flat = ElevationMap(elevation=np.zeros((8, 40)), resolution=1.0, origin=(-4.0, -4.0))
-        points = np.stack([np.linspace(0.0, 20.0, 50), np.zeros(50)], axis=1)
-        paths = [CandidateMessage(name="warm-up", points=points)]
-        ground = KnownGround(flat, 0, time.monotonic())
-        for client, pose in (("", None), ("warm-up", (0.0, 0.0, 0.0))):
-            request = PlanRequest(speed=0.0, paths=paths, client=client, pose=pose)
-            reply = self.plans.answer(request, ground, "warm-up")
-            codec.encode(reply, Format.MESSAGEPACK)
+        """Plan on all kinds of ground, so that no question waits for a compiler."""
+        known = self.plans.parameters
+        # What stops teach makes surfaces of their own: planned with other kernels than one alone.
+        for parameters in (warm_up.as_learned(known), known):
+            self.plans.learn(parameters)
+            for ground, request in warm_up.questions():
+                reply = self.plans.answer(request, ground, "warm-up")
+                codec.encode(reply, Format.MESSAGEPACK)
+        self.plans.drop(warm_up.CLIENT)
 
 
 def serve(config: ServiceConfig, seconds: float | None = None) -> None:
     """Run until a signal asks to stop."""
     import signal
 
+    _log.addFilter(NowAndThen())
+    if warm_up.compiles_first():
+        words = "compiling, once after each installation; nobody is answered until that is done"
+        print(f"slopewise: {words} (slopewise warm-up does it ahead)", file=sys.stderr, flush=True)
     service: Any = Service(config)
     # What was built up to now stays: the collector need not look at it again between questions.
     gc.collect()

@@ -10,8 +10,12 @@ from models.errors import InputError
 from services.settings.service import PageSettings
 
 _THREADS = 2
-_MOST_CONNECTIONS = 20
-_PATIENCE = 10
+_MOST_CONNECTIONS = 200
+_PATIENCE = 2
+_LOOKS = 1
+"""Connections on which nothing is asked for so long are closed, looked at so often [s]: however
+many somebody holds open, whoever asks for `/health` is heard."""
+
 _LARGEST_BODY = 1000
 _LARGEST_HEADER = 16_000
 
@@ -31,6 +35,7 @@ class PageServer:
             self._server: Any = create_server(
                 application, host=settings.host, port=settings.port, threads=_THREADS,
                 connection_limit=_MOST_CONNECTIONS, channel_timeout=_PATIENCE,
+                cleanup_interval=_LOOKS,
                 max_request_body_size=_LARGEST_BODY, max_request_header_size=_LARGEST_HEADER,
                 ident=None,
             )  # fmt: skip

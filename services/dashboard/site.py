@@ -17,6 +17,7 @@ from prometheus_client import make_wsgi_app
 
 from services.dashboard import metrics, view
 from services.dashboard.board import Board
+from services.dashboard.token import cookie, knows
 from services.planning.map_store import KnownGround
 from services.report.limit_colours import limit_colours
 from services.report.page import asset, page
@@ -56,10 +57,13 @@ class Site:
     Args:
         source: what to show. hosts: names under which it may be asked, so that no page of somebody
             else reaches it through the browser of a visitor; none: under any.
+        token: that everybody who asks has to know; "" for none.
     """
 
-    def __init__(self, source: Source, hosts: frozenset[str] = frozenset()) -> None:
-        self._source, self._hosts = source, hosts
+    def __init__(
+        self, source: Source, hosts: frozenset[str] = frozenset(), token: str = ""
+    ) -> None:
+        self._source, self._hosts, self._token = source, hosts, token
         self._metrics = make_wsgi_app(metrics.registry(source.status))
         self._page = self._html().encode()
         self._lock = Lock()
@@ -79,6 +83,8 @@ class Site:
         name = environ.get("HTTP_HOST", "").rpartition(":")[0] or environ.get("HTTP_HOST", "")
         if self._hosts and name not in self._hosts:
             status, kind, body = _text("403 Forbidden", "asked under a name that is not ours")
+        elif self._token and not knows(environ, self._token):
+            status, kind, body = _text("401 Unauthorized", "expected the token of this page")
         elif environ["REQUEST_METHOD"] not in ("GET", "HEAD"):
             status, kind, body = _text("405 Method Not Allowed", "may only be read")
         elif path == "/metrics":
@@ -88,7 +94,10 @@ class Site:
             status, kind, body = _text("404 Not Found", "not here")
         else:
             status, kind, body = answer()
-        start(status, [("Content-Type", kind), ("Content-Length", str(len(body))), *_HEADERS])
+        headers = [("Content-Type", kind), ("Content-Length", str(len(body))), *_HEADERS]
+        if self._token and path == "/" and status.startswith("200"):
+            headers.append(("Set-Cookie", cookie(self._token)))
+        start(status, headers)
         return [] if environ["REQUEST_METHOD"] == "HEAD" else [body]
 
     def _html(self) -> str:

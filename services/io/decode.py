@@ -55,8 +55,11 @@ def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = get_type_hints(kind)
     for key in data:
-        if key not in fields:
+        if key not in fields and (missing := _missing_name(data, fields)) is None:
             raise fault(source, dotted(where, str(key)), unknown(str(key), fields))
+        if key not in fields and missing is not None:
+            # Without its name, nobody knows which keys a table may have.
+            raise fault(source, dotted(where, "name"), missing)
     values: dict[str, Any] = {}
     for name, field in fields.items():
         path = dotted(where, name)
@@ -70,6 +73,18 @@ def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T
     except ParameterError as error:
         path = f"{where}.{error.field}" if where else error.field
         raise fault(source, path, f"expected {error.expected}") from None
+
+
+def _missing_name(
+    data: Mapping[Any, Any], fields: Mapping[str, dataclasses.Field[Any]]
+) -> str | None:
+    """What to say of a name that has to be there and is not; None where that is not so."""
+    name = fields.get("name")
+    if name is None or "name" in data or name.default is not dataclasses.MISSING:
+        return None
+    if any(difflib.get_close_matches(str(key), ["name"], n=1) for key in data):
+        return None
+    return "missing key, expected text"
 
 
 def _decode(

@@ -8,6 +8,7 @@ import difflib
 import gc
 import io
 import math
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from models.errors import InputError
 from services.io.access import fault, read_text, shown, write_atomic
 from services.io.plain_csv import plain_columns
 
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")
 _LONG = 1_000_000  # characters from which loading another reader pays
 
 
@@ -62,7 +64,7 @@ class Table:
         """Cells as text; whole numbers without a decimal point."""
         cells = self.columns[column]
         if isinstance(cells, list):
-            return cells
+            return [plain(cell) for cell in cells]
         return ["" if math.isnan(c) else repr(c).removesuffix(".0") for c in cells.tolist()]
 
     def numbers(self, column: str, unit: str, *, blank: float | None = None) -> Floats:
@@ -150,7 +152,7 @@ def _read_carefully(path: Path, content: str) -> Table:
             if not any(line):
                 continue
             if not header:
-                header = [name.strip() for name in line]
+                header = [plain(name.strip()) for name in line]
                 continue
             if len(line) != len(header):
                 words = f"expected {len(header)} columns as in the header, got {len(line)}"
@@ -174,14 +176,26 @@ def _read_carefully(path: Path, content: str) -> Table:
 def write_csv(columns: Mapping[str, Sequence[str] | Floats], path: Path) -> None:
     """Write columns of one length as CSV, all or nothing.
 
-    Floats are written with as many digits as they need to come back the same.
+    Floats are written with as many digits as they need to come back the same, texts so that no
+    spreadsheet takes them for a formula; :func:`read_csv` gives them back.
     """
     texts = [
-        [_quoted(cell) if isinstance(cell, str) else repr(float(cell)) for cell in column]
+        [_quoted(harmless(cell)) if isinstance(cell, str) else repr(float(cell)) for cell in column]
         for column in columns.values()
     ]
-    lines = [",".join(map(_quoted, columns)), *map(",".join, zip(*texts, strict=True))]
+    head = (_quoted(harmless(name)) for name in columns)
+    lines = [",".join(head), *map(",".join, zip(*texts, strict=True))]
     write_atomic(path, "".join(f"{line}\n" for line in lines).encode())
+
+
+def harmless(cell: str) -> str:
+    """A text that spreadsheets do not compute: an apostrophe before what begins a formula."""
+    return f"'{cell}" if _FORMULA.match(cell) and not _is_number(cell) else cell
+
+
+def plain(cell: str) -> str:
+    """The text that :func:`harmless` was given."""
+    return cell[1:] if cell[:1] == "'" and _FORMULA.match(cell[1:]) else cell
 
 
 def _quoted(cell: str) -> str:

@@ -8,7 +8,7 @@ import math
 import re
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from statistics import median
 
 import msgspec
@@ -26,15 +26,18 @@ from models.parameters import Braking, Model
 from models.quantity import GRAVITY
 from models.stop_logs.stop_stream import StreamedStop
 from planner.ground.uncertainty import HOUR, Uncertainty
+from services.parameters.above_file import limited
 from services.parameters.group import Description, ParameterGroups, State
 from services.parameters.learnable import StopTaught
+from services.parameters.new_surfaces import makes_room, unheard_of
 from services.settings.learning import Learning
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"
 _UNITS = ("s/m", "1", "s/m", "1", "s")
 _SURFACE = re.compile(r"[A-Za-z0-9_-]{1,40}")
-_MOST_SURFACES = 32
+_MOST_WEAKER = 64
+_MOST_TOLD = 5
 _DEAD_TIMES = 5
 _MOST_DEAD_TIME = 3.0
 _UNSAID = (0.02, 0.06, 0.01, 0.05)
@@ -44,8 +47,11 @@ _UNSAID = (0.02, 0.06, 0.01, 0.05)
 class BrakingGroups(ParameterGroups):
     """What stops teach, surface by surface."""
 
-    def __init__(self, prior: Model, settings: Learning) -> None:
-        """Begin with the model file's coefficients."""
+    def __init__(
+        self, prior: Model, settings: Learning, on_the_map: Callable[[], Collection[str]] = tuple
+    ) -> None:
+        """Begin with the model file's coefficients; ``on_the_map``: surfaces that the map names."""
+        self._on_the_map = on_the_map
         self._prior = prior.braking
         self._settings = settings
         self._uncertainty = Uncertainty()
@@ -60,8 +66,13 @@ class BrakingGroups(ParameterGroups):
             publish=PublishSettings(rise=settings.rise, only_valid=True),
         )
         self._taught: dict[str, float] = {}
+        self._weaker: dict[tuple[str, str], int] = {}
         self._dead_times: deque[float] = deque(maxlen=_DEAD_TIMES)
         self._aged = time.monotonic()
+        self._known: tuple[Braking, list[str]] | None = None
+        self._all: dict[str, LearnedForce] | None = None
+        self._on_surface: dict[str, Braking] = {}
+        self._stronger: list[str] = []
 
     # ------------------------------------------------------------------ learning
 
@@ -79,7 +90,13 @@ class BrakingGroups(ParameterGroups):
             slowing = GRAVITY * (stop.force_ratio + math.sin(stop.grade))
             late = self._prior.dead_time if math.isnan(stop.dead_time) else stop.dead_time
             distance = stop.onset_speed * late + stop.onset_speed**2 / (2.0 * slowing)
+        planned = self.expected(surface, stop.onset_speed, stop.grade)
         done = self._online.take(stop, surface)
+        self._changed()
+        if done.outcome is Acceptance.GATED and stop.force_ratio < planned:
+            self._insist(stop, surface, source, planned)
+        else:
+            self._weaker.pop((surface, source), None)
         if done.outcome in (Acceptance.ACCEPTED, Acceptance.CHANGED):
             self._taught[surface] = time.monotonic()
         if 0.0 <= stop.dead_time <= _MOST_DEAD_TIME:
@@ -89,23 +106,74 @@ class BrakingGroups(ParameterGroups):
             done.outcome.value,
         )  # fmt: skip
 
+    def _insist(self, stop: StreamedStop, surface: str, source: str, planned: float) -> None:
+        """Weak stops of one source in a row lower plans, whatever others report between them.
+
+        Otherwise whoever confirms the plan after each of them would silence bad news.
+        """
+        count = self._weaker.pop((surface, source), 0) + 1
+        self._weaker[surface, source] = count
+        while len(self._weaker) > _MOST_WEAKER:
+            self._weaker.pop(next(iter(self._weaker)))
+        if count >= RecursiveSettings().weaker:
+            below = self._online.coefficients(surface).copy()
+            below[3] -= planned - stop.force_ratio
+            self._online.doubt(surface, below)
+            self._changed()
+            self._weaker.pop((surface, source))
+
     def _begin(self, surface: str) -> None:
         """A surface that nobody braked on begins with a share of the weakest known force."""
-        if not surface or surface in self._prior.terrain or surface in self._online.learned():
+        if not surface or surface in self._prior.terrain or self._online.knows(surface):
             return
-        if len(self._online.learned()) >= _MOST_SURFACES:
-            raise ParameterError("surface", f"one of at most {_MOST_SURFACES}, got {surface}")
+        self._make_place(surface)
         self._online.doubt(surface, self._unheard_of())
+        self._changed()
+
+    def _make_place(self, surface: str) -> None:
+        named = {*self._prior.terrain, *self._on_the_map()}
+        least = self._corners(), self._unheard_of()
+        goes = makes_room(surface, named, self._learned(), self._taught, least)
+        if goes:
+            self._put(goes, None, 0.0)
 
     def _unheard_of(self) -> Floats:
-        weakest = min(self.surfaces(), key=lambda b: b.level_force(b.speed_range[1]))
-        coefficients = np.array([getattr(weakest, name) for name in NAMES])
-        return np.asarray(self._uncertainty.untrained_share * coefficients)
+        return unheard_of(self._prior, self._learned(), self._uncertainty.untrained_share)
 
-    def surfaces(self) -> list[Braking]:
-        """Base and all surfaces as planned with."""
-        used = self.in_use({})
-        return [used.on(name) for name in ("", *used.terrain)]
+    def expected(self, surface: str, speed: float, grade: float) -> float:
+        """F_b/W that is planned with at a speed [m/s] and grade [rad]."""
+        if surface and surface not in self._prior.terrain and not self._online.knows(surface):
+            return float(design(np.array([speed]), np.array([grade]))[0] @ self._unheard_of())
+        on = self._on(surface)
+        return float((on.m_m * speed + on.b_m) * grade + on.m_b * speed + on.b_b)
+
+    def _on(self, surface: str) -> Braking:
+        """What is planned with on one surface; the others need not be looked at."""
+        known = self._on_surface.get(surface)
+        if known is None:
+            one = self._online.learned_of(surface)
+            used = braking_in_use(self._prior, {} if one is None else {surface: one})
+            used, _ = limited(self._prior, used, self._settings.most_above_file)
+            known = self._on_surface[surface] = used.on(surface) if surface else used
+        return known
+
+    def _learned(self) -> dict[str, LearnedForce]:
+        """What each surface has taught; looked up until something changes."""
+        if self._all is None:
+            self._all = self._online.learned()
+        return self._all
+
+    def _changed(self) -> None:
+        """What was looked up holds no longer."""
+        self._known = self._all = None
+        self._on_surface.clear()
+
+    def flags(self) -> list[str]:
+        """What people should know of the force that is planned with."""
+        if not self._stronger:
+            return []
+        names = ", ".join(name or "base" for name in self._stronger[:_MOST_TOLD])
+        return [f"plans with stronger brakes than the model file: {names}"]
 
     def ground_changed(self, surface: str, before: str) -> bool:
         """The robot comes onto another surface, by name or without; does the base change with it?
@@ -113,7 +181,7 @@ class BrakingGroups(ParameterGroups):
         The base stands for ground without a name: it must not promise more than the ground now is
         known to give.
         """
-        learned = self._online.learned()
+        learned = self._learned()
         one = learned.get(surface) if surface else None
         if one is not None and one.accepted > 0:
             below = np.array([getattr(self.in_use({}).on(surface), name) for name in NAMES])
@@ -131,20 +199,20 @@ class BrakingGroups(ParameterGroups):
         if had is None and np.all(force <= corners @ below + 1e-9):
             return False
         self._online.doubt("", below)
+        self._changed()
         return True
 
     def age(self) -> None:
         """Let what was learned grow older by the time since the last call."""
         now = time.monotonic()
         self._online.age(now - self._aged, self._settings.grows_old)
+        self._changed()
         self._aged = now
 
     def ages(self, now: float) -> dict[str, float]:
         """Time since the last stop that each surface was taught by [s]."""
         oldest = self._settings.oldest
-        return {
-            name: min(now - self._taught.get(name, now), oldest) for name in self._online.learned()
-        }
+        return {name: min(now - self._taught.get(name, now), oldest) for name in self._learned()}
 
     def common_age(self, ages: Mapping[str, float]) -> float:
         """The age that everything has at least [s]; 0 while anything is as in the model file."""
@@ -152,9 +220,7 @@ class BrakingGroups(ParameterGroups):
 
     def in_use(self, ages: Mapping[str, float]) -> Braking:
         """The braking model to plan with; ages [s] widen the scatter of their surface."""
-        drift = self._uncertainty.drift
-        older = {name: drift * math.sqrt(age / HOUR) for name, age in ages.items()}
-        used = braking_in_use(self._prior, self._online.learned(), older)
+        used, _ = self._limited(ages)
         late = self.dead_time()
         tables = {
             name: table if table.dead_time is None
@@ -162,6 +228,24 @@ class BrakingGroups(ParameterGroups):
             for name, table in used.terrain.items()
         }  # fmt: skip
         return dataclasses.replace(used, dead_time=max(used.dead_time, late), terrain=tables)
+
+    def _limited(self, ages: Mapping[str, float]) -> tuple[Braking, list[str]]:
+        """What was learned, as far above the file as it may be; looked up until something changes.
+
+        Learning from one stop asks several times.
+        """
+        if not ages:
+            if self._known is None:
+                self._known = self._limit({})
+            return self._known
+        return self._limit(ages)
+
+    def _limit(self, ages: Mapping[str, float]) -> tuple[Braking, list[str]]:
+        drift = self._uncertainty.drift
+        older = {name: drift * math.sqrt(age / HOUR) for name, age in ages.items()}
+        used = braking_in_use(self._prior, self._learned(), older)
+        used, self._stronger = limited(self._prior, used, self._settings.most_above_file)
+        return used, self._stronger
 
     def dead_time(self) -> float:
         """Of the last stops the median [s]; brakes that answer sooner are given no credit."""
@@ -172,7 +256,7 @@ class BrakingGroups(ParameterGroups):
 
     def names(self) -> list[str]:
         """Groups: the base, surfaces of the file, surfaces learned."""
-        surfaces = dict.fromkeys((*self._prior.terrain, *self._online.learned()))
+        surfaces = dict.fromkeys((*self._prior.terrain, *self._learned()))
         return [BASE, *(f"{BASE}.{name}" for name in surfaces if name)]
 
     def owns(self, group: str) -> bool:
@@ -192,7 +276,7 @@ class BrakingGroups(ParameterGroups):
     def describe(self, group: str) -> Description:
         """Values as planned with, before any margin."""
         surface = surface_of(group)
-        one = self._online.learned().get(surface)
+        one = self._learned().get(surface)
         used = self.in_use({}).on(surface) if surface else self.in_use({})
         matrix = used.covariance
         stds = {} if matrix is None else {
@@ -215,7 +299,7 @@ class BrakingGroups(ParameterGroups):
     def state(self, group: str) -> State | None:
         """What a restart needs, None while nothing was learned."""
         surface = surface_of(group)
-        one = self._online.learned().get(surface)
+        one = self._learned().get(surface)
         dead_times = [] if surface else [*self._dead_times]
         if one is None and not dead_times:
             return None
@@ -239,6 +323,7 @@ class BrakingGroups(ParameterGroups):
             self._dead_times = deque(dead_times, maxlen=_DEAD_TIMES)
         if one is not None and state is not None and state["prior"] != self.digest:
             self._online.doubt(surface)
+        self._changed()
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
         """An operator's coefficients; above the model file's they count once stops confirm them.
@@ -265,15 +350,16 @@ class BrakingGroups(ParameterGroups):
             self._dead_times = deque([late] * _DEAD_TIMES, maxlen=_DEAD_TIMES)
 
     def _put(self, surface: str, one: LearnedForce | None, age: float) -> None:
+        self._changed()
         if one is None:
             self._online.forget(surface)
             self._taught.pop(surface, None)
             return
-        learned = self._online.learned()
-        if surface not in learned and len(learned) >= _MOST_SURFACES:
-            raise ParameterError("surface", f"one of at most {_MOST_SURFACES}, got {surface}")
+        if surface and surface not in self._learned():
+            self._make_place(surface)
         self._check(one, surface)
         self._online.restore(one, surface, age=age, time_constant=self._settings.grows_old)
+        self._changed()
         self._taught[surface] = time.monotonic() - age
 
     def _check(self, one: LearnedForce, surface: str) -> None:
@@ -293,12 +379,14 @@ class BrakingGroups(ParameterGroups):
         return design(speed.ravel(), grade.ravel())
 
     def _distance(self, surface: str, speed: float, grade: float) -> float:
-        used = self.in_use({}).on(surface) if surface else self.in_use({})
+        used, late = self._on(surface), self.dead_time()
         force = (used.m_m * speed + used.b_m) * grade + used.m_b * speed + used.b_b
         slowing = braking.deceleration(force, grade)
         if not slowing > 0.0:
             return math.inf
-        distance = braking.stopping_distance(speed, slowing, used.dead_time, used.distance_offset)
+        distance = braking.stopping_distance(
+            speed, slowing, max(used.dead_time, late), used.distance_offset
+        )
         return float(distance)
 
 

@@ -50,6 +50,8 @@ PARAMS, DISCREPANCY = "params", "discrepancy"
 _TICK = 0.5
 _PATIENCE = 2.0
 _FLAGGED_FOR = 60.0
+_REST = 2.0
+_LONGEST_REST = 0.05
 
 
 class Audience(Protocol):
@@ -149,6 +151,7 @@ class ParameterEndpoint:
                 item = self._waiting.popleft() if self._waiting else None
                 alive, self._alive = self._alive, {}
             self.beat = time.monotonic()
+            begun = time.thread_time()
             try:
                 for name, is_alive in alive.items():
                     self._service.alive(name, is_alive=is_alive)
@@ -161,6 +164,9 @@ class ParameterEndpoint:
                 self._counters["faults"] += 1
                 _log.exception("parameters were not looked after as they should be")
                 self._service.fault("learning does not work as it should")
+            if self._waiting:
+                # Whoever sends more than can be learned from does not take the time to plan.
+                time.sleep(min(_REST * (time.thread_time() - begun), _LONGEST_REST))
 
     def _take(self, kind: str, arrived: float, item: Any) -> None:
         if kind in KINDS:

@@ -5,22 +5,28 @@ Duplicates and what comes late change nothing, and everything that is left out i
 
 from __future__ import annotations
 
+import zlib
 from collections import OrderedDict
 
+import msgspec
 import numpy as np
 
 from models.arrays import Floats
 from models.errors import InputError
-from services.wire.observations import DRIVE_COLUMNS, MORE_COLUMNS, DriveSamples, RobotObservation
+from services.wire.counting import Count, Order
+from services.wire.notices import Notices
+from services.wire.observations import (
+    DRIVE_COLUMNS,
+    MORE_COLUMNS,
+    DriveSamples,
+    RobotObservation,
+    TerrainLabel,
+)
+from services.wire.sender_clock import SenderClock
 
 _MOST_SOURCES = 1000
-_LATE = 60.0
-"""So much longer on its way than the quickest one, an observation is of a clock set back [s]."""
-
-_JUMPED = 5
-"""So many observations in a row that agree with each other are right about a clock."""
-
 _MOST_JUMPED = 4
+_INSTANCE = "\x1f"
 _MOST_SAMPLES = 20_000
 _BOUNDS = {
     "v": 50.0, "v_cmd": 50.0, "pitch": 1.6, "roll": 1.6, "grade": 0.8, "yaw_rate": 50.0,
@@ -30,33 +36,12 @@ _BOUNDS = {
 """Beyond that no robot here goes, leans, turns or draws current [SI]."""
 
 
-class _Clock:
-    """A sender's clock beside the time that passes here."""
-
-    def __init__(self) -> None:
-        self.lead = -np.inf
-        self._doubtful: list[float] = []
-
-    def judge(self, lead: float, early: float) -> str:
-        """Why an observation cannot be of now; empty if it can, "jumped" if the clock was set."""
-        if self.lead == -np.inf or self.lead - _LATE <= lead <= self.lead + early:
-            self.lead = max(self.lead, lead)
-            self._doubtful = []
-            return ""
-        if self._doubtful and abs(lead - self._doubtful[-1]) > early:
-            self._doubtful = []
-        self._doubtful.append(lead)
-        if len(self._doubtful) >= _JUMPED:
-            self.lead, self._doubtful = lead, []
-            return "jumped"
-        return "future" if lead > self.lead else "late"
-
-
 class Intake:
     """Lets through what is new.
 
     Attributes:
         jumped: sources whose clock was set, and when that was noticed; monotonic clock [s].
+        notices: sources that count otherwise than they did.
     """
 
     def __init__(self, early: float, seen: dict[str, int] | None = None) -> None:
@@ -67,9 +52,10 @@ class Intake:
             seen: up to which sequence sources were heard before.
         """
         self._early = early
-        self._seen = OrderedDict(seen or {})
-        self._clocks: OrderedDict[str, _Clock] = OrderedDict()
+        self._counts = OrderedDict((name, Count(last)) for name, last in (seen or {}).items())
+        self._clocks: OrderedDict[str, SenderClock] = OrderedDict()
         self.jumped: dict[str, float] = {}
+        self.notices = Notices()
 
     def judge(self, kind: str, one: RobotObservation, now: float) -> str:
         """Why an observation is left out: `duplicate`, `out_of_order`, `future`, `late`; or "".
@@ -77,10 +63,14 @@ class Intake:
         Args:
             kind: of observation. now: monotonic clock at its arrival [s].
         """
-        last = self._seen.get(_name(kind, one.source))
-        if last is not None and one.sequence <= last:
-            return "duplicate" if one.sequence == last else "out_of_order"
-        clock = self._clocks.pop(one.source, None) or _Clock()
+        count = self._count(_name(kind, one))
+        order = count.judge(one.sequence, _content(one), one.time - now)
+        backwards = f"{kind} observations of {one.source} count backwards: not learned from"
+        if not order.taken:
+            if order is Order.OLDER:
+                self.notices.say(backwards)
+            return order.value.replace(" ", "_")
+        clock = self._clocks.pop(one.source, None) or SenderClock()
         self._clocks[one.source] = clock
         while len(self._clocks) > _MOST_SOURCES:
             self._clocks.popitem(last=False)
@@ -89,26 +79,42 @@ class Intake:
             self.jumped[one.source] = now
             while len(self.jumped) > _MOST_JUMPED:
                 self.jumped.pop(next(iter(self.jumped)))
-            return ""
+            judged = ""
+        if not judged and order is not Order.NEW:
+            self.notices.take_back(backwards)
+            self.notices.say(f"{kind} observations of {one.source}: the source {order.value}")
         return judged
 
     def heard_before(self, seen: dict[str, int]) -> None:
         """Take up what was heard in another life."""
         for name, sequence in seen.items():
-            self._seen[name] = max(sequence, self._seen.get(name, -1))
+            count = self._count(name)
+            if sequence > count.last:
+                count.take(sequence, 0)
 
     def heard(self, kind: str, one: RobotObservation) -> dict[str, int]:
         """Remember that it was taken; what the store has to remember with it."""
-        name = _name(kind, one.source)
-        self._seen.pop(name, None)
-        self._seen[name] = one.sequence
-        while len(self._seen) > _MOST_SOURCES:
-            self._seen.popitem(last=False)
+        name = _name(kind, one)
+        self._count(name).take(one.sequence, _content(one))
         return {name: one.sequence}
 
+    def _count(self, name: str) -> Count:
+        count = self._counts.pop(name, None) or Count()
+        self._counts[name] = count
+        while len(self._counts) > _MOST_SOURCES:
+            self._counts.popitem(last=False)
+        return count
 
-def _name(kind: str, source: str) -> str:
-    return f"{kind}:{source}"
+
+def _name(kind: str, one: RobotObservation) -> str:
+    """A source that was started anew and says so counts for itself."""
+    return f"{kind}:{one.source}" + (f"{_INSTANCE}{one.instance}" if one.instance else "")
+
+
+def _content(one: RobotObservation) -> int:
+    """A digest of what it tells, of a stop or samples whenever they were sent."""
+    told = one if isinstance(one, TerrainLabel) else msgspec.structs.replace(one, time=0.0)
+    return zlib.crc32(msgspec.msgpack.encode(told, enc_hook=lambda array: array.tobytes()))
 
 
 def columns_of(samples: DriveSamples, key: str) -> dict[str, Floats]:

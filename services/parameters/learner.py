@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from models.calibration.published import PublishSettings
 from models.errors import ParameterError
@@ -22,13 +22,16 @@ from services.parameters.ground_now import GroundNow, monitor_maker
 from services.parameters.group import DriveNews, ParameterGroups, State
 from services.parameters.intake import columns_of
 from services.parameters.learnable import StopTaught, may_add, unable
+from services.parameters.plausible_stops import StopPace, contradiction
 from services.parameters.registry import GROUPS
 from services.parameters.stop_streams import StopStreams
 from services.settings.learning import Learning
+from services.wire.notices import Notices
 from services.wire.observations import DriveSamples, RobotObservation, StopObservation, TerrainLabel
 
 _STRONGEST = PublishSettings().most
 _MOST_STOPS = 200
+NOT_LEARNED = "not learned from: "
 
 
 class Learner:
@@ -38,22 +41,26 @@ class Learner:
         ground: what is driven on now. unable: why braking is not learned; empty if it is.
         effects: the finding that is offered, and the one in use.
         stops: the last ones, beside what was predicted. stop_count: all there were.
-        implausible: stops that brakes cannot make, not learned from.
+        implausible, contradictory, too_many: stops that were not learned from: no brakes make
+            them, their numbers do not fit each other, there was no time for so many.
     """
 
     def __init__(
-        self, prior: Model, settings: Learning, names_surfaces: Callable[[], bool] = bool
-    ) -> None:
+        self, prior: Model, settings: Learning, names_surfaces: Callable[[], bool] = bool,
+        on_the_map: Callable[[], Collection[str]] = tuple,
+    ) -> None:  # fmt: skip
         """Begin with a model file.
 
         Args:
             prior: its model.
             settings: of learning.
             names_surfaces: whether the map in use tells surfaces apart.
+            on_the_map: names of the surfaces that it tells apart.
         """
         self._file = self._prior = prior
         self._settings, self._names_surfaces = settings, names_surfaces
-        self._braking = BrakingGroups(prior, settings)
+        self._on_the_map = on_the_map
+        self._braking = BrakingGroups(prior, settings, on_the_map)
         self._groups = [maker(prior, settings) for maker in GROUPS]
         self.effects = EffectsGroup(prior, self._take_up)
         self.ground = GroundNow(
@@ -61,22 +68,29 @@ class Learner:
         )
         self.unable = self._unable(prior)
         self.stops: deque[StopTaught] = deque(maxlen=_MOST_STOPS)
-        self.stop_count = self.implausible = 0
+        self.stop_count = self.implausible = self.contradictory = self.too_many = 0
+        self._pace = StopPace(prior.vehicle, settings.stops_at_once)
+        self._notices = Notices()
         self._streams = StopStreams(settings)
         self._last_surface = ""
+        self._arrived = time.monotonic()
 
     # ------------------------------------------------------------------ observations
 
-    def learn(self, one: RobotObservation, key: str) -> tuple[set[str], str]:
+    def learn(
+        self, one: RobotObservation, key: str, arrived: float | None = None
+    ) -> tuple[set[str], str]:
         """Groups that changed, and what became of it.
 
         Args:
             one: as it was decoded. key: it came on, for errors.
+            arrived: monotonic clock at its arrival, if that is not now [s].
 
         Raises:
             InputError, ParameterError: it cannot be used.
         """
         now = time.monotonic()
+        self._arrived = now if arrived is None else arrived
         if not self._settings.enabled:
             return set(), self.unable
         if isinstance(one, TerrainLabel):
@@ -85,6 +99,10 @@ class Learner:
         if isinstance(one, DriveSamples):
             return self._drive(one, key, now)
         assert isinstance(one, StopObservation)
+        if words := contradiction(one):
+            self.contradictory += 1
+            self._notices.say(f"stops of {one.source} contradict themselves")
+            return set(), NOT_LEARNED + words
         force = float(braking.force_ratio_of_deceleration(one.deceleration, one.grade))
         dead_time = math.nan if one.dead_time is None else one.dead_time
         stop = StreamedStop(
@@ -117,7 +135,16 @@ class Learner:
         if not 0.0 < stop.force_ratio <= _STRONGEST:
             self.implausible += 1
             words = f"F_b/W above 0 and at most {_STRONGEST:g}, got {stop.force_ratio:.3g}"
-            return changed, f"not learned from: expected {words}"
+            return changed, f"{NOT_LEARNED}expected {words}"
+        slowing = GRAVITY * (stop.force_ratio + math.sin(stop.grade))
+        takes = self._pace.takes(stop.onset_speed, max(slowing, 0.1), stop.dead_time)
+        # Bad news is heard at any rate: it makes plans slower only.
+        room = self._pace.room(takes, self._arrived)
+        expected = 0.0 if room else self._braking.expected(surface, stop.onset_speed, stop.grade)
+        if not room and stop.force_ratio >= expected:
+            self.too_many += 1
+            self._notices.say("more stops came than the vehicle can make")
+            return changed, f"{NOT_LEARNED}more stops than the vehicle can make"
         done = self._braking.take(stop, surface, one.source, distance)
         self.stops.append(done)
         self.stop_count += 1
@@ -200,7 +227,7 @@ class Learner:
         if before is not None and BASE not in learned and learns:
             learned[BASE] = before
         ages = known.ages(now)
-        braking = BrakingGroups(wanted, self._settings)
+        braking = BrakingGroups(wanted, self._settings, self._on_the_map)
         for name, state in learned.items():
             age = ages.get(name[len(BASE) + 1 :], self._settings.oldest)
             braking.restore(name, state, age)
@@ -209,6 +236,10 @@ class Learner:
         return given
 
     # ------------------------------------------------------------------ bringing out
+
+    def flags(self) -> list[str]:
+        """What people should know of what was learned, and of those who taught it."""
+        return [*self._braking.flags(), *self._notices.told()]
 
     def age(self) -> None:
         """Let what was learned grow older by the time since the last call."""

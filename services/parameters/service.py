@@ -12,7 +12,7 @@ import logging
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from models.errors import InputError, ParameterError
 from models.parameters import Model
@@ -21,7 +21,7 @@ from services.parameters.change import Moment
 from services.parameters.effects_group import EFFECTS
 from services.parameters.in_use import ParametersInUse, fingerprint
 from services.parameters.intake import Intake, columns_of
-from services.parameters.learner import Learner
+from services.parameters.learner import NOT_LEARNED, Learner
 from services.parameters.log import ParameterLog
 from services.parameters.past import ParameterPast
 from services.parameters.store import StoreError
@@ -47,6 +47,7 @@ class ParameterService:
     def __init__(
         self, config: ServiceConfig, prior: Model, names_surfaces: Callable[[], bool] = bool,
         apply: Callable[[ParametersInUse], None] = lambda _: None,
+        on_the_map: Callable[[], Collection[str]] = tuple,
     ) -> None:  # fmt: skip
         """Begin with the model file, and what was learned on top of it before.
 
@@ -55,11 +56,12 @@ class ParameterService:
             prior: model of the model file.
             names_surfaces: whether the map in use tells surfaces apart.
             apply: called with what is to be planned with, each time that changes.
+            on_the_map: names of the surfaces that the map tells apart.
         """
         settings = config.learning
         self._config, self._settings, self._file = config, settings, prior
         self._apply = apply
-        self.learner = Learner(prior, settings, names_surfaces)
+        self.learner = Learner(prior, settings, names_surfaces, on_the_map)
         self._log = ParameterLog(config.store, fingerprint(prior))
         self._past = ParameterPast(self.learner, self._log, settings.oldest)
         self.investigator = Investigator(config.discrepancy, fingerprint(prior))
@@ -92,12 +94,16 @@ class ParameterService:
         try:
             if isinstance(one, DriveSamples) and self._config.discrepancy.samples:
                 self._keep(one, key)
-            changes, reason = self.learner.learn(one, key)
+            changes, reason = self.learner.learn(one, key, arrived)
         except (InputError, ParameterError) as error:
             self.counters[f"{kind}_refused"] += 1
             return self._receipt(REFUSED, str(error))
-        self.counters[f"{kind}_taken"] += 1
         seen = self._intake.heard(kind, one)
+        if reason.startswith(NOT_LEARNED) and not changes:
+            # Nothing of it is worth a disk's time, whoever sends how many.
+            self.counters[f"{kind}_refused"] += 1
+            return self._receipt(REFUSED, reason)
+        self.counters[f"{kind}_taken"] += 1
         if changes or kind == "stop":
             cause = f"{kind} {one.sequence}: {reason}"
             self._commit(changes, cause, one.source, seen=seen)
@@ -239,7 +245,10 @@ class ParameterService:
     def told(self) -> Counter[str]:
         """Counters for the status."""
         learner = self.learner
-        learned = {"stops": learner.stop_count, "stops_implausible": learner.implausible}
+        learned = {
+            "stops": learner.stop_count, "stops_implausible": learner.implausible,
+            "stops_contradictory": learner.contradictory, "stops_too_many": learner.too_many,
+        }  # fmt: skip
         return self.counters + Counter(learned) + self.investigator.told()
 
     def flags(self) -> list[str]:
@@ -248,8 +257,9 @@ class ParameterService:
         late = time.monotonic() - _FLAGGED_FOR
         set_ = [name for name, noticed in self._intake.jumped.items() if noticed > late]
         flags += [f"the clock of {name} was set" for name in set_]
+        flags += self._intake.notices.told()
         flags += [words for words in (self.learner.unable, self.learner.ground.unable) if words]
-        flags += self.learner.effects.flags()
+        flags += [*self.learner.flags(), *self.learner.effects.flags()]
         return flags + self.investigator.flags() + self._log.flags()
 
     # ------------------------------------------------------------------ bringing out
@@ -274,7 +284,8 @@ class ParameterService:
             self._bring(self._log.version + 1)
             self._log.commit(states, cause, who, seen=seen, learned=learned, moments=moments)
             self.changed |= groups
-        self._bring()
+        if tuple(self.flags()) != self.in_use.flags or not groups:
+            self._bring()
 
     def _bring(self, version: int | None = None) -> None:
         model, age, oldest = self.learner.in_use()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import Counter, deque
 from typing import Any
 
@@ -30,7 +31,7 @@ class MapEndpoint:
         """Keep ``maps`` up to date."""
         self._maps, self._counters = maps, counters
         self._key, self._most = config.key("map"), config.sizes.map_bytes
-        self._waiting: deque[zenoh.Sample] = deque()
+        self._waiting: deque[tuple[float, zenoh.Sample]] = deque()
         self._news = threading.Condition()
         self._closed = False
         self._thread = threading.Thread(target=self._work, name="maps", daemon=True)
@@ -54,7 +55,7 @@ class MapEndpoint:
         """In zenoh's threads."""
         with self._news:
             if len(self._waiting) < _MOST_MAPS:
-                self._waiting.append(sample)
+                self._waiting.append((time.monotonic(), sample))
                 self._news.notify()
                 return
         self._counters["map_updates_lost"] += 1
@@ -67,12 +68,12 @@ class MapEndpoint:
                     self._news.wait()
                 if self._closed:
                     return
-                sample = self._waiting.popleft()
+                arrived, sample = self._waiting.popleft()
             try:
                 update = codec.decode(
                     MapUpdate, sample.payload, str(sample.encoding), self._key, self._most
                 )
-                taken = self._maps.take(update, self._key)
+                taken = self._maps.take(update, self._key, arrived)
             except InputError as error:
                 self._counters["map_updates_refused"] += 1
                 _log.warning("%s", error)
@@ -82,3 +83,5 @@ class MapEndpoint:
                 _log.exception("a map update was not taken up")
                 continue
             self._counters["map_updates" if taken else "map_updates_ignored"] += 1
+            if self._maps.restarts:
+                self._counters["map_sources_anew"] = self._maps.restarts

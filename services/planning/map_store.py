@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass, replace
+import zlib
+from collections import OrderedDict
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +14,11 @@ from models.arrays import Floats
 from models.errors import InputError, ParameterError
 from planner.ground.elevation_map import ElevationMap
 from services.io.maps import height_error
+from services.io.maps.grid import check_physical
+from services.wire.counting import Count, Order
 from services.wire.messages import MapUpdate
+from services.wire.notices import Notices
+from services.wire.sender_clock import SenderClock
 
 _HIGHEST = 1e5
 """Beyond that a height is a marker for missing data that nobody declared [m]."""
@@ -21,6 +27,8 @@ _OFF_GRID = 1e-3
 """Cells of a patch lie on those of the map, within this share of a cell."""
 
 _MOST_SOURCES = 64
+_TOLD_FOR = 60.0
+_EARLY = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,45 +38,78 @@ class KnownGround:
     Attributes:
         elevation_map: ground. version: grows with every change. at: monotonic clock [s].
         incomplete: an update got lost since the last whole map.
+        delay: how much longer than the quickest one its last update was on its way [s].
+        notices: sources that count otherwise than they did, or whose clock is not to be believed.
     """
 
     elevation_map: ElevationMap
     version: int
     at: float
     incomplete: bool = False
+    delay: float = 0.0
+    notices: Notices = field(default_factory=Notices)
 
     def age(self) -> float:
-        """Since the last update [s]."""
-        return time.monotonic() - self.at
+        """Since the ground was seen, as far as clocks here and there can tell [s]."""
+        return time.monotonic() - self.at + self.delay
+
+    def flags(self) -> list[str]:
+        """What is not as it should be with those who tell of the ground."""
+        return self.notices.told()
+
+
+class _Source:
+    """One that sends maps: its count and its clock; whether it was known by another instance."""
+
+    def __init__(self, *, anew: bool) -> None:
+        self.anew = anew
+        self.count = Count()
+        self.clock = SenderClock()
 
 
 class MapStore:
-    """Takes updates from one thread; any thread may read :attr:`ground`."""
+    """Takes updates from one thread; any thread may read :attr:`ground`.
+
+    Attributes:
+        ground: as it is known now; None before the first map.
+        restarts: sources that began to count anew.
+    """
 
     def __init__(self, elevation_map: ElevationMap | None = None) -> None:
         """Begin with a map, or with none."""
         self.ground: KnownGround | None = None
-        self._last: dict[str, int] = {}
+        self.restarts = 0
+        self._notices = Notices(_TOLD_FOR)
+        self._sources: OrderedDict[tuple[str, str], _Source] = OrderedDict()
         self._lock = threading.Lock()
         if elevation_map is not None:
-            self.ground = KnownGround(elevation_map, 1, time.monotonic())
+            self.ground = KnownGround(elevation_map, 1, time.monotonic(), notices=self._notices)
 
-    def take(self, update: MapUpdate, source: str) -> bool:
+    def take(self, update: MapUpdate, source: str, arrived: float | None = None) -> bool:
         """Take up an update; False if it is one that was seen already, or older.
 
         Args:
             update: whole map or patch.
             source: key it came on, for errors.
+            arrived: monotonic clock at its arrival, if that is not now [s].
 
         Raises:
             InputError: it is no ground, or does not fit; what is known stays as it is.
         """
+        at = time.monotonic() if arrived is None else arrived
         with self._lock:
-            last = self._last.get(update.source)
-            # A sender that begins to count anew has to call itself anew.
-            if last is not None and update.sequence <= last:
+            one = self._source(update)
+            content = zlib.crc32(np.ascontiguousarray(update.elevation).tobytes())
+            lead = 0.0 if update.time is None else update.time - at
+            order = one.count.judge(update.sequence, content, lead)
+            backwards = f"maps of {update.source} count backwards: not taken up"
+            if not order.taken:
+                if order is Order.OLDER:
+                    self._notices.say(backwards)
                 return False
-            lost = last is not None and update.sequence > last + 1
+            last = one.count.last
+            begins = order is not Order.NEW or (last < 0 and one.anew)
+            lost = begins or 0 <= last < update.sequence - 1
             try:
                 elevation_map = self._patched(update) if update.patch else _whole(update)
             except ParameterError as error:
@@ -76,11 +117,35 @@ class MapStore:
             known = self.ground
             incomplete = update.patch and (lost or (known is not None and known.incomplete))
             version = 1 if known is None else known.version + 1
-            self.ground = KnownGround(elevation_map, version, time.monotonic(), incomplete)
-            self._last[update.source] = update.sequence
-            while len(self._last) > _MOST_SOURCES:
-                self._last.pop(next(iter(self._last)))
+            delay = 0.0 if update.time is None else self._delay(one, update.source, lead)
+            self.ground = KnownGround(elevation_map, version, at, incomplete, delay, self._notices)
+            one.count.take(update.sequence, content)
+            if order is not Order.NEW:
+                self.restarts += 1
+                self._notices.take_back(backwards)
+                self._notices.say(f"maps of {update.source}: the source {order.value}")
             return True
+
+    def _source(self, update: MapUpdate) -> _Source:
+        """Who sent it; of many, those who were heard the longest ago are forgotten."""
+        name = update.source, update.instance
+        one = self._sources.pop(name, None)
+        if one is None:
+            one = _Source(anew=any(source == update.source for source, _ in self._sources))
+            if one.anew:
+                self.restarts += 1
+                self._notices.say(f"maps of {update.source}: the source was started anew")
+        self._sources[name] = one
+        while len(self._sources) > _MOST_SOURCES:
+            self._sources.popitem(last=False)
+        return one
+
+    def _delay(self, one: _Source, name: str, lead: float) -> float:
+        """How long a map with a time stamp was on its way, beyond the quickest [s]."""
+        judged = one.clock.judge(lead, _EARLY)
+        if judged in ("future", "jumped"):
+            self._notices.say(f"the clock of {name} was set")
+        return one.clock.delay(lead)
 
     def lose(self) -> None:
         """Say that an update could not be read: what is known may be out of date."""
@@ -134,6 +199,7 @@ def _heights(update: MapUpdate) -> Floats:
     heights = update.elevation
     if heights.ndim != 2 or heights.size == 0:
         raise ParameterError("elevation", f"cells (rows, columns), got shape {heights.shape}")
+    check_physical(update.resolution, update.origin, heights.shape)
     return np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
 
 

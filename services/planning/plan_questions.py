@@ -13,6 +13,7 @@ import numpy as np
 
 from models.errors import InputError, ParameterError
 from planner.path import CandidatePath, EvenPath, resample
+from services.planning.pace import Pace, unhurried
 from services.settings.service import Sizes
 from services.wire.messages import Path, PlanRequest, RankedCandidate
 
@@ -88,12 +89,13 @@ def usable_of(
 
 
 def resampled(
-    offered: Sequence[Usable], spacing: float
+    offered: Sequence[Usable], spacing: float, pace: Pace = unhurried
 ) -> tuple[list[Usable], list[RankedCandidate]]:
     """Candidates on even stations; and those on which none can be laid, with reasons."""
     usable: list[Usable] = []
     refused: list[RankedCandidate] = []
     for one in offered:
+        pace()
         try:
             usable.append(Usable(resample(one.path, spacing), one.clear))
         except ParameterError as error:

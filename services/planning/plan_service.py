@@ -24,6 +24,7 @@ from planner.pipeline.ranking import rank, ranking_cost
 from planner.plan import Obstacle, SpeedPlan, Status
 from services.parameters.in_use import ParametersInUse
 from services.planning.map_store import KnownGround
+from services.planning.pace import Costs, Pace, unhurried
 from services.planning.plan_questions import Usable, check, resampled, usable_of
 from services.settings.service import ServiceConfig
 from services.wire import messages
@@ -37,12 +38,18 @@ from services.wire.messages import (
     WireCommand,
 )
 
+_AT_ONCE = 64
+"""Candidates between which a question can be left no more than a few milliseconds apart."""
+
+_GONE_AFTER = 10.0
+
 
 class _Client:
     """A client's horizon; one question at a time."""
 
     def __init__(self, horizon: Horizon, parameters: ParametersInUse) -> None:
         self.lock = threading.Lock()
+        self.asked, self.heard = 0, time.monotonic()
         self.horizon = horizon
         self.identity = parameters.identity
 
@@ -57,6 +64,7 @@ class PlanService:
         self._uncertainty = config.planning.uncertainty()
         self._clients: OrderedDict[str, _Client] = OrderedDict()
         self._lock = threading.Lock()
+        self._costs = Costs()
         self._newest: tuple[tuple[int, int], CandidatePlanner] | None = None
 
     def learn(self, parameters: ParametersInUse) -> None:
@@ -71,14 +79,24 @@ class PlanService:
             with known.lock:
                 known.horizon.forget()
 
-    def answer(self, request: PlanRequest, ground: KnownGround | None, source: str) -> PlanReply:
+    def drop(self, client: str) -> None:
+        """Know nothing of a client any more."""
+        with self._lock:
+            self._clients.pop(client, None)
+
+    def answer(
+        self, request: PlanRequest, ground: KnownGround | None, source: str, *,
+        pace: Pace = unhurried, left: float = np.inf,
+    ) -> PlanReply:  # fmt: skip
         """The answer to one question.
 
         Args:
             request: as it came. ground: as it is known now. source: key, for errors.
+            pace: called between candidates. left: time to the deadline [s].
 
         Raises:
             InputError: the question as a whole cannot be used.
+            TooLateError: it cannot be answered in time.
         """
         begun = time.perf_counter()
         check(request, self.config.sizes, source)
@@ -88,13 +106,18 @@ class PlanService:
         spacing = self.config.planning.planner().spacing_on(ground.elevation_map.resolution)
         usable, refused = usable_of(request, self.config.sizes, spacing, source)
         checked = time.perf_counter()
-        plan = self._go_on if request.client else self._stand_alone
-        even, flawed = resampled(usable, spacing)
+        named = bool(request.client)
+        self._costs.check(len(usable), left, named=named)
+        even, flawed = resampled(usable, spacing, pace)
         try:
-            reply = plan(request, parameters, ground, even)
+            if named:
+                reply = self._go_on(request, parameters, ground, even)
+            else:
+                reply = self._stand_alone(request, parameters, ground, even, pace)
         except ParameterError as error:
             raise InputError(source, error.field, f"expected {error.expected}") from None
         refused += flawed
+        self._costs.learn(len(usable), time.perf_counter() - checked, named=named)
         seconds = {
             **reply.seconds,
             "check": checked - begun,
@@ -142,24 +165,39 @@ class PlanService:
                     self._survives(parameters),
                 )  # fmt: skip
                 known = _Client(horizon, parameters)
+            known.asked, known.heard = known.asked + 1, time.monotonic()
             self._clients[name] = known
             while len(self._clients) > self.config.planning.clients:
-                self._clients.popitem(last=False)
+                self._clients.pop(self._least_missed())
             return known
+
+    def _least_missed(self) -> str:
+        """Who makes room: who was not heard for long, else who asked the least.
+
+        Names that are invented for one question do not drive out a client that drives.
+        """
+        oldest, client = next(iter(self._clients.items()))
+        if time.monotonic() - client.heard > _GONE_AFTER:
+            return oldest
+        return min(self._clients, key=lambda name: self._clients[name].asked)
 
     def _stand_alone(
         self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
-        usable: list[Usable],
+        usable: list[Usable], pace: Pace,
     ) -> PlanReply:  # fmt: skip
         if not usable:
             return self._reply(request, parameters, ground, "no candidate is usable: full braking")
         planner = self._planner(parameters)
         # Of plans as good as each other the one with the shorter clear distance comes first.
         usable = sorted(usable, key=lambda one: one.clear)
-        plans = planner.plan(
-            ground.elevation_map, [u.path for u in usable], start_speed=request.speed,
-            clear=np.array([u.clear for u in usable]), conditions=_conditions(request),
-        )  # fmt: skip
+        plans: list[SpeedPlan] = []
+        for first in range(0, len(usable), _AT_ONCE):
+            part = usable[first : first + _AT_ONCE]
+            plans += planner.plan(
+                ground.elevation_map, [u.path for u in part], start_speed=request.speed,
+                clear=np.array([u.clear for u in part]), conditions=_conditions(request),
+                progress=lambda _: pace(),
+            )  # fmt: skip
         settings = self.config.planning.planner()
         plans = rank(plans, settings)
         best = plans[0]
@@ -224,7 +262,8 @@ class PlanService:
             return ["no map"]
         old = ground.age() > self.config.status.map_age
         flags = ["map is old"] if old else []
-        return [*flags, "map updates were lost"] if ground.incomplete else flags
+        flags += ["map updates were lost"] if ground.incomplete else []
+        return flags + ground.flags()
 
 
 def _conditions(request: PlanRequest) -> GroundConditions:
@@ -258,8 +297,8 @@ def _met(obstacle: Obstacle | None) -> Met | None:
     if obstacle is None:
         return None
     return Met(
-        bound=obstacle.bound.label, x=obstacle.x, y=obstacle.y, height=obstacle.height,
-        words=obstacle.words,
+        bound=obstacle.bound.label, x=float(obstacle.x), y=float(obstacle.y),
+        height=float(obstacle.height), words=obstacle.words,
     )  # fmt: skip
 
 

@@ -27,6 +27,14 @@ class Learning:
     rise: float = quantity(
         "1", "Highest rise of F_b/W in plans with one stop.", default=0.01, above=0.0, at_most=0.2
     )
+    most_above_file: float = quantity(
+        "1", "Share of the model file's F_b/W by which plans may count on more.", default=0.25,
+        at_least=0.0, at_most=10.0,
+    )  # fmt: skip
+    stops_at_once: int = quantity(
+        "1", "Stops that may come together; further ones only as fast as the vehicle can stop.",
+        default=5, at_least=1, at_most=100_000,
+    )  # fmt: skip
     change: float = quantity(
         "1", "How far F_b/W may change with ground and load, standard deviation.", default=0.15,
         above=0.0, at_most=1.0,

@@ -121,10 +121,16 @@ class StatusSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSettings:
-    """A live page, health and metrics over HTTP, to be read only; nobody is served by default."""
+    """A live page, health and metrics over HTTP, to be read only; nobody is served by default.
+
+    Attributes:
+        token: file with a word that everybody who asks has to know; empty: none has to. It comes
+            as `Authorization: Bearer WORD`, or once as `?token=WORD`, which a cookie keeps.
+    """
 
     enabled: bool = False
     host: str = "127.0.0.1"
+    token: str = ""
     port: int = quantity("1", "Where it listens.", default=8177, at_least=1, at_most=65535)
 
     def __post_init__(self) -> None:
@@ -172,6 +178,6 @@ def read_config(path: Path) -> ServiceConfig:
         InputError: names the file and the key.
     """
     data = read_toml(path)
-    beside(path, data, "model", "map", "zenoh.config", "learning.terrains")
+    beside(path, data, "model", "map", "zenoh.config", "learning.terrains", "page.token")
     beside(path, data, "store.path", "discrepancy.samples", exists=False)
     return decode_table(ServiceConfig, data, str(path))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import socket
 
 import zenoh
 
@@ -37,6 +38,18 @@ def options(config: ServiceConfig) -> list[str]:
     return words
 
 
+def _found(endpoint: str) -> str:
+    """What is there instead of a service, as far as one can see from outside."""
+    host, _, port = endpoint.partition("/")[2].partition("?")[0].rpartition(":")
+    if not port.isdigit():
+        return "none"
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=1.0):
+            return "one that does not: certificates and access rules decide"
+    except OSError:
+        return "none: nobody listens there, or not yet; a service compiles when it first starts"
+
+
 def client_session(connect: str, config: str = "") -> zenoh.Session:
     """A session of a client.
 
@@ -52,5 +65,7 @@ def client_session(connect: str, config: str = "") -> zenoh.Session:
         return zenoh.open(zenoh_config(settings))
     except zenoh.ZError:
         raise InputError(
-            "--connect", "", f"expected a service at {connect} that lets this client in, got none"
+            "--connect",
+            "",
+            f"expected a service at {connect} that lets this client in, got {_found(connect)}",
         ) from None

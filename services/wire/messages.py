@@ -14,6 +14,7 @@ from msgspec import Meta
 Name = Annotated[str, Meta(min_length=1, max_length=120)]
 Text = Annotated[str, Meta(max_length=120)]
 Number = Annotated[int, Meta(ge=0, le=2**53)]
+Instance = Annotated[str, Meta(max_length=64, pattern=r"^[!-~]*$")]
 NotNegative = Annotated[float, Meta(ge=0.0)]
 
 BUSY = "busy"
@@ -202,6 +203,10 @@ class MapUpdate(Message, frozen=True):
         terrain_class: (rows, columns) whole numbers into class_names, 0 is the base surface.
         height_std: how far heights are off against each other [m]; left out, what a robot's own map
             may be off, or what the whole map has been off so far.
+        time: when the ground was seen, on the source's clock, which may begin anywhere [s]; left
+            out, a map that was long on its way counts as new.
+        instance: differs from one start of the source to the next, and each counts for itself; left
+            out, a count that begins anew is believed after a few maps.
     """
 
     source: Name
@@ -213,6 +218,8 @@ class MapUpdate(Message, frozen=True):
     terrain_class: np.ndarray | None = None
     class_names: Annotated[list[Text], Meta(min_length=1, max_length=62)] | None = None
     height_std: Annotated[float, Meta(ge=0.0)] | None = None
+    time: float | None = None
+    instance: Instance = ""
 
 
 class ServiceStatus(Message, frozen=True):

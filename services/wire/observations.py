@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from services.wire.messages import Message, Name, Number, Text
+from services.wire.messages import Instance, Message, Name, Number, Text
 
 Surface = Annotated[str, Meta(max_length=40, pattern=r"^[A-Za-z0-9_-]*$")]
 Positive = Annotated[float, Meta(gt=0.0)]
@@ -28,17 +28,20 @@ MORE_COLUMNS = (
 """Columns that they may have beside them; `grade` is that of the ground, from a map."""
 
 
-class RobotObservation(Message, frozen=True):
+class RobotObservation(Message, frozen=True, kw_only=True):
     """What every observation has.
 
     Attributes:
         source: who saw it. sequence: grows with every message of that source and kind.
         time: when it was sent, on the sender's clock [s].
+        instance: differs from one start of the source to the next, and each counts for itself; left
+            out, a count that begins anew is believed after a few messages.
     """
 
     source: Name
     sequence: Number
     time: float
+    instance: Instance = ""
 
 
 class StopObservation(RobotObservation, frozen=True):

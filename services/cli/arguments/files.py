@@ -107,6 +107,7 @@ def plan(options: PlanOptions) -> None:
         options.explain,
         options.topics,
     )
+    command.check_out(options.out)
     result = command.run(job, quiet=options.as_json)
     if options.out is not None:
         command.write(result, options.out)

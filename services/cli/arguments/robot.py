@@ -42,6 +42,17 @@ def serve(
     command.run(config)
 
 
+@app.command("warm-up")
+def warm_up(as_json: AsJson = False) -> None:
+    """Compile all that plans need, once after an installation; nobody waits for it later.
+
+    [bold]Example[/]  slopewise warm-up
+    """
+    from services.cli.commands import warm_up as command
+
+    say(as_json, command, command.run())
+
+
 @app.command()
 def ros(
     config: Annotated[
@@ -100,8 +111,14 @@ class ParamsOptions:
 
     group: Annotated[
         str,
-        typer.Argument(help="braking, braking.SURFACE, terrain, limits, effects; all if left out."),
+        typer.Argument(
+            help="braking, braking.SURFACE, terrain, limits, effects; all if left out. diff: "
+            "compare two model files, without a service."
+        ),
     ] = ""
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="[A.toml B.toml]", help="Files of diff.")
+    ] = None
     history: Annotated[
         bool,
         typer.Option("--history", help="The last changes: when, who or what, to which values."),
@@ -144,7 +161,14 @@ def params(options: ParamsOptions) -> None:
     [bold]Examples[/]  slopewise params braking --history
               slopewise params limits --set speed=1.5
               slopewise params --investigate
+              slopewise params diff configs/vehicles/atv.toml learned.toml
     """
+    if options.group == "diff" or options.files:
+        from services.cli.commands import params_diff
+
+        words = options.files or []
+        say(options.as_json, params_diff, params_diff.run(words))
+        return
     from services.cli.commands import params as command
 
     reply = command.run(options)
@@ -173,7 +197,8 @@ def replay(options: ReplayOptions) -> None:
     """Play recorded drives through a running service, and say what it learned from them.
 
     Samples are told as a robot would tell them, and each batch is waited for, so that nothing is
-    lost however fast it goes.
+    lost however fast it goes. Stops that come quicker than the vehicle can make them teach nothing
+    that makes plans faster, unless the service's settings allow it (stops_at_once).
 
     [bold]Example[/]  slopewise replay drive.csv --speed-up 20
     """

@@ -24,6 +24,7 @@ from services.cli.screen import progress_bar
 from services.io.access import fault
 from services.io.logs.drive_log import DriveLog
 from services.io.logs.log_source import grade_by_map, names_of, read_logs, refuse_wrong_units
+from services.io.logs.speed_unit import refuse_too_fast, refuse_unit
 from services.io.model_file import find_model, read_model, write_model
 from services.io.table import write_csv
 
@@ -53,11 +54,14 @@ def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
         log = read_logs(job.logs, job.topics)
         advance(1)
         refuse_wrong_units(log)
+        refuse_too_fast(log, model)
         ground = grade_by_map(log, job.map_file, model.vehicle)
         advance(1)
         try:
             learned = learn(log.columns, log.runs, model.braking, ground=ground, settings=settings)
             advance(1)
+            grades = np.array([r.grade for s in learned.surfaces for r in s.records])
+            refuse_unit(learned.braking, model.braking, grades, names_of(job.logs))
             better = replace(model, braking=learned.braking)
         except ParameterError as error:
             raise fault(names_of(job.logs), error.field, f"expected {error.expected}") from None

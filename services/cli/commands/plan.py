@@ -29,13 +29,16 @@ from services.cli.screen import progress_bar
 from services.io.bags.recording import is_bag
 from services.io.given_plan_file import read_given_plans
 from services.io.maps.grid import footprint_margin
-from services.io.maps.map_file import frame_of, map_info, read_map
+from services.io.maps.map_file import assumptions, frame_of, map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.path_file import check_paths_on_map, read_paths
 from services.io.plan_file import driven, write_plan_csv
 
 _SCENES = (".mcap", ".rrd")
 """Files to look at; all else is CSV."""
+
+_OTHERS = (".xlsx", ".xls", ".ods", ".parquet", ".json", ".npz", ".tif", ".toml", ".html", ".pdf")
+"""Names that promise what a table of text is not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +67,12 @@ class PlanResult:
     uncertainty: Uncertainty | None = None
     explanation: Explanation | None = None
     check: CheckResult | None = None
+    assumed: tuple[str, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the map cannot show, and sizes of the vehicle that are assumed."""
-        return notes(self.model.vehicle, self.elevation_map.resolution)
+        """What is assumed of the map, what it cannot show, and sizes that are assumed."""
+        return *self.assumed, *notes(self.model.vehicle, self.elevation_map.resolution)
 
     @property
     def admissible(self) -> bool:
@@ -89,7 +93,8 @@ def run(job: PlanJob, *, quiet: bool = False) -> PlanResult:
     check_paths_on_map(paths, info.extent, str(job.path_file), str(job.map_file))
     margin = footprint_margin(model.vehicle, info)
     elevation_map = read_map(job.map_file, around=_around(paths, margin), topics=topics)
-    return plan_on(elevation_map, paths, model, job, source=str(job.path_file), quiet=quiet)
+    result = plan_on(elevation_map, paths, model, job, source=str(job.path_file), quiet=quiet)
+    return dataclasses.replace(result, assumed=assumptions(job.map_file))
 
 
 def plan_on(
@@ -152,6 +157,13 @@ def _around(paths: list[CandidatePath], margin: float) -> tuple[float, float, fl
     points = np.concatenate([path.points for path in paths])
     (x_min, y_min), (x_max, y_max) = points.min(axis=0) - margin, points.max(axis=0) + margin
     return float(x_min), float(x_max), float(y_min), float(y_max)
+
+
+def check_out(path: Path | None) -> None:
+    """Raise InputError for a name that promises another kind of file than a table or a scene."""
+    if path is not None and path.suffix.lower() in _OTHERS:
+        words = f"expected a name that ends in .csv, {' or '.join(_SCENES)}, got {path.suffix}"
+        raise InputError(str(path), "", words)
 
 
 def write(result: PlanResult, path: Path) -> None:

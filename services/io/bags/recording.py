@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -79,7 +79,7 @@ class Bag:
         here = [c for c in self.reader.connections if c.topic in topics]
         raws: list[tuple[str, int, bytes]] = []
         newest: dict[str, int] = {}
-        for connection, at, raw in self.reader.messages(here):
+        for connection, at, raw in self._raw(here):
             if last and connection.topic in newest:
                 raws[newest[connection.topic]] = (connection.topic, at, bytes(raw))
                 continue
@@ -93,6 +93,19 @@ class Bag:
             for topic, at, raw in raws
         ]
 
+    def _raw(self, connections: list[Any]) -> Iterator[tuple[Any, int, bytes]]:
+        """All messages as bytes; whatever is wrong with the file is said in one line."""
+        messages = self.reader.messages(connections)
+        while True:
+            try:
+                one = next(messages)
+            except StopIteration:
+                return
+            except Exception as error:  # noqa: BLE001 - of rosbags, of decompressors, of sqlite
+                words = f"expected an intact recording, got: {reason(error)}"
+                raise fault(self.path, "", words) from None
+            yield one
+
 
 @contextmanager
 def opened(path: Path) -> Iterator[Bag]:
@@ -102,14 +115,15 @@ def opened(path: Path) -> Iterator[Bag]:
         InputError: no recording.
     """
     store = typestore()
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.rosbag2 import ReaderError
+    from rosbags.highlevel import AnyReader
 
-    try:
-        with AnyReader([folder_of(path) or path], default_typestore=store) as reader:
-            yield Bag(path, reader, {c.topic: c.msgtype for c in reader.connections})
-    except (AnyReaderError, ReaderError, OSError) as error:
-        raise fault(path, "", f"expected a ROS 2 recording, got: {reason(error)}") from None
+    with ExitStack() as stack:
+        try:
+            made = AnyReader([folder_of(path) or path], default_typestore=store)
+            reader = stack.enter_context(made)
+        except Exception as error:  # noqa: BLE001 - a length in a broken file may lead anywhere
+            raise fault(path, "", f"expected a ROS 2 recording, got: {reason(error)}") from None
+        yield Bag(path, reader, {c.topic: c.msgtype for c in reader.connections})
 
 
 def state_of(path: Path) -> tuple[tuple[str, int, int], ...]:

@@ -39,6 +39,12 @@ def read_info(path: Path) -> MapInfo:
         return ground.info
 
 
+def names_its_coordinates(path: Path) -> bool:
+    """Whether a GeoTIFF says in which coordinate system it is."""
+    with opened(path) as ground:
+        return ground.georeferenced
+
+
 class GeotiffWindows:
     """An open elevation map that is read by windows.
 
@@ -51,6 +57,11 @@ class GeotiffWindows:
         self._dataset = dataset
         self._path = path
         self.info = _checked(dataset, path)
+
+    @property
+    def georeferenced(self) -> bool:
+        """Whether there is a coordinate system."""
+        return bool(self._dataset.crs)
 
     def read(self, rows: slice, columns: slice) -> Floats:
         """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.
@@ -80,7 +91,7 @@ class GeotiffWindows:
             kind = _ERRORS.search((words or "").lower())
             if kind is not None and (told := self._told(band, kind[0] == "variance")) is not None:
                 return told
-        return height_error.assumed(self.info.resolution, surveyed=bool(self._dataset.crs))
+        return height_error.assumed(self.info.resolution, surveyed=self.georeferenced)
 
     def _told(self, band: int, squared: bool) -> float | None:
         """The number of most cells of a band, out of a thinned one."""

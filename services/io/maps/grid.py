@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from models.errors import ParameterError
 from models.vehicle import Vehicle
 
 Around = tuple[float, float, float, float]
@@ -14,6 +15,8 @@ MAX_CELLS = 100_000_000
 """Cells read at once: 10 km x 10 km at 1 m, 0.8 GB of heights."""
 
 _FEWEST = 2
+_FINEST, _COARSEST = 1e-3, 1e3
+_FARTHEST = 1e8
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +63,22 @@ def _cells(low: float, high: float, origin: float, resolution: float, count: int
     if last - first + 1 < _FEWEST:
         return None
     return slice(first, last + 1)
+
+
+def check_physical(resolution: float, origin: tuple[float, float], shape: tuple[int, ...]) -> None:
+    """Whether cells can be of a map that robots drive on, in metres on this earth.
+
+    Raises:
+        ParameterError: names what is out of range.
+    """
+    if not _FINEST <= resolution <= _COARSEST:
+        words = f"{_FINEST:g} … {_COARSEST:g} m from cell to cell, got {resolution:g}"
+        raise ParameterError("resolution", words)
+    ends = (origin[0] + shape[1] * resolution, origin[1] + shape[0] * resolution)
+    # NaN is never within anything.
+    if not all(abs(value) <= _FARTHEST for value in (*origin, *ends)):
+        words = f"coordinates of at most {_FARTHEST:g} m, got {origin[0]:g}, {origin[1]:g}"
+        raise ParameterError("origin", words)
 
 
 def in_words(extent: Around) -> str:

@@ -13,7 +13,7 @@ from planner.ground.elevation_map import ElevationMap
 from services.io.access import fault
 from services.io.bags.recording import is_bag
 from services.io.maps import geotiff_file, height_error, npz_map_file
-from services.io.maps.grid import MAX_CELLS, Around, MapInfo, in_words
+from services.io.maps.grid import MAX_CELLS, Around, MapInfo, check_physical, in_words
 from services.io.maps.npz_map_file import write_map_npz
 
 __all__ = ["MapInfo", "frame_of", "known_heights", "map_info", "read_map", "write_map_npz"]
@@ -26,13 +26,19 @@ def map_info(path: Path, topics: Path | None = None) -> MapInfo:
     """Grid of a map file; heights are read of a recording only.
 
     Raises:
-        InputError: not a map in metres.
+        InputError: not a map in metres, or none of this earth.
     """
     if is_bag(path):
         ground = _recorded(path, topics)
         rows, columns = ground.elevation.shape
-        return MapInfo(rows, columns, ground.resolution, ground.origin)
-    return _reader(path)(path)
+        info = MapInfo(rows, columns, ground.resolution, ground.origin)
+    else:
+        info = _reader(path)(path)
+    try:
+        check_physical(info.resolution, info.origin, (info.rows, info.columns))
+    except ParameterError as error:
+        raise fault(path, error.field, f"expected {error.expected}") from None
+    return info
 
 
 def read_map(
@@ -89,6 +95,13 @@ def read_map(
         )
     except ParameterError as error:
         raise fault(path, error.field, f"expected {error.expected}") from None
+
+
+def assumptions(path: Path) -> tuple[str, ...]:
+    """What a map file leaves open, and what it is taken for instead, in sentences."""
+    if is_bag(path) or not _is_geotiff(path) or geotiff_file.names_its_coordinates(path):
+        return ()
+    return ("the map names no coordinate system: its grid is taken to be in metres",)
 
 
 def known_heights(heights: Floats) -> Floats:

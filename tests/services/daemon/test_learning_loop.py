@@ -54,7 +54,11 @@ CLEAR = 9.0
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     folder = tmp_path_factory.mktemp("loop")
     (folder / "cautious.toml").write_text(PRIOR)
-    learning = '[learning]\nrise = 0.05\n[store]\npath = "p.sqlite"'
+    # The file is of the worst ground, and legs take no time here.
+    learning = (
+        "[learning]\nmost_above_file = 5.0\nstops_at_once = 1000\nrise = 0.05\n"
+        '[store]\npath = "p.sqlite"'
+    )
     with running(folder, planning=learning, model="cautious.toml") as started:
         yield started
 

@@ -242,7 +242,7 @@ def test_clocks_that_are_set_change_nothing(tmp_path: Path) -> None:
 
 
 def test_what_is_old_goes_back_to_the_model_file_and_never_gets_faster(tmp_path: Path) -> None:
-    learning = "[learning]\nrefresh = 0.05\ngrows_old = 1.0\nrise = 0.1\n"
+    learning = "[learning]\nstops_at_once = 1000\nrefresh = 0.05\ngrows_old = 1.0\nrise = 0.1\n"
     with running(tmp_path, planning=learning) as service, service.session() as session:
         robot = Robot(service, session)
         send_ground(robot)

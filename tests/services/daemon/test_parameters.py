@@ -18,7 +18,9 @@ from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import Running, running
 
 G = 9.80665
-SETTINGS = '[learning]\nrise = 0.02\nlabel_for = 1.5\n[store]\npath = "p.sqlite"'
+SETTINGS = (
+    '[learning]\nstops_at_once = 10000\nrise = 0.02\nlabel_for = 1.5\n[store]\npath = "p.sqlite"'
+)
 
 
 @pytest.fixture(scope="module")

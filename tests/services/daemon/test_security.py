@@ -290,3 +290,29 @@ def test_an_estimator_shows_that_it_lives_and_nobody_else_for_it(
             assert degraded(operator, started, False)
             token.undeclare()
         assert degraded(operator, started, True)
+
+
+def test_an_estimators_certificate_cannot_hold_the_planners_token(
+    folder: Path, service: Running
+) -> None:
+    def seen(session: zenoh.Session) -> list[str]:
+        replies = session.liveliness().get(service.key("alive/*"), timeout=2.0)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+    with as_(folder, service, "estimator") as estimator, as_(
+        folder, service, "operator"
+    ) as operator:  # fmt: skip
+        heard: list[zenoh.Sample] = []
+        with operator.liveliness().declare_subscriber(service.key("alive/*"), heard.append):
+            time.sleep(_SETTLED)
+            before = len(heard)
+            forged = estimator.liveliness().declare_token(service.key("alive/planner"))
+            own = estimator.liveliness().declare_token(service.key("alive/slip"))
+            time.sleep(_SETTLED)
+            told = [str(sample.key_expr) for sample in heard[before:]]
+            forged.undeclare()
+            time.sleep(_SETTLED)
+            assert told == [service.key("alive/slip")]
+            assert not [s for s in heard if s.kind == zenoh.SampleKind.DELETE]
+        assert service.key("alive/planner") in seen(operator)
+        own.undeclare()

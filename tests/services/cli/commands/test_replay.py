@@ -36,7 +36,8 @@ def drive(stops: int, rate: float = 50.0) -> str:
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory):
-    with running(tmp_path_factory.mktemp("replay")) as started:
+    settings = "[learning]\nstops_at_once = 1000"
+    with running(tmp_path_factory.mktemp("replay"), planning=settings) as started:
         yield started
 
 

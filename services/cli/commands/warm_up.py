@@ -1,0 +1,49 @@
+"""`slopewise warm-up`: compile all that plans need, once, before anybody waits for it."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+
+
+@dataclass(frozen=True, slots=True)
+class WarmUpResult:
+    """How long it took [s], and a first plan after it."""
+
+    seconds: float
+    plan_seconds: float
+
+
+def run() -> WarmUpResult:
+    """Plan on all kinds of ground, then once more to see how long that takes."""
+    print("slopewise: compiling, once after each installation", file=sys.stderr, flush=True)
+    begun = time.perf_counter()
+    from services.daemon import warm_up
+    from services.io.model_file import find_model, read_model
+    from services.parameters.in_use import ParametersInUse
+    from services.planning.plan_service import PlanService
+    from services.settings.service import ServiceConfig
+
+    plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))
+    questions = list(warm_up.questions())
+    for ground, request in questions:
+        plans.answer(request, ground, "warm-up")
+    compiled = time.perf_counter()
+    ground, request = questions[0]
+    plans.answer(request, ground, "warm-up")
+    return WarmUpResult(compiled - begun, time.perf_counter() - compiled)
+
+
+def as_json(result: WarmUpResult) -> dict[str, Any]:
+    """For machines."""
+    return {"seconds": result.seconds, "plan_seconds": result.plan_seconds}
+
+
+def show(result: WarmUpResult, console: Console) -> None:
+    """One line."""
+    first = f"ready after {result.seconds:.1f} s"
+    console.print(f"{first}; a plan takes {1e3 * result.plan_seconds:.1f} ms from now on")

@@ -1,0 +1,87 @@
+"""Questions that make everything compile that later ones need.
+
+Ground that is level, rough, unknown in part, of two surfaces, with a step in the way; many paths
+and few, with a name and without, at rest and driving, several times in a row as a robot asks.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from models.arrays import Floats
+from models.surface_braking import SurfaceBraking
+from planner.ground.elevation_map import ElevationMap
+from planner.kernels.compiled import is_first_run
+from services.parameters.in_use import ParametersInUse
+from services.planning.map_store import KnownGround
+from services.wire.messages import Path as Candidate
+from services.wire.messages import PlanRequest
+
+CLIENT = "warm-up"
+"""Name of the client that asks; it is forgotten afterwards."""
+
+
+def compiles_first() -> bool:
+    """Whether nothing is compiled yet, wherever compiled code is kept."""
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    return is_first_run() if not folder else not any(Path(folder).glob("**/*.nbi"))
+
+
+def as_learned(parameters: ParametersInUse) -> ParametersInUse:
+    """The same with a surface of its own, as if a stop had taught one."""
+    braking = parameters.model.braking
+    tables = {**braking.terrain, "warm-up": SurfaceBraking(force_std=0.02, class_id=999_999)}
+    model = replace(parameters.model, braking=replace(braking, terrain=tables))
+    return replace(parameters, model=model, serial=-1 - parameters.serial)
+
+
+def questions() -> Iterator[tuple[KnownGround, PlanRequest]]:
+    """Grounds and questions, in order."""
+    for ground in _grounds():
+        known = KnownGround(ground, 0, time.monotonic())
+        for count in (1, 5):
+            paths = _fan(count)
+            yield known, PlanRequest(speed=0.0, paths=paths)
+            yield known, PlanRequest(speed=1.0, paths=paths, clear=15.0)
+        for x in (0.0, 0.1, 0.2):
+            pose = (x, 0.0, 0.0)
+            yield known, PlanRequest(speed=5.0 * x, paths=_fan(5), client=CLIENT, pose=pose)
+
+
+def _fan(count: int) -> list[Candidate]:
+    along = np.linspace(0.0, 20.0, 80)
+    bends = 0.004 * np.arange(count)
+    return [
+        Candidate(name=f"warm-up {i}", points=np.stack([along, bend * along**2], axis=1))
+        for i, bend in enumerate(bends)
+    ]
+
+
+def _grounds() -> Iterator[ElevationMap]:
+    rows, columns = 49, 193
+    level = np.zeros((rows, columns))
+    rough = 0.05 * np.random.default_rng(1).standard_normal((rows, columns))
+    unknown = level.copy()
+    unknown[:, 140:] = np.nan
+    step = level.copy()
+    step[:, 120:] = 0.6
+    yield _ground(level)
+    yield _ground(rough)
+    yield _ground(unknown)
+    yield _ground(step)
+    classes = np.zeros((rows, columns), np.int64)
+    classes[:, 60:] = 1
+    yield ElevationMap(
+        elevation=0.1 * np.linspace(0.0, 48.0, columns)[None, :] + level, resolution=0.25,
+        origin=(-3.0, -6.0), terrain_class=classes, class_names=("", "warm-up"), height_std=0.02,
+    )  # fmt: skip
+
+
+def _ground(elevation: Floats) -> ElevationMap:
+    return ElevationMap(elevation=elevation, resolution=0.25, origin=(-3.0, -6.0), height_std=0.02)

@@ -1,0 +1,185 @@
+"""One honest robot beside many attackers; `SLOPEWISE_ATTACK` seconds of it, a few by default."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import zenoh
+
+from tests.services import attackers
+from tests.services.attackers import MACHINE, block, straight
+from tests.services.parameter_client import Robot, send_ground, speeds_of
+from tests.services.service_process import Running, free_port, running
+
+SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "12"))
+IN_TIME = 0.1
+
+
+class Honest:
+    """A robot that asks twenty times a second, and drives by what it is told."""
+
+    def __init__(self, service: Running, session: zenoh.Session) -> None:
+        self.service, self.session = service, session
+        self.querier = session.declare_querier(service.key("plan"), timeout=IN_TIME, express=True)
+        self.took: list[float] = []
+        self.fastest, self.answered, self.asked = 0.0, 0, 0
+        self.flags: set[str] = set()
+
+    def ask(self) -> str:
+        self.asked += 1
+        paths = [{"name": f"{i}", "points": straight(20.0, 40, 0.002 * (i - 1))} for i in range(3)]
+        question = {
+            "speed": 0.0, "paths": paths, "client": "robot", "pose": (0.0, 0.0, 0.0), "clear": 8.0,
+        }  # fmt: skip
+        begun = time.monotonic()
+        for reply in self.querier.get(
+            parameters=f"deadline={0.8 * IN_TIME}", payload=msgspec.msgpack.encode(question),
+            encoding=f"{MACHINE};slopewise.plan_request.v1",
+        ):  # fmt: skip
+            if reply.ok is None:
+                continue
+            told = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
+            if told["plans"]:
+                self.answered += 1
+                self.took.append(time.monotonic() - begun)
+                self.flags |= set(told["flags"])
+                self.fastest = max(self.fastest, *(speeds_of(p).max() for p in told["plans"]))
+            return str(told["status"])
+        return "nobody"
+
+    def drive(self, seconds: float) -> None:
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            begun = time.monotonic()
+            self.ask()
+            time.sleep(max(0.05 - (time.monotonic() - begun), 0.0))
+
+
+def resident(service: Running) -> float:
+    """Memory of the service [MB]."""
+    status = Path(f"/proc/{service.process.pid}/status").read_text()
+    return int(status.split("VmRSS:")[1].split()[0]) / 1000.0
+
+
+@contextlib.contextmanager
+def attacked(service: Running, seconds: float, page: int) -> Iterator[None]:
+    """Every kind twice, in four processes."""
+    kinds = [*attackers.KINDS, *attackers.KINDS]
+    processes = [
+        subprocess.Popen(
+            [
+                sys.executable, "-m", "tests.services.attackers", service.endpoint,
+                service.namespace, ",".join(kinds[i::4]), str(seconds), str(page),
+            ]
+        )
+        for i in range(4)
+    ]  # fmt: skip
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+def test_a_thousand_candidates_a_second_keep_nobody_waiting(tmp_path: Path) -> None:
+    with running(tmp_path) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        honest = Honest(service, session)
+        honest.drive(1.0)
+        before, asked = honest.answered, honest.asked
+        attacker = attackers.Attacker(service.endpoint, service.namespace, 1)
+        until = time.monotonic() + 6.0
+        while time.monotonic() < until:
+            attacker.heavy()
+            honest.drive(0.5)
+        attacker.session.close()
+        share = (honest.answered - before) / (honest.asked - asked)
+        assert share >= 0.95, sorted(honest.took)[-10:]
+        print(f"answered in time {share:.3f} of {honest.asked - asked}")
+
+
+@pytest.mark.parametrize("text", ["-1", "nan", "inf", "0", "tomorrow"])
+def test_deadlines_that_are_none_are_refused(service: Running, text: str) -> None:
+    with service.session() as session:
+        fields = {"speed": 0.0, "paths": []}
+        (reply,) = session.get(
+            f"{service.key('plan')}?deadline={text}", payload=msgspec.msgpack.encode(fields),
+            encoding=f"{MACHINE};slopewise.plan_request.v1", timeout=3.0,
+        )  # fmt: skip
+        assert reply.ok is not None
+        told = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
+        assert told["status"] == "error"
+        assert "deadline: expected a finite number of seconds > 0" in told["reason"]
+
+
+def test_the_reserved_key_is_answered(service: Running) -> None:
+    with service.session() as session:
+        fields = {"speed": 0.0, "paths": [{"name": "a", "points": block(np.eye(3, 2))}]}
+        (reply,) = session.get(
+            service.key("plan/drive"), payload=msgspec.msgpack.encode(fields), timeout=3.0,
+            encoding=f"{MACHINE};slopewise.plan_request.v1",
+        )  # fmt: skip
+        assert reply.ok is not None
+        assert str(reply.ok.key_expr) == service.key("plan/drive")
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with running(tmp_path_factory.mktemp("attack")) as started:
+        yield started
+
+
+def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
+    port = free_port()
+    # Whether there is time to smooth a plan makes it a little faster or slower, too.
+    settings = 'smooth = false\n[store]\npath = "p.sqlite"'
+    page = f"enabled = true\nport = {port}"
+    with running(tmp_path, planning=settings, page=page) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        honest = Honest(service, session)
+        honest.drive(3.0)
+        fastest, honest.fastest = honest.fastest, 0.0
+        honest.asked = honest.answered = 0
+        honest.took.clear()
+        with attacked(service, SECONDS + 30.0, port):
+            honest.drive(10.0)
+            warm, asked, answered = resident(service), honest.asked, honest.answered
+            honest.took.clear()
+            honest.drive(SECONDS)
+            now = resident(service)
+            status = robot.status(20.0)
+        share = (honest.answered - answered) / (honest.asked - asked)
+        slowed = list(honest.took)
+        time.sleep(3.0)
+        asked_alone, answered_alone = honest.asked, honest.answered
+        honest.drive(10.0)
+        alone = (honest.answered - answered_alone) / (honest.asked - asked_alone)
+        took = np.percentile(slowed, [50, 99]) * 1e3
+        print(
+            f"answered in time {share:.4f} of {asked_alone - asked}, alone {alone:.4f}, "
+            f"p50 {took[0]:.1f} ms, p99 {took[1]:.1f} ms; "
+            f"fastest {honest.fastest:.4f}, without {fastest:.4f} m/s; "
+            f"memory {warm:.0f} -> {now:.0f} MB; {status['counters']}; {status['flags']}"
+        )
+        assert honest.fastest <= fastest + 1e-9
+        counters = status["counters"]
+        for kind in (
+            "busy", "given_up", "refused", "stops_too_many", "stops_contradictory",
+            "map_updates_refused", "params_malformed", "stop_out_of_order",
+        ):  # fmt: skip
+            assert counters.get(kind, 0) > 0, kind
+        # On a machine that is busy otherwise the robot alone is not always answered in time either.
+        assert share >= 0.75 * alone
+        assert now <= 1.2 * warm

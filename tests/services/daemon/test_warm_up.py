@@ -1,0 +1,21 @@
+"""What a service plans before the first question can also be sent."""
+
+from __future__ import annotations
+
+from services.daemon import warm_up
+from services.io.model_file import find_model, read_model
+from services.parameters.in_use import ParametersInUse
+from services.planning.plan_service import PlanService
+from services.settings.service import ServiceConfig
+from services.wire import codec
+
+
+def test_answers_on_all_kinds_of_ground_have_a_wire_form() -> None:
+    plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))
+    grounds = set()
+    for ground, request in warm_up.questions():
+        reply = plans.answer(request, ground, "warm-up")
+        grounds.add(id(ground))
+        for written in codec.Format:
+            assert codec.encode(reply, written)
+    assert len(grounds) == 5

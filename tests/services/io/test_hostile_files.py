@@ -1,0 +1,165 @@
+"""Files that somebody made to do harm, or by mistake: one line, no crash, little memory."""
+
+from __future__ import annotations
+
+import dataclasses
+import resource
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.errors import InputError
+from services.io.bags.recording import opened
+from services.io.logs.speed_unit import suspect_of
+from services.io.maps.map_file import map_info, read_map
+from services.io.model_file import find_model, read_model
+from services.io.table import read_csv, write_csv
+from services.io.toml_file import read_toml
+
+ATV = find_model("atv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a." * 100_000 + "b = 1\n", "line 1: expected keys of at most 20 parts"),
+        ("x = 1\n[" + '"a" . ' * 30_000 + "b]\n", "line 2: expected keys of at most 20 parts"),
+        ("x = 1\n" + "# " + "y" * 1_100_000, "at most 1000000 bytes"),
+        ("x = " + "[" * 50_000 + "]" * 50_000, "expected TOML"),
+        ("x = " + "{a=" * 50_000, "expected TOML"),
+    ],
+)
+def test_toml_that_would_take_gigabytes_is_refused_in_little(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    file = tmp_path / "m.toml"
+    file.write_text(text)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(InputError) as error:
+        read_toml(file)
+    assert words in str(error.value)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000
+
+
+def test_numbers_with_many_digits_and_floats_are_no_deep_keys(tmp_path: Path) -> None:
+    file = tmp_path / "m.toml"
+    file.write_text("x = [" + ", ".join(["0.1"] * 1000) + "]\n")
+    assert len(read_toml(file)["x"]) == 1000
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+def test_recordings_with_absurd_lengths_are_bad_input(tmp_path: Path, suffix: str) -> None:
+    magic = b"\x89MCAP0\r\n"
+    header = magic + b"\x01" + struct.pack("<Q", 2**62) + b"x" * 100
+    footer = b"\x02" + struct.pack("<Q", 20) + struct.pack("<QQL", 2**61, 2**61, 0) + magic
+    for n, content in enumerate(
+        (header, header + footer, magic + footer, b"SQLite format 3\0" * 9)
+    ):
+        file = tmp_path / f"{n}{suffix}"
+        file.write_bytes(content)
+        with pytest.raises(InputError, match="expected a ROS 2 recording"), opened(file):
+            pass
+
+
+def test_names_do_nothing_in_a_spreadsheet_and_come_back_as_they_were(tmp_path: Path) -> None:
+    names = [
+        "=1+1",
+        "+cmd|' /C calc'!A0",
+        "-2+3",
+        "@SUM(A1)",
+        "\tx",
+        "'=quoted",
+        "'plain",
+        "ok",
+        "-5",
+    ]
+    file = tmp_path / "plan.csv"
+    write_csv({"candidate": names, "=x": np.arange(float(len(names)))}, file)
+    for line in file.read_text().splitlines():
+        for cell in line.replace('"', "").split(","):
+            assert cell[:1] not in "=+@\t" or not cell, line
+    table = read_csv(file)
+    assert table.text("candidate") == names
+    assert list(table.columns) == ["candidate", "=x"]
+
+
+def map_file(folder: Path, resolution: float, origin: tuple[float, float]) -> Path:
+    file = folder / "m.npz"
+    np.savez(file, elevation=np.zeros((9, 9)), resolution=resolution, origin=np.array(origin))
+    return file
+
+
+@pytest.mark.parametrize(
+    ("resolution", "origin", "field"),
+    [
+        (1e-9, (0.0, 0.0), "resolution"), (1e6, (0.0, 0.0), "resolution"),
+        (0.5, (1e12, 0.0), "origin"), (0.5, (0.0, -1e300), "origin"),
+    ],
+)  # fmt: skip
+def test_maps_lie_on_this_earth(
+    tmp_path: Path, resolution: float, origin: tuple[float, float], field: str
+) -> None:
+    file = map_file(tmp_path, resolution, origin)
+    for read in (map_info, read_map):
+        with pytest.raises(InputError, match=field):
+            read(file)
+
+
+def test_a_missing_name_of_an_effect_is_what_is_reported(tmp_path: Path) -> None:
+    file = tmp_path / "m.toml"
+    file.write_text(ATV + "\n[[effect]]\ntau = 0.3\n")
+    with pytest.raises(InputError, match=r"effect\[0\].name: missing key"):
+        read_model(file)
+    file.write_text(ATV + '\n[[effect]]\nnme = "brake_lag"\n')
+    with pytest.raises(InputError, match="did you mean name"):
+        read_model(file)
+
+
+def test_a_map_without_coordinate_system_says_what_it_is_taken_for(tmp_path: Path) -> None:
+    import rasterio
+    from rasterio.transform import from_origin
+
+    from services.io.maps.map_file import assumptions
+
+    for crs, words in ((None, "taken to be in metres"), ("EPSG:32632", "")):
+        file = tmp_path / "g.tif"
+        with rasterio.open(
+            file, "w", driver="GTiff", width=9, height=9, count=1, dtype="float64", crs=crs,
+            transform=from_origin(0.0, 9.0, 1.0, 1.0),
+        ) as raster:  # fmt: skip
+            raster.write(np.zeros((9, 9)), 1)
+        assert words in " ".join(assumptions(file))
+        assert bool(assumptions(file)) is (crs is None)
+
+
+@pytest.mark.parametrize("name", ["plan.xlsx", "plan.parquet", "PLAN.XLS"])
+def test_a_table_under_a_name_of_another_kind_is_refused(tmp_path: Path, name: str) -> None:
+    np.savez(
+        tmp_path / "m.npz", elevation=np.zeros((40, 90)), resolution=0.5, origin=np.array([-5, -9])
+    )
+    (tmp_path / "p.csv").write_text("x,y\n" + "".join(f"{i},0\n" for i in range(20)))
+    words = ["plan", "m.npz", "p.csv", "--model", "atv", "--out", name]
+    done = subprocess.run(
+        [sys.executable, "-m", "services.cli", *words], cwd=tmp_path, capture_output=True,
+        text=True, check=False, env={"PYTHONPATH": str(Path(__file__).parents[3]), "PATH": ""},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "expected a name that ends in .csv" in done.stderr
+    assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("km/h", 3.6), ("miles per hour", 1 / 0.44704)])
+def test_what_speeds_in_another_unit_teach_is_recognised(unit: str, factor: float) -> None:
+    known = read_model(find_model("atv")).braking
+    grades = np.linspace(-0.2, 0.2, 30)
+    force = factor * (known.b_m * grades + known.b_b) + (factor - 1.0) * np.sin(grades)
+    b_m, b_b = np.polyfit(grades, force, 1)
+    learned = dataclasses.replace(known, b_m=float(b_m), b_b=float(b_b))
+    assert unit in suspect_of(learned, known, grades)
+    assert suspect_of(known, known, grades) == ""
+    better = dataclasses.replace(known, b_b=1.8 * known.b_b)
+    assert suspect_of(better, known, grades) == ""
