@@ -58,7 +58,11 @@ class Braking:
     force_std: float = quantity(
         "1", "Scatter of F_b/W from stop to stop that the model leaves.", default=0.0, at_least=0.0
     )
-    dead_time_std: float = quantity("s", "Likewise of the dead time.", default=0.0, at_least=0.0)
+    force_scatter: float = quantity(
+        "1", "The part of that scatter that is in proportion, as a share of F_b/W.", default=0.0,
+        at_least=0.0,
+    )  # fmt: skip
+    dead_time_std: float = quantity("s", "Scatter of the dead time.", default=0.0, at_least=0.0)
     speed_error: float = quantity(
         "m/s", "Standard deviation of the driven speed around the planned one.", default=0.0,
         at_least=0.0, at_most=5.0,
@@ -99,6 +103,10 @@ class Braking:
                 self.on(name)
             except ParameterError as error:
                 raise ParameterError(f"terrain.{name}.{error.field}", error.expected) from None
+            of = self.terrain[name].state_of
+            if of and (of not in self.terrain or of == name):
+                words = f'"" for the base or another surface of the file, got "{of}"'
+                raise ParameterError(f"terrain.{name}.state_of", words)
 
     @property
     def trained_roll(self) -> tuple[float, float]:
@@ -111,6 +119,10 @@ class Braking:
     def level_force(self, onset_speed: float) -> float:
         """F_b/W on level ground, without brake level or effects."""
         return self.m_b * onset_speed + self.b_b
+
+    def states_of(self, surface: str) -> tuple[str, ...]:
+        """Names of the states that a surface may turn out to be in; "" is the base."""
+        return tuple(n for n, table in self.terrain.items() if table.state_of == surface)
 
     def on(self, surface: str) -> Braking:
         """The braking model on a named surface; one without a table of its own is the base."""

@@ -9,7 +9,7 @@ import numpy as np
 from models.errors import ParameterError
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
+from planner.ground.uncertainty import QUANTILE, Uncertainty
 from planner.path import CandidatePath
 from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank
@@ -27,7 +27,7 @@ def plan(
     *,
     start_speed: float = 0.0,
     clear: float = np.inf,
-    quantile: float | None = None,
+    quantile: float | None = QUANTILE,
     settings: PlannerSettings | None = None,
 ) -> list[SpeedPlan]:
     """A checked speed plan for every candidate path, best first.
@@ -38,8 +38,8 @@ def plan(
         paths: candidates; a malformed one raises, an undrivable one gets a status.
         start_speed: speed at the first station [m/s].
         clear: station up to which the way is known free, counted from the first point [m].
-        quantile: of what the model leaves open that the plans survive, e.g. 0.99; None plans with
-            the model's mean.
+        quantile: of what the model leaves open that the plans survive; None plans with the
+            model's mean, half of whose stops are longer.
         settings: spacing of the stations, smoothing, weights of the ranking.
 
     Raises:

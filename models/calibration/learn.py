@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,14 +19,17 @@ from numpy.typing import NDArray
 
 from models.arrays import Floats
 from models.calibration.asymmetry import Asymmetry, asymmetry
+from models.calibration.brake_states import WeakState
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
 from models.calibration.speed_error import SpeedError, speed_error
+from models.calibration.stop_margins import Margins
 from models.calibration.surface_fit import (
     FEWEST_STOPS,
     CalibrationSettings,
     SurfaceFit,
     fit_records,
     fit_surfaces,
+    state_margins,
 )
 from models.parameters import Braking
 from models.stop_logs.dead_time import DeadTime
@@ -37,6 +40,9 @@ from models.stop_logs.measure import Measured, Slope
 from models.stop_logs.measured_log import MeasuredLog, measure_stops
 from models.stop_logs.mount_offset import Mount
 from models.surface_braking import SurfaceBraking
+
+_FIRST_STATE = 2_000_000
+"""Numbers of states, which no map knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,21 +147,51 @@ def _braking(known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime) -> 
     speed_low, speed_high = base["speed_range"]
     base["speed_range"] = (speed_low, max(speed_high, speed_low + 1e-3))
     tables = dict(known.terrain)
+    for name in [n for n, table in tables.items() if table.state_of is not None]:
+        del tables[name]  # what the stops of this log show takes their place
     for surface, values in zip(surfaces[1:], own, strict=True):
         before = tables.get(surface.name)
         tables[surface.name] = (
             SurfaceBraking(**values) if before is None else dataclasses.replace(before, **values)
         )
+    number = _FIRST_STATE
+    for surface in surfaces:
+        if surface.state is not None:
+            tables[state_name(surface.name, tables)] = SurfaceBraking(
+                class_id=number, state_of=surface.name, **_state_values(surface, surface.state)
+            )
+            number += 1
     return dataclasses.replace(known, dead_time=dead.value, uphill=None, terrain=tables, **base)
 
 
+def state_name(surface: str, taken: Container[str]) -> str:
+    """Name of the table for the weaker state of a surface."""
+    name = f"{surface}, weaker" if surface else "weaker"
+    while name in taken:
+        name += "*"
+    return name
+
+
+def _state_values(surface: SurfaceFit, state: WeakState) -> dict[str, Any]:
+    weaker = state_margins(surface.margins, state, surface.fit.coefficients)
+    values = _coefficients(state.ratio * surface.fit.coefficients, weaker)
+    return values | {k: v for k, v in _values(surface).items() if k not in values}
+
+
 def _values(surface: SurfaceFit) -> dict[str, Any]:
-    m_m, b_m, m_b, b_b = (float(c) for c in surface.fit.coefficients)
-    return {
-        "m_m": m_m, "b_m": b_m, "m_b": m_b, "b_b": b_b,
+    return _coefficients(surface.fit.coefficients, surface.margins) | {
         "distance_offset": surface.distance_offset, "time_offset": surface.time_offset,
         "speed_range": surface.speed_range, "grade_range": surface.grade_range,
-        "covariance": tuple(tuple(float(c) for c in row) for row in surface.fit.covariance),
+        "dead_time_std": surface.margins.dead_time,
+    }  # fmt: skip
+
+
+def _coefficients(values: Floats, margins: Margins) -> dict[str, Any]:
+    covariance = 0.5 * (margins.covariance + margins.covariance.T)
+    return {
+        **dict(zip(NAMES, (float(c) for c in values), strict=True)),
+        "covariance": tuple(tuple(float(c) for c in row) for row in covariance),
+        "force_std": margins.force.absolute, "force_scatter": margins.force.relative,
     }  # fmt: skip
 
 
@@ -166,7 +202,7 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
         said.append(
             "mount offset of the pitch sensor cannot be told from this log (it takes a map, "
             f"heights, or ground driven both ways): each degree would shift b_b by {shift:.4f}; "
-            "the covariance allows for half a degree, the distance offset for one"
+            "the covariance allows for half a degree as a standard deviation"
         )
     if known.uphill is not None:
         said.append(
@@ -180,12 +216,18 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
     weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
     if weak:
         said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
-    out = [r for r in base.records if not r.kept]
+    out = [r for r in base.records if not r.kept and not r.in_weak_state]
     if out:
         worst = max(r.samples.distance - r.predicted_distance for r in out)
         said.append(
-            f"{len(out)} of {len(base.records)} stops fit no other and were left out; "
-            f"the longest was {worst:+.2f} m beyond its prediction"
+            f"{len(out)} of {len(base.records)} stops fit no other: the coefficients do not rest "
+            f"on them, the margins do; the longest was {worst:+.2f} m beyond its prediction"
+        )
+    if base.state is not None:
+        said.append(
+            f"{int(base.state.members.sum())} of {len(base.records)} stops braked with "
+            f"{base.state.ratio:.0%} of the force of the others: kept as a state of its own; as "
+            "nobody can foresee it, plans take the worse of the two"
         )
     return said
 

@@ -61,8 +61,11 @@ class StopRecord:
         noise: of the speed, correlation allowed for [m/s].
         onset_speed: v_i [m/s]. grade: mean while braking [rad]. force_ratio: F_b/W.
         force_std: its measurement noise. kept: False if it fits no other stop and was left out.
+        in_weak_state: it fits no other stop but those of a weaker state of the brakes.
         predicted_distance, predicted_time: by a fit without this stop, without safety offsets
             [m], [s]; inf if the model does not stop here.
+        without: (4,) coefficients of the fit that has not seen it.
+        bound_distance: what a plan at the quantile allows for this stop, offset included [m].
     """
 
     samples: StopSamples
@@ -76,6 +79,9 @@ class StopRecord:
     kept: bool = True
     predicted_distance: float = np.nan
     predicted_time: float = np.nan
+    bound_distance: float = np.nan
+    in_weak_state: bool = False
+    without: Floats | None = None
 
     @property
     def path(self) -> tuple[Floats, Floats]:

@@ -47,7 +47,7 @@ class PlanOptions:
     speed: StartSpeed = 0.0
     clear: ClearDistance = None
     spacing: Spacing = None
-    quantile: Quantile = None
+    quantile: Quantile = 0.999
     explain: Annotated[
         bool, typer.Option("--explain", help="Say what the best candidate loses to each bound.")
     ] = False
@@ -181,7 +181,7 @@ class CalibrateOptions:
     report: Report = None
     map_file: GroundMap = None
     topics: Topics = None
-    coverage: Coverage = 0.995
+    coverage: Coverage = 0.999
     as_json: AsJson = False
 
 

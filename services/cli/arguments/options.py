@@ -67,10 +67,9 @@ MarginEnough = Annotated[
     typer.Option(metavar="METRES", help="Ranking: spare distance beyond which more is worth 0."),
 ]
 Quantile = Annotated[
-    float | None,
+    float,
     typer.Option(
-        metavar="Q",
-        help="Survive this share of what the model leaves open, e.g. 0.999; else its mean.",
+        metavar="Q", help="Survive this share of what the model leaves open; 0.5 is its mean."
     ),
 ]
 Smooth = Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")]
@@ -79,7 +78,7 @@ GroundMap = Annotated[
     typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
 ]
 Coverage = Annotated[
-    float, typer.Option(help="Share of future stops that predictions have to cover.")
+    float, typer.Option(help="Share of stops like those of the log that margins have to cover.")
 ]
 Topics = Annotated[
     Path | None,

@@ -80,7 +80,7 @@ def write_learned_model(result: CalibrateResult, path: Path) -> None:
 def write_stops(result: CalibrateResult, path: Path) -> None:
     """A row a stop, found or learned from, SI units; empty where a stop was not measured."""
     learned = _by_command(result.calibration)
-    offsets = {s.name: (s.distance_offset, s.time_offset) for s in result.calibration.surfaces}
+    offsets = {s.name: s.time_offset for s in result.calibration.surfaces}
     rows: dict[str, list[Any]] = {}
     for window in result.calibration.windows:
         record = learned.get(window.command)
@@ -125,11 +125,11 @@ _MEASURED = (
 )  # fmt: skip
 
 
-def _measured(r: StopRecord, offsets: dict[str, tuple[float, float]]) -> dict[str, float]:
-    offset, time_offset = offsets.get(r.samples.terrain, offsets[""])
+def _measured(r: StopRecord, offsets: dict[str, float]) -> dict[str, float]:
+    time_offset = offsets.get(r.samples.terrain, offsets[""])
     values = (
         r.onset_speed, r.knee.onset_time, r.grade, r.force_ratio, r.force_std, r.samples.distance,
-        r.samples.standstill_time, r.predicted_distance, r.predicted_distance + offset,
+        r.samples.standstill_time, r.predicted_distance, r.bound_distance,
         r.predicted_time, r.predicted_time + time_offset, float(r.kept),
     )  # fmt: skip
     return dict(zip(_MEASURED, values, strict=True))

@@ -48,7 +48,7 @@ class PlanJob:
     start_speed: float = 0.0
     clear: float = np.inf
     settings: PlannerSettings = field(default_factory=PlannerSettings)
-    uncertainty: Uncertainty | None = None
+    uncertainty: Uncertainty | None = field(default_factory=Uncertainty)
     explain: bool = False
     topics: Path | None = None
 
@@ -180,10 +180,8 @@ def write_csv(result: PlanResult, path: Path) -> None:
     write_plan_csv(joined, path)
 
 
-def uncertainty_at(quantile: float | None) -> Uncertainty | None:
-    """What plans survive at a quantile, None for the model's mean."""
-    if quantile is None:
-        return None
+def uncertainty_at(quantile: float) -> Uncertainty:
+    """What plans survive at a quantile."""
     try:
         return Uncertainty(quantile=quantile)
     except ParameterError as error:
