@@ -57,6 +57,7 @@ def check_plan(
     elevation_map: ElevationMap,
     *,
     clear: float = np.inf,
+    quantile: float = QUANTILE,
 ) -> CheckReport:
     """Put a plan before the independent judge: does it keep every rule on this ground?
 
@@ -66,10 +67,11 @@ def check_plan(
 
     Args:
         plan: of the planner, or anybody's: ``GivenPlan(name="mine", x=x, y=y, speed=speed)``.
-        model: that it has to hold for, at its mean.
+        model: that it has to hold for.
         elevation_map: ground as it is known now.
         clear: station up to which the way is known free, counted from the first station [m]; the
             plan's own clear distance and the end of its path count as well.
+        quantile: of what the model leaves open of its brakes; 0.5 is its mean.
 
     Returns:
         ``valid``; the violations by station, kind and size; own stopping distances (N,) [m] and
@@ -82,4 +84,4 @@ def check_plan(
     if isinstance(plan, SpeedPlan) and len(plan.station) < 2:
         raise ParameterError("plan", f"at least 2 stations, got {len(plan.station)}")
     given = plan_of_columns(plan.columns()) if isinstance(plan, SpeedPlan) else plan
-    return check(given, model, elevation_map, clear=clear)
+    return check(given, model, elevation_map, clear=clear, quantile=quantile)

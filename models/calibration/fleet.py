@@ -54,7 +54,7 @@ class FleetStop:
     """What is left of a stop once it is measured; SI, see :class:`.stop_record.StopRecord`.
 
     ``left`` is its distance beyond that of its own force and onset, ``late`` its onset after the
-    dead time of its vehicle, ``late_std`` the noise of that.
+    dead time of its vehicle, ``late_std`` the noise of that, ``by_effects`` what named effects add.
     """
 
     surface: str
@@ -70,6 +70,7 @@ class FleetStop:
     left: float
     late: float
     late_std: float
+    by_effects: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +118,8 @@ def vehicle_stops(name: str, log: MeasuredLog, mapped: bool) -> VehicleStops:
             FleetStop(
                 s.terrain, s.window.held_speed, r.onset_speed, r.grade, r.force_ratio, r.force_std,
                 s.distance, s.standstill_time, station, ground, s.distance - own_distance(r, 0.0),
-                r.knee.onset_time - m.dead_time.value,
-                float(r.noise * np.sqrt(r.knee.covariance[1, 1])),
+                r.knee.onset_time - r.onset_shift - m.dead_time.value,
+                float(r.noise * np.sqrt(r.knee.covariance[1, 1])), r.by_effects,
             )
         )  # fmt: skip
     common = abs(float(np.mean(m.by_dead_time))) * m.dead_time.std if stops else 0.0
@@ -220,8 +221,10 @@ def _surface(
             each[i].matrix(without[j], width),
         )  # fmt: skip
         mean = stopping_distance(stop.held_speed, dead[i], without[j], *way)
-        over[j] = stop.distance - reach
-        short[j] = stop.standstill_time - stopping_time(stop.held_speed, dead[i], mean)
+        over[j] = stop.distance - reach - stop.by_effects
+        short[j] = stop.standstill_time - stopping_time(
+            stop.held_speed, dead[i], mean + stop.by_effects
+        )
     stops = MeasuredStops(speed, grade, force, np.array([s.left for _, s in pairs]), over)
     time_offset = offset_for(settings.coverage, short[np.isfinite(short)])
     ranges = {

@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 from models.arrays import Floats
 from models.calibration.asymmetry import Asymmetry, asymmetry
 from models.calibration.brake_states import WeakState
+from models.calibration.effects_in_force import measured_beside
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
+from models.calibration.plausible import objections
 from models.calibration.speed_error import SpeedError, speed_error
 from models.calibration.stop_margins import Margins
 from models.calibration.surface_fit import (
@@ -31,7 +33,7 @@ from models.calibration.surface_fit import (
     fit_surfaces,
     state_margins,
 )
-from models.parameters import Braking
+from models.parameters import Braking, Model
 from models.stop_logs.dead_time import DeadTime
 from models.stop_logs.drive_quality import Suspect, usable
 from models.stop_logs.find_stops import StopWindow
@@ -56,6 +58,7 @@ class Calibration:
         dead_time, dive, mount: what all stops share.
         speed_error: how well speeds are driven; None where the log does not tell.
         warnings: what a user has to know before trusting it, in sentences.
+        objections: why it is of no use, in sentences; none where it is.
     """
 
     braking: Braking
@@ -67,6 +70,7 @@ class Calibration:
     mount: Mount
     speed_error: SpeedError | None
     warnings: tuple[str, ...]
+    objections: tuple[str, ...] = ()
 
     @property
     def verdicts(self) -> dict[str, int]:
@@ -81,6 +85,7 @@ def learn(
     *,
     ground: Floats | None = None,
     settings: CalibrationSettings | None = None,
+    beside: Model | None = None,
 ) -> Calibration:
     """Learn the braking model from a log.
 
@@ -91,6 +96,7 @@ def learn(
         ground: (n,) grade of the ground from a map [rad], NaN where unknown; without it the grade
             comes from the body's pitch, with dive and mount taken out as far as the log tells.
         settings: coverage and what counts as a stop.
+        beside: model whose named effects stay in force; what they explain is not learned again.
 
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
@@ -98,6 +104,8 @@ def learn(
     wanted = settings or CalibrationSettings()
     log = measure_log(columns, runs, known, ground=ground, settings=wanted)
     measured, mount = log.measured, log.mount
+    if beside is not None:
+        measured = measured_beside(measured, beside, columns)
     surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
     warnings += _warnings(surfaces[0], mount, known)
     good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
@@ -108,6 +116,7 @@ def learn(
     return Calibration(
         braking, tuple(surfaces), log.windows, log.suspects,
         measured.dead_time, measured.dive, mount, driven, tuple(warnings),
+        objections(tuple(surfaces), measured.dead_time, wanted.coverage),
     )  # fmt: skip
 
 

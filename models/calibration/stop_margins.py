@@ -106,7 +106,7 @@ def force_scatter(residual: Floats, noise: Floats, force: Floats) -> ForceScatte
 
 def dead_time_scatter(records: Sequence[StopRecord], dead_time: DeadTime) -> Scatter:
     """Scatter of the dead time [s] behind the onsets of stops."""
-    late = np.array([r.knee.onset_time for r in records]) - dead_time.value
+    late = np.array([r.knee.onset_time - r.onset_shift for r in records]) - dead_time.value
     noise = [r.noise * np.sqrt(r.knee.covariance[1, 1]) for r in records]
     return scatter_of(-late, np.array(noise))
 
@@ -127,6 +127,7 @@ def bounds(
             stopping_distance(
                 r.samples.window.held_speed, late, c, *r.path, margins.matrix(c, width)
             )
+            + r.by_effects
             for r, c in zip(records, coefficients, strict=True)
         ]
     )

@@ -228,7 +228,7 @@ def _predicted(
             without = without - gain * (float(regression.residuals[row[i]]) / (1.0 - leverage))
             kept = bool(regression.kept[row[i]])
         held = record.samples.window.held_speed
-        distance = stopping_distance(held, dead_time, without, *record.path)
+        distance = stopping_distance(held, dead_time, without, *record.path) + record.by_effects
         seen.append(
             dataclasses.replace(
                 record,

@@ -60,7 +60,10 @@ class StopRecord:
         ground: (n,) grade of the ground at the samples [rad].
         noise: of the speed, correlation allowed for [m/s].
         onset_speed: v_i [m/s]. grade: mean while braking [rad]. force_ratio: F_b/W.
-        force_std: its measurement noise. kept: False if it fits no other stop and was left out.
+        force_std: its measurement noise.
+        onset_shift: by how much named effects make the onset look later [s].
+        by_effects: by how much they make the stop longer [m].
+        kept: False if it fits no other stop and the coefficients do not rest on it.
         in_weak_state: it fits no other stop but those of a weaker state of the brakes.
         predicted_distance, predicted_time: by a fit without this stop, without safety offsets
             [m], [s]; inf if the model does not stop here.
@@ -76,6 +79,8 @@ class StopRecord:
     grade: float
     force_ratio: float
     force_std: float
+    onset_shift: float = 0.0
+    by_effects: float = 0.0
     kept: bool = True
     predicted_distance: float = np.nan
     predicted_time: float = np.nan

@@ -60,7 +60,7 @@ def render_report(
         "title": escaped(title),
         "verdict": escaped(_verdict(calibration)),
         "facts": fact_list({**_shared(calibration), **provenance}),
-        "notes": notices(calibration.warnings),
+        "notes": notices((*calibration.objections, *calibration.warnings)),
         "surfaces": "".join(f'<th class="number" scope="col">{escaped(n)}</th>' for n in surfaces),
         "rows": "\n".join(number_row(label, cells) for label, cells in rows.items()),
         "found": "\n".join(

@@ -14,6 +14,9 @@ NO_ADMISSIBLE = 3
 VIOLATIONS = 3
 """Exit status: a plan breaks a rule."""
 
+OF_NO_USE = 3
+"""Exit status: what was learned is of no use, or a model does not cover a log."""
+
 MapFile = Annotated[
     Path,
     typer.Argument(

@@ -56,7 +56,9 @@ def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
         ground = grade_by_map(log, job.map_file, model.vehicle)
         advance(1)
         try:
-            learned = learn(log.columns, log.runs, model.braking, ground=ground, settings=settings)
+            learned = learn(
+                log.columns, log.runs, model.braking, ground=ground, settings=settings, beside=model
+            )
             advance(1)
             better = replace(model, braking=learned.braking)
         except ParameterError as error:
@@ -162,6 +164,7 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
             for s in c.suspects
         ],
         "warnings": list(c.warnings),
+        "objections": list(c.objections),
         "seconds": result.seconds,
     }  # fmt: skip
 
@@ -192,3 +195,5 @@ def show(result: CalibrateResult, console: Console) -> None:
         console.print(f"… and {len(c.suspects) - _LISTED} more stretches", style="yellow")
     for warning in c.warnings:
         console.print(f"note: {warning}", style="yellow")
+    for objection in c.objections:
+        console.print(f"of no use: {objection}", style="red")

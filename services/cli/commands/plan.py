@@ -137,7 +137,10 @@ def checked(
     else:
         plans, source = [plan_of_columns(driven(plan)) for plan in result.plans], "plan"
     reach = np.inf if clear is None else clear
-    found = check_all(plans, result.model, result.elevation_map, reach, source=source, quiet=quiet)
+    told = 0.5 if result.uncertainty is None else result.uncertainty.quantile
+    found = check_all(
+        plans, result.model, result.elevation_map, reach, source=source, quiet=quiet, quantile=told
+    )
     return dataclasses.replace(result, check=found)
 
 
