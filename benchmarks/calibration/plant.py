@@ -32,6 +32,8 @@ class Vehicle:
         late: standard deviation of the dead time [s].
         weak: share of the stops with `ratio` of the force.
         session: standard deviation of the force from session to session, a share of it.
+        level: share of the brakes at each stop of the log, full if empty. rolling: resistance that
+            stays when it is less [1].
     """
 
     name: str
@@ -44,6 +46,8 @@ class Vehicle:
     ratio: float = 0.7
     session: float = 0.0
     sessions: int = 1
+    level: tuple[float, ...] = ()
+    rolling: float = 0.0
     m_m: float = -0.03
     b_m: float = -0.35
     m_b: float = 0.015
@@ -90,6 +94,9 @@ def drive_log(
     delay = np.maximum(vehicle.delays(vehicle.stops, rng), 0.02)
     session = np.sort(rng.integers(0, vehicle.sessions, vehicle.stops))
     force = force * (1.0 + vehicle.session * rng.standard_normal(vehicle.sessions))[session]
+    if vehicle.level:
+        share = np.array(vehicle.level)
+        force = vehicle.rolling + share * (force - vehicle.rolling)
     parts: dict[str, list[NDArray[Any]]] = {}
     runs, begin, clock = [], 0, 0.0
     for i in range(vehicle.stops):

@@ -7,6 +7,7 @@ examples/recordings in its folder `stops`.
 from __future__ import annotations
 
 import argparse
+import itertools
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -44,7 +45,7 @@ def main() -> None:
         sessions = [[run] for run in runs]
         if name == "Husky":
             cuts = [len(runs) * k // _SIXTHS for k in range(_SIXTHS + 1)]
-            sessions = [runs[a:b] for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+            sessions = [runs[a:b] for a, b in itertools.pairwise(cuts)]
         held = leave_sessions_out(log.columns, sessions, known)
         _rows(name, held)
         learned = learn(log.columns, log.runs, known)

@@ -96,8 +96,8 @@ def allowed_distance(braking: Braking, record: StopRecord, quantile: float) -> f
         margin = margin + on.force_scatter**2 * np.outer(own, own)
         margin[3, 3] += on.force_std**2
         distance = stopping_distance(
-            record.samples.window.held_speed, on.dead_time + width * on.dead_time_std, own,
-            *record.path, width**2 * margin,
+            record.samples.window.held_speed, on.dead_time + width * on.dead_time_std,
+            record.at_level(own), *record.path, (record.applied * width) ** 2 * margin,
         )  # fmt: skip
         worst = max(worst, distance + on.distance_offset + record.by_effects)
     return worst

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from models.arrays import Floats
 from models.calibration.asymmetry import Asymmetry, asymmetry
+from models.calibration.brake_levels import BrakeLevels, at_full_level
 from models.calibration.brake_states import WeakState
 from models.calibration.effects_in_force import measured_beside
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
@@ -36,7 +37,7 @@ from models.calibration.surface_fit import (
 from models.parameters import Braking, Model
 from models.stop_logs.dead_time import DeadTime
 from models.stop_logs.drive_quality import Suspect, usable
-from models.stop_logs.find_stops import StopWindow
+from models.stop_logs.find_stops import StopSettings, StopWindow
 from models.stop_logs.ground_grade import Dive
 from models.stop_logs.measure import Measured, Slope
 from models.stop_logs.measured_log import MeasuredLog, measure_stops
@@ -59,6 +60,7 @@ class Calibration:
         speed_error: how well speeds are driven; None where the log does not tell.
         warnings: what a user has to know before trusting it, in sentences.
         objections: why it is of no use, in sentences; none where it is.
+        levels: how the force grows with the application; None where the log does not tell.
     """
 
     braking: Braking
@@ -71,6 +73,7 @@ class Calibration:
     speed_error: SpeedError | None
     warnings: tuple[str, ...]
     objections: tuple[str, ...] = ()
+    levels: BrakeLevels | None = None
 
     @property
     def verdicts(self) -> dict[str, int]:
@@ -106,6 +109,14 @@ def learn(
     measured, mount = log.measured, log.mount
     if beside is not None:
         measured = measured_beside(measured, beside, columns)
+    rolling = 0.0 if beside is None else beside.terrain.rolling_while_braking
+    measured, levels = at_full_level(measured, known, rolling)
+    if levels is None and any(
+        r.samples.window.level < wanted.stops.full_brake for r in measured.records
+    ):  # too few, or too alike, to tell what a part of the brakes is worth
+        stops = dataclasses.replace(wanted.stops, partial=False)
+        whole = dataclasses.replace(wanted, stops=stops)
+        return learn(columns, runs, known, ground=ground, settings=whole, beside=beside)
     surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
     warnings += _warnings(surfaces[0], mount, known)
     good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
@@ -113,11 +124,23 @@ def learn(
     braking = _braking(known, surfaces, measured.dead_time)
     if driven is not None:
         braking = dataclasses.replace(braking, speed_error=driven.value)
+    if levels is not None:
+        braking = dataclasses.replace(
+            braking, dead_band=levels.dead_band, saturation=levels.saturation
+        )
     return Calibration(
         braking, tuple(surfaces), log.windows, log.suspects,
         measured.dead_time, measured.dive, mount, driven, tuple(warnings),
-        objections(tuple(surfaces), measured.dead_time, wanted.coverage),
+        objections(tuple(surfaces), measured.dead_time, wanted.coverage), levels,
     )  # fmt: skip
+
+
+def with_learned(model: Model, learned: Calibration) -> Model:
+    """The model with what was learned; the rolling resistance of partial stops is the terrain's."""
+    terrain = model.terrain
+    if learned.levels is not None:
+        terrain = dataclasses.replace(terrain, braking_resistance=learned.levels.resistance)
+    return dataclasses.replace(model, braking=learned.braking, terrain=terrain)
 
 
 def measure_log(
@@ -144,7 +167,7 @@ def measure_log(
         m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
         return mount, lambda v: m_m * v + b_m
 
-    stops = (settings or CalibrationSettings()).stops
+    stops = StopSettings() if settings is None else settings.stops
     return measure_stops(
         columns, runs, lambda v: known.m_m * v + known.b_m, believed,
         ground=ground, settings=stops, fewest=fewest,

@@ -125,7 +125,11 @@ def bounds(
     return np.array(
         [
             stopping_distance(
-                r.samples.window.held_speed, late, c, *r.path, margins.matrix(c, width)
+                r.samples.window.held_speed,
+                late,
+                r.at_level(c),
+                *r.path,
+                r.applied**2 * margins.matrix(c, width),
             )
             + r.by_effects
             for r, c in zip(records, coefficients, strict=True)

@@ -62,7 +62,7 @@ class CalibrationSettings:
 
     coverage: float = 0.999
     fewest_per_surface: int = 12
-    stops: StopSettings = field(default_factory=StopSettings)
+    stops: StopSettings = field(default_factory=lambda: StopSettings(partial=True))
 
     def __post_init__(self) -> None:
         if not 0.5 <= self.coverage <= 0.9999:
@@ -228,7 +228,8 @@ def _predicted(
             without = without - gain * (float(regression.residuals[row[i]]) / (1.0 - leverage))
             kept = bool(regression.kept[row[i]])
         held = record.samples.window.held_speed
-        distance = stopping_distance(held, dead_time, without, *record.path) + record.by_effects
+        own = record.at_level(without)
+        distance = stopping_distance(held, dead_time, own, *record.path) + record.by_effects
         seen.append(
             dataclasses.replace(
                 record,
@@ -271,10 +272,11 @@ def _bounded(
 def _columns(records: Sequence[StopRecord], fit: ForceFit, bound: Floats) -> MeasuredStops:
     m_m, b_m = (float(c) for c in fit.coefficients[:2])
     speed, grade, force = (
-        np.array([getattr(r, n) for r in records]) for n in ("onset_speed", "grade", "force_ratio")
+        np.array([getattr(r, n) for r in records])
+        for n in ("onset_speed", "grade", "force_at_level")
     )
     distance = np.array([r.samples.distance for r in records])
-    own = np.array([own_distance(r, m_m * r.onset_speed + b_m) for r in records])
+    own = np.array([own_distance(r, r.applied * (m_m * r.onset_speed + b_m)) for r in records])
     return MeasuredStops(speed, grade, force, distance - own, distance - bound)
 
 

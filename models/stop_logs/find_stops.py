@@ -19,6 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import Bools, Floats
+from models.errors import ParameterError
+
+_FEWEST_AT_REST = 20
+_NOISE = 0.98  # quantile of the speeds read at rest
+_MOST_NOISE = 0.4  # of the slowest stop: a sensor that reads more at rest sees no standstill
+
+_HELD_ON = 0.85
+"""Share of the samples of a stop at one application; the rest is its building up."""
 
 TOLD = 0.01
 """A command of at most this is the stop command [m/s]."""
@@ -53,7 +61,10 @@ class StopSettings:
         fewest: samples between onset and standstill.
         longest: later standstills are not this stop's.
         settled: a speed below ``settled_speed`` for this long is standstill without a crossing.
-        settled_speed: of sensors that never read zero.
+        settled_speed: of sensors that never read zero; more where the log is noisier at rest.
+        at_rest: told to stand for longer, a vehicle does.
+        partial: stops at a part of the brakes that is held may be learned from.
+        uneven: how far an application may be from its median and still be held [1].
     """
 
     least_speed: float = 0.3
@@ -68,6 +79,17 @@ class StopSettings:
     longest: float = 30.0
     settled: float = 0.3
     settled_speed: float = 0.03
+    at_rest: float = 5.0
+    partial: bool = False
+    uneven: float = 0.06
+
+    def __post_init__(self) -> None:
+        for name in ("least_speed", "longest", "settled_speed", "turn_rate"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ParameterError(name, f"a finite number > 0, got {getattr(self, name):g}")
+        if not self.settled_speed < self.least_speed:
+            words = f"less than the least speed of {self.least_speed:g} m/s"
+            raise ParameterError("settled_speed", f"{words}, got {self.settled_speed:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +101,7 @@ class StopWindow:
             first sample at standstill (or the last of an unfinished stop), one behind the last.
         held_speed: mean speed just before the command [m/s].
         verdict, reason: whether it may be learned from; the reason adds numbers.
+        level: application of the brakes, as the log tells it.
     """
 
     begin: int
@@ -88,6 +111,7 @@ class StopWindow:
     held_speed: float
     verdict: Usability
     reason: str = ""
+    level: float = 1.0
 
     @property
     def usable(self) -> bool:
@@ -117,7 +141,7 @@ def find_stops(
     return [
         StopWindow(
             w.begin + offset, w.command + offset, w.standstill + offset, w.end + offset,
-            w.held_speed, w.verdict, w.reason,
+            w.held_speed, w.verdict, w.reason, w.level,
         )
         for w in search.windows()
     ]  # fmt: skip
@@ -130,6 +154,7 @@ class _Search:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
         self.part, self.good, self.settings = part, good, settings
         self.told = self.v_cmd <= TOLD
+        self.settled_speed = self._settled_speed()
 
     def windows(self) -> list[StopWindow]:
         starts = np.flatnonzero(self.told & ~np.concatenate(([True], self.told[:-1])))
@@ -141,6 +166,22 @@ class _Search:
             if held >= self.settings.least_speed:
                 found.append(self._window(i, held))
         return found
+
+    def _settled_speed(self) -> float:
+        """Speeds that a sensor of this run reads at rest: told to stand, and for long."""
+        s = self.settings
+        since = np.where(self.told, self.t, np.nan)
+        starts = np.flatnonzero(self.told & ~np.concatenate(([False], self.told[:-1])))
+        begins = (
+            self.t[starts][np.searchsorted(starts, np.arange(len(self.t)), "right") - 1]
+            if (len(starts))
+            else self.t
+        )
+        rest = self.good & (since - begins > s.at_rest)
+        if int(rest.sum()) < _FEWEST_AT_REST:
+            return s.settled_speed
+        floor = float(np.quantile(np.abs(self.v[rest]), _NOISE))
+        return min(max(floor, s.settled_speed), _MOST_NOISE * s.least_speed)
 
     def _samples(self, since: float, stop: int) -> slice:
         return slice(int(np.searchsorted(self.t, since - 1e-9)), stop)
@@ -164,13 +205,16 @@ class _Search:
             int(np.searchsorted(self.t, self.t[standstill] + s.after, side="right")), released
         )
         verdict, reason = self._verdict(begin, i, standstill, held)
-        return StopWindow(begin, i, standstill, max(end, standstill + 1), held, verdict, reason)
+        return StopWindow(
+            begin, i, standstill, max(end, standstill + 1), held, verdict, reason,
+            self._level(slice(i, standstill + 1))[0],
+        )  # fmt: skip
 
     def _standstill(self, i: int, stop: int) -> int | None:
         """First sample at zero or below, or the first of a settled stretch."""
         v, good = self.v[i:stop], self.good[i:stop]
         crossed = np.flatnonzero(good & (v <= 0.0))
-        slow = good & (v <= self.settings.settled_speed)
+        slow = good & (v <= self.settled_speed)
         edges = np.flatnonzero(np.diff(np.concatenate(([0], slow.astype(np.int8), [0]))))
         candidates = [int(crossed[0])] if len(crossed) else []
         for a, b in zip(edges[::2], edges[1::2], strict=True):
@@ -178,6 +222,18 @@ class _Search:
                 candidates.append(int(a))
                 break
         return i + min(candidates) if candidates else None
+
+    def _level(self, braking: slice) -> tuple[float, bool]:
+        """Application of the brakes, and whether it is held; full where the log does not tell."""
+        if "brake" not in self.part:
+            return 1.0, True
+        brake = self.part["brake"][braking]
+        brake = brake[np.isfinite(brake) & (brake > 0.0)]
+        if not len(brake):
+            return 1.0, True
+        level = float(np.median(brake))
+        near = np.abs(brake - level) <= self.settings.uneven
+        return level, bool(np.mean(near) >= _HELD_ON)
 
     def _verdict(self, begin: int, i: int, standstill: int, held: float) -> tuple[Usability, str]:
         s = self.settings
@@ -199,11 +255,10 @@ class _Search:
             mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
             if mean > s.turn_rate:
                 return Usability.TURNING, f"mean yaw rate {mean:.2f} rad/s"
-        if "brake" in self.part:
-            brake = self.part["brake"][braking]
-            brake = brake[np.isfinite(brake) & (brake > 0.0)]
-            if len(brake) and float(np.median(brake)) < s.full_brake:
-                return Usability.PARTIAL, f"brakes applied to {float(np.median(brake)):.0%}"
+        level, held_on = self._level(braking)
+        if level < s.full_brake and not (s.partial and held_on):
+            words = "" if held_on else ", and not held there"
+            return Usability.PARTIAL, f"brakes applied to {level:.0%}{words}"
         falling = np.flatnonzero(self.v[braking] > 0.9 * held)
         onset = int(falling[-1]) if len(falling) else 0
         if standstill - i - onset < s.fewest:

@@ -66,7 +66,7 @@ def surface_table(
     lockup = frictions(model, uncertainty)
     for row, name in zip(table, names, strict=True):
         braking = braking_on(model, name)
-        level, resistance = braking.level, model.terrain.rolling_while_braking
+        level, resistance = braking.share_at(), model.terrain.rolling_while_braking
         up = braking.uphill or braking
         row[M_M : OFFSET + 1] = (
             scale * level * braking.m_m,

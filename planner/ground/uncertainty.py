@@ -59,15 +59,16 @@ class Uncertainty:
         in proportion to the force, r φᵀ β, adds r² β βᵀ.
         """
         learned = np.zeros((4, 4)) if braking.covariance is None else np.array(braking.covariance)
-        learned = learned * braking.level**2
+        applied = braking.share_at()
+        learned = learned * applied**2
         learned[3, 3] += braking.force_std**2 + self.drift**2 * self.age / HOUR
         # Where the slope coefficients differ uphill, the sum of both is above either.
-        shared = braking.level * braking.force_scatter
+        shared = applied * braking.force_scatter
         slopes = [(braking.m_m, braking.b_m)]
         if braking.uphill is not None:
             slopes.append((braking.uphill.m_m, braking.uphill.b_m))
         for m_m, b_m in slopes:
-            change = np.array([0.0, 0.0, braking.level * m_m, 1.0 + braking.level * b_m])
+            change = np.array([0.0, 0.0, applied * m_m, 1.0 + applied * b_m])
             force = shared * np.array([m_m, b_m, braking.m_b, braking.b_b])
             learned = learned + self.slope_std**2 * np.outer(change, change)
             learned = learned + np.outer(force, force)

@@ -124,8 +124,10 @@ def _force_of(table: Braking, model: Model, grade: Floats, scale: float) -> tupl
     uphill = grade > 0.0
     slope = np.where(uphill, up.m_m, table.m_m) * grade + table.m_b
     intercept = np.where(uphill, up.b_m, table.b_m) * grade + table.b_b
-    rolls = (1.0 - table.level) * model.terrain.motion_resistance
-    return scale * table.level * slope, scale * (table.level * intercept + rolls)
+    level = (table.level - table.dead_band) / (table.saturation - table.dead_band)
+    level = min(max(level, 0.0), 1.0)
+    rolls = (1.0 - level) * model.terrain.rolling_while_braking
+    return scale * level * slope, scale * (level * intercept + rolls)
 
 
 def _doubt_of(table: Braking, grade: Floats) -> Floats:
@@ -140,7 +142,7 @@ def _doubt_of(table: Braking, grade: Floats) -> Floats:
     for m_m, b_m in sides:
         own = table.force_scatter * np.array([m_m, b_m, table.m_b, table.b_b])
         c = c + np.outer(own, own)
-    c = c * table.level**2
+    c = c * table.share_at() ** 2
     c[3, 3] += table.force_std**2
     square = (c[0, 0] * grade + 2.0 * c[0, 2]) * grade + c[2, 2]
     double = (c[0, 1] * grade + c[0, 3] + c[1, 2]) * grade + c[2, 3]

@@ -19,7 +19,9 @@ from services.cli.arguments.options import (
     FalseAlarm,
     GroundMap,
     HorizonPenalty,
+    LeastSpeed,
     LogFiles,
+    LongestStop,
     MapFile,
     MarginEnough,
     MarginWeight,
@@ -28,10 +30,12 @@ from services.cli.arguments.options import (
     Quantile,
     Report,
     Seed,
+    SettledSpeed,
     Smooth,
     Spacing,
     StartSpeed,
     Topics,
+    TurnRate,
     say,
 )
 
@@ -185,6 +189,10 @@ class CalibrateOptions:
     map_file: GroundMap = None
     topics: Topics = None
     coverage: Coverage = 0.999
+    least_speed: LeastSpeed = 0.3
+    longest: LongestStop = 30.0
+    settled_speed: SettledSpeed = 0.03
+    turn_rate: TurnRate = 0.35
     as_json: AsJson = False
 
 
@@ -196,7 +204,8 @@ def calibrate(options: CalibrateOptions) -> None:
     Finds the stops, measures force and dead time of each on the ground under it, fits all of them
     together, and learns how they scatter: margins of force and dead time, and what is left as a
     constant. Suspect stretches are left out and named. Named effects of the model stay in force.
-    Status 3: the result is written, but of no use, and why is said.
+    Status 3: the result is written, but of no use, and why is said. --stops has a row for every
+    stop that was found, with the reason where it was left out, also where the command refuses.
 
     [bold]Example[/]  slopewise calibrate drive.csv --model atv --out mine.toml --report stops.html
     """

@@ -83,6 +83,19 @@ GroundMap = Annotated[
 Coverage = Annotated[
     float, typer.Option(help="Share of stops like those of the log that margins have to cover.")
 ]
+LeastSpeed = Annotated[
+    float, typer.Option(metavar="M/S", help="Slower vehicles have nothing to stop.")
+]
+LongestStop = Annotated[
+    float, typer.Option(metavar="SECONDS", help="Later standstills are not of this stop.")
+]
+SettledSpeed = Annotated[
+    float,
+    typer.Option(metavar="M/S", help="Standstill of sensors that never read 0, at least."),
+]
+TurnRate = Annotated[
+    float, typer.Option(metavar="RAD/S", help="Mean yaw rate from which a stop is a turn.")
+]
 Topics = Annotated[
     Path | None,
     typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),

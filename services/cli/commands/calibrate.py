@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from models.calibration.learn import Calibration, learn
+from models.calibration.learn import Calibration, learn, with_learned
 from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Model
+from models.stop_logs.drive_quality import find_suspects, usable
+from models.stop_logs.find_stops import StopSettings, find_stops
 from models.stop_logs.stop_record import StopRecord
 from services.cli.arguments.files import CalibrateOptions
 from services.cli.commands.calibration_rows import ROWS, speed_words, surface_json
@@ -60,8 +62,10 @@ def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
                 log.columns, log.runs, model.braking, ground=ground, settings=settings, beside=model
             )
             advance(1)
-            better = replace(model, braking=learned.braking)
+            better = with_learned(model, learned)
         except ParameterError as error:
+            if job.stops is not None:
+                _write_refused(log, settings, job.stops)
             raise fault(names_of(job.logs), error.field, f"expected {error.expected}") from None
         advance(1)
     return CalibrateResult(learned, better, log, time.perf_counter() - begin)
@@ -69,14 +73,34 @@ def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
 
 def _settings(job: CalibrateOptions) -> CalibrationSettings:
     try:
-        return CalibrationSettings(coverage=job.coverage)
+        stops = StopSettings(
+            partial=True, least_speed=job.least_speed, longest=job.longest,
+            settled_speed=job.settled_speed, turn_rate=job.turn_rate,
+        )  # fmt: skip
+        return CalibrationSettings(coverage=job.coverage, stops=stops)
     except ParameterError as error:
-        raise fault("--coverage", "", f"expected {error.expected}") from None
+        option = f"--{error.field.replace('_', '-')}"
+        raise fault(option, "", f"expected {error.expected}") from None
 
 
 def write_learned_model(result: CalibrateResult, path: Path) -> None:
     """The model file with what was learned, all or nothing."""
     write_model(result.model, path)
+
+
+def _write_refused(log: DriveLog, settings: CalibrationSettings, path: Path) -> None:
+    """What was found, and why it was not enough: a row a stop."""
+    good = usable(len(log.columns["t"]), find_suspects(log.columns, log.runs), ["v", "v_cmd"])
+    windows = [w for run in log.runs for w in find_stops(log.columns, run, good, settings.stops)]
+    at = [w.command for w in windows]
+    columns: dict[str, Any] = {
+        "run": [str(log.columns["run"][i]) for i in at],
+        "t": np.array([log.columns["t"][i] for i in at], np.float64),
+        "verdict": [w.verdict.name.lower() for w in windows],
+        "reason": [w.reason or w.verdict.value for w in windows],
+        "speed": np.array([w.held_speed for w in windows], np.float64),
+    }
+    write_csv(columns, path)
 
 
 def write_stops(result: CalibrateResult, path: Path) -> None:
@@ -163,6 +187,7 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
             }
             for s in c.suspects
         ],
+        "levels": None if c.levels is None else asdict(c.levels),
         "warnings": list(c.warnings),
         "objections": list(c.objections),
         "seconds": result.seconds,
@@ -186,6 +211,11 @@ def show(result: CalibrateResult, console: Console) -> None:
     )
     console.print(f"{dead} · {dive} · mount offset {known}")
     console.print(speed_words(c.speed_error))
+    if c.levels is not None:
+        console.print(
+            f"brakes act from {c.levels.dead_band:.0%} of their application on and are at their "
+            f"full force from {c.levels.saturation:.0%} ({c.levels.stops} stops in between)"
+        )
     kinds = ", ".join(f"{n} {name}" for name, n in c.verdicts.items())
     console.print(f"stops found: {len(c.windows)} – {kinds}")
     for suspect in c.suspects[:_LISTED]:
