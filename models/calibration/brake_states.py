@@ -37,7 +37,7 @@ _BORROWED = 6.0  # stops that the width of the others counts for
 
 
 @dataclass(frozen=True, slots=True)
-class WeakState:
+class WeakerState:
     """A state in which the brakes are weaker.
 
     Attributes:
@@ -52,7 +52,7 @@ class WeakState:
     scatter: float
 
 
-def weak_members(share: Floats, noise: Floats) -> Bools:
+def weaker_members(share: Floats, noise: Floats) -> Bools:
     """(n,) stops that are in a weak state of their own; none where there is no such state.
 
     Args:
@@ -104,7 +104,7 @@ def _one(share: Floats, noise: Floats) -> float:
     )
 
 
-def weak_state(share: Floats, noise: Floats, members: Bools, usual: float) -> WeakState:
+def weaker_state(share: Floats, noise: Floats, members: Bools, usual: float) -> WeakerState:
     """The state that some stops were in.
 
     Args:
@@ -125,4 +125,4 @@ def weak_state(share: Floats, noise: Floats, members: Bools, usual: float) -> We
         max(float(stats.norm.ppf(1.0 - min((1.0 - q) / most, 0.5)) / stats.norm.ppf(q)), 0.0)
         for q in QUANTILES
     ]
-    return WeakState(members, ratio, error, max(widths) * float(spread) / max(ratio, _LEAST))
+    return WeakerState(members, ratio, error, max(widths) * float(spread) / max(ratio, _LEAST))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from models.arrays import Floats
 from models.calibration.asymmetry import Asymmetry, asymmetry
 from models.calibration.brake_levels import BrakeLevels, at_full_level
-from models.calibration.brake_states import WeakState
+from models.calibration.brake_states import WeakerState
 from models.calibration.effects_in_force import measured_beside
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
 from models.calibration.plausible import objections
@@ -204,7 +204,7 @@ def state_name(surface: str, taken: Container[str]) -> str:
     return name
 
 
-def _state_values(surface: SurfaceFit, state: WeakState) -> dict[str, Any]:
+def _state_values(surface: SurfaceFit, state: WeakerState) -> dict[str, Any]:
     weaker = state_margins(surface.margins, state, surface.fit.coefficients)
     values = _coefficients(state.ratio * surface.fit.coefficients, weaker)
     return values | {k: v for k, v in _values(surface).items() if k not in values}
@@ -248,7 +248,7 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
     weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
     if weak:
         said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
-    out = [r for r in base.records if not r.kept and not r.in_weak_state]
+    out = [r for r in base.records if not r.kept and not r.in_weaker_state]
     if out:
         worst = max(r.samples.distance - r.predicted_distance for r in out)
         said.append(

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from models.arrays import Bools, Floats
-from models.calibration.brake_states import WeakState, weak_members, weak_state
+from models.calibration.brake_states import WeakerState, weaker_members, weaker_state
 from models.calibration.force_fit import (
     ForceFit,
     design,
@@ -88,7 +88,7 @@ class SurfaceFit:
     fit: ForceFit
     records: tuple[StopRecord, ...]
     margins: Margins
-    state: WeakState | None
+    state: WeakerState | None
     distance_offset: float
     time_offset: float
     speed_range: tuple[float, float]
@@ -184,7 +184,7 @@ def _weak(records: Sequence[StopRecord], measured: Measured, known: Braking) -> 
         rest = [r for r, out in zip(records, weak.tolist(), strict=True) if not out]
         fit = fit_records(rest, measured, known)
         share, noise = _shares(records, fit)
-        again = weak_members(share, noise)
+        again = weaker_members(share, noise)
         if (again == weak).all():
             break
         weak = again
@@ -201,7 +201,7 @@ def _shares(records: Sequence[StopRecord], fit: ForceFit) -> tuple[Floats, Float
 
 def _state(
     records: Sequence[StopRecord], fit: ForceFit, weak: Bools, margins: Margins
-) -> WeakState:
+) -> WeakerState:
     share, noise = _shares(records, fit)
     usual = margins.force.law.typical
     if margins.force.relative > 0.0:
@@ -209,7 +209,7 @@ def _state(
     else:
         force = [r.force_ratio for r, out in zip(records, weak.tolist(), strict=True) if not out]
         usual /= max(float(np.median(force)), _LEAST_FORCE)
-    return weak_state(share, noise, weak, usual)
+    return weaker_state(share, noise, weak, usual)
 
 
 def _predicted(
@@ -234,7 +234,7 @@ def _predicted(
             dataclasses.replace(
                 record,
                 kept=kept,
-                in_weak_state=bool(weak[i]),
+                in_weaker_state=bool(weak[i]),
                 predicted_distance=distance,
                 predicted_time=stopping_time(held, dead_time, distance),
                 without=without,
@@ -244,7 +244,7 @@ def _predicted(
 
 
 def _bounded(
-    records: Sequence[StopRecord], fit: ForceFit, margins: Margins, state: WeakState | None,
+    records: Sequence[StopRecord], fit: ForceFit, margins: Margins, state: WeakerState | None,
     dead_time: float, settings: CalibrationSettings,
 ) -> tuple[float, list[StopRecord]]:  # fmt: skip
     """The constant beside all other margins, and the stops with what a plan allows for them.
@@ -280,7 +280,7 @@ def _columns(records: Sequence[StopRecord], fit: ForceFit, bound: Floats) -> Mea
     return MeasuredStops(speed, grade, force, distance - own, distance - bound)
 
 
-def state_margins(margins: Margins, state: WeakState, coefficients: Floats) -> Margins:
+def state_margins(margins: Margins, state: WeakerState, coefficients: Floats) -> Margins:
     """Those of a weaker state: its own scatter, and what is not known of its share."""
     covariance = state.ratio**2 * margins.covariance
     covariance = covariance + state.ratio_std**2 * np.outer(coefficients, coefficients)

@@ -66,7 +66,7 @@ class StopRecord:
             rolling, which stays when it is less [1].
         by_effects: by how much they make the stop longer [m].
         kept: False if it fits no other stop and the coefficients do not rest on it.
-        in_weak_state: it fits no other stop but those of a weaker state of the brakes.
+        in_weaker_state: it fits no other stop but those of a weaker state of the brakes.
         predicted_distance, predicted_time: by a fit without this stop, without safety offsets
             [m], [s]; inf if the model does not stop here.
         without: (4,) coefficients of the fit that has not seen it.
@@ -89,7 +89,7 @@ class StopRecord:
     predicted_distance: float = np.nan
     predicted_time: float = np.nan
     bound_distance: float = np.nan
-    in_weak_state: bool = False
+    in_weaker_state: bool = False
     without: Floats | None = None
 
     def at_level(self, coefficients: Floats) -> Floats:

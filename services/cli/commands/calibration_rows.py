@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from models.calibration.brake_states import WeakState
+from models.calibration.brake_states import WeakerState
 from models.calibration.force_fit import NAMES
 from models.calibration.speed_error import SpeedError
 from models.calibration.surface_fit import SurfaceFit
@@ -53,7 +53,7 @@ def surface_json(s: SurfaceFit) -> dict[str, Any]:
     }
 
 
-def _state_json(state: WeakState | None) -> dict[str, float] | None:
+def _state_json(state: WeakerState | None) -> dict[str, float] | None:
     if state is None:
         return None
     return {

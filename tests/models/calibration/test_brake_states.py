@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.calibration.margins import bound, hold
 from benchmarks.calibration.plant import Vehicle, conditions, distances, drive_log
-from models.calibration.brake_states import weak_members, weak_state
+from models.calibration.brake_states import weaker_members, weaker_state
 from models.calibration.learn import learn
 from services.io.model_file import model_from_dict, model_to_dict
 from tests.models.models_for_tests import BASE
@@ -26,9 +26,9 @@ def shares(count: int, weak: int, ratio: float, scatter: float, seed: int) -> np
 def test_stops_that_are_weak_alike_are_found(weak: int, ratio: float) -> None:
     share = shares(100, weak, ratio, 0.03, weak)
     noise = np.full(100, 0.005)
-    members = weak_members(share, noise)
+    members = weaker_members(share, noise)
     assert members.tolist() == [True] * weak + [False] * (100 - weak)
-    state = weak_state(share, noise, members, 0.03)
+    state = weaker_state(share, noise, members, 0.03)
     assert state.ratio == pytest.approx(ratio, abs=0.04)
     assert abs(state.ratio - ratio) < 3.0 * state.ratio_std
 
@@ -39,7 +39,7 @@ def test_no_state_is_seen_where_there_is_none(freedom: int) -> None:
     seen = 0
     for _ in range(30):
         draw = rng.standard_t(freedom, 100) if freedom else rng.standard_normal(100)
-        seen += bool(weak_members(0.03 * draw, np.full(100, 0.005)).any())
+        seen += bool(weaker_members(0.03 * draw, np.full(100, 0.005)).any())
     assert seen <= 1
 
 
@@ -49,9 +49,9 @@ def test_few_stops_unlike_each_other_make_a_wider_state() -> None:
     one[0], unlike[:2] = -0.3, (-0.2, -0.4)
     first, both = np.zeros(60, bool), np.zeros(60, bool)
     first[0], both[:2] = True, True
-    assert weak_state(one, noise, first, 0.02).ratio == pytest.approx(0.7, abs=1e-9)
-    told = weak_state(unlike, noise, both, 0.02)
-    assert told.scatter > weak_state(one, noise, first, 0.02).scatter
+    assert weaker_state(one, noise, first, 0.02).ratio == pytest.approx(0.7, abs=1e-9)
+    told = weaker_state(unlike, noise, both, 0.02)
+    assert told.scatter > weaker_state(one, noise, first, 0.02).scatter
     assert told.ratio_std > 0.0
 
 
