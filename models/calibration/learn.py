@@ -23,6 +23,7 @@ from models.calibration.brake_levels import BrakeLevels, at_full_level
 from models.calibration.brake_states import WeakerState
 from models.calibration.effects_in_force import measured_beside
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
+from models.calibration.hull import extrapolated_corners
 from models.calibration.plausible import objections
 from models.calibration.speed_error import SpeedError, speed_error
 from models.calibration.stop_margins import Margins
@@ -248,6 +249,7 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
     weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
     if weak:
         said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
+    said += _corners(base)
     out = [r for r in base.records if not r.kept and not r.in_weaker_state]
     if out:
         worst = max(r.samples.distance - r.predicted_distance for r in out)
@@ -262,6 +264,19 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
             "nobody can foresee it, plans take the worse of the two"
         )
     return said
+
+
+def _corners(base: SurfaceFit) -> list[str]:
+    """Corners of the trained rectangle that the stops do not reach, in a sentence."""
+    kept = [r for r in base.records if r.kept]
+    corners = extrapolated_corners(
+        np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept]), base.fit
+    )
+    told = ", ".join(
+        f"{c.speed:.1f} m/s at {np.rad2deg(c.grade):+.0f}° (force {c.force:.2f} ± {c.std:.2f})"
+        for c in corners
+    )
+    return [f"no stop was near {told}: there the model extrapolates"] if corners else []
 
 
 def _asymmetry(base: SurfaceFit) -> Asymmetry | None:

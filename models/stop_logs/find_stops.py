@@ -20,13 +20,7 @@ from numpy.typing import NDArray
 
 from models.arrays import Bools, Floats
 from models.errors import ParameterError
-
-_FEWEST_AT_REST = 20
-_NOISE = 0.98  # quantile of the speeds read at rest
-_MOST_NOISE = 0.4  # of the slowest stop: a sensor that reads more at rest sees no standstill
-
-_HELD_ON = 0.85
-"""Share of the samples of a stop at one application; the rest is its building up."""
+from models.stop_logs.stop_channels import application, settled_speed
 
 TOLD = 0.01
 """A command of at most this is the stop command [m/s]."""
@@ -62,7 +56,6 @@ class StopSettings:
         longest: later standstills are not this stop's.
         settled: a speed below ``settled_speed`` for this long is standstill without a crossing.
         settled_speed: of sensors that never read zero; more where the log is noisier at rest.
-        at_rest: told to stand for longer, a vehicle does.
         partial: stops at a part of the brakes that is held may be learned from.
         uneven: how far an application may be from its median and still be held [1].
     """
@@ -79,7 +72,6 @@ class StopSettings:
     longest: float = 30.0
     settled: float = 0.3
     settled_speed: float = 0.03
-    at_rest: float = 5.0
     partial: bool = False
     uneven: float = 0.06
 
@@ -154,7 +146,9 @@ class _Search:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
         self.part, self.good, self.settings = part, good, settings
         self.told = self.v_cmd <= TOLD
-        self.settled_speed = self._settled_speed()
+        self.settled_speed = settled_speed(
+            self.t, self.v, self.told, good, settings.settled_speed, settings.least_speed
+        )
 
     def windows(self) -> list[StopWindow]:
         starts = np.flatnonzero(self.told & ~np.concatenate(([True], self.told[:-1])))
@@ -166,22 +160,6 @@ class _Search:
             if held >= self.settings.least_speed:
                 found.append(self._window(i, held))
         return found
-
-    def _settled_speed(self) -> float:
-        """Speeds that a sensor of this run reads at rest: told to stand, and for long."""
-        s = self.settings
-        since = np.where(self.told, self.t, np.nan)
-        starts = np.flatnonzero(self.told & ~np.concatenate(([False], self.told[:-1])))
-        begins = (
-            self.t[starts][np.searchsorted(starts, np.arange(len(self.t)), "right") - 1]
-            if (len(starts))
-            else self.t
-        )
-        rest = self.good & (since - begins > s.at_rest)
-        if int(rest.sum()) < _FEWEST_AT_REST:
-            return s.settled_speed
-        floor = float(np.quantile(np.abs(self.v[rest]), _NOISE))
-        return min(max(floor, s.settled_speed), _MOST_NOISE * s.least_speed)
 
     def _samples(self, since: float, stop: int) -> slice:
         return slice(int(np.searchsorted(self.t, since - 1e-9)), stop)
@@ -207,7 +185,7 @@ class _Search:
         verdict, reason = self._verdict(begin, i, standstill, held)
         return StopWindow(
             begin, i, standstill, max(end, standstill + 1), held, verdict, reason,
-            self._level(slice(i, standstill + 1))[0],
+            application(self._brake(slice(i, standstill + 1)), s.uneven)[0],
         )  # fmt: skip
 
     def _standstill(self, i: int, stop: int) -> int | None:
@@ -223,17 +201,8 @@ class _Search:
                 break
         return i + min(candidates) if candidates else None
 
-    def _level(self, braking: slice) -> tuple[float, bool]:
-        """Application of the brakes, and whether it is held; full where the log does not tell."""
-        if "brake" not in self.part:
-            return 1.0, True
-        brake = self.part["brake"][braking]
-        brake = brake[np.isfinite(brake) & (brake > 0.0)]
-        if not len(brake):
-            return 1.0, True
-        level = float(np.median(brake))
-        near = np.abs(brake - level) <= self.settings.uneven
-        return level, bool(np.mean(near) >= _HELD_ON)
+    def _brake(self, braking: slice) -> Floats | None:
+        return self.part["brake"][braking] if "brake" in self.part else None
 
     def _verdict(self, begin: int, i: int, standstill: int, held: float) -> tuple[Usability, str]:
         s = self.settings
@@ -255,7 +224,7 @@ class _Search:
             mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
             if mean > s.turn_rate:
                 return Usability.TURNING, f"mean yaw rate {mean:.2f} rad/s"
-        level, held_on = self._level(braking)
+        level, held_on = application(self._brake(braking), s.uneven)
         if level < s.full_brake and not (s.partial and held_on):
             words = "" if held_on else ", and not held there"
             return Usability.PARTIAL, f"brakes applied to {level:.0%}{words}"
