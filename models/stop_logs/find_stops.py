@@ -77,8 +77,9 @@ class StopSettings:
 
     def __post_init__(self) -> None:
         for name in ("least_speed", "longest", "settled_speed", "turn_rate"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise ParameterError(name, f"a finite number > 0, got {getattr(self, name):g}")
+            value = getattr(self, name)
+            if not value > 0.0 or (value == np.inf and name != "turn_rate"):
+                raise ParameterError(name, f"a finite number > 0, got {value:g}")
         if not self.settled_speed < self.least_speed:
             words = f"less than the least speed of {self.least_speed:g} m/s"
             raise ParameterError("settled_speed", f"{words}, got {self.settled_speed:g}")
