@@ -31,8 +31,7 @@ from models.stop_logs.stop_record import StopRecord
 from models.stops.simulation import GroundTrack, SimulatedStop, simulate_stop
 
 _PASSES = 3
-_STEP = 0.01  # [s] between samples of a simulated stop
-_BEFORE, _AFTER = 0.5, 0.2  # [s] around it
+_AFTER = 0.2  # [s] that a simulated stop goes on standing
 _CLEAR = 0.02  # [1] by which the force is moved to see whether the stop shows it
 _HIDDEN = 0.3  # share of a change of force that a stop shows, from which it tells nothing
 _NO_WORD = 1.0  # [1] standard deviation of a force that is hidden
@@ -74,7 +73,7 @@ def measured_beside(
                 wanted = record.force_ratio - knee.force_ratio
                 force[i] = max(force[i] + np.clip(wanted, -_LARGEST_STEP, _LARGEST_STEP), _LEAST)
         if not last:
-            dead = max(measured.dead_time.value - float(np.median(shift)), 0.0)
+            dead = max(measured.dead_time.value - float(np.mean(shift)), 0.0)
     records = tuple(
         dataclasses.replace(
             r, force_ratio=float(f), onset_shift=float(s), by_effects=float(e),
@@ -144,7 +143,10 @@ def _simulated(
     if not stop.stopped:
         return stop, None
     end = float(stop.time[-1])
-    time = np.arange(-_BEFORE, end + _AFTER, _STEP)
+    # Sampled as the stop was: what a knee makes of a gradual beginning depends on that.
+    own = record.samples.time
+    step = float(np.median(np.diff(own)))
+    time = np.arange(float(own[0]), end + _AFTER, step)
     speed = np.where(time < 0.0, held, stop.speed_at(np.maximum(time, 0.0)))
     along = np.interp(np.maximum(time, 0.0), stop.time, stop.station)
     grade = np.interp(along, track.station, track.grade)
