@@ -15,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.calibration.plant import Vehicle, conditions, distances, drive_log
 from models.arrays import Floats
 from models.calibration.learn import Calibration, learn
 from models.parameters import Braking
 from planner.ground.uncertainty import Uncertainty
+
+from .plant import Vehicle, conditions, distances, drive_log
 
 VEHICLES = (
     Vehicle(name="exact", stops=60, scatter=0.0),

@@ -1,4 +1,4 @@
-"""Sessions left out of real recordings. `python -m benchmarks.calibration.recordings DATA`
+"""Sessions left out of real recordings. `python -m examples.recordings.sessions_left_out DATA`
 
 Each session is predicted by what all others taught; DATA holds the recordings of
 examples/recordings in its folder `stops`.
