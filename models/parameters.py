@@ -58,7 +58,11 @@ class Braking:
     force_std: float = quantity(
         "1", "Scatter of F_b/W from stop to stop that the model leaves.", default=0.0, at_least=0.0
     )
-    dead_time_std: float = quantity("s", "Likewise of the dead time.", default=0.0, at_least=0.0)
+    force_scatter: float = quantity(
+        "1", "The part of that scatter that is in proportion, as a share of F_b/W.", default=0.0,
+        at_least=0.0,
+    )  # fmt: skip
+    dead_time_std: float = quantity("s", "Scatter of the dead time.", default=0.0, at_least=0.0)
     speed_error: float = quantity(
         "m/s", "Standard deviation of the driven speed around the planned one.", default=0.0,
         at_least=0.0, at_most=5.0,
@@ -69,6 +73,13 @@ class Braking:
     )
     level: float = quantity(
         "1", "Share of full brake application.", default=1.0, above=0.0, at_most=1.0
+    )
+    dead_band: float = quantity(
+        "1", "Application up to which the brakes do nothing.", default=0.0, at_least=0.0,
+        at_most=0.9,
+    )  # fmt: skip
+    saturation: float = quantity(
+        "1", "Application from which they do all they can.", default=1.0, above=0.0, at_most=1.0
     )
     uphill: UphillBraking | None = None
     extrapolate: bool = False
@@ -89,6 +100,9 @@ class Braking:
         if self.speed_range[0] < 0.0:
             raise ParameterError("speed_range", f"speeds >= 0, got {self.speed_range[0]:g}")
         validate_covariance("covariance", self.covariance, 4)
+        if not self.dead_band < self.saturation:
+            words = f"more than the dead band of {self.dead_band:g}, got {self.saturation:g}"
+            raise ParameterError("saturation", words)
         if not self.level_force(self.speed_range[0]) > 0.0:
             raise ParameterError(
                 "b_b", "brakes that slow the vehicle on level ground, m_b v + b_b > 0"
@@ -99,6 +113,10 @@ class Braking:
                 self.on(name)
             except ParameterError as error:
                 raise ParameterError(f"terrain.{name}.{error.field}", error.expected) from None
+            of = self.terrain[name].state_of
+            if of and (of not in self.terrain or of == name):
+                words = f'"" for the base or another surface of the file, got "{of}"'
+                raise ParameterError(f"terrain.{name}.state_of", words)
 
     @property
     def trained_roll(self) -> tuple[float, float]:
@@ -111,6 +129,19 @@ class Braking:
     def level_force(self, onset_speed: float) -> float:
         """F_b/W on level ground, without brake level or effects."""
         return self.m_b * onset_speed + self.b_b
+
+    def share_at(self, level: float | None = None) -> float:
+        """Share of what the brakes can do at an application, that of the file if left out.
+
+        Linear between dead band and saturation.
+        """
+        applied = self.level if level is None else level
+        share = (applied - self.dead_band) / (self.saturation - self.dead_band)
+        return min(max(share, 0.0), 1.0)
+
+    def states_of(self, surface: str) -> tuple[str, ...]:
+        """Names of the states that a surface may turn out to be in; "" is the base."""
+        return tuple(n for n, table in self.terrain.items() if table.state_of == surface)
 
     def on(self, surface: str) -> Braking:
         """The braking model on a named surface; one without a table of its own is the base."""

@@ -28,6 +28,9 @@ class SurfaceBraking:
         covariance, speed_range, grade_range, roll_range, uphill: See [braking].
         class_id: number by which a map calls the surface; left out, its place among the tables,
             counted from 1.
+        state_of: the surface of which this is no ground of its own but a state of the brakes that
+            nobody can foresee, "" for the base; wherever a plan takes the one, it takes the worse
+            of the two.
     """
 
     m_m: float | None = quantity("s/m", "See [braking].", default=None)
@@ -38,6 +41,7 @@ class SurfaceBraking:
     distance_offset: float | None = quantity("m", "See [braking].", default=None, at_least=0.0)
     time_offset: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
     force_std: float | None = quantity("1", "See [braking].", default=None, at_least=0.0)
+    force_scatter: float | None = quantity("1", "See [braking].", default=None, at_least=0.0)
     dead_time_std: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
     covariance: Matrix | None = None
     speed_range: tuple[float, float] | None = None
@@ -46,6 +50,7 @@ class SurfaceBraking:
     sliding_friction: float | None = quantity("1", "See [braking].", default=None, above=0.0)
     uphill: UphillBraking | None = None
     class_id: int | None = None
+    state_of: str | None = None
 
     def __post_init__(self) -> None:
         validate_quantities(self)
@@ -54,5 +59,5 @@ class SurfaceBraking:
     def given(self) -> dict[str, Any]:
         """What differs, by the keys of ``[braking]``."""
         values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        del values["class_id"]
+        del values["class_id"], values["state_of"]
         return {name: value for name, value in values.items() if value is not None}

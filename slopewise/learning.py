@@ -39,7 +39,9 @@ def calibrate(
     """
     refuse_wrong_units(log)
     ground = grade_by_map(log, None if map_file is None else Path(map_file), model.vehicle)
-    return learn(log.columns, log.runs, model.braking, ground=ground, settings=settings)
+    return learn(
+        log.columns, log.runs, model.braking, ground=ground, settings=settings, beside=model
+    )
 
 
 def find_discrepancies(

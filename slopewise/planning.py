@@ -9,7 +9,7 @@ import numpy as np
 from models.errors import ParameterError
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
+from planner.ground.uncertainty import QUANTILE, Uncertainty
 from planner.path import CandidatePath
 from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank
@@ -27,7 +27,7 @@ def plan(
     *,
     start_speed: float = 0.0,
     clear: float = np.inf,
-    quantile: float | None = None,
+    quantile: float | None = QUANTILE,
     settings: PlannerSettings | None = None,
 ) -> list[SpeedPlan]:
     """A checked speed plan for every candidate path, best first.
@@ -38,8 +38,8 @@ def plan(
         paths: candidates; a malformed one raises, an undrivable one gets a status.
         start_speed: speed at the first station [m/s].
         clear: station up to which the way is known free, counted from the first point [m].
-        quantile: of what the model leaves open that the plans survive, e.g. 0.99; None plans with
-            the model's mean.
+        quantile: of what the model leaves open that the plans survive; None plans with the
+            model's mean, half of whose stops are longer.
         settings: spacing of the stations, smoothing, weights of the ranking.
 
     Raises:
@@ -57,6 +57,7 @@ def check_plan(
     elevation_map: ElevationMap,
     *,
     clear: float = np.inf,
+    quantile: float = QUANTILE,
 ) -> CheckReport:
     """Put a plan before the independent judge: does it keep every rule on this ground?
 
@@ -66,10 +67,11 @@ def check_plan(
 
     Args:
         plan: of the planner, or anybody's: ``GivenPlan(name="mine", x=x, y=y, speed=speed)``.
-        model: that it has to hold for, at its mean.
+        model: that it has to hold for.
         elevation_map: ground as it is known now.
         clear: station up to which the way is known free, counted from the first station [m]; the
             plan's own clear distance and the end of its path count as well.
+        quantile: of what the model leaves open of its brakes; 0.5 is its mean.
 
     Returns:
         ``valid``; the violations by station, kind and size; own stopping distances (N,) [m] and
@@ -82,4 +84,4 @@ def check_plan(
     if isinstance(plan, SpeedPlan) and len(plan.station) < 2:
         raise ParameterError("plan", f"at least 2 stations, got {len(plan.station)}")
     given = plan_of_columns(plan.columns()) if isinstance(plan, SpeedPlan) else plan
-    return check(given, model, elevation_map, clear=clear)
+    return check(given, model, elevation_map, clear=clear, quantile=quantile)

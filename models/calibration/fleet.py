@@ -2,7 +2,8 @@
 
 Surface by surface the stops of all vehicles make one hierarchy (:mod:`.hierarchy`). Dead times are
 pooled likewise. The safety offset of a vehicle covers the shortfalls of the whole fleet, each stop
-predicted without itself, and what its own coefficients leave open: few stops make a longer offset.
+predicted without itself, beyond the margins of force and dead time: these scatter as the whole
+fleet's do, and what a vehicle's own coefficients leave open is in their covariance.
 
 Validity: vehicles of one kind, speeds and grades inside those of the fleet's stops.
 Source: Braking (8), (11), (12); pooling is not in the paper.
@@ -17,13 +18,22 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
+from models.arrays import Floats, Ints
 from models.calibration import hierarchy
-from models.calibration.force_fit import design
+from models.calibration.force_fit import NAMES, design
 from models.calibration.hierarchy import Hierarchy
 from models.calibration.margins import offset_for
+from models.calibration.scatter import scatter_of
+from models.calibration.stop_margins import (
+    Margins,
+    MeasuredStops,
+    force_scatter,
+    normal_width,
+    own_distance,
+    what_is_left,
+)
 from models.calibration.stopping import stopping_distance, stopping_time
-from models.calibration.surface_fit import CalibrationSettings, offset_of
+from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Braking
 from models.stop_logs import random_effects
@@ -35,14 +45,17 @@ FEWEST = 2
 """Stops of its own without which a vehicle gets the fleet's mean."""
 
 _PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
-_OWN = 20  # stops from which a vehicle's own shortfalls are looked at by themselves
 _NO_STOPS = 2.0  # standard deviations by which the dead time of a vehicle without stops is longer
 _LEAST_STD = 1e-4  # [s] of a dead time
 
 
 @dataclass(frozen=True, slots=True)
 class FleetStop:
-    """What is left of a stop once it is measured; SI, see :class:`.stop_record.StopRecord`."""
+    """What is left of a stop once it is measured; SI, see :class:`.stop_record.StopRecord`.
+
+    ``left`` is its distance beyond that of its own force and onset, ``late`` its onset after the
+    dead time of its vehicle, ``late_std`` the noise of that, ``by_effects`` what named effects add.
+    """
 
     surface: str
     held_speed: float
@@ -54,6 +67,10 @@ class FleetStop:
     standstill_time: float
     station: Floats
     ground: Floats
+    left: float
+    late: float
+    late_std: float
+    by_effects: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +117,9 @@ def vehicle_stops(name: str, log: MeasuredLog, mapped: bool) -> VehicleStops:
         stops.append(
             FleetStop(
                 s.terrain, s.window.held_speed, r.onset_speed, r.grade, r.force_ratio, r.force_std,
-                s.distance, s.standstill_time, station, ground,
+                s.distance, s.standstill_time, station, ground, s.distance - own_distance(r, 0.0),
+                r.knee.onset_time - r.onset_shift - m.dead_time.value,
+                float(r.noise * np.sqrt(r.knee.covariance[1, 1])), r.by_effects,
             )
         )  # fmt: skip
     common = abs(float(np.mean(m.by_dead_time))) * m.dead_time.std if stops else 0.0
@@ -183,46 +202,83 @@ def _surface(
     ).reshape(-1, 4).T  # fmt: skip
     x = design(speed, grade)
     fit = hierarchy.fit(x, force, noise, owner, len(vehicles))
-    variance = noise**2 + fit.scatter**2
-    short, late = np.full((2, len(pairs)), np.nan)
-    for j in np.flatnonzero(fit.kept).tolist():
-        i, stop = pairs[j]
-        # The coefficients without this stop, as if the fleet's mean and differences stayed.
-        gain = fit.covariance[i] @ x[j] / variance[j]
-        off = force[j] - x[j] @ fit.coefficients[i]
-        without = fit.coefficients[i] - gain * off / (1.0 - min(float(x[j] @ gain), 0.99))
-        distance = stopping_distance(stop.held_speed, dead[i], without, stop.station, stop.ground)
-        short[j] = stop.distance - distance
-        late[j] = stop.standstill_time - stopping_time(stop.held_speed, dead[i], distance)
-    kept = fit.kept
-    time_offset = offset_for(settings.coverage, late[np.isfinite(late)])
-    tables = []
-    for i, vehicle in enumerate(vehicles):
-        common = np.array([0.0, 0.0, 0.0, vehicle.common_std])
-        covariance = fit.covariance[i] + np.outer(common, common)
-        doubt = np.sqrt(np.einsum("ni,ij,nj->n", x[kept], covariance, x[kept]))
-        offset = offset_of(
-            short[kept], speed[kept], grade[kept], force[kept], fit.coefficients[i],
-            np.hypot(fit.scatter, doubt), settings.coverage, vehicle.mount_std,
+    residual, without = _unseen(fit, x, force, noise, owner)
+    predicted = np.einsum("ni,ni->n", x, fit.coefficients[owner])
+    width = normal_width(settings.coverage)
+    scatter = force_scatter(residual, noise, predicted)
+    late = scatter_of(
+        -np.array([s.late for _, s in pairs]), np.array([s.late_std for _, s in pairs])
+    )
+    each = [
+        Margins(scatter, _dead_time_std(v, late.planned), _doubt(v, fit.covariance[i]))
+        for i, v in enumerate(vehicles)
+    ]
+    over, short = np.empty((2, len(pairs)))
+    for j, (i, stop) in enumerate(pairs):
+        way = stop.station, stop.ground
+        reach = stopping_distance(
+            stop.held_speed, dead[i] + width * each[i].dead_time, without[j], *way,
+            each[i].matrix(without[j], width),
         )  # fmt: skip
-        mine = short[kept & (owner == i)]
-        mine = mine[np.isfinite(mine)]
-        if len(mine) >= _OWN:
-            offset = max(offset, offset_for(settings.coverage, mine))
-        m_m, b_m = fit.coefficients[i][:2]
-        tilt = vehicle.mount_std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
-        covariance = covariance + np.outer(tilt, tilt)
-        values: dict[str, Any] = dict(
-            zip(("m_m", "b_m", "m_b", "b_b"), fit.coefficients[i].tolist(), strict=True)
+        mean = stopping_distance(stop.held_speed, dead[i], without[j], *way)
+        over[j] = stop.distance - reach - stop.by_effects
+        short[j] = stop.standstill_time - stopping_time(
+            stop.held_speed, dead[i], mean + stop.by_effects
         )
-        tables.append(
-            values
-            | {
-                "distance_offset": offset,
-                "time_offset": time_offset,
-                "speed_range": (float(speed[kept].min()), float(speed[kept].max())),
-                "grade_range": (float(grade[kept].min()) - _PAD, float(grade[kept].max()) + _PAD),
-                "covariance": tuple(map(tuple, covariance.tolist())),
-            }
-        )
-    return fit, tables
+    stops = MeasuredStops(speed, grade, force, np.array([s.left for _, s in pairs]), over)
+    time_offset = offset_for(settings.coverage, short[np.isfinite(short)])
+    ranges = {
+        "speed_range": (float(speed[fit.kept].min()), float(speed[fit.kept].max())),
+        "grade_range": (float(grade[fit.kept].min()) - _PAD, float(grade[fit.kept].max()) + _PAD),
+    }
+    return fit, [
+        dict(zip(NAMES, fit.coefficients[i].tolist(), strict=True))
+        | ranges
+        | {
+            "distance_offset": what_is_left(stops, margins, width),
+            "time_offset": time_offset,
+            "force_std": scatter.absolute,
+            "force_scatter": scatter.relative,
+            "dead_time_std": margins.dead_time,
+            "covariance": tuple(map(tuple, _tilted(vehicles[i], fit, i, margins).tolist())),
+        }
+        for i, margins in enumerate(each)
+    ]
+
+
+def _unseen(
+    fit: Hierarchy, x: Floats, force: Floats, noise: Floats, owner: Ints
+) -> tuple[Floats, Floats]:
+    """Residuals as of stops not seen (n,), and the coefficients without each stop (n, 4).
+
+    As if the fleet's mean and differences stayed. A stop that was left out was not seen at all.
+    """
+    variance = noise**2 + fit.scatter**2
+    residual, without = np.empty(len(x)), np.empty(x.shape)
+    for j, i in enumerate(owner.tolist()):
+        gain = fit.covariance[i] @ x[j] / variance[j] * fit.kept[j]
+        spare = 1.0 - min(float(x[j] @ gain), 0.99)
+        off = force[j] - x[j] @ fit.coefficients[i]
+        residual[j] = off / np.sqrt(spare)
+        without[j] = fit.coefficients[i] - gain * off / spare
+    return residual, without
+
+
+def _dead_time_std(vehicle: VehicleStops, scatter: float) -> float:
+    own = 0.0 if vehicle.dead_time is None else vehicle.dead_time.std
+    return float(np.hypot(scatter, own))
+
+
+def _doubt(vehicle: VehicleStops, covariance: Floats) -> Floats:
+    """What a vehicle's own coefficients leave open, its dead time counted in."""
+    common = np.array([0.0, 0.0, 0.0, vehicle.common_std])
+    result: Floats = covariance + np.outer(common, common)
+    return result
+
+
+def _tilted(vehicle: VehicleStops, fit: Hierarchy, i: int, margins: Margins) -> Floats:
+    """The covariance for the model file: with what the mount of the pitch sensor leaves open."""
+    m_m, b_m = fit.coefficients[i][:2]
+    tilt = vehicle.mount_std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
+    result: Floats = margins.covariance + np.outer(tilt, tilt)
+    return result

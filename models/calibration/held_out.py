@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import Floats, Ints
+from models.calibration.coverage import allowed_distance
 from models.calibration.learn import learn
-from models.calibration.stopping import stopping_distance
 from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Braking
@@ -27,12 +27,15 @@ class HeldOut:
     """Stops of sessions that the prediction had not seen.
 
     Attributes:
-        excess: (stops,) predicted distance with its offset minus the actual one [m].
+        excess: (stops,) distance that plans allow for minus the actual one [m].
+        distance, speed: (stops,) actual [m], at the command [m/s].
         sessions: (stops,) index of the session of each.
         unpredicted: sessions for which the others had too few stops.
     """
 
     excess: Floats
+    distance: Floats
+    speed: Floats
     sessions: Ints
     unpredicted: tuple[int, ...]
 
@@ -43,8 +46,9 @@ class HeldOut:
 
     @property
     def mean_excess(self) -> float:
-        """By how much the predictions were too long on average [m]."""
-        return float(np.mean(self.excess)) if len(self.excess) else 0.0
+        """By how much the predictions were too long on average, of those that end [m]."""
+        ends = self.excess[np.isfinite(self.excess)]
+        return float(np.mean(ends)) if len(ends) else 0.0
 
 
 def leave_sessions_out(
@@ -62,10 +66,12 @@ def leave_sessions_out(
     Raises:
         ParameterError: too few usable stops in all sessions together.
     """
+    quantile = (settings or CalibrationSettings()).coverage
     everything = learn(columns, [run for s in sessions for run in s], known, settings=settings)
     records = [r for surface in everything.surfaces for r in surface.records]
     excess: list[float] = []
     owners: list[int] = []
+    seen: list[StopRecord] = []
     unpredicted: list[int] = []
     for index, session in enumerate(sessions):
         others = [run for s in sessions if s is not session for run in s]
@@ -80,14 +86,15 @@ def leave_sessions_out(
         except ParameterError:
             unpredicted.append(index)
             continue
-        excess += [_excess(record, braking) for record in own]
+        excess += [
+            allowed_distance(braking, record, quantile) - record.samples.distance for record in own
+        ]
         owners += [index] * len(own)
-    return HeldOut(np.array(excess), np.array(owners, np.int64), tuple(unpredicted))
-
-
-def _excess(record: StopRecord, known: Braking) -> float:
-    s = record.samples
-    on = known.on(s.terrain) if s.terrain else known
-    coefficients = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
-    distance = stopping_distance(s.window.held_speed, on.dead_time, coefficients, *record.path)
-    return distance + on.distance_offset - s.distance
+        seen += own
+    return HeldOut(
+        np.array(excess),
+        np.array([r.samples.distance for r in seen]),
+        np.array([r.samples.window.held_speed for r in seen]),
+        np.array(owners, np.int64),
+        tuple(unpredicted),
+    )

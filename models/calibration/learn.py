@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,24 +19,34 @@ from numpy.typing import NDArray
 
 from models.arrays import Floats
 from models.calibration.asymmetry import Asymmetry, asymmetry
+from models.calibration.brake_levels import BrakeLevels, at_full_level
+from models.calibration.brake_states import WeakerState
+from models.calibration.effects_in_force import measured_beside
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
+from models.calibration.hull import extrapolated_corners
+from models.calibration.plausible import objections
 from models.calibration.speed_error import SpeedError, speed_error
+from models.calibration.stop_margins import Margins
 from models.calibration.surface_fit import (
     FEWEST_STOPS,
     CalibrationSettings,
     SurfaceFit,
     fit_records,
     fit_surfaces,
+    state_margins,
 )
-from models.parameters import Braking
+from models.parameters import Braking, Model
 from models.stop_logs.dead_time import DeadTime
 from models.stop_logs.drive_quality import Suspect, usable
-from models.stop_logs.find_stops import StopWindow
+from models.stop_logs.find_stops import StopSettings, StopWindow
 from models.stop_logs.ground_grade import Dive
 from models.stop_logs.measure import Measured, Slope
 from models.stop_logs.measured_log import MeasuredLog, measure_stops
 from models.stop_logs.mount_offset import Mount
 from models.surface_braking import SurfaceBraking
+
+_FIRST_STATE = 2_000_000
+"""Numbers of states, which no map knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +60,8 @@ class Calibration:
         dead_time, dive, mount: what all stops share.
         speed_error: how well speeds are driven; None where the log does not tell.
         warnings: what a user has to know before trusting it, in sentences.
+        objections: why it is of no use, in sentences; none where it is.
+        levels: how the force grows with the application; None where the log does not tell.
     """
 
     braking: Braking
@@ -61,6 +73,8 @@ class Calibration:
     mount: Mount
     speed_error: SpeedError | None
     warnings: tuple[str, ...]
+    objections: tuple[str, ...] = ()
+    levels: BrakeLevels | None = None
 
     @property
     def verdicts(self) -> dict[str, int]:
@@ -75,6 +89,7 @@ def learn(
     *,
     ground: Floats | None = None,
     settings: CalibrationSettings | None = None,
+    beside: Model | None = None,
 ) -> Calibration:
     """Learn the braking model from a log.
 
@@ -85,6 +100,7 @@ def learn(
         ground: (n,) grade of the ground from a map [rad], NaN where unknown; without it the grade
             comes from the body's pitch, with dive and mount taken out as far as the log tells.
         settings: coverage and what counts as a stop.
+        beside: model whose named effects stay in force; what they explain is not learned again.
 
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
@@ -92,6 +108,16 @@ def learn(
     wanted = settings or CalibrationSettings()
     log = measure_log(columns, runs, known, ground=ground, settings=wanted)
     measured, mount = log.measured, log.mount
+    if beside is not None:
+        measured = measured_beside(measured, beside, columns)
+    rolling = 0.0 if beside is None else beside.terrain.rolling_while_braking
+    measured, levels = at_full_level(measured, known, rolling)
+    if levels is None and any(
+        r.samples.window.level < wanted.stops.full_brake for r in measured.records
+    ):  # too few, or too alike, to tell what a part of the brakes is worth
+        stops = dataclasses.replace(wanted.stops, partial=False)
+        whole = dataclasses.replace(wanted, stops=stops)
+        return learn(columns, runs, known, ground=ground, settings=whole, beside=beside)
     surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
     warnings += _warnings(surfaces[0], mount, known)
     good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
@@ -99,10 +125,23 @@ def learn(
     braking = _braking(known, surfaces, measured.dead_time)
     if driven is not None:
         braking = dataclasses.replace(braking, speed_error=driven.value)
+    if levels is not None:
+        braking = dataclasses.replace(
+            braking, dead_band=levels.dead_band, saturation=levels.saturation
+        )
     return Calibration(
         braking, tuple(surfaces), log.windows, log.suspects,
         measured.dead_time, measured.dive, mount, driven, tuple(warnings),
+        objections(tuple(surfaces), measured.dead_time, wanted.coverage), levels,
     )  # fmt: skip
+
+
+def with_learned(model: Model, learned: Calibration) -> Model:
+    """The model with what was learned; the rolling resistance of partial stops is the terrain's."""
+    terrain = model.terrain
+    if learned.levels is not None:
+        terrain = dataclasses.replace(terrain, braking_resistance=learned.levels.resistance)
+    return dataclasses.replace(model, braking=learned.braking, terrain=terrain)
 
 
 def measure_log(
@@ -129,7 +168,7 @@ def measure_log(
         m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
         return mount, lambda v: m_m * v + b_m
 
-    stops = (settings or CalibrationSettings()).stops
+    stops = StopSettings() if settings is None else settings.stops
     return measure_stops(
         columns, runs, lambda v: known.m_m * v + known.b_m, believed,
         ground=ground, settings=stops, fewest=fewest,
@@ -141,21 +180,51 @@ def _braking(known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime) -> 
     speed_low, speed_high = base["speed_range"]
     base["speed_range"] = (speed_low, max(speed_high, speed_low + 1e-3))
     tables = dict(known.terrain)
+    for name in [n for n, table in tables.items() if table.state_of is not None]:
+        del tables[name]  # what the stops of this log show takes their place
     for surface, values in zip(surfaces[1:], own, strict=True):
         before = tables.get(surface.name)
         tables[surface.name] = (
             SurfaceBraking(**values) if before is None else dataclasses.replace(before, **values)
         )
+    number = _FIRST_STATE
+    for surface in surfaces:
+        if surface.state is not None:
+            tables[state_name(surface.name, tables)] = SurfaceBraking(
+                class_id=number, state_of=surface.name, **_state_values(surface, surface.state)
+            )
+            number += 1
     return dataclasses.replace(known, dead_time=dead.value, uphill=None, terrain=tables, **base)
 
 
+def state_name(surface: str, taken: Container[str]) -> str:
+    """Name of the table for the weaker state of a surface."""
+    name = f"{surface}, weaker" if surface else "weaker"
+    while name in taken:
+        name += "*"
+    return name
+
+
+def _state_values(surface: SurfaceFit, state: WeakerState) -> dict[str, Any]:
+    weaker = state_margins(surface.margins, state, surface.fit.coefficients)
+    values = _coefficients(state.ratio * surface.fit.coefficients, weaker)
+    return values | {k: v for k, v in _values(surface).items() if k not in values}
+
+
 def _values(surface: SurfaceFit) -> dict[str, Any]:
-    m_m, b_m, m_b, b_b = (float(c) for c in surface.fit.coefficients)
-    return {
-        "m_m": m_m, "b_m": b_m, "m_b": m_b, "b_b": b_b,
+    return _coefficients(surface.fit.coefficients, surface.margins) | {
         "distance_offset": surface.distance_offset, "time_offset": surface.time_offset,
         "speed_range": surface.speed_range, "grade_range": surface.grade_range,
-        "covariance": tuple(tuple(float(c) for c in row) for row in surface.fit.covariance),
+        "dead_time_std": surface.margins.dead_time,
+    }  # fmt: skip
+
+
+def _coefficients(values: Floats, margins: Margins) -> dict[str, Any]:
+    covariance = 0.5 * (margins.covariance + margins.covariance.T)
+    return {
+        **dict(zip(NAMES, (float(c) for c in values), strict=True)),
+        "covariance": tuple(tuple(float(c) for c in row) for row in covariance),
+        "force_std": margins.force.absolute, "force_scatter": margins.force.relative,
     }  # fmt: skip
 
 
@@ -166,7 +235,7 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
         said.append(
             "mount offset of the pitch sensor cannot be told from this log (it takes a map, "
             f"heights, or ground driven both ways): each degree would shift b_b by {shift:.4f}; "
-            "the covariance allows for half a degree, the distance offset for one"
+            "the covariance allows for half a degree as a standard deviation"
         )
     if known.uphill is not None:
         said.append(
@@ -180,14 +249,34 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
     weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
     if weak:
         said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
-    out = [r for r in base.records if not r.kept]
+    said += _corners(base)
+    out = [r for r in base.records if not r.kept and not r.in_weaker_state]
     if out:
         worst = max(r.samples.distance - r.predicted_distance for r in out)
         said.append(
-            f"{len(out)} of {len(base.records)} stops fit no other and were left out; "
-            f"the longest was {worst:+.2f} m beyond its prediction"
+            f"{len(out)} of {len(base.records)} stops fit no other: the coefficients do not rest "
+            f"on them, the margins do; the longest was {worst:+.2f} m beyond its prediction"
+        )
+    if base.state is not None:
+        said.append(
+            f"{int(base.state.members.sum())} of {len(base.records)} stops braked with "
+            f"{base.state.ratio:.0%} of the force of the others: kept as a state of its own; as "
+            "nobody can foresee it, plans take the worse of the two"
         )
     return said
+
+
+def _corners(base: SurfaceFit) -> list[str]:
+    """Corners of the trained rectangle that the stops do not reach, in a sentence."""
+    kept = [r for r in base.records if r.kept]
+    corners = extrapolated_corners(
+        np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept]), base.fit
+    )
+    told = ", ".join(
+        f"{c.speed:.1f} m/s at {np.rad2deg(c.grade):+.0f}° (force {c.force:.2f} ± {c.std:.2f})"
+        for c in corners
+    )
+    return [f"no stop was near {told}: there the model extrapolates"] if corners else []
 
 
 def _asymmetry(base: SurfaceFit) -> Asymmetry | None:

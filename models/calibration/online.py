@@ -18,6 +18,7 @@ import numpy as np
 from models.arrays import Floats
 from models.calibration.force_fit import WEAK_PRIOR, ForceFit, fit_force
 from models.calibration.learned_force import LearnedForce
+from models.calibration.low_stops import LowStops
 from models.calibration.published import PublishedForce, PublishSettings
 from models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
 from models.parameters import Braking
@@ -43,6 +44,7 @@ class _Surface:
         self.estimate = RecursiveForce(start, covariance, recursive)
         self.published = PublishedForce(start, known.speed_range, known.grade_range, publish)
         self.last: deque[bool] = deque(maxlen=publish.window)
+        self.low = LowStops()
         self.pristine = True
 
 
@@ -87,10 +89,14 @@ class OnlineBraking:
         if outcome is not Acceptance.UNINFORMATIVE:
             on.pristine = False
             on.last.append(outcome is Acceptance.GATED)
-            if outcome is not Acceptance.GATED:
-                on.published.follow(on.estimate.coefficients)
+            on.low.take(stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std)
+            kept = on.low.share(on.estimate.coefficients, self._recursive.scatter)
+            if outcome is not Acceptance.GATED or kept < 1.0:
+                on.published.follow(kept * on.estimate.coefficients)
             share = sum(on.last) / self._publish.window
             on.published.judge(on.estimate.covariance, on.estimate.accepted, share)
+            if kept < 1.0:  # what holds for some of the stops only is nothing to trust
+                on.published.fall_back()
         return OnlineStop(surface, stop, outcome)
 
     def age(self, seconds: float, time_constant: float = 3600.0) -> None:
@@ -161,6 +167,7 @@ class OnlineBraking:
         """
         on = self._on(surface)
         on.estimate.doubt()
+        on.low = LowStops()
         on.published.fall_back(below)
         on.last.clear()
         on.pristine = False

@@ -25,6 +25,7 @@ class PublishSettings:
     Attributes:
         least, most: bounds of F_b/W anywhere in the trained rectangle [1].
         rise: highest rise of F_b/W with one stop [1].
+        most_share: of the force to begin with, that no number of stops exceeds.
         valid_std, invalid_std: share of F_b/W that its standard deviation has to fall below to be
             valid, and to exceed to be so no longer.
         fewest: stops before it can be valid.
@@ -36,6 +37,7 @@ class PublishSettings:
     least: float = 0.02
     most: float = 1.2
     rise: float = 0.01
+    most_share: float = 1.5
     valid_std: float = 0.05
     invalid_std: float = 0.10
     fewest: int = 8
@@ -45,6 +47,8 @@ class PublishSettings:
     def __post_init__(self) -> None:
         if not 0.0 < self.least < self.most:
             raise ParameterError("least", f"0 < least < most, got {self.least:g}, {self.most:g}")
+        if not self.most_share >= 1.0:
+            raise ParameterError("most_share", f"a share >= 1, got {self.most_share:g}")
         if not 0.0 < self.valid_std < self.invalid_std:
             raise ParameterError("valid_std", "0 < valid_std < invalid_std")
 
@@ -89,7 +93,10 @@ class PublishedForce:
     def follow(self, coefficients: Floats) -> None:
         """Take over an estimate (4,): at once where it is lower, a step where it is higher."""
         wanted = self._estimate = self._bounded(self._corners @ coefficients)
-        risen = self._force + self.settings.rise
+        risen = np.minimum(
+            self._force + self.settings.rise,
+            np.maximum(self._force, self.settings.most_share * self._default),
+        )
         if self.settings.only_valid and not self.valid:
             risen = np.minimum(risen, np.maximum(self._force, self._default))
         self._force = np.minimum(wanted, risen)

@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from models.arrays import Floats
+from models.calibration.force_fit import design
 from models.laws import braking
 from models.quantity import GRAVITY
 
@@ -22,8 +23,9 @@ _FARTHEST = 500.0  # [m] a vehicle that rolls that far does not stop
 
 
 def stopping_distance(
-    speed: float, dead_time: float, coefficients: Floats, station: Floats, grade: Floats
-) -> float:
+    speed: float, dead_time: float, coefficients: Floats, station: Floats, grade: Floats,
+    margin: Floats | None = None,
+) -> float:  # fmt: skip
     """Distance from stop command to standstill, without offset [m]; inf if it does not stop.
 
     Args:
@@ -31,6 +33,7 @@ def stopping_distance(
         dead_time: [s]. coefficients: (4,) m_m, b_m, m_b, b_b.
         station: (n,) from the stop command on, not decreasing [m]; grade: (n,) there [rad]. Beyond
             the last station its grade goes on.
+        margin: (4, 4) matrix S; the force is lower by √(φᵀ S φ), φ = (v θ, θ, v, 1).
     """
     held = speed * dead_time
     wanted = 0.5 * speed * speed
@@ -38,7 +41,11 @@ def stopping_distance(
     while True:
         s = np.linspace(held, reach, max(int((reach - held) / _STEP), 20) + 1)
         theta = np.interp(s, station, grade)
-        pull = GRAVITY * (braking.force_ratio(theta, speed, *coefficients) + np.sin(theta))
+        force = braking.force_ratio(theta, speed, *coefficients)
+        if margin is not None:
+            phi = design(np.full_like(theta, speed), theta)
+            force = force - np.sqrt(np.einsum("ni,ij,nj->n", phi, margin, phi))
+        pull = GRAVITY * (force + np.sin(theta))
         work = np.concatenate(([0.0], np.cumsum(0.5 * (pull[1:] + pull[:-1]) * np.diff(s))))
         done = np.flatnonzero(work >= wanted)
         if len(done):

@@ -1,8 +1,9 @@
 """Coefficients and margins of each surface, out of its measured stops.
 
-The margin of a surface comes from predictions of stops that the fit had not seen. A surface with
-too few stops of its own is part of the base; a base without stops is the weakest surface.
-Source: Braking Sec. 4.1, 4.2.
+The margins of a surface come from predictions of stops that the fit had not seen. Every stop that
+was measured counts in them: those that the fit left out are in the tail of the scatter, or in a
+weaker state of the brakes if several are alike. A surface with too few stops of its own is part of
+the base; a base without stops is the weakest surface. Source: Braking Sec. 4.1, 4.2.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import stats
 
-from models.arrays import Floats
+from models.arrays import Bools, Floats
+from models.calibration.brake_states import WeakerState, weaker_members, weaker_state
 from models.calibration.force_fit import (
     ForceFit,
     design,
@@ -24,19 +25,28 @@ from models.calibration.force_fit import (
 )
 from models.calibration.margins import FEWEST_STOPS as FEWEST_MEASURED
 from models.calibration.margins import offset_for
+from models.calibration.stop_margins import (
+    Margins,
+    MeasuredStops,
+    bounds,
+    dead_time_scatter,
+    force_scatter,
+    normal_width,
+    own_distance,
+    unseen_residuals,
+    what_is_left,
+)
 from models.calibration.stopping import stopping_distance, stopping_time
 from models.errors import ParameterError
 from models.parameters import Braking
-from models.quantity import GRAVITY
 from models.stop_logs.find_stops import StopSettings
 from models.stop_logs.measure import Measured
 from models.stop_logs.mount_offset import Mount
 from models.stop_logs.stop_record import StopRecord
 
 FEWEST_STOPS = 8
-_LONG, _COSTLY = 0.97, 0.9  # quantiles of stops that count as long, as costly
-_SENSOR = 0.01  # [m] what any measured distance is off
-_LEAST_PULL = 0.02  # [1] of the weight, net of gravity
+_LEAST_FORCE = 0.02  # [1] below which a share of the force says nothing
+_PASSES = 3
 _PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
 
 
@@ -45,18 +55,18 @@ class CalibrationSettings:
     """How to learn.
 
     Attributes:
-        coverage: share of future stops that predictions with their offset have to cover.
+        coverage: quantile of the stops that margins have to cover; that of plans.
         fewest_per_surface: stops that a named surface needs to be told from the base.
         stops: what counts as a stop.
     """
 
-    coverage: float = 0.995
+    coverage: float = 0.999
     fewest_per_surface: int = 12
-    stops: StopSettings = field(default_factory=StopSettings)
+    stops: StopSettings = field(default_factory=lambda: StopSettings(partial=True))
 
     def __post_init__(self) -> None:
-        if not 0.5 <= self.coverage < 1.0:
-            raise ParameterError("coverage", f"a share in [0.5, 1), got {self.coverage:g}")
+        if not 0.5 <= self.coverage <= 0.9999:
+            raise ParameterError("coverage", f"a share in [0.5, 0.9999], got {self.coverage:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +76,10 @@ class SurfaceFit:
     Attributes:
         name: of the surface, "" for the base.
         fit: coefficients with covariance. records: its stops with predictions by fits without them.
-        distance_offset, time_offset: margins for the wanted coverage [m], [s].
+        margins: scatter of force and dead time that plans give up. state: a weaker one, if stops
+            showed it.
+        distance_offset, time_offset: what is left of the distance, and the margin of the time, for
+            the wanted coverage [m], [s].
         speed_range, grade_range: of the stops that the fit rests on [m/s], [rad].
         two_stages: (4,) the paper's own estimator, None where it cannot be formed.
     """
@@ -74,6 +87,8 @@ class SurfaceFit:
     name: str
     fit: ForceFit
     records: tuple[StopRecord, ...]
+    margins: Margins
+    state: WeakerState | None
     distance_offset: float
     time_offset: float
     speed_range: tuple[float, float]
@@ -129,96 +144,145 @@ def _surface(
     settings: CalibrationSettings,
 ) -> SurfaceFit:  # fmt: skip
     on = known.on(name) if name else known
-    from_pitch = records[0].samples.grade is None
-    fit = fit_records(records, measured, on)
-    seen = _predicted(records, fit, measured.dead_time.value)
-    kept = [r for r in seen if r.kept]
-    time = np.array([r.samples.standstill_time - r.predicted_time for r in kept])
-    time = time[np.isfinite(time)]
-    mount_std = mount.std if from_pitch else 0.0
-    speeds = [r.onset_speed for r in kept]
-    grades = [r.grade for r in kept]
+    mount_std = mount.std if records[0].samples.grade is None else 0.0
+    late = float(
+        np.hypot(dead_time_scatter(records, measured.dead_time).planned, measured.dead_time.std)
+    )
+    weak = _weak(records, measured, on)
+    for _ in range(_PASSES):
+        rest = [r for r, out in zip(records, weak.tolist(), strict=True) if not out]
+        fit = fit_records(rest, measured, on)
+        residual, force = unseen_residuals(fit, rest)
+        scatter = force_scatter(residual, np.array([r.force_std for r in rest]), force)
+        beyond = residual < -normal_width(settings.coverage) * scatter.std(force)
+        beyond &= ~fit.regression.kept
+        if not beyond.any():
+            break
+        # Not alike enough for a law of their own, too far for the tail of the others.
+        weak[np.flatnonzero(~weak)[beyond]] = True
+    margins = Margins(scatter, late, with_mount(fit, mount_std).covariance)
+    state = _state(records, fit, weak, margins) if weak.any() else None
+    seen = _predicted(records, fit, weak, measured.dead_time.value)
+    offset, seen = _bounded(seen, fit, margins, state, measured.dead_time.value, settings)
+    time = np.array([r.samples.standstill_time - r.predicted_time for r in seen])
+    speeds = [r.onset_speed for r in seen if r.kept]
+    grades = [r.grade for r in seen if r.kept]
+    forces = np.array([r.force_ratio for r in seen if r.kept])
     return SurfaceFit(
-        name,
-        with_mount(fit, mount_std),
-        tuple(seen),
-        _distance_offset(kept, fit, settings.coverage, mount_std),
-        offset_for(settings.coverage, time),
+        name, with_mount(fit, mount_std), tuple(seen), margins, state, offset,
+        offset_for(settings.coverage, time[np.isfinite(time)]),
         (float(min(speeds)), float(max(speeds))),
         (float(min(grades)) - _PAD, float(max(grades)) + _PAD),
-        fit_two_stages(np.array(speeds), np.array(grades), np.array([r.force_ratio for r in kept])),
-    )
+        fit_two_stages(np.array(speeds), np.array(grades), forces),
+    )  # fmt: skip
 
 
-def _predicted(records: Sequence[StopRecord], fit: ForceFit, dead_time: float) -> list[StopRecord]:
+def _weak(records: Sequence[StopRecord], measured: Measured, known: Braking) -> Bools:
+    """(n,) stops of a weaker state; the fit that tells them apart does not rest on them."""
+    weak = np.zeros(len(records), np.bool_)
+    for _ in range(_PASSES):
+        rest = [r for r, out in zip(records, weak.tolist(), strict=True) if not out]
+        fit = fit_records(rest, measured, known)
+        share, noise = _shares(records, fit)
+        again = weaker_members(share, noise)
+        if (again == weak).all():
+            break
+        weak = again
+    return weak
+
+
+def _shares(records: Sequence[StopRecord], fit: ForceFit) -> tuple[Floats, Floats]:
+    """(n,) force of each stop as a share of the predicted one, minus one, and its noise."""
+    speed, grade = (np.array([getattr(r, n) for r in records]) for n in ("onset_speed", "grade"))
+    force = np.maximum(fit.force_ratio(speed, grade), _LEAST_FORCE)
+    measured = np.array([r.force_ratio for r in records])
+    return measured / force - 1.0, np.array([r.force_std for r in records]) / force
+
+
+def _state(
+    records: Sequence[StopRecord], fit: ForceFit, weak: Bools, margins: Margins
+) -> WeakerState:
+    share, noise = _shares(records, fit)
+    usual = margins.force.law.typical
+    if margins.force.relative > 0.0:
+        usual *= 1.0 + float(np.mean(share[weak]))
+    else:
+        force = [r.force_ratio for r, out in zip(records, weak.tolist(), strict=True) if not out]
+        usual /= max(float(np.median(force)), _LEAST_FORCE)
+    return weaker_state(share, noise, weak, usual)
+
+
+def _predicted(
+    records: Sequence[StopRecord], fit: ForceFit, weak: Bools, dead_time: float
+) -> list[StopRecord]:
     """Each stop with the prediction of a fit that has not seen it (leave one out, closed form)."""
-    regression = fit.regression
-    x = design(np.array([r.onset_speed for r in records]), np.array([r.grade for r in records]))
     seen = []
+    regression = fit.regression
+    row = np.cumsum(~weak) - 1
     for i, record in enumerate(records):
-        gain = regression.gain[:, i]
-        leverage = min(float(x[i] @ gain), 0.99)
-        without = fit.coefficients - gain * (float(regression.residuals[i]) / (1.0 - leverage))
+        without, kept = fit.coefficients, False
+        if not weak[i]:
+            gain = regression.gain[:, row[i]]
+            x = design(np.array([record.onset_speed]), np.array([record.grade]))[0]
+            leverage = min(float(x @ gain), 0.99)
+            without = without - gain * (float(regression.residuals[row[i]]) / (1.0 - leverage))
+            kept = bool(regression.kept[row[i]])
         held = record.samples.window.held_speed
-        distance = stopping_distance(held, dead_time, without, *record.path)
+        own = record.at_level(without)
+        distance = stopping_distance(held, dead_time, own, *record.path) + record.by_effects
         seen.append(
             dataclasses.replace(
                 record,
-                kept=bool(regression.kept[i]),
+                kept=kept,
+                in_weaker_state=bool(weak[i]),
                 predicted_distance=distance,
                 predicted_time=stopping_time(held, dead_time, distance),
+                without=without,
             )
         )
     return seen
 
 
-def _distance_offset(
-    records: Sequence[StopRecord], fit: ForceFit, coverage: float, mount_std: float
-) -> float:
-    """Margin [m] for the stops as they were, for longer ones of their kind, and for the mount.
-
-    What a stop scatters grows with its length, so a margin for all stops may be short for fast ones
-    downhill. It is therefore at least what a normal scatter of the force asks for where stops are
-    long. On top comes what a mount off by two standard deviations would cost: not a scatter that
-    evens out, but an error of every stop alike. Where brakes barely hold the slope no constant
-    suffices; the covariance, which has the mount in it, says how much is open there.
-    """
-    speed = np.array([r.onset_speed for r in records])
-    grade = np.array([r.grade for r in records])
-    return offset_of(
-        np.array([r.samples.distance - r.predicted_distance for r in records]), speed, grade,
-        np.array([r.force_ratio for r in records]), fit.coefficients,
-        np.hypot(fit.scatter, fit.force_std(speed, grade)), coverage, mount_std,
-    )  # fmt: skip
-
-
-def offset_of(
-    shortfall: Floats, speed: Floats, grade: Floats, force_ratio: Floats, coefficients: Floats,
-    force_std: Floats, coverage: float, mount_std: float,
-) -> float:  # fmt: skip
-    """The same from columns, (n,) each.
-
-    Args:
-        shortfall: measured minus predicted distance [m]. speed: at onset [m/s]. grade: [rad].
-        force_ratio: F_b/W as measured. coefficients: (4,).
-        force_std: of F_b/W, from stop to stop and by the coefficients.
-        coverage: share of future stops. mount_std: of the pitch sensor's mount [rad].
+def _bounded(
+    records: Sequence[StopRecord], fit: ForceFit, margins: Margins, state: WeakerState | None,
+    dead_time: float, settings: CalibrationSettings,
+) -> tuple[float, list[StopRecord]]:  # fmt: skip
+    """The constant beside all other margins, and the stops with what a plan allows for them.
 
     Raises:
         ParameterError: too few stops whose prediction ends.
     """
-    finite = np.isfinite(shortfall)
-    if int(finite.sum()) < FEWEST_MEASURED:
-        words = (
-            f"at least {FEWEST_MEASURED} stops that the fit can explain, got {int(finite.sum())}"
-        )
+    finite = int(np.isfinite([r.predicted_distance for r in records]).sum())
+    if finite < FEWEST_MEASURED:
+        words = f"at least {FEWEST_MEASURED} stops that the fit can explain, got {finite}"
         raise ParameterError("stops", words)
-    pull = np.maximum(force_ratio + np.sin(grade), _LEAST_PULL)
-    per_force = speed**2 / (2.0 * GRAVITY * pull**2)  # [m] by which less force makes it longer
-    scatter = np.hypot(per_force * force_std, _SENSOR)
-    usual = float(stats.norm.ppf(coverage))
-    slope = coefficients[0] * speed + coefficients[1]
-    lost = np.minimum(2.0 * mount_std * np.abs(1.0 + slope), pull - _LEAST_PULL)
-    askew = lost * per_force * pull / (pull - lost)
-    long, costly = float(np.quantile(scatter, _LONG)), float(np.quantile(askew, _COSTLY))
-    return max(offset_for(coverage, shortfall[finite]), usual * long) + costly
+    width = normal_width(settings.coverage)
+    without = np.array([r.without for r in records])
+    bound = bounds(records, without, dead_time, margins, width)
+    if state is not None:
+        weaker = state_margins(margins, state, fit.coefficients)
+        bound = np.maximum(bound, bounds(records, state.ratio * without, dead_time, weaker, width))
+    offset = what_is_left(_columns(records, fit, bound), margins, width)
+    return offset, [
+        dataclasses.replace(r, bound_distance=b + offset)
+        for r, b in zip(records, bound.tolist(), strict=True)
+    ]
+
+
+def _columns(records: Sequence[StopRecord], fit: ForceFit, bound: Floats) -> MeasuredStops:
+    m_m, b_m = (float(c) for c in fit.coefficients[:2])
+    speed, grade, force = (
+        np.array([getattr(r, n) for r in records])
+        for n in ("onset_speed", "grade", "force_at_level")
+    )
+    distance = np.array([r.samples.distance for r in records])
+    own = np.array([own_distance(r, r.applied * (m_m * r.onset_speed + b_m)) for r in records])
+    return MeasuredStops(speed, grade, force, distance - own, distance - bound)
+
+
+def state_margins(margins: Margins, state: WeakerState, coefficients: Floats) -> Margins:
+    """Those of a weaker state: its own scatter, and what is not known of its share."""
+    covariance = state.ratio**2 * margins.covariance
+    covariance = covariance + state.ratio_std**2 * np.outer(coefficients, coefficients)
+    force = margins.force._replace(absolute=0.0, relative=state.scatter)
+    return margins._replace(force=force, covariance=covariance)

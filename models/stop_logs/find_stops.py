@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import Bools, Floats
+from models.errors import ParameterError
+from models.stop_logs.stop_channels import application, settled_speed
 
 TOLD = 0.01
 """A command of at most this is the stop command [m/s]."""
@@ -53,7 +55,9 @@ class StopSettings:
         fewest: samples between onset and standstill.
         longest: later standstills are not this stop's.
         settled: a speed below ``settled_speed`` for this long is standstill without a crossing.
-        settled_speed: of sensors that never read zero.
+        settled_speed: of sensors that never read zero; more where the log is noisier at rest.
+        partial: stops at a part of the brakes that is held may be learned from.
+        uneven: how far an application may be from its median and still be held [1].
     """
 
     least_speed: float = 0.3
@@ -68,6 +72,17 @@ class StopSettings:
     longest: float = 30.0
     settled: float = 0.3
     settled_speed: float = 0.03
+    partial: bool = False
+    uneven: float = 0.06
+
+    def __post_init__(self) -> None:
+        for name in ("least_speed", "longest", "settled_speed", "turn_rate"):
+            value = getattr(self, name)
+            if not value > 0.0 or (value == np.inf and name != "turn_rate"):
+                raise ParameterError(name, f"a finite number > 0, got {value:g}")
+        if not self.settled_speed < self.least_speed:
+            words = f"less than the least speed of {self.least_speed:g} m/s"
+            raise ParameterError("settled_speed", f"{words}, got {self.settled_speed:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +94,7 @@ class StopWindow:
             first sample at standstill (or the last of an unfinished stop), one behind the last.
         held_speed: mean speed just before the command [m/s].
         verdict, reason: whether it may be learned from; the reason adds numbers.
+        level: application of the brakes, as the log tells it.
     """
 
     begin: int
@@ -88,6 +104,7 @@ class StopWindow:
     held_speed: float
     verdict: Usability
     reason: str = ""
+    level: float = 1.0
 
     @property
     def usable(self) -> bool:
@@ -117,7 +134,7 @@ def find_stops(
     return [
         StopWindow(
             w.begin + offset, w.command + offset, w.standstill + offset, w.end + offset,
-            w.held_speed, w.verdict, w.reason,
+            w.held_speed, w.verdict, w.reason, w.level,
         )
         for w in search.windows()
     ]  # fmt: skip
@@ -130,6 +147,9 @@ class _Search:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
         self.part, self.good, self.settings = part, good, settings
         self.told = self.v_cmd <= TOLD
+        self.settled_speed = settled_speed(
+            self.t, self.v, self.told, good, settings.settled_speed, settings.least_speed
+        )
 
     def windows(self) -> list[StopWindow]:
         starts = np.flatnonzero(self.told & ~np.concatenate(([True], self.told[:-1])))
@@ -164,13 +184,16 @@ class _Search:
             int(np.searchsorted(self.t, self.t[standstill] + s.after, side="right")), released
         )
         verdict, reason = self._verdict(begin, i, standstill, held)
-        return StopWindow(begin, i, standstill, max(end, standstill + 1), held, verdict, reason)
+        return StopWindow(
+            begin, i, standstill, max(end, standstill + 1), held, verdict, reason,
+            application(self._brake(slice(i, standstill + 1)), s.uneven)[0],
+        )  # fmt: skip
 
     def _standstill(self, i: int, stop: int) -> int | None:
         """First sample at zero or below, or the first of a settled stretch."""
         v, good = self.v[i:stop], self.good[i:stop]
         crossed = np.flatnonzero(good & (v <= 0.0))
-        slow = good & (v <= self.settings.settled_speed)
+        slow = good & (v <= self.settled_speed)
         edges = np.flatnonzero(np.diff(np.concatenate(([0], slow.astype(np.int8), [0]))))
         candidates = [int(crossed[0])] if len(crossed) else []
         for a, b in zip(edges[::2], edges[1::2], strict=True):
@@ -178,6 +201,9 @@ class _Search:
                 candidates.append(int(a))
                 break
         return i + min(candidates) if candidates else None
+
+    def _brake(self, braking: slice) -> Floats | None:
+        return self.part["brake"][braking] if "brake" in self.part else None
 
     def _verdict(self, begin: int, i: int, standstill: int, held: float) -> tuple[Usability, str]:
         s = self.settings
@@ -199,11 +225,10 @@ class _Search:
             mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
             if mean > s.turn_rate:
                 return Usability.TURNING, f"mean yaw rate {mean:.2f} rad/s"
-        if "brake" in self.part:
-            brake = self.part["brake"][braking]
-            brake = brake[np.isfinite(brake) & (brake > 0.0)]
-            if len(brake) and float(np.median(brake)) < s.full_brake:
-                return Usability.PARTIAL, f"brakes applied to {float(np.median(brake)):.0%}"
+        level, held_on = application(self._brake(braking), s.uneven)
+        if level < s.full_brake and not (s.partial and held_on):
+            words = "" if held_on else ", and not held there"
+            return Usability.PARTIAL, f"brakes applied to {level:.0%}{words}"
         falling = np.flatnonzero(self.v[braking] > 0.9 * held)
         onset = int(falling[-1]) if len(falling) else 0
         if standstill - i - onset < s.fewest:

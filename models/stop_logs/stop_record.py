@@ -60,9 +60,17 @@ class StopRecord:
         ground: (n,) grade of the ground at the samples [rad].
         noise: of the speed, correlation allowed for [m/s].
         onset_speed: v_i [m/s]. grade: mean while braking [rad]. force_ratio: F_b/W.
-        force_std: its measurement noise. kept: False if it fits no other stop and was left out.
+        force_std: its measurement noise.
+        onset_shift: by how much named effects make the onset look later [s].
+        applied: share of what the brakes can do; force_ratio is as if it were 1. resistance: of
+            rolling, which stays when it is less [1].
+        by_effects: by how much they make the stop longer [m].
+        kept: False if it fits no other stop and the coefficients do not rest on it.
+        in_weaker_state: it fits no other stop but those of a weaker state of the brakes.
         predicted_distance, predicted_time: by a fit without this stop, without safety offsets
             [m], [s]; inf if the model does not stop here.
+        without: (4,) coefficients of the fit that has not seen it.
+        bound_distance: what a plan at the quantile allows for this stop, offset included [m].
     """
 
     samples: StopSamples
@@ -73,9 +81,27 @@ class StopRecord:
     grade: float
     force_ratio: float
     force_std: float
+    onset_shift: float = 0.0
+    by_effects: float = 0.0
+    applied: float = 1.0
+    resistance: float = 0.0
     kept: bool = True
     predicted_distance: float = np.nan
     predicted_time: float = np.nan
+    bound_distance: float = np.nan
+    in_weaker_state: bool = False
+    without: Floats | None = None
+
+    def at_level(self, coefficients: Floats) -> Floats:
+        """(4,) coefficients of full brakes as they act at the application of this stop."""
+        own = self.applied * coefficients
+        own[3] += (1.0 - self.applied) * self.resistance
+        return own
+
+    @property
+    def force_at_level(self) -> float:
+        """F_b/W at the application of this stop."""
+        return self.applied * self.force_ratio + (1.0 - self.applied) * self.resistance
 
     @property
     def path(self) -> tuple[Floats, Floats]:

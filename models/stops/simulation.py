@@ -117,7 +117,7 @@ def force_ratio(
     speed = max(onset_speed, on.speed_range[0])
     force = braking.force_ratio(grade, speed, slope.m_m, slope.b_m, on.m_b, on.b_b)
     force = braking.force_ratio_at_level(
-        force, model.terrain.rolling_while_braking, on.level if level is None else level
+        force, model.terrain.rolling_while_braking, on.share_at(level)
     )
     here = Place(grade, place["roll"], place["x"], place["y"], place["yaw"], session_time)
     extra = registry.ground_term(model.effect, here)

@@ -59,7 +59,7 @@ def _open(terrain: Terrain) -> float:
 
 def _with_scatter(braking: Braking, before: float, now: float) -> Braking:
     """Brakes that scatter by what is open of f_r beyond what they scatter by already."""
-    more = (1.0 - braking.level) ** 2 * max(now**2 - before**2, 0.0)
+    more = (1.0 - braking.share_at()) ** 2 * max(now**2 - before**2, 0.0)
 
     def wider(force_std: float) -> float:
         return math.sqrt(force_std**2 + more)

@@ -30,7 +30,8 @@ class Measurable:
 
 def _braking_known(assumptions: Assumptions) -> Assumptions:
     effects = tuple(replace(e, covariance=None) for e in assumptions.model.effect)
-    model = replace(_everywhere(assumptions.model, covariance=None, force_std=0.0), effect=effects)
+    exact = _everywhere(assumptions.model, covariance=None, force_std=0.0, force_scatter=0.0)
+    model = replace(exact, effect=effects)
     uncertainty = assumptions.uncertainty
     fresh = None if uncertainty is None else replace(uncertainty, age=0.0)
     return replace(assumptions, model=model, uncertainty=fresh)

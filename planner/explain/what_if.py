@@ -16,7 +16,7 @@ from models.arrays import Floats
 from models.parameters import Model
 from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from planner.ground.elevation_map import ElevationMap
-from planner.ground.surface_table import resolve_surface
+from planner.ground.surface_table import is_known, resolve_surface
 from planner.ground.terrain_profile import terrain_profile
 from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
@@ -142,7 +142,7 @@ class WhatIf:
 def _learned_surface(model: Model, name: str) -> str:
     """The surface that the class is for sure, else the ground that the model learned on."""
     surfaces = resolve_surface(model.braking, name)
-    return surfaces[0] if len(surfaces) == 1 else ""
+    return surfaces[0] if is_known(model, name) else ""
 
 
 def _stopping_at_once(ground: BrakingGround) -> BrakingGround:

@@ -26,22 +26,29 @@ MOST_SURFACES = 62
 def resolve_surface(braking: Braking, name: str) -> tuple[str, ...]:
     """Names of the surfaces that a map's class may be; "" is the base.
 
-    ``#3`` is a class known by its number: the table with that `class_id`, else the third table. A
-    surface that the model does not know may be any that it knows.
+    ``#3`` is a class known by its number: the table with that `class_id`, else the third table.
+    With a surface come the states that it may turn out to be in. A surface that the model does not
+    know may be any that it knows.
     """
+    own = _own_surface(braking, name)
+    return ("", *braking.terrain) if own is None else (own, *braking.states_of(own))
+
+
+def _own_surface(braking: Braking, name: str) -> str | None:
+    """The surface that a map's class is; None if the model does not know it."""
     tables = list(braking.terrain)
     if name == "" or name in braking.terrain:
-        return (name,)
+        return name
     if name.startswith("#") and name[1:].isdecimal():
         number = int(name[1:])
         for table in tables:
             if braking.terrain[table].class_id == number:
-                return (table,)
+                return table
         if number == 0:
-            return ("",)
+            return ""
         if number <= len(tables) and braking.terrain[tables[number - 1]].class_id is None:
-            return (tables[number - 1],)
-    return ("", *tables)
+            return tables[number - 1]
+    return None
 
 
 def surface_table(
@@ -59,7 +66,7 @@ def surface_table(
     lockup = frictions(model, uncertainty)
     for row, name in zip(table, names, strict=True):
         braking = braking_on(model, name)
-        level, resistance = braking.level, model.terrain.rolling_while_braking
+        level, resistance = braking.share_at(), model.terrain.rolling_while_braking
         up = braking.uphill or braking
         row[M_M : OFFSET + 1] = (
             scale * level * braking.m_m,
@@ -113,12 +120,7 @@ def braking_on(model: Model, surface: str) -> Braking:
 
 def is_known(model: Model, name: str) -> bool:
     """Is the class one that the model has learned, or the ground that it learned on?"""
-    known = resolve_surface(model.braking, name)
-    return (
-        name in ("", "#0")
-        or name in model.braking.terrain
-        or (name.startswith("#") and len(known) == 1)
-    )
+    return _own_surface(model.braking, name) is not None
 
 
 def surface_bits(profile: TerrainProfile, class_bits: Ints) -> Ints:

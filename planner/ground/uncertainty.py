@@ -20,13 +20,16 @@ from models.quantity import GRAVITY, quantity, validate_quantities
 
 HOUR = 3600.0
 
+QUANTILE = 0.999
+"""That plans survive unless told otherwise, offline as on the vehicle."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uncertainty:
     """What a plan has to survive beside the model's mean."""
 
     quantile: float = quantity(
-        "1", "One-sided quantile that stopping path and loads survive.", default=0.999,
+        "1", "One-sided quantile that stopping path and loads survive.", default=QUANTILE,
         at_least=0.5, at_most=0.999999,
     )  # fmt: skip
     slope_std: float = quantity(
@@ -52,18 +55,23 @@ class Uncertainty:
     def force_matrix(self, braking: Braking) -> Floats:
         """(4, 4) matrix S with (margin of F_b/W)² = φᵀ S φ, φ = (θ v_i, θ, v_i, 1).
 
-        Covariance, scatter, age, and what an error of the grade does to force and weight.
+        Covariance, scatter, age, and what an error of the grade does to force and weight. Scatter
+        in proportion to the force, r φᵀ β, adds r² β βᵀ.
         """
         learned = np.zeros((4, 4)) if braking.covariance is None else np.array(braking.covariance)
-        learned = learned * braking.level**2
+        applied = braking.share_at()
+        learned = learned * applied**2
         learned[3, 3] += braking.force_std**2 + self.drift**2 * self.age / HOUR
         # Where the slope coefficients differ uphill, the sum of both is above either.
+        shared = applied * braking.force_scatter
         slopes = [(braking.m_m, braking.b_m)]
         if braking.uphill is not None:
             slopes.append((braking.uphill.m_m, braking.uphill.b_m))
         for m_m, b_m in slopes:
-            change = np.array([0.0, 0.0, braking.level * m_m, 1.0 + braking.level * b_m])
+            change = np.array([0.0, 0.0, applied * m_m, 1.0 + applied * b_m])
+            force = shared * np.array([m_m, b_m, braking.m_b, braking.b_b])
             learned = learned + self.slope_std**2 * np.outer(change, change)
+            learned = learned + np.outer(force, force)
         matrix: Floats = self.width**2 * learned
         return matrix
 

@@ -29,6 +29,8 @@ class Brakes(NamedTuple):
         names: of the surfaces. on: (R, M) where a wheel may be on them.
         slope, intercept: (R, M) of F_b/W, without ground terms [s/m], [1].
         spare: (R, M) share by which it may be off where the model extrapolates.
+        doubt: (R, 3, M) what the model leaves open of it, squared: the coefficients of v², 2 v and
+            1 with v the speed at onset.
         slowest: (R, 1) speeds below which the force no longer changes [m/s].
         fastest: (M,) highest trained speed of them all [m/s].
         extra: (M,) ground terms [1].
@@ -43,6 +45,7 @@ class Brakes(NamedTuple):
     slope: Floats
     intercept: Floats
     spare: Floats
+    doubt: Floats
     slowest: Floats
     fastest: Floats
     extra: Floats
@@ -58,20 +61,29 @@ class Brakes(NamedTuple):
         force = speed * self.slope + self.intercept
         sign = 1.0 if most else -1.0
         force = force + sign * self.spare * np.abs(force)
+        square, double, one = self.doubt.transpose(1, 0, 2)
+        force = force + sign * np.sqrt(np.maximum((square * speed + 2.0 * double) * speed + one, 0))
         ends = np.where(self.on, force, -sign * np.inf)
         total: Floats = (ends.max(axis=0) if most else ends.min(axis=0)) + self.extra
         return total
 
 
-def brakes_along(model: Model, ground: Ground, line: Line, class_names: tuple[str, ...]) -> Brakes:
-    """The braking force of a model on the ground along a line."""
+def brakes_along(
+    model: Model, ground: Ground, line: Line, class_names: tuple[str, ...], width: float = 0.0
+) -> Brakes:
+    """The braking force of a model on the ground along a line.
+
+    So many standard deviations of what the model leaves open are taken off; 0 is its mean.
+    """
     names = ["", *model.braking.terrain]
     tables = [model.braking.on(name) if name else model.braking for name in names]
     on = np.zeros((len(names), len(ground.grade)), np.bool_)
     for index, name in enumerate(class_names):
         for surface in _surfaces_of(model.braking, name):
             on[names.index(surface)] |= ground.classes[index]
-    on[0] |= ~on.any(axis=0)
+    nameless = ~on.any(axis=0)
+    for surface in ("", *model.braking.states_of("")):
+        on[names.index(surface)] |= nameless
     touched = np.flatnonzero(on.any(axis=1)).tolist()
     names, tables, on = [names[i] for i in touched], [tables[i] for i in touched], on[touched]
     scale = registry.force_scale(model.effect)
@@ -94,11 +106,12 @@ def brakes_along(model: Model, ground: Ground, line: Line, class_names: tuple[st
         slope=np.array([slope for slope, _ in forces]),
         intercept=np.array([intercept for _, intercept in forces]),
         spare=np.where(outside > 0.0, margin, 0.0),
+        doubt=np.array([width**2 * scale**2 * _doubt_of(t, ground.grade) for t in tables]),
         slowest=np.array([[t.speed_range[0]] for t in tables]),
         fastest=worst([t.speed_range[1] for t in tables], least=True),
         extra=np.broadcast_to(registry.ground_term(model.effect, place), ground.grade.shape),
         friction=worst(friction.tolist(), least=True),
-        dead_time=worst([t.dead_time for t in tables]),
+        dead_time=worst([t.dead_time + width * t.dead_time_std for t in tables]),
         offset=float(worst([t.distance_offset for t in tables])[: line.driven].max()),
         steeper=np.where(on, outside, 0.0).max(axis=0),
         leaning=np.where(on, rolled, 0.0).max(axis=0),
@@ -111,8 +124,30 @@ def _force_of(table: Braking, model: Model, grade: Floats, scale: float) -> tupl
     uphill = grade > 0.0
     slope = np.where(uphill, up.m_m, table.m_m) * grade + table.m_b
     intercept = np.where(uphill, up.b_m, table.b_m) * grade + table.b_b
-    rolls = (1.0 - table.level) * model.terrain.motion_resistance
-    return scale * table.level * slope, scale * (table.level * intercept + rolls)
+    level = (table.level - table.dead_band) / (table.saturation - table.dead_band)
+    level = min(max(level, 0.0), 1.0)
+    rolls = (1.0 - level) * model.terrain.rolling_while_braking
+    return scale * level * slope, scale * (level * intercept + rolls)
+
+
+def _doubt_of(table: Braking, grade: Floats) -> Floats:
+    """(3, M) variance of F_b/W over the speed at onset: coefficients of v², 2 v and 1.
+
+    Var of (m_m θ + m_b) v + (b_m θ + b_b), scatter from stop to stop added; scatter in proportion
+    to the force has that form as well.
+    """
+    c = np.zeros((4, 4)) if table.covariance is None else np.array(table.covariance)
+    sides = [(table.m_m, table.b_m)]
+    sides += [] if table.uphill is None else [(table.uphill.m_m, table.uphill.b_m)]
+    for m_m, b_m in sides:
+        own = table.force_scatter * np.array([m_m, b_m, table.m_b, table.b_b])
+        c = c + np.outer(own, own)
+    c = c * table.share_at() ** 2
+    c[3, 3] += table.force_std**2
+    square = (c[0, 0] * grade + 2.0 * c[0, 2]) * grade + c[2, 2]
+    double = (c[0, 1] * grade + c[0, 3] + c[1, 2]) * grade + c[2, 3]
+    one = (c[1, 1] * grade + 2.0 * c[1, 3]) * grade + c[3, 3]
+    return np.stack((square, double, one))
 
 
 def _friction(model: Model, table: Braking) -> float:
@@ -128,21 +163,21 @@ def _outside(bounds: tuple[float, float], values: Floats) -> Floats:
 
 
 def _surfaces_of(braking: Braking, name: str) -> list[str]:
-    """Surfaces that a class of the map may be: its own, or any where the model knows none.
+    """Surfaces that a class of the map may be: its own with its states, or any if it is unknown.
 
     A class ``#3`` is known by its number: the table with that ``class_id``, else the third one if
     it has no number of its own; 0 is the base.
     """
     tables = list(braking.terrain)
     if name == "" or name in braking.terrain:
-        return [name]
+        return [name, *braking.states_of(name)]
     if name.startswith("#") and name[1:].isdecimal():
         number = int(name[1:])
         own = [t for t in tables if braking.terrain[t].class_id == number]
         if own:
-            return own[:1]
+            return [own[0], *braking.states_of(own[0])]
         if number == 0:
-            return [""]
+            return ["", *braking.states_of("")]
         if number <= len(tables) and braking.terrain[tables[number - 1]].class_id is None:
-            return [tables[number - 1]]
+            return [tables[number - 1], *braking.states_of(tables[number - 1])]
     return ["", *tables]

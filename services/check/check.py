@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtri
 
 from models.arrays import Floats
 from models.errors import ParameterError
@@ -25,17 +26,21 @@ _STANDS = "the plan stands in one place"
 _UNJUDGED = "jerk, and vertical acceleration on rough ground, are comfort and were not judged"
 
 
-def check(plan: GivenPlan, model: Model, heights: Heights, *, clear: float = np.inf) -> CheckReport:
+def check(
+    plan: GivenPlan, model: Model, heights: Heights, *, clear: float = np.inf,
+    quantile: float = 0.5,
+) -> CheckReport:  # fmt: skip
     """Does a plan keep every rule of its model on this ground?
 
     Args:
         plan: N rows of positions and speeds, SI, with any further columns.
-        model: vehicle, braking, effects and limits, at their means; what it states of scatter is
-            left to whoever plans with margins.
+        model: vehicle, braking, effects and limits; effects at their means.
         heights: map.
         clear: station up to which the way is known free, and before which the front of the vehicle
             stays [m]. The plan's own clear distance and the end of its path, both for the middle of
             the wheelbase, count as well.
+        quantile: of what the model leaves open of its brakes, from its mean at 0.5 on; errors of
+            the map and of effects are left to whoever plans with margins.
 
     Returns:
         Every violation with its row, kind and size; none for a plan that may be driven.
@@ -45,6 +50,8 @@ def check(plan: GivenPlan, model: Model, heights: Heights, *, clear: float = np.
     """
     if not clear >= 0.0:
         raise ParameterError("clear", f"a distance >= 0 [m], got {clear:g}")
+    if not 0.5 <= quantile < 1.0:
+        raise ParameterError("quantile", f"a share in [0.5, 1), got {quantile:g}")
     _check_begin(plan, heights)
     plan = plan.without_repeats()
     if len(plan.x) < 2:
@@ -54,7 +61,7 @@ def check(plan: GivenPlan, model: Model, heights: Heights, *, clear: float = np.
     ground = ground_under(heights, line, model.vehicle)
     first = 0.0 if plan.station is None else float(plan.station[0])
     ground = ground._replace(station=ground.station + first)
-    brakes = brakes_along(model, ground, line, heights.class_names)
+    brakes = brakes_along(model, ground, line, heights.class_names, float(ndtri(quantile)))
     ledger = Ledger(plan.name, line.row, ground.station)
     ledger.notes.append(_UNJUDGED)
     judge_columns(ledger, plan, line, ground)

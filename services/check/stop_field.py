@@ -69,7 +69,8 @@ class StopField:
     @property
     def two_sided(self) -> bool:
         """The force is known by bounds only: of several surfaces, or with a margin."""
-        return len(self.brakes.on) > 1 or bool(self.brakes.spare.any())
+        b = self.brakes
+        return len(b.on) > 1 or bool(b.spare.any()) or bool(b.doubt.any())
 
     def at(self, s: Floats) -> Here:
         """Linear between samples; as at the first and the last beyond them."""
@@ -96,7 +97,7 @@ class StopField:
         b = self.brakes
         part = b._replace(
             on=b.on[:, sample], slope=b.slope[:, sample], intercept=b.intercept[:, sample],
-            spare=b.spare[:, sample], extra=b.extra[sample],
+            spare=b.spare[:, sample], extra=b.extra[sample], doubt=b.doubt[:, :, sample],
         )  # fmt: skip
         return part.force(onset_speed, most=most)
 

@@ -89,6 +89,7 @@ def cautious(found: Model, file: Model) -> Model:
         time_offset=max(f.time_offset, o.time_offset),
         speed_error=max(f.speed_error, o.speed_error),
         force_std=max(f.force_std, o.force_std),
+        force_scatter=max(f.force_scatter, o.force_scatter),
         dead_time_std=max(f.dead_time_std, o.dead_time_std),
     )
     return dataclasses.replace(found, braking=braking)

@@ -5,11 +5,13 @@ What comes back are the stops alone; samples stay with the worker.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from models.calibration.effects_in_force import measured_beside
 from models.calibration.fleet import FEWEST, VehicleStops, vehicle_stops
 from models.calibration.learn import measure_log
 from models.errors import ParameterError
@@ -64,4 +66,6 @@ def measure_vehicle(task: LogTask) -> VehicleStops:
         measured = measure_log(log.columns, log.runs, model.braking, ground=ground, fewest=FEWEST)
     except ParameterError as error:
         return VehicleStops(task.vehicle, note=f"{error.field}: expected {error.expected}")
+    beside = measured_beside(measured.measured, model, log.columns)
+    measured = dataclasses.replace(measured, measured=beside)
     return vehicle_stops(task.vehicle, measured, is_mapped(ground))

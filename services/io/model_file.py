@@ -94,7 +94,9 @@ def _plain(value: Any) -> Any:
         for field in dataclasses.fields(value):
             item = getattr(value, field.name)
             optional = not (field.default is field.default_factory is dataclasses.MISSING)
+            # An empty name says something where nothing at all is the default.
             empty = isinstance(item, str | tuple | Mapping) and not item
+            empty = empty and not (isinstance(item, str) and field.default is None)
             if not (item is None or (optional and empty)):
                 table[field.name] = _plain(item)
         return table

@@ -60,7 +60,7 @@ def render_report(
         "title": escaped(title),
         "verdict": escaped(_verdict(calibration)),
         "facts": fact_list({**_shared(calibration), **provenance}),
-        "notes": notices(calibration.warnings),
+        "notes": notices((*calibration.objections, *calibration.warnings)),
         "surfaces": "".join(f'<th class="number" scope="col">{escaped(n)}</th>' for n in surfaces),
         "rows": "\n".join(number_row(label, cells) for label, cells in rows.items()),
         "found": "\n".join(
@@ -82,17 +82,12 @@ def render_report(
 
 def _verdict(calibration: Calibration) -> str:
     base = calibration.surfaces[0]
-    excess = np.array(
-        [
-            r.predicted_distance + base.distance_offset - r.samples.distance
-            for r in base.records
-            if np.isfinite(r.predicted_distance)
-        ]
-    )
-    inside = int(np.sum(excess >= 0.0))
+    excess = np.array([r.bound_distance - r.samples.distance for r in base.records])
+    inside, ends = int(np.sum(excess >= 0.0)), excess[np.isfinite(excess)]
+    mean = float(np.mean(ends)) if len(ends) else float("inf")
     return (
-        f"{inside} of {len(base.records)} stops ended within a prediction that had not seen them, "
-        f"{float(np.mean(excess)):.2f} m before its end on average."
+        f"{inside} of {len(base.records)} stops ended within what a plan allows for, by a fit that "
+        f"had not seen them, {mean:.2f} m before its end on average."
     )
 
 

@@ -71,10 +71,10 @@ def _distance(figure: Any, surface: SurfaceFit) -> Any:
     axes = figure.add_subplot()
     number = np.arange(1, len(surface.records) + 1)
     actual = np.array([r.samples.distance for r in surface.records])
-    bound = np.array([r.predicted_distance for r in surface.records]) + surface.distance_offset
+    bound = np.array([r.bound_distance for r in surface.records])
     bound[~np.isfinite(bound)] = np.nan
     axes.vlines(number, actual, bound, color=FAINT, lw=0.7)
-    axes.plot(number, bound, "^", ms=4, color=SECOND, label="predicted, with offset")
+    axes.plot(number, bound, "^", ms=4, color=SECOND, label="allowed for at the quantile")
     axes.plot(number, actual, "o", ms=3.2, color=FIRST, label="actual")
     short = bound < actual
     if short.any():
@@ -87,12 +87,7 @@ def _distance(figure: Any, surface: SurfaceFit) -> Any:
 def _excess(figure: Any, surface: SurfaceFit) -> Any:
     axes = figure.add_subplot()
     speed, *_ = _arrays(surface.records)
-    excess = np.array(
-        [
-            r.predicted_distance + surface.distance_offset - r.samples.distance
-            for r in surface.records
-        ]
-    )
+    excess = np.array([r.bound_distance - r.samples.distance for r in surface.records])
     excess[~np.isfinite(excess)] = np.nan
     axes.axhline(0.0, color="#a82a0c", lw=1.0)
     axes.scatter(speed, excess, s=16, color=FIRST, zorder=3)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
-from planner.ground.uncertainty import Uncertainty
+from planner.ground.uncertainty import QUANTILE, Uncertainty
 from planner.horizon.answer import HorizonSettings
 from planner.settings import PlannerSettings
 from services.io.decode import decode_table
@@ -58,7 +58,7 @@ class Planning(PlannerSettings):
     budget: float = quantity("s", "Time for one cycle of a client.", default=0.02, above=0.0)
     period: float = quantity("s", "From one cycle of a client to the next.", default=0.1, above=0.0)
     quantile: float = quantity(
-        "1", "Share of what the model leaves open that plans survive.", default=0.999,
+        "1", "Share of what the model leaves open that plans survive.", default=QUANTILE,
         at_least=0.5, at_most=0.999999,
     )  # fmt: skip
     slope_std: float = quantity(

@@ -82,7 +82,7 @@ def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) ->
             m = np.where(here > 0.0, up, m)
         force[rows] = braking.force_ratio_at_level(
             (m + shift_m[rows]) * here + b + shift_b[rows],
-            model.terrain.rolling_while_braking, on.level,
+            model.terrain.rolling_while_braking, on.share_at(),
         )  # fmt: skip
     clock = session_time(table)[:, None]
     force = force * registry.force_scale(model.effect)

@@ -63,7 +63,7 @@ class FleetPlanOptions:
     speed: StartSpeed = 0.0
     clear: ClearDistance = None
     spacing: Spacing = None
-    quantile: Quantile = None
+    quantile: Quantile = 0.999
     smooth: Smooth = True
     workers: FleetWorkers = None
     scheduler: Scheduler = ""

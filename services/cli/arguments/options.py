@@ -14,6 +14,9 @@ NO_ADMISSIBLE = 3
 VIOLATIONS = 3
 """Exit status: a plan breaks a rule."""
 
+OF_NO_USE = 3
+"""Exit status: what was learned is of no use, or a model does not cover a log."""
+
 MapFile = Annotated[
     Path,
     typer.Argument(
@@ -67,10 +70,9 @@ MarginEnough = Annotated[
     typer.Option(metavar="METRES", help="Ranking: spare distance beyond which more is worth 0."),
 ]
 Quantile = Annotated[
-    float | None,
+    float,
     typer.Option(
-        metavar="Q",
-        help="Survive this share of what the model leaves open, e.g. 0.999; else its mean.",
+        metavar="Q", help="Survive this share of what the model leaves open; 0.5 is its mean."
     ),
 ]
 Smooth = Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")]
@@ -79,7 +81,20 @@ GroundMap = Annotated[
     typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
 ]
 Coverage = Annotated[
-    float, typer.Option(help="Share of future stops that predictions have to cover.")
+    float, typer.Option(help="Share of stops like those of the log that margins have to cover.")
+]
+LeastSpeed = Annotated[
+    float, typer.Option(metavar="M/S", help="Slower vehicles have nothing to stop.")
+]
+LongestStop = Annotated[
+    float, typer.Option(metavar="SECONDS", help="Later standstills are not of this stop.")
+]
+SettledSpeed = Annotated[
+    float,
+    typer.Option(metavar="M/S", help="Standstill of sensors that never read 0, at least."),
+]
+TurnRate = Annotated[
+    float, typer.Option(metavar="RAD/S", help="Mean yaw rate from which a stop is a turn.")
 ]
 Topics = Annotated[
     Path | None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from models.calibration.learn import Calibration, learn
+from models.calibration.learn import Calibration, learn, with_learned
 from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
 from models.parameters import Model
+from models.stop_logs.drive_quality import find_suspects, usable
+from models.stop_logs.find_stops import StopSettings, find_stops
 from models.stop_logs.stop_record import StopRecord
 from services.cli.arguments.files import CalibrateOptions
 from services.cli.commands.calibration_rows import ROWS, speed_words, surface_json
@@ -58,12 +60,16 @@ def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
         ground = grade_by_map(log, job.map_file, model.vehicle)
         advance(1)
         try:
-            learned = learn(log.columns, log.runs, model.braking, ground=ground, settings=settings)
+            learned = learn(
+                log.columns, log.runs, model.braking, ground=ground, settings=settings, beside=model
+            )
             advance(1)
             grades = np.array([r.grade for s in learned.surfaces for r in s.records])
             refuse_unit(learned.braking, model.braking, grades, names_of(job.logs))
-            better = replace(model, braking=learned.braking)
+            better = with_learned(model, learned)
         except ParameterError as error:
+            if job.stops is not None:
+                _write_refused(log, settings, job.stops)
             raise fault(names_of(job.logs), error.field, f"expected {error.expected}") from None
         advance(1)
     return CalibrateResult(learned, better, log, time.perf_counter() - begin)
@@ -71,9 +77,14 @@ def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
 
 def _settings(job: CalibrateOptions) -> CalibrationSettings:
     try:
-        return CalibrationSettings(coverage=job.coverage)
+        stops = StopSettings(
+            partial=True, least_speed=job.least_speed, longest=job.longest,
+            settled_speed=job.settled_speed, turn_rate=job.turn_rate,
+        )  # fmt: skip
+        return CalibrationSettings(coverage=job.coverage, stops=stops)
     except ParameterError as error:
-        raise fault("--coverage", "", f"expected {error.expected}") from None
+        option = f"--{error.field.replace('_', '-')}"
+        raise fault(option, "", f"expected {error.expected}") from None
 
 
 def write_learned_model(result: CalibrateResult, path: Path) -> None:
@@ -81,10 +92,25 @@ def write_learned_model(result: CalibrateResult, path: Path) -> None:
     write_model(result.model, path)
 
 
+def _write_refused(log: DriveLog, settings: CalibrationSettings, path: Path) -> None:
+    """What was found, and why it was not enough: a row a stop."""
+    good = usable(len(log.columns["t"]), find_suspects(log.columns, log.runs), ["v", "v_cmd"])
+    windows = [w for run in log.runs for w in find_stops(log.columns, run, good, settings.stops)]
+    at = [w.command for w in windows]
+    columns: dict[str, Any] = {
+        "run": [str(log.columns["run"][i]) for i in at],
+        "t": np.array([log.columns["t"][i] for i in at], np.float64),
+        "verdict": [w.verdict.name.lower() for w in windows],
+        "reason": [w.reason or w.verdict.value for w in windows],
+        "speed": np.array([w.held_speed for w in windows], np.float64),
+    }
+    write_csv(columns, path)
+
+
 def write_stops(result: CalibrateResult, path: Path) -> None:
     """A row a stop, found or learned from, SI units; empty where a stop was not measured."""
     learned = _by_command(result.calibration)
-    offsets = {s.name: (s.distance_offset, s.time_offset) for s in result.calibration.surfaces}
+    offsets = {s.name: s.time_offset for s in result.calibration.surfaces}
     rows: dict[str, list[Any]] = {}
     for window in result.calibration.windows:
         record = learned.get(window.command)
@@ -129,11 +155,11 @@ _MEASURED = (
 )  # fmt: skip
 
 
-def _measured(r: StopRecord, offsets: dict[str, tuple[float, float]]) -> dict[str, float]:
-    offset, time_offset = offsets.get(r.samples.terrain, offsets[""])
+def _measured(r: StopRecord, offsets: dict[str, float]) -> dict[str, float]:
+    time_offset = offsets.get(r.samples.terrain, offsets[""])
     values = (
         r.onset_speed, r.knee.onset_time, r.grade, r.force_ratio, r.force_std, r.samples.distance,
-        r.samples.standstill_time, r.predicted_distance, r.predicted_distance + offset,
+        r.samples.standstill_time, r.predicted_distance, r.bound_distance,
         r.predicted_time, r.predicted_time + time_offset, float(r.kept),
     )  # fmt: skip
     return dict(zip(_MEASURED, values, strict=True))
@@ -165,7 +191,9 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
             }
             for s in c.suspects
         ],
+        "levels": None if c.levels is None else asdict(c.levels),
         "warnings": list(c.warnings),
+        "objections": list(c.objections),
         "seconds": result.seconds,
     }  # fmt: skip
 
@@ -187,6 +215,11 @@ def show(result: CalibrateResult, console: Console) -> None:
     )
     console.print(f"{dead} · {dive} · mount offset {known}")
     console.print(speed_words(c.speed_error))
+    if c.levels is not None:
+        console.print(
+            f"brakes act from {c.levels.dead_band:.0%} of their application on and are at their "
+            f"full force from {c.levels.saturation:.0%} ({c.levels.stops} stops in between)"
+        )
     kinds = ", ".join(f"{n} {name}" for name, n in c.verdicts.items())
     console.print(f"stops found: {len(c.windows)} – {kinds}")
     for suspect in c.suspects[:_LISTED]:
@@ -196,3 +229,5 @@ def show(result: CalibrateResult, console: Console) -> None:
         console.print(f"… and {len(c.suspects) - _LISTED} more stretches", style="yellow")
     for warning in c.warnings:
         console.print(f"note: {warning}", style="yellow")
+    for objection in c.objections:
+        console.print(f"of no use: {objection}", style="red")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from models.calibration.brake_states import WeakerState
 from models.calibration.force_fit import NAMES
 from models.calibration.speed_error import SpeedError
 from models.calibration.surface_fit import SurfaceFit
@@ -15,11 +16,11 @@ from models.calibration.surface_fit import SurfaceFit
 def coverage(surface: SurfaceFit) -> tuple[float, float]:
     """Share of its stops that end within the prediction, and by how much on average [m].
 
-    Each prediction is by a fit that has not seen the stop; stops left out of the fit count, too.
+    Of all stops that were measured: each prediction is by a fit that has not seen the stop, at the
+    quantile of the margins; stops that the fit left out count, too. Endless predictions have no
+    excess.
     """
-    actual = np.array([r.samples.distance for r in surface.records])
-    bound = np.array([r.predicted_distance for r in surface.records]) + surface.distance_offset
-    excess = bound - actual
+    excess = np.array([r.bound_distance - r.samples.distance for r in surface.records])
     finite = excess[np.isfinite(excess)]
     return float(np.mean(excess >= 0.0)), float(np.mean(finite)) if len(finite) else 0.0
 
@@ -38,6 +39,10 @@ def surface_json(s: SurfaceFit) -> dict[str, Any]:
         },
         "covariance": s.fit.covariance.tolist(),
         "scatter": s.fit.scatter,
+        "force_std": s.margins.force.absolute,
+        "force_scatter": s.margins.force.relative,
+        "dead_time_std": s.margins.dead_time,
+        "state": _state_json(s.state),
         "two_stages": None if s.two_stages is None else s.two_stages.tolist(),
         "distance_offset": s.distance_offset,
         "time_offset": s.time_offset,
@@ -46,6 +51,24 @@ def surface_json(s: SurfaceFit) -> dict[str, Any]:
         "coverage": covered,
         "mean_excess": excess,
     }
+
+
+def _state_json(state: WeakerState | None) -> dict[str, float] | None:
+    if state is None:
+        return None
+    return {
+        "stops": int(state.members.sum()), "ratio": state.ratio, "ratio_std": state.ratio_std,
+        "force_scatter": state.scatter,
+    }  # fmt: skip
+
+
+def _scatter(s: SurfaceFit) -> str:
+    force = s.margins.force
+    return f"{force.relative:.1%} of it" if force.relative > 0.0 else f"{force.absolute:.4f}"
+
+
+def _state(s: SurfaceFit) -> str:
+    return "–" if s.state is None else f"{s.state.ratio:.0%} ({int(s.state.members.sum())} stops)"
 
 
 def speed_words(found: SpeedError | None) -> str:
@@ -77,6 +100,9 @@ ROWS: dict[str, Callable[[SurfaceFit], str]] = {
     "m_b, s/m": _coefficient(2),
     "b_b": _coefficient(3),
     "stops learned from": lambda s: f"{sum(r.kept for r in s.records)} of {len(s.records)}",
+    "force scatters by": _scatter,
+    "dead time by, s": lambda s: f"{s.margins.dead_time:.4f}",
+    "force of a weaker state": _state,
     "distance offset, m": lambda s: f"{s.distance_offset:.3f}",
     "time offset, s": lambda s: f"{s.time_offset:.3f}",
     "unseen stops within prediction": lambda s: f"{coverage(s)[0]:.1%}",

@@ -11,6 +11,7 @@ import numpy as np
 
 from models.errors import InputError, ParameterError
 from models.parameters import Model
+from planner.ground.uncertainty import QUANTILE
 from planner.path import CandidatePath
 from services.check.check import check
 from services.check.given_plan import GivenPlan
@@ -34,6 +35,7 @@ class CheckJob:
     model_file: str
     clear: float = np.inf
     topics: Path | None = None
+    quantile: float = QUANTILE
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +74,15 @@ def run(job: CheckJob, *, quiet: bool = False) -> CheckResult:
     )
     around = _around(plans, footprint_margin(model.vehicle, info) + max(model.vehicle.shape[:3]))
     ground = read_map(job.map_file, around=around, topics=job.topics)
-    return check_all(plans, model, ground, job.clear, source=str(job.plan_file), quiet=quiet)
+    return check_all(
+        plans, model, ground, job.clear, source=str(job.plan_file), quiet=quiet,
+        quantile=job.quantile,
+    )  # fmt: skip
 
 
 def check_all(
     plans: Sequence[GivenPlan], model: Model, heights: Heights, clear: float = np.inf, *,
-    source: str, quiet: bool = False,
+    source: str, quiet: bool = False, quantile: float = QUANTILE,
 ) -> CheckResult:  # fmt: skip
     """Judge plans on ground that is in memory already."""
     begin = time.perf_counter()
@@ -85,9 +90,10 @@ def check_all(
     with progress_bar("checking", len(plans), quiet=quiet) as advance:
         for plan in plans:
             try:
-                reports.append(check(plan, model, heights, clear=clear))
+                reports.append(check(plan, model, heights, clear=clear, quantile=quantile))
             except ParameterError as error:
-                where = ("--clear", "") if error.field == "clear" else (source, error.field)
+                option = error.field in ("clear", "quantile")
+                where = (f"--{error.field}", "") if option else (source, error.field)
                 raise InputError(*where, f"expected {error.expected}") from None
             advance(1)
     return CheckResult(model.name, tuple(reports), time.perf_counter() - begin)

@@ -37,7 +37,7 @@ class FleetPlanJob:
     start_speed: float = 0.0
     clear: float = np.inf
     settings: PlannerSettings = field(default_factory=PlannerSettings)
-    uncertainty: Uncertainty | None = None
+    uncertainty: Uncertainty | None = field(default_factory=Uncertainty)
     workers: int | None = None
     scheduler: str = ""
 

@@ -51,7 +51,7 @@ class PlanJob:
     start_speed: float = 0.0
     clear: float = np.inf
     settings: PlannerSettings = field(default_factory=PlannerSettings)
-    uncertainty: Uncertainty | None = None
+    uncertainty: Uncertainty | None = field(default_factory=Uncertainty)
     explain: bool = False
     topics: Path | None = None
 
@@ -142,7 +142,10 @@ def checked(
     else:
         plans, source = [plan_of_columns(driven(plan)) for plan in result.plans], "plan"
     reach = np.inf if clear is None else clear
-    found = check_all(plans, result.model, result.elevation_map, reach, source=source, quiet=quiet)
+    told = 0.5 if result.uncertainty is None else result.uncertainty.quantile
+    found = check_all(
+        plans, result.model, result.elevation_map, reach, source=source, quiet=quiet, quantile=told
+    )
     return dataclasses.replace(result, check=found)
 
 
@@ -192,10 +195,8 @@ def write_csv(result: PlanResult, path: Path) -> None:
     write_plan_csv(joined, path)
 
 
-def uncertainty_at(quantile: float | None) -> Uncertainty | None:
-    """What plans survive at a quantile, None for the model's mean."""
-    if quantile is None:
-        return None
+def uncertainty_at(quantile: float) -> Uncertainty:
+    """What plans survive at a quantile."""
     try:
         return Uncertainty(quantile=quantile)
     except ParameterError as error:

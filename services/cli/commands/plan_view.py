@@ -63,7 +63,7 @@ def _survives(uncertainty: Uncertainty | None, model: Model) -> str:
 def _leaves_open(model: Model) -> bool:
     """Does the model say how uncertain it is?"""
     tables: tuple[Braking | SurfaceBraking, ...] = (model.braking, *model.braking.terrain.values())
-    stated = (t.covariance or t.force_std or t.dead_time_std for t in tables)
+    stated = (t.covariance or t.force_std or t.force_scatter or t.dead_time_std for t in tables)
     return any(stated) or any(effect.covariance for effect in model.effect)
 
 

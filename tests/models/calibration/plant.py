@@ -9,6 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
+
+from models.parameters import Braking
 
 G = 9.80665
 STEP = 0.002  # [s]
@@ -171,3 +174,20 @@ def predicted(
     work = np.cumsum(np.where(station >= dead_time * v, 0.01 * a, 0.0), axis=0)
     spent = work >= 0.5 * v * v
     return np.where(spent.any(axis=0), 0.01 * (np.argmax(spent, axis=0) + 0.5), np.inf)
+
+
+def allowed(
+    b: Braking, truth: Truth, quantile: float = 0.999, *, states: bool = True
+) -> np.ndarray:
+    """(stops,) way to rest that a plan at a quantile allows for, the worst of the states."""
+    z = norm.ppf(quantile)
+    ways = []
+    for name in ("", *(n for n, t in b.terrain.items() if states and t.state_of == "")):
+        on = b.on(name) if name else b
+        own = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
+        margin = np.zeros((4, 4)) if on.covariance is None else np.array(on.covariance)
+        margin = margin + on.force_scatter**2 * np.outer(own, own)
+        margin[3, 3] += on.force_std**2
+        late = on.dead_time + z * on.dead_time_std
+        ways.append(predicted(own, late, truth, z * z * margin) + on.distance_offset)
+    return np.max(ways, axis=0)

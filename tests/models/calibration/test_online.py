@@ -95,3 +95,69 @@ def test_the_fifo_forgets_the_oldest() -> None:
         fit = fifo.take(StreamedStop(float(k), v, theta, force, 0.002, 0.3))
     np.testing.assert_allclose(fit.coefficients, [-0.03, -0.35, 0.015, 0.3], atol=0.04)
     assert len(fit.regression.kept) == 40
+
+
+def streamed(force: float, time_: float, rng: np.random.Generator) -> StreamedStop:
+    """A stop with this force on level ground, on a slope as the known brakes have it."""
+    v, theta = float(rng.uniform(1, 4)), float(rng.uniform(-0.2, 0.2))
+    share = 1.0 + (KNOWN.m_m * v + KNOWN.b_m) * theta / 0.4
+    noise = 0.004 * rng.standard_normal()
+    return StreamedStop(time_, v, theta, share * force + noise, 0.003, 0.3)
+
+
+def level_force(online: OnlineBraking) -> float:
+    _, _, m_b, b_b = online.coefficients()
+    return float(m_b * 4.0 + b_b)
+
+
+@pytest.mark.parametrize("every", [2, 3, 6])
+def test_weak_stops_between_others_are_planned_with(every: int) -> None:
+    """Never two in a row, so that they are no change; the estimate of the mean stays above them."""
+    rng = np.random.default_rng(every)
+    online = OnlineBraking(replace(KNOWN, m_b=0.0))
+    for k in range(40):
+        online.take(streamed(0.40, float(k), rng))
+    assert online.valid()
+    for k in range(60):
+        weak = k % every == 0
+        online.take(streamed(0.24 if weak else 0.40, 40.0 + k, rng))
+        if k > every:
+            assert level_force(online) < 0.26
+            assert not online.valid()
+
+
+def test_a_single_weak_stop_is_no_state_of_the_brakes_and_the_rest_comes_back() -> None:
+    rng = np.random.default_rng(0)
+    online = OnlineBraking(replace(KNOWN, m_b=0.0))
+    for k in range(40):
+        online.take(streamed(0.40, float(k), rng))
+    before = level_force(online)
+    online.take(streamed(0.24, 40.0, rng))
+    assert level_force(online) == pytest.approx(before, abs=0.02)
+    for k in range(2):
+        online.take(streamed(0.24 if k else 0.40, 41.0 + k, rng))
+    assert level_force(online) < 0.26
+    stops = 0
+    while level_force(online) < 0.38:
+        online.take(streamed(0.40, 50.0 + stops, rng))
+        stops += 1
+        assert stops < 60
+    assert stops > 30  # 24 that forget, then a hundredth of the weight each
+
+
+def test_no_number_of_stops_makes_brakes_of_another_vehicle() -> None:
+    rng = np.random.default_rng(1)
+    online = OnlineBraking(replace(KNOWN, m_b=0.0, b_b=0.4))
+    for k in range(3000):
+        online.take(streamed(1.15, float(k), rng))
+    assert level_force(online) <= 1.5 * 0.4 + 1e-9
+
+
+@pytest.mark.nightly
+def test_false_stops_never_publish_more_than_the_share() -> None:
+    rng = np.random.default_rng(2)
+    online = OnlineBraking(replace(KNOWN, m_b=0.0, b_b=0.4))
+    for k in range(100_000):
+        force = 0.4 if rng.random() < 0.2 else float(rng.choice([0.05, 0.4, 0.8, 1.2, 3.0]))
+        online.take(streamed(force, float(k), rng))
+        assert level_force(online) <= 1.5 * 0.4 + 1e-9

@@ -105,3 +105,13 @@ def test_stops_of_a_later_run_keep_their_place() -> None:
     n = len(T)
     (stop,) = find_stops(two, slice(n, 2 * n), np.ones(2 * n, bool))
     assert stop.command == n + AT
+
+
+def test_standstill_is_timed_by_the_noise_that_the_log_has_at_rest() -> None:
+    """A sensor that reads a tenth of a metre per second at rest hides no stop of one second."""
+    rng = np.random.default_rng(1)
+    t = np.arange(0.0, 20.0, 0.1)
+    v = np.clip(1.0 - (t - 2.0) / 0.8, 0.0, 1.0) + np.abs(0.05 * rng.standard_normal(len(t)))
+    columns = {"t": t, "v": v, "v_cmd": np.where(t < 2.0, 1.0, 0.0)}
+    (stop,) = find_stops(columns, slice(0, len(t)), np.ones(len(t), np.bool_))
+    assert t[stop.standstill] == pytest.approx(2.8, abs=0.3)

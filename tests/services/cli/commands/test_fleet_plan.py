@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from models.errors import InputError
+from planner.ground.uncertainty import Uncertainty
 from planner.pipeline.candidates import CandidatePlanner
 from services.cli.commands import fleet_plan
 from services.fleet import parts, planning, windows
@@ -69,7 +70,7 @@ def test_plans_are_those_of_the_planner_on_the_whole_map(
     speed, station = plans["speed"].to_numpy(), plans["station"].to_numpy()
     assert not np.isnan(station).any()
     for path in read_paths(inputs[1][0]):
-        (plan,) = CandidatePlanner(model).plan(ground, [path])
+        (plan,) = CandidatePlanner(model, uncertainty=Uncertainty()).plan(ground, [path])
         rows = names == path.name
         n = int(rows.sum())
         assert n > 0

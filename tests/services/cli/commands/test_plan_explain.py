@@ -80,7 +80,10 @@ def test_a_higher_quantile_is_never_faster(job: command.PlanJob) -> None:
     times = []
     for quantile in (None, 0.5, 0.99, 0.9999):
         uncertain = replace(
-            job, uncertainty=command.uncertainty_at(quantile), start_speed=0.0, explain=False
+            job,
+            uncertainty=quantile and command.uncertainty_at(quantile),
+            start_speed=0.0,
+            explain=False,
         )
         found = command.plan_on(ground, demo.fan()[:1], model, uncertain, source="", quiet=True)
         times.append(found.plans[0].travel_time)

@@ -56,8 +56,8 @@ def test_husky_stops_of_sessions_left_out_end_within_their_prediction(tmp_path: 
     sixths = [runs[len(runs) * k // 6 : len(runs) * (k + 1) // 6] for k in range(6)]
     held_out = leave_sessions_out(log.columns, sixths, KNOWN)
     assert len(held_out.excess) >= 60
-    assert held_out.coverage >= 0.98
-    assert held_out.mean_excess < 0.4
+    assert held_out.coverage == 1.0
+    assert held_out.mean_excess < 0.45
     assert held_out.unpredicted == ()
 
 
@@ -80,7 +80,7 @@ def test_cuadriga_stops_of_sessions_left_out_end_within_their_prediction(tmp_pat
     held_out = leave_sessions_out(log.columns, [[run] for run in log.runs], KNOWN)
     assert len(held_out.excess) >= 13
     assert held_out.coverage == 1.0
-    assert held_out.mean_excess < 0.5
+    assert held_out.mean_excess < 0.3
 
 
 def test_folders_without_recordings_say_so(tmp_path: Path) -> None:

@@ -1,0 +1,127 @@
+"""How the force grows with brake application: dead band, slope, saturation.
+
+    F = r + g(u) (F_full − r),   g(u) = (u − d) / (s − d) held within 0 … 1
+
+with the application u, the rolling resistance r that stays when the brakes are let go, the dead
+band d and the saturation s. Stops at every application are one fit with the four coefficients of
+F_full, so that those at a part of the brakes teach as well, each as much as its share is worth.
+
+Validity: application that is held during the stop. Source: Braking (6) has r and one straight line.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from models.arrays import Floats
+from models.calibration.force_fit import WEAK_PRIOR, design
+from models.parameters import Braking
+from models.stop_logs.measure import Measured
+
+_FEWEST = 6
+"""Stops at a part of the brakes without which nothing is learned of it."""
+
+_PART = 0.98  # application from which a stop is one at full brakes, unless they saturate earlier
+_SPREAD = 0.1  # of the applications, without which a line has no slope
+_SCATTER = 0.02  # [1] of a force, to weigh stops by
+_RESISTANCE_STD = 0.03  # [1] how well the rolling resistance is known before
+_LINE_STD = 0.5  # [1] the same of dead band and saturation, which the stops tell
+_LEAST_SHARE = 0.03  # of the brakes, below which a stop says nothing of them
+_MOST_BAND, _LEAST_WIDTH = 0.6, 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class BrakeLevels:
+    """The law above.
+
+    Attributes:
+        dead_band, saturation: of the application. resistance: r [1]. std: of the three.
+        stops: at a part of the brakes.
+    """
+
+    dead_band: float
+    saturation: float
+    resistance: float
+    std: tuple[float, float, float]
+    stops: int
+
+    def share(self, level: Floats) -> Floats:
+        """g(u) of applications (n,)."""
+        return _share(level, self.dead_band, self.saturation)
+
+
+def _share(level: Floats, dead_band: float, saturation: float) -> Floats:
+    return np.clip((level - dead_band) / (saturation - dead_band), 0.0, 1.0)
+
+
+def at_full_level(
+    measured: Measured, known: Braking, resistance: float
+) -> tuple[Measured, BrakeLevels | None]:
+    """The stops with their force as it would be at full brakes, and the law; None without need.
+
+    Args:
+        measured: stops. known: braking so far. resistance: rolling resistance so far [1].
+    """
+    level = np.array([r.samples.window.level for r in measured.records])
+    part = level < _PART
+    if int(part.sum()) < _FEWEST or float(np.ptp(level)) < _SPREAD:
+        return measured, None
+    found = _fit(measured, level, known, resistance)
+    share = np.maximum(found.share(level), _LEAST_SHARE)
+    records = []
+    for r, g, u in zip(measured.records, share.tolist(), level.tolist(), strict=True):
+        full = found.resistance + (r.force_ratio - found.resistance) / g
+        off = full - found.resistance
+        width = found.saturation - found.dead_band
+        inside = 1.0 if g < 1.0 else 0.0
+        line = np.hypot(
+            found.std[0] * (1.0 - g) / width, found.std[1] * g / width
+        ) * inside * off / g  # fmt: skip
+        rolling = found.std[2] * (1.0 / g - 1.0)
+        noise = float(np.sqrt((r.force_std / g) ** 2 + line**2 + rolling**2))
+        taught = u > found.dead_band + 1e-9
+        records.append(
+            dataclasses.replace(
+                r, force_ratio=full if taught else known.level_force(r.onset_speed),
+                force_std=noise if taught else 1.0, applied=g, resistance=found.resistance,
+            )
+        )  # fmt: skip
+    return dataclasses.replace(measured, records=tuple(records)), found
+
+
+def _fit(measured: Measured, level: Floats, known: Braking, resistance: float) -> BrakeLevels:
+    speed, grade, force, noise = (
+        np.array([getattr(r, n) for r in measured.records])
+        for n in ("onset_speed", "grade", "force_ratio", "force_std")
+    )
+    x = design(speed, grade)
+    width = np.hypot(noise, _SCATTER)
+    prior = np.array([known.m_m, known.b_m, known.m_b, known.b_b, 0.0, 1.0, resistance])
+    std = np.array([*WEAK_PRIOR, _LINE_STD, _LINE_STD, _RESISTANCE_STD])
+
+    def residual(p: Floats) -> Floats:
+        share = _share(level, p[4], max(p[5], p[4] + _LEAST_WIDTH))
+        return np.concatenate(
+            ((force - p[6] - share * (x @ p[:4] - p[6])) / width, (p - prior) / std)
+        )
+
+    low = [-np.inf] * 4 + [0.0, _LEAST_WIDTH, 0.0]
+    high = [np.inf] * 4 + [_MOST_BAND, 1.0, 0.3]
+    best = None
+    for band, full in ((0.02, 0.98), (0.1, 0.8), (0.25, 0.6)):
+        start = np.concatenate((prior[:4], (band, full, np.clip(resistance, 1e-3, 0.29))))
+        found = least_squares(residual, start, bounds=(low, high), loss="soft_l1", x_scale=std)
+        if best is None or found.cost < best.cost:
+            best = found
+    assert best is not None
+    covariance = np.linalg.pinv(best.jac.T @ best.jac)
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))[4:]
+    band, full, rolling = (float(v) for v in best.x[4:])
+    return BrakeLevels(
+        band, max(full, band + _LEAST_WIDTH), rolling,
+        (float(spread[0]), float(spread[1]), float(spread[2])), int((level < _PART).sum()),
+    )  # fmt: skip

@@ -1,0 +1,176 @@
+"""Stops of a model with named effects: what the four coefficients have to explain beside them.
+
+The fit of a stop knows a force and an onset only, so that drag looks like more force, and a lag
+like a later onset and less force. What a named effect explains already must not be learned a second
+time. Each stop is therefore simulated with all effects in force, its simulated speeds are fitted as
+the measured ones were, and force and dead time are moved until both fits agree (indirect inference,
+Gouriéroux et al. 1993). An effect that hides the force, such as a friction that caps it, leaves the
+stop without a word on the coefficients.
+
+Validity: effects as they are in the model, with the values that it states. Omits: heat that came
+from before the log.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.arrays import Floats
+from models.calibration.stopping import stopping_distance
+from models.effects import registry
+from models.parameters import Model
+from models.stop_logs.measure import Measured
+from models.stop_logs.onset import Knee, fit_knee
+from models.stop_logs.stop_record import StopRecord
+from models.stops.simulation import GroundTrack, SimulatedStop, simulate_stop
+
+_PASSES = 3
+_AFTER = 0.2  # [s] that a simulated stop goes on standing
+_CLEAR = 0.02  # [1] by which the force is moved to see whether the stop shows it
+_HIDDEN = 0.3  # share of a change of force that a stop shows, from which it tells nothing
+_NO_WORD = 1.0  # [1] standard deviation of a force that is hidden
+_LARGEST_STEP = 0.2  # [1]
+_LEAST = 0.01  # [1] of a force
+
+
+def measured_beside(
+    measured: Measured, model: Model, columns: Mapping[str, NDArray[Any]]
+) -> Measured:
+    """The stops with what is left of them for the coefficients once all effects are in force.
+
+    Args:
+        measured: as without effects. model: with effects; its slope coefficients matter where the
+            grade varies along a stop. columns: channels of the log.
+    """
+    if not model.effect or not measured.records:
+        return measured
+    tracks = [_track(record, columns) for record in measured.records]
+    force = np.array([r.force_ratio for r in measured.records])
+    dead = measured.dead_time.value
+    shift = np.zeros(len(force))
+    extra, shown = np.zeros(len(force)), np.ones(len(force))
+    for last in (False,) * _PASSES + (True,):
+        heat = _Heat(model)
+        for i, (record, track) in enumerate(zip(measured.records, tracks, strict=True)):
+            warm = heat.before(record)
+            stop, knee = _simulated(model, record, track, float(force[i]), dead, warm)
+            heat.after(record, stop)
+            if knee is None:
+                shown[i] = 0.0
+                continue
+            shift[i] = knee.onset_time - dead
+            if last:
+                extra[i] = _by_effects(model, record, float(force[i]), dead, stop)
+                more = _simulated(model, record, track, float(force[i]) + _CLEAR, dead, warm)[1]
+                shown[i] = 0.0 if more is None else (more.force_ratio - knee.force_ratio) / _CLEAR
+            else:
+                wanted = record.force_ratio - knee.force_ratio
+                force[i] = max(force[i] + np.clip(wanted, -_LARGEST_STEP, _LARGEST_STEP), _LEAST)
+        if not last:
+            dead = max(measured.dead_time.value - float(np.mean(shift)), 0.0)
+    records = tuple(
+        dataclasses.replace(
+            r, force_ratio=float(f), onset_shift=float(s), by_effects=float(e),
+            force_std=r.force_std / share if share > _HIDDEN else _NO_WORD,
+        )
+        for r, f, s, e, share in zip(
+            measured.records, force.tolist(), shift.tolist(), extra.tolist(), shown.tolist(),
+            strict=True,
+        )
+    )  # fmt: skip
+    return dataclasses.replace(
+        measured, records=records, dead_time=dataclasses.replace(measured.dead_time, value=dead)
+    )
+
+
+class _Heat:
+    """Heat of the brakes per mass from stop to stop [J/kg]."""
+
+    def __init__(self, model: Model) -> None:
+        self._tau = registry.motion(model.effect).fade_tau
+        self._heat, self._since = 0.0, -math.inf
+
+    def before(self, record: StopRecord) -> float:
+        """At the stop command."""
+        rest = record.samples.clock - self._since
+        return self._heat * math.exp(-max(rest, 0.0) / self._tau)
+
+    def after(self, record: StopRecord, stop: SimulatedStop) -> None:
+        self._heat = stop.heat
+        self._since = record.samples.clock + float(stop.time[-1])
+
+
+def _track(record: StopRecord, columns: Mapping[str, NDArray[Any]]) -> GroundTrack:
+    """The ground from the stop command on; zero where the log does not tell."""
+    station, grade = record.path
+    window = record.samples.window
+    part = slice(window.command, window.command + len(station))
+    keep = np.concatenate(([True], np.diff(station) > 1e-9))
+
+    def channel(name: str) -> Floats:
+        values = np.asarray(columns[name][part], np.float64) if name in columns else 0.0 * station
+        return np.where(np.isfinite(values), values, 0.0)[keep]
+
+    speed = np.maximum(record.samples.speed[record.samples.at_command :][: len(station)], 0.3)
+    turning = channel("yaw_rate") / speed[keep]
+    bend = channel("vertical_curvature") if "vertical_curvature" in columns else None
+    return GroundTrack(
+        station[keep], grade[keep], channel("roll"), channel("yaw"), turning, channel("x"),
+        channel("y"), bend,
+    )  # fmt: skip
+
+
+def _simulated(
+    model: Model, record: StopRecord, track: GroundTrack, force: float, dead: float, heat: float
+) -> tuple[SimulatedStop, Knee | None]:
+    """A stop with this force and dead time, and the fit of its speeds."""
+    m_m, b_m, m_b, b_b = _coefficients(model, record, force)
+    on = dataclasses.replace(
+        model.braking, m_m=m_m, b_m=b_m, m_b=m_b, b_b=b_b, dead_time=dead, terrain={}, uphill=None,
+        level=1.0,
+    )  # fmt: skip
+    held = record.samples.window.held_speed
+    stop = simulate_stop(
+        dataclasses.replace(model, braking=on), track, held,
+        session_time=record.samples.clock, heat=heat,
+    )  # fmt: skip
+    if not stop.stopped:
+        return stop, None
+    end = float(stop.time[-1])
+    # Sampled as the stop was: what a knee makes of a gradual beginning depends on that.
+    own = record.samples.time
+    step = float(np.median(np.diff(own)))
+    time = np.arange(float(own[0]), end + _AFTER, step)
+    speed = np.where(time < 0.0, held, stop.speed_at(np.maximum(time, 0.0)))
+    along = np.interp(np.maximum(time, 0.0), stop.time, stop.station)
+    grade = np.interp(along, track.station, track.grade)
+    slope = model.braking.m_m * held + model.braking.b_m
+    return stop, fit_knee(time, speed, grade, end, slope)
+
+
+def _coefficients(
+    model: Model, record: StopRecord, force: float
+) -> tuple[float, float, float, float]:
+    """m_m, b_m, m_b, b_b such that the force at the stop's own speed and mean grade is this one.
+
+    The form that the coefficients take does not matter: only one speed is simulated.
+    """
+    slope = model.braking.m_m * record.onset_speed + model.braking.b_m
+    intercept = max(force - slope * record.grade, _LEAST)
+    return 0.0, slope, 0.0, intercept
+
+
+def _by_effects(
+    model: Model, record: StopRecord, force: float, dead: float, stop: SimulatedStop
+) -> float:
+    """By how much the effects make the stop longer, at the same coefficients [m]."""
+    own = np.array(_coefficients(model, record, force))
+    plain = stopping_distance(record.samples.window.held_speed, dead, own, *record.path)
+    longer = stop.distance - plain
+    return longer if math.isfinite(longer) else 0.0

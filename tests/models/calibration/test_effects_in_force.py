@@ -1,0 +1,116 @@
+"""Named effects stay in force: what they explain is not learned a second time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from models.calibration.coverage import covered
+from models.calibration.learn import learn
+from models.parameters import Effect, Model
+from tests.models.models_for_tests import BASE
+
+G = 9.80665
+TRUE = np.array([-0.03, -0.35, 0.015, 0.42])
+DEAD = 0.3
+
+
+def log(
+    stops: int, seed: int, *, drag: float = 0.0, lag: float = 0.0, friction: float = 9.0
+) -> tuple[dict[str, np.ndarray], list[slice], np.ndarray]:
+    """A log of stops with drag [1/m], lag [s] or a cap by friction, by lines of its own."""
+    rng = np.random.default_rng(seed)
+    parts: dict[str, list[np.ndarray]] = {}
+    runs, begin, clock = [], 0, 0.0
+    for i in range(stops):
+        v0, grade = rng.uniform(1.0, 4.0), rng.uniform(-0.2, 0.2)
+        force = float(np.array([v0 * grade, grade, v0, 1.0]) @ TRUE)
+        force *= 1.0 + 0.01 * rng.standard_normal()
+        t, v = _stop(v0, grade, min(force, friction * np.cos(grade)), drag, lag)
+        row: dict[str, Any] = {
+            "run": np.full(len(t), str(i)), "t": clock + t,
+            "v": v + 0.02 * rng.standard_normal(len(t)), "v_cmd": np.where(t < 0.0, v0, 0.0),
+            "pitch": np.full(len(t), -grade),
+        }  # fmt: skip
+        for name, values in row.items():
+            parts.setdefault(name, []).append(values)
+        runs.append(slice(begin, begin + len(t)))
+        begin, clock = begin + len(t), clock + float(t[-1]) + 20.0
+    columns = {name: np.concatenate(values) for name, values in parts.items()}
+    return columns, runs, -columns["pitch"]
+
+
+def _stop(
+    v0: float, grade: float, force: float, drag: float, lag: float
+) -> tuple[np.ndarray, np.ndarray]:
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        built = y[1] if lag else force
+        slowing = G * (built + np.sin(grade)) + drag * y[0] ** 2
+        return [-slowing, (force - y[1]) / lag if lag else 0.0]
+
+    def rest(_: float, y: np.ndarray) -> float:
+        return float(y[0])
+
+    rest.terminal = True  # type: ignore[attr-defined]
+    begin = [v0, 0.0 if lag else force]
+    solved = solve_ivp(
+        rates, (DEAD, 60.0), begin, events=rest, dense_output=True, rtol=1e-8, max_step=0.05
+    )
+    t = np.arange(-1.2, solved.t[-1] + 0.8, 0.02)
+    v = np.where(t < DEAD, v0, 0.0)
+    moving = (t >= DEAD) & (t < solved.t[-1])
+    v[moving] = solved.sol(t[moving])[0]
+    return t, v
+
+
+def with_effect(name: str, **parameters: float) -> Model:
+    return replace(BASE, effect=(Effect(name=name, parameters=parameters),))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "model"),
+    [
+        ({"drag": 0.08}, with_effect("aerodynamic_drag", c=0.08)),
+        ({"lag": 0.3}, with_effect("brake_lag", tau=0.3)),
+    ],
+)
+def test_calibrating_again_changes_nothing(hidden: dict[str, float], model: Model) -> None:
+    columns, runs, ground = log(24, 2, **hidden)
+    first = learn(columns, runs, model.braking, ground=ground, beside=model)
+    std = np.sqrt(np.diag(first.surfaces[0].fit.covariance))
+    off = (first.surfaces[0].fit.coefficients - TRUE) / std
+    assert np.all(np.abs(off) < 4.0)
+    assert first.dead_time.value == pytest.approx(DEAD, abs=0.01)
+    middle = first.braking.level_force(2.5)
+    assert middle == pytest.approx(0.42 + 0.015 * 2.5, rel=0.025)
+    model = replace(model, braking=first.braking)
+    again = learn(columns, runs, model.braking, ground=ground, beside=model)
+    moved = (again.surfaces[0].fit.coefficients - first.surfaces[0].fit.coefficients) / std
+    assert np.all(np.abs(moved) < 1.0)
+    ways = [np.array([r.predicted_distance for r in c.surfaces[0].records]) for c in (first, again)]
+    actual = np.array([r.samples.distance for r in first.surfaces[0].records])
+    assert np.max(np.abs(ways[1] - ways[0])) < 0.02
+    assert abs(np.mean(ways[1] - actual)) < 0.02
+    # As the coefficients alone are learned, the effect would count twice.
+    twice = learn(columns, runs, model.braking, ground=ground)
+    assert abs(twice.braking.level_force(2.5) / middle - 1.0) > 0.02
+    assert covered(columns, runs, replace(model, braking=again.braking), ground=ground).covers()
+
+
+def test_a_friction_that_caps_the_force_says_nothing_of_the_coefficients() -> None:
+    columns, runs, ground = log(20, 3, friction=0.44)
+    model = with_effect("wheel_lockup", mu=0.44)
+    records = learn(columns, runs, model.braking, ground=ground, beside=model).surfaces[0].records
+    capped = [r.force_std > 0.5 for r in records]
+    assert 0 < sum(capped) < len(capped)
+
+
+def test_without_effects_nothing_changes() -> None:
+    columns, runs, ground = log(12, 4)
+    plain = learn(columns, runs, BASE.braking, ground=ground)
+    beside = learn(columns, runs, BASE.braking, ground=ground, beside=BASE)
+    assert plain.braking == beside.braking

@@ -1,0 +1,77 @@
+"""Plans at a quantile before the judge at the same one, and plans by the mean before it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.planner.stops_at_quantile import hills, scattering_model
+from models.parameters import Model
+from models.surface_braking import SurfaceBraking
+from planner.ground.uncertainty import Uncertainty
+from planner.path import CandidatePath
+from planner.pipeline.candidates import CandidatePlanner
+from planner.plan import SpeedPlan
+from services.check.check import check
+from services.check.given_plan import GivenPlan, plan_of_columns
+from services.io.plan_file import driven
+
+RNG = np.random.default_rng(4)
+GROUND = hills(RNG)
+
+
+def path(course: float) -> CandidatePath:
+    s = np.linspace(0.0, 18.0, 37)
+    points = np.column_stack((30.0 + np.cos(course) * s, 30.0 + np.sin(course) * s))
+    return CandidatePath(f"{course:.1f}", points)
+
+
+def plans(model: Model, quantile: float | None) -> list[SpeedPlan]:
+    told = None if quantile is None else Uncertainty(quantile=quantile)
+    planner = CandidatePlanner(model, uncertainty=told)
+    return planner.plan(GROUND, [path(c) for c in (0.3, 1.7, 3.0, 4.4)], clear=12.0)
+
+
+def given(plan: SpeedPlan) -> GivenPlan:
+    return plan_of_columns(driven(plan))
+
+
+@pytest.fixture(scope="module")
+def relative() -> Model:
+    model = scattering_model()
+    b = replace(model.braking, force_std=0.0, force_scatter=0.06)
+    weaker = SurfaceBraking(
+        m_m=0.8 * b.m_m, b_m=0.8 * b.b_m, m_b=0.8 * b.m_b, b_b=0.8 * b.b_b, force_scatter=0.05,
+        class_id=2_000_000, state_of="",
+    )  # fmt: skip
+    return replace(model, braking=replace(b, terrain={"weaker": weaker}))
+
+
+def test_plans_at_the_quantile_pass(relative: Model) -> None:
+    for model in (scattering_model(), relative):
+        for plan in plans(model, 0.999):
+            report = check(given(plan), model, GROUND, clear=12.0, quantile=0.999)
+            assert report.valid, report.violations
+
+
+def test_plans_by_the_mean_do_not(relative: Model) -> None:
+    for model in (scattering_model(), relative):
+        reports = [
+            check(given(p), model, GROUND, clear=12.0, quantile=0.999) for p in plans(model, None)
+        ]
+        kinds = {v.kind for r in reports for v in r.violations}
+        assert "stopping_path" in kinds
+
+
+def test_a_state_counts_by_the_mean_as_well(relative: Model) -> None:
+    alone = replace(relative, braking=replace(relative.braking, terrain={}))
+    kinds = {
+        v.kind
+        for p in plans(alone, None)
+        for v in check(given(p), relative, GROUND, clear=12.0).violations
+    }
+    assert "stop_distance" in kinds
+    for plan in plans(relative, None):
+        assert check(given(plan), relative, GROUND, clear=12.0).valid
