@@ -111,9 +111,10 @@ def _is_padding(rest: bytes, end: int, message: Any) -> bool:
     with whatever was in them: up to a multiple of four, and four more for each empty sequence of
     eight-byte numbers, whose alignment it counts and does not write.
     """
-    if len(rest) == -end % _WORD or (len(rest) < _WIDEST and not any(rest)):
+    if len(rest) < _WIDEST and not any(rest):
         return True
-    return len(rest) < _WORD * (1 + _empty_sequences(message))
+    filled = len(rest) % _WORD == -end % _WORD
+    return filled and len(rest) < _WORD * (1 + _empty_sequences(message))
 
 
 def _empty_sequences(value: Any) -> int:

@@ -64,7 +64,7 @@ def test_padding_is_no_part_of_a_message_and_garbage_is_none(made: dict[str, Any
     for padding in (b"", b"\0" * word, b"\xa5" * word, b"\0" * 7):
         assert plain(read_cdr(raw + padding, kind, "here", "")) == made["values"]
     most = 16 if kind == "sensor_msgs/msg/JointState" else 8
-    for garbage in (b"\x01" * (most + 1), b"\0" * most, b"\0\1" * most):
+    for garbage in (b"\x01" * (most + 1), b"\0" * most, b"\1" * (word + 1)):
         with pytest.raises(InputError, match="after it"):
             read_cdr(raw + garbage, kind, "here", "")
     for cut in (1, 2, 3):
