@@ -20,10 +20,11 @@ _MOST_WAITING = 100
 
 @dataclass(slots=True)
 class Received:
-    """A message, not decoded yet. ``at``: monotonic clock [s]."""
+    """A message, not decoded yet. ``at``: monotonic clock [s]; ``attachment``: beside it."""
 
     raw: bytes
     at: float
+    attachment: bytes = b""
 
 
 @dataclass
@@ -44,14 +45,14 @@ class Inbox:
     all_of: set[str] = field(default_factory=set)
     _waiting: dict[str, deque[Received]] = field(default_factory=dict)
 
-    def put(self, topic: str, raw: bytes) -> None:
+    def put(self, topic: str, raw: bytes, attachment: bytes = b"") -> None:
         """Keep a message; where there is no room, the oldest makes it."""
         with self.news:
             most = _MOST_WAITING if topic in self.all_of else 1
             waiting = self._waiting.setdefault(topic, deque(maxlen=most))
             self.counters["received"] += 1
             self.counters["replaced"] += len(waiting) == most
-            waiting.append(Received(raw, self.clock()))
+            waiting.append(Received(raw, self.clock(), attachment))
             self.news.notify_all()
 
     def refuse(self, topic: str, why: str) -> None:
@@ -85,8 +86,9 @@ def keeper(
             found = f"got {len(sample.payload)}"
             inbox.refuse(name, f"expected at most {_MOST_BYTES} bytes, {found}")
             return
-        # What is attached is not needed, and older releases write it in another way.
-        inbox.put(name, sample.payload.to_bytes())
+        # Older releases write what is attached in another way; nothing here depends on it.
+        beside = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        inbox.put(name, sample.payload.to_bytes(), beside)
 
     return on_sample
 

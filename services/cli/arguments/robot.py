@@ -1,4 +1,4 @@
-"""Commands of a running service and of robots: serve, ros, query, params, replay."""
+"""Commands of a running service and of robots: serve, ros, guard, query, params, replay."""
 
 from __future__ import annotations
 
@@ -55,6 +55,24 @@ def ros(
     [bold]Example[/]  slopewise ros --config configs/ros.toml
     """
     from services.cli.commands import ros as command
+
+    command.run(config)
+
+
+@app.command()
+def guard(
+    config: Annotated[
+        Path, typer.Option("--config", "-c", metavar="guard.toml", help="The guard's settings.")
+    ],
+) -> None:
+    """Stand between command and base: pass, slow or stop what could not be stopped any more.
+
+    Needs no planner. Its model reader and its stopping distances are its own; two processes watch
+    each other, and what is not heard in time is a stop.
+
+    [bold]Example[/]  slopewise guard --config configs/guard.toml
+    """
+    from services.cli.commands import guard as command
 
     command.run(config)
 
