@@ -15,6 +15,7 @@ import numpy as np
 
 from services.guard.ground import Ground
 from services.guard.model_reader import GuardModel
+from services.guard.plain import plainly_fine
 from services.guard.stops import Stops, Tables, stops_along
 from services.guard.way import Pose, Way, way_of
 
@@ -100,23 +101,25 @@ def decide(
     turn = command.yaw_rate / max(now, wanted, _CREEP) * (1.0 if forward else -1.0)
     curvature = min(max(turn, -_TIGHTEST), _TIGHTEST)
     top = max(now, target)
-    speeds = np.append(top * np.arange(1, _SPEEDS + 1) / _SPEEDS, now)
-    held = np.append(np.full(_SPEEDS, stands + late), late)
     way = way_of(
         model, scene.tables[0], scene.ground, motion.pose, curvature, forward=forward,
         length=_look(model, top, stands + late, scene.clear),
     )  # fmt: skip
-    stops = stops_along(model, scene.tables, way, speeds, held, load * model.min_load)
     end = min(scene.clear, max(way.ends - 1, 0) * way.step if way.why else np.inf)
-    inside = stops.distance <= end
-    fine = inside & stops.loaded & stops.cornering
-    first_bad = int(np.argmin(fine[:-1])) if not fine[:-1].all() else _SPEEDS
-    allowed = min(0.0 if first_bad == 0 else float(speeds[first_bad - 1]), _capped(scene, way))
-    if now >= _CREEP and not inside[-1]:
-        return stop(_why(way, scene.clear, end), allowed)
-    reason = "" if fine[:-1].all() else _cause(stops, first_bad, way, scene.clear, end)
-    if allowed < _CREEP and now >= _CREEP and not stops.loaded[0]:
-        reason = "braking on this slope unloads an axle or side"
+    least, span = load * model.min_load, min(end, way.step * (len(way.grade) - 1))
+    if plainly_fine(model, scene.tables, way, top, stands + late, least, span):
+        allowed, reason = min(top, _capped(scene, way)), ""
+    else:
+        speeds = np.append(top * np.arange(1, _SPEEDS + 1) / _SPEEDS, now)
+        held = np.append(np.full(_SPEEDS, stands + late), late)
+        stops = stops_along(model, scene.tables, way, speeds, held, least)
+        inside = stops.distance <= end
+        fine = (inside & stops.loaded & stops.cornering)[:-1]
+        bad = _SPEEDS if fine.all() else int(np.argmin(fine))
+        allowed = min(0.0 if bad == 0 else float(speeds[bad - 1]), _capped(scene, way))
+        if now >= _CREEP and not inside[-1]:
+            return stop(_why(way, scene.clear, end), allowed)
+        reason = "" if fine.all() else _cause(stops, bad, way, scene.clear, end)
     given = min(target, allowed)
     rim = given + 0.5 * abs(command.yaw_rate) * model.track
     if rim > model.wheel_speed:

@@ -34,12 +34,12 @@ class Obedience:
     def disobeys(self, speed: float, now: float) -> float:
         """By how much it is too fast [m/s]; 0 where it is not, or not for long enough."""
         reach = self.dead_time + self.patience
-        recent = [limit for at, limit in self._limits if now - at <= reach]
-        held = [limit for at, limit in self._limits if now - at > reach]
-        if not recent and not held:
-            return 0.0
         # The last one before the span holds into it.
-        limit = max([*recent, *held[-1:]])
+        while len(self._limits) > 1 and now - self._limits[1][0] > reach:
+            self._limits.popleft()
+        if not self._limits:
+            return 0.0
+        limit = max(limit for _, limit in self._limits)
         passed = 0.0 if self._at is None else max(now - self._at, 0.0)
         start = max(speed, limit) if self._at is None else self._expected
         self._expected, self._at = max(limit, start - self.decel * passed), now

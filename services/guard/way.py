@@ -82,12 +82,14 @@ def way_of(
     px, py = x + ahead * cos - left[:, None] * sin, y + ahead * sin + left[:, None] * cos
     z = ground.heights(px, py)
     known = np.isfinite(z)
-    if not known.all():
+    whole = bool(known.all())
+    if not whole:
         known |= _below(model, pose, (px, py), (lead, trail), float(yaw[0]))
     fl, fr, rl, rr = z[:4]
     grade = np.arctan2(0.5 * (fl + fr - rl - rr), model.wheelbase)
     roll = np.arctan2(0.5 * (fl - fr + rl - rr), model.track)
-    grade, roll = _filled(grade), _filled(roll)
+    if not whole:
+        grade, roll = _filled(grade), _filled(roll)
     named = surface_rows(model, ground)
     surface = named[ground.surfaces(px[:4], py[:4])]
     kinds = sorted(set(surface.ravel().tolist())) if len(named) > 1 else named.tolist()

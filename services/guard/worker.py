@@ -213,6 +213,7 @@ def main() -> None:
             signal.signal(number, lambda *_: worker.end())
         gc.collect()
         gc.freeze()
+        gc.set_threshold(100_000, 50, 100)  # what is made for a command is freed by counting
         print("ready", flush=True)
         heart.reset()
         worker.run()

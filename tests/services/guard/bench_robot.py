@@ -47,7 +47,10 @@ class Robot:
 
     def put(self, name: str, message: Any, written: Format = Format.MESSAGEPACK) -> None:
         encoding = codec.encoding_of(type(message), written)
-        self.session.put(f"{SPACE}/v1/{name}", codec.encode(message, written), encoding=encoding)
+        self.session.put(
+            f"{SPACE}/v1/{name}", codec.encode(message, written), encoding=encoding,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )  # fmt: skip
 
     def _on_output(self, sample: zenoh.Sample) -> None:
         self.heard.append((time.monotonic(), json.loads(sample.payload.to_bytes())))
