@@ -38,6 +38,7 @@ from .tracking import DriveCommand
 
 _LOOK = 0.35  # [s] ahead, where the sharpest turn of the route counts
 _TIPPED = 0.02  # share of its level load below which an axle or side has lifted
+_RESERVE = 0.15  # [m] of the clear distance, for errors of localisation; the guard's default
 _GOAL = (2.5, 6.0)  # [m/s]
 _HOLDS = (1.0, 4.0)  # [s]
 
@@ -131,7 +132,8 @@ class Guarded:
             ahead[2] - ahead[0]
         )
         # What is clear is told for the middle of the wheelbase.
-        it = Scene(self._model, self._tables, self._ground, max(view.clear, 0.0))
+        clear = max(view.clear - _RESERVE, 0.0)
+        it = Scene(self._model, self._tables, self._ground, clear)
         motion = Motion(Pose(state.x, state.y, state.yaw), max(state.speed, 0.0))
         command = Command(speed, turn * max(speed, state.speed))
         begun = time.perf_counter()

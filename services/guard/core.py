@@ -131,9 +131,10 @@ class Guard:
         if told is None:
             return None if self.settings.judgement.awaits_clear else math.inf
         if told.motion is None:
-            return max(told.distance - abs(motion.speed) * self.clears.age(now), 0.0)
-        gone = math.dist(told.motion.pose[:2], motion.pose[:2])
-        return max(told.distance - gone, 0.0)
+            gone = abs(motion.speed) * self.clears.age(now)
+        else:
+            gone = math.dist(told.motion.pose[:2], motion.pose[:2])
+        return max(told.distance - gone - self.settings.judgement.reserve, 0.0)
 
     def ages(self, now: float) -> dict[str, float]:
         """Of what is heard [s], −1 of what never came."""

@@ -106,6 +106,9 @@ class GuardJudgement:
         "1", "Share of min_load that axles and sides keep in every stop.", default=0.5,
         at_least=0.0, at_most=1.0,
     )  # fmt: skip
+    reserve: float = quantity(
+        "m", "Kept of the clear distance for errors of localisation.", default=0.15, at_least=0.0
+    )
     awaits_clear: bool = False
     trust_learned: bool = False
     disobedience: float = quantity(

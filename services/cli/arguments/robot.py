@@ -1,4 +1,4 @@
-"""Commands of a running service and of robots: serve, ros, guard, query, params, replay."""
+"""Commands of a running service and of robots: serve, ros, guard, doctor, query, params, replay."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 from services.cli.arguments.grouped import takes
 from services.cli.arguments.options import (
     NO_ADMISSIBLE,
+    VIOLATIONS,
     AsJson,
     ClearDistance,
     Connect,
@@ -75,6 +76,50 @@ def guard(
     from services.cli.commands import guard as command
 
     command.run(config)
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorOptions:
+    """Words of `slopewise doctor`."""
+
+    model: Annotated[
+        str, typer.Option("--model", "-m", metavar="M.toml", help="Model file, or shipped vehicle.")
+    ] = ""
+    nav2: Annotated[
+        list[Path] | None,
+        typer.Option("--nav2", metavar="PARAMS.yaml", help="Parameters of Nav2 or a base; repeat."),
+    ] = None
+    bag: Annotated[
+        Path | None, typer.Option("--bag", metavar="BAG", help="A recording of the robot.")
+    ] = None
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", "-c", metavar="ros.toml", help="Settings of slopewise ros."),
+    ] = None
+    live: Annotated[
+        float, typer.Option("--live", metavar="SECONDS", help="Listen to the robot for so long.")
+    ] = 0.0
+    as_json: AsJson = False
+
+
+@app.command()
+@takes(DoctorOptions)
+def doctor(options: DoctorOptions) -> None:
+    """Look at a robot, a recording or parameter files, and say what does not fit.
+
+    Decelerations along the chain against the brakes learned, limits that are not obeyed, clocks,
+    frames, rates, map age, footprint. Status 3: something does not fit.
+
+    [bold]Example[/]  slopewise doctor --nav2 nav2_params.yaml --model mine.toml --bag drive.mcap
+    """
+    from services.cli.commands import doctor as command
+
+    result = command.run(
+        options.model, options.nav2 or [], options.bag, options.config, options.live
+    )
+    say(options.as_json, command, result)
+    if command.has_errors(result):
+        raise typer.Exit(VIOLATIONS)
 
 
 @dataclass(frozen=True, slots=True)
