@@ -33,6 +33,7 @@ _OF_SURFACE = {
     *_FORCE, "dead_time", "distance_offset", "time_offset", "speed_range", "grade_range",
     "roll_range", "covariance", "force_std", "dead_time_std", "speed_error", "drive_in_dead_time",
     "sliding_friction", "level", "uphill", "extrapolate", "extrapolation_margin", "class_id",
+    "force_scatter", "dead_band", "saturation", "state_of",
 }  # fmt: skip
 _LIMITS = ("speed", "accel", "decel", "lateral_accel", "min_load")
 
@@ -46,6 +47,8 @@ class Surface(NamedTuple):
         slowest, fastest: trained speeds [m/s]. grades, rolls: widest trained, (low, high) [rad].
         friction: cap of the force [1]. level, rolls_on: share of the brakes, and what stays [1].
         class_id: number of the surface in maps; None: its name.
+        state_of: the surface that may turn out to be like this one; None: it is one of its own.
+        stronger, more: factor and addition by which the force may be above that; for loads [1].
     """
 
     m_m: float
@@ -65,6 +68,9 @@ class Surface(NamedTuple):
     level: float
     rolls_on: float
     class_id: int | None
+    state_of: str | None
+    stronger: float
+    more: float
 
 
 class GuardModel(NamedTuple):
@@ -131,7 +137,7 @@ class _Reader:
         wide = sizes["track_width"] + 0.7 * radius
         tables = {"": braking}
         for name, table in self._table(braking, "braking.terrain", "terrain", {}).items():
-            tables[name] = {**braking, "class_id": None, **table}
+            tables[name] = {**braking, "class_id": None, "state_of": None, **table}
         rolls_on = min(held, resistance)
         return GuardModel(
             {name: self._surface(table, name, rolls_on, effects) for name, table in tables.items()},
@@ -169,15 +175,19 @@ class _Reader:
         lag = registry.motion(effects).lag
         caps = [number("sliding_friction", NO_LIMIT, above=0.0), registry.motion(effects).friction]
         worse = SPREAD * number("force_std", 0.0, least=0.0)
-        kept = 1.0 - margin
+        scatter = SPREAD * number("force_scatter", 0.0, least=0.0)
+        kept = (1.0 - margin) * max(1.0 - scatter, 0.1)
+        band, full = number("dead_band", 0.0, least=0.0), number("saturation", 1.0, above=0.0)
+        applied = (number("level", 1.0, above=0.0) - band) / max(full - band, 1e-6)
         return Surface(
             kept * force[0], kept * force[1], kept * force[2], kept * force[3] - worse,
             kept * up_m, kept * up_b,
             # A lag makes stops longer by no more than the same time at held speed.
             number("dead_time", least=0.0) + lag + SPREAD * number("dead_time_std", 0.0, least=0.0),
             number("distance_offset", 0.0, least=0.0), number("speed_error", 0.0, least=0.0),
-            speeds[0], speeds[1], grades, rolls, min(caps), number("level", 1.0, above=0.0),
-            rolls_on, table.get("class_id"),
+            speeds[0], speeds[1], grades, rolls, min(caps), min(max(applied, 0.0), 1.0),
+            rolls_on, table.get("class_id"), table.get("state_of"),
+            (1.0 + margin) * (1.0 + scatter) / kept, 2.0 * worse,
         )  # fmt: skip
 
     def _effects(self, tables: object) -> tuple[Effect, ...]:
@@ -240,15 +250,24 @@ class _Reader:
         return InputError(self._source, where, words)
 
 
+def stands_for(model: GuardModel) -> list[int]:
+    """For each surface the number of the one under wheels where it counts: its own, mostly."""
+    names = list(model.surfaces)
+    return [
+        k if s.state_of is None or s.state_of not in names else names.index(s.state_of)
+        for k, s in enumerate(model.surfaces.values())
+    ]
+
+
 def rows_of(model: GuardModel) -> Floats:
-    """Numbers of the R surfaces as rows (R + 1, 16), in the order of the model's names.
+    """Numbers of the R surfaces as rows (R + 1, 18), in the order of the model's names.
 
     The last row, number −1, is ground that may be any of them; its force is that of none.
     """
     own = np.array(
         [
             [s.m_m, s.b_m, s.m_b, s.b_b, s.up_m, s.up_b, s.slowest, s.friction, s.level, s.rolls_on,
-             *s.grades, *s.rolls, s.fastest, s.dead_time]
+             *s.grades, *s.rolls, s.fastest, s.dead_time, s.stronger, s.more]
             for s in model.surfaces.values()
         ]
     )  # fmt: skip

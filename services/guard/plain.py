@@ -70,5 +70,6 @@ def _forces(rows: list[Floats], grades: tuple[float, float], onset: float) -> tu
                 m, b = (up_m, up_b) if grade > 0.0 else (m_m, b_m)
                 force = level * ((m * speed + b) * grade + m_b * speed + b_b)
                 force += (1.0 - level) * rolls
-                weakest, strongest = min(weakest, force), max(strongest, force)
+                weakest = min(weakest, force)
+                strongest = max(strongest, force * float(row[16]) + float(row[17]))
     return weakest, strongest

@@ -17,7 +17,7 @@ from models.arrays import Bools, Floats
 from models.effects import registry
 from models.effects.effect_law import Place
 from models.quantity import GRAVITY
-from services.guard.model_reader import GuardModel
+from services.guard.model_reader import GuardModel, stands_for
 from services.guard.way import Way
 
 _EPSILON = 1e-9
@@ -104,10 +104,12 @@ def _force(
         force = (np.where(uphill, up_m, m_m) * speed + np.where(uphill, up_b, b_m)) * grade
         force = model.scale * level * (force + m_b * speed + b_b) + (1.0 - level) * rolls + extra
         force = np.minimum(force, cap * np.cos(grade) * np.cos(way.roll[:count]))
+        strong = force * rows[kind, 16] + rows[kind, 17]
         if len(way.kinds) == len(tables) == 1:
-            return force, force
-        on = np.any((under == kind) | (under == -1), axis=0)
-        low, high = np.where(on, force, np.inf), np.where(on, force, -np.inf)
+            return force, strong
+        wide = (under == kind) | (under == -1) | (under == stands_for(model)[kind])
+        on = wide.any(axis=0)
+        low, high = np.where(on, force, np.inf), np.where(on, strong, -np.inf)
         least = low if least is None else np.minimum(least, low)
         most = high if most is None else np.maximum(most, high)
     assert least is not None

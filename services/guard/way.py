@@ -8,7 +8,7 @@ import numpy as np
 
 from models.arrays import Bools, Floats, Ints
 from services.guard.ground import Ground
-from services.guard.model_reader import GuardModel
+from services.guard.model_reader import GuardModel, stands_for
 
 _SAMPLES = 48
 _STEP = 0.05  # [m] between samples at least
@@ -95,6 +95,8 @@ def way_of(
     kinds = sorted(set(surface.ravel().tolist())) if len(named) > 1 else named.tolist()
     if -1 in kinds:
         kinds = list(range(len(model.surfaces)))
+    if len(model.surfaces) > 1:
+        kinds = sorted({*kinds, *(k for k, of in enumerate(stands_for(model)) if of in kinds)})
     # What the body meets stands above the plane of the wheels.
     plane = 0.25 * (fl + fr + rl + rr) + np.tan(grade) * lead
     side = np.tan(roll) * left[4:, None]

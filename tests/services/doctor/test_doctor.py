@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from services.doctor.facts import Facts, Finding, Seen, Severity
 from services.doctor.nav2_file import read_nav2
 from services.io.bags.ros_types import typestore
 from services.io.model_file import find_model, read_model
-from services.ros.settings import EdgeSettings, OwnStop, Timing, Topics, Wheels
+from services.ros.settings import EdgeSettings, OwnStop, Timing, Wheels
 from tests.services.command_line import here
 
 MODEL = read_model(find_model("atv"))
