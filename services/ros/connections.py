@@ -5,10 +5,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Sequence
 
+import zenoh
+
 from services.ros import conversions as ros
 from services.ros.audience import Audience
 from services.ros.conversions import Condition
 from services.ros.graph import Speech
+from services.wire import codec
+from services.wire.codec import Format
+from services.wire.neighbours import Connections as ConnectionsMessage
 
 _log = logging.getLogger("slopewise")
 
@@ -16,9 +21,25 @@ _log = logging.getLogger("slopewise")
 class Connections:
     """Tells whenever somebody comes or goes who matters; one thread."""
 
-    def __init__(self, needed: Collection[str]) -> None:
-        """Warn if nobody is at the other end of topics ``needed``."""
+    def __init__(
+        self, needed: Collection[str], service: zenoh.Session | None = None, namespace: str = "",
+        source: str = "",
+    ) -> None:  # fmt: skip
+        """Warn if nobody is at the other end of topics ``needed``; tell the service as well.
+
+        Args:
+            needed: full names. service, namespace: that the live page is of; None: none.
+            source: name of the edge.
+        """
         self._needed = frozenset(needed)
+        self._source = source
+        self._publisher = (
+            None
+            if service is None
+            else service.declare_publisher(
+                f"{namespace}/v1/edge/{source}", congestion_control=zenoh.CongestionControl.DROP
+            )
+        )
         self._last: dict[str, str] = {}
         self._told: dict[str, str] = {}
 
@@ -32,6 +53,11 @@ class Connections:
                 _log.warning("%s", words or f"{topic}: somebody is there now")
         self._last = missing
         said = [words for words in missing.values() if words]
+        if self._publisher is not None:
+            self._publisher.put(
+                codec.encode(ConnectionsMessage(source=self._source, missing=said), Format.JSON),
+                encoding=codec.encoding_of(ConnectionsMessage, Format.JSON),
+            )
         values = [(a.line.topic, a.missing or ", ".join(a.nodes)) for a in audiences]
         values.append(("speaks", "; ".join(s.value for s in speeches)))
         level = ros.WARN if said else ros.OK

@@ -75,7 +75,10 @@ class Edge:
         )
         needed = [*self._paths, self._limit.topic, *self._state.topics[:1]]
         needed += [self._stop.topic] if self._stop is not None else []
-        self._connections = Connections([*needed, self._map] if self._map else needed)
+        self._connections = Connections(
+            [*needed, self._map] if self._map else needed, service_session,
+            settings.service.namespace, ours.node,
+        )  # fmt: skip
         asked = settings.service
         self._client = PlanClient(
             service_session, namespace=asked.namespace, name=f"ros-{settings.ros.node}",
