@@ -22,10 +22,10 @@ import numpy as np
 from models.parameters import Braking, Model
 from models.surface_braking import SurfaceBraking
 from planner.ground.elevation_map import ElevationMap
-from services.guard.decide import Command, Decision, Motion, Scene, decide
-from services.guard.ground import Ground
+from services.guard.arc import PlanarPose
+from services.guard.decide import BaseCommand, GuardDecision, GuardScene, VehicleMotion, decide
+from services.guard.ground import GuardGround
 from services.guard.model_reader import read_guard_model, rows_of
-from services.guard.way import Pose
 from services.io.model_file import write_model
 
 from .drive import run_drive
@@ -85,7 +85,7 @@ class Guarded:
             self._model = read_guard_model(file)
         self._tables = (rows_of(self._model),)
         self._map: ElevationMap | None = None
-        self._ground: Ground | None = None
+        self._ground: GuardGround | None = None
         self.actions: Counter[str] = Counter()
         self.seconds: list[float] = []
 
@@ -119,11 +119,13 @@ class Guarded:
         accel = np.clip((speed - now) / CYCLE, -2.0 * LIMITS.decel, LIMITS.accel)
         return DriveCommand(speed=now, accel=float(accel), reason=wanted.reason)
 
-    def _judge(self, view: View, speed: float) -> Decision:
+    def _judge(self, view: View, speed: float) -> GuardDecision:
         if view.elevation_map is not self._map:
             known = self._map = view.elevation_map
             classes, names = known.terrain_class, known.class_names
-            self._ground = Ground(known.elevation, known.resolution, known.origin, classes, names)
+            self._ground = GuardGround(
+                known.elevation, known.resolution, known.origin, classes, names
+            )
         assert self._ground is not None
         state, route = view.state, view.route
         ahead = view.station + np.array((0.0, 0.5, 1.0)) * (0.5 + _LOOK * max(state.speed, 0.0))
@@ -133,9 +135,9 @@ class Guarded:
         )
         # What is clear is told for the middle of the wheelbase.
         clear = max(view.clear - _RESERVE, 0.0)
-        it = Scene(self._model, self._tables, self._ground, clear)
-        motion = Motion(Pose(state.x, state.y, state.yaw), max(state.speed, 0.0))
-        command = Command(speed, turn * max(speed, state.speed))
+        it = GuardScene(self._model, self._tables, self._ground, clear)
+        motion = VehicleMotion(PlanarPose(state.x, state.y, state.yaw), max(state.speed, 0.0))
+        command = BaseCommand(speed, turn * max(speed, state.speed))
         begun = time.perf_counter()
         decision = decide(it, motion, command, stands=self._stands, late=0.02, load=0.5)
         self.seconds.append(time.perf_counter() - begun)

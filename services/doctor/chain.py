@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from models.parameters import Model
 from models.quantity import GRAVITY
-from services.doctor.facts import Facts, Finding, Nav2Facts, Severity
+from services.doctor.facts import Facts, Misfit, MisfitSeverity, Nav2Facts
 
 _DECELERATIONS = ("ax_min", "decel_lim_x", "max_linear_decel", "max_decel_x")
 _SPEEDS = ("vx_max", "max_vel_x", "desired_linear_vel", "max_linear_vel")
@@ -61,7 +61,7 @@ def brakes_on_level(model: Model) -> float:
     return GRAVITY * min(t.level_force(v) for t in tables for v in t.speed_range)
 
 
-def check_chain(facts: Facts) -> Iterator[Finding]:
+def check_chain(facts: Facts) -> Iterator[Misfit]:
     """Decelerations along the chain, and against the brakes."""
     if facts.nav2 is None:
         return
@@ -72,8 +72,8 @@ def check_chain(facts: Facts) -> Iterator[Finding]:
             if after.who.startswith("controller"):
                 continue
         if before.deceleration > _SLOPPY * after.deceleration:
-            yield Finding(
-                "deceleration along the chain", Severity.ERROR,
+            yield Misfit(
+                "deceleration along the chain", MisfitSeverity.ERROR,
                 f"{before.who} counts on {before.deceleration:g} m/s² ({before.parameter}), and "
                 f"{after.who} lets {after.deceleration:g} m/s² through ({after.parameter}): the "
                 "vehicle stops later than the controller thinks",
@@ -85,30 +85,30 @@ def check_chain(facts: Facts) -> Iterator[Finding]:
     able, wanted = brakes_on_level(facts.model), facts.model.limits.decel
     for link in chain:
         if link.deceleration > _SLOPPY * able:
-            yield Finding(
-                "deceleration against the brakes", Severity.ERROR,
+            yield Misfit(
+                "deceleration against the brakes", MisfitSeverity.ERROR,
                 f"{link.who} counts on {link.deceleration:g} m/s² ({link.parameter}), the brakes "
                 f"were learned to reach {able:.2f} m/s² on level ground at least",
                 f"set it below {able:.1f}",
             )  # fmt: skip
         if link.deceleration * _SLOPPY < wanted:
-            yield Finding(
-                "deceleration against the plan", Severity.ERROR,
+            yield Misfit(
+                "deceleration against the plan", MisfitSeverity.ERROR,
                 f"plans brake with up to {wanted:g} m/s² (limits.decel), {link.who} lets "
                 f"{link.deceleration:g} m/s² through ({link.parameter})",
                 f"set limits.decel of the model to {link.deceleration:g}, or let more through",
             )  # fmt: skip
 
 
-def check_smoother(facts: Facts) -> Iterator[Finding]:
+def check_smoother(facts: Facts) -> Iterator[Misfit]:
     """Signs and speeds of the velocity smoother."""
     if facts.nav2 is None:
         return
     smoother = facts.nav2.of("velocity_smoother")
     decel, most = first(smoother.get("max_decel")), first(smoother.get("max_velocity"))
     if decel is not None and decel > 0.0:
-        yield Finding(
-            "sign of a deceleration", Severity.ERROR,
+        yield Misfit(
+            "sign of a deceleration", MisfitSeverity.ERROR,
             f"velocity_smoother has max_decel {decel:g}: it has to be negative",
             f"set it to {-decel:g}",
         )  # fmt: skip
@@ -117,22 +117,22 @@ def check_smoother(facts: Facts) -> Iterator[Finding]:
         if fastest is None:
             continue
         if most is not None and fastest > _SLOPPY * most:
-            yield Finding(
-                "speed along the chain", Severity.WARNING,
+            yield Misfit(
+                "speed along the chain", MisfitSeverity.WARNING,
                 f"controller {name} drives up to {fastest:g} m/s, velocity_smoother lets {most:g} "
                 "through: curvature is kept, progress is not what the controller thinks",
                 "give both the same speed",
             )  # fmt: skip
         if facts.model is not None and fastest > _SLOPPY * facts.model.limits.speed:
-            yield Finding(
-                "speed against the model", Severity.WARNING,
+            yield Misfit(
+                "speed against the model", MisfitSeverity.WARNING,
                 f"controller {name} drives up to {fastest:g} m/s where no limit is heard; the "
                 f"model allows {facts.model.limits.speed:g}",
                 "set the controller's highest speed to that of the model",
             )  # fmt: skip
 
 
-def check_speed_limit(facts: Facts) -> Iterator[Finding]:
+def check_speed_limit(facts: Facts) -> Iterator[Misfit]:
     """Whether a limit gets to the controller, and whether nothing else speaks there."""
     if facts.nav2 is None:
         return
@@ -140,8 +140,8 @@ def check_speed_limit(facts: Facts) -> Iterator[Finding]:
     listens = str(server.get("speed_limit_topic", "speed_limit")).lstrip("/")
     ours = "speed_limit" if facts.edge is None else facts.edge.topics.speed_limit.lstrip("/")
     if server and listens != ours:
-        yield Finding(
-            "topic of the limit", Severity.ERROR,
+        yield Misfit(
+            "topic of the limit", MisfitSeverity.ERROR,
             f"the controller listens to {listens}, limits are said on {ours}",
             f"set speed_limit_topic: {ours}",
         )  # fmt: skip
@@ -152,15 +152,15 @@ def check_speed_limit(facts: Facts) -> Iterator[Finding]:
             if not isinstance(plugin, Mapping) or "SpeedFilter" not in str(plugin.get("plugin")):
                 continue
             if str(plugin.get("speed_limit_topic", "speed_limit")).lstrip("/") == listens:
-                yield Finding(
-                    "two who limit", Severity.ERROR,
+                yield Misfit(
+                    "two who limit", MisfitSeverity.ERROR,
                     f"{node}: {name} speaks on {listens} as well: the last one to speak wins",
                     "give the filter another topic, and put its limits into the model",
                 )  # fmt: skip
     yield from _lock(facts)
 
 
-def _lock(facts: Facts) -> Iterator[Finding]:
+def _lock(facts: Facts) -> Iterator[Misfit]:
     assert facts.nav2 is not None
     mux = facts.nav2.of("twist_mux")
     if not mux:
@@ -173,16 +173,16 @@ def _lock(facts: Facts) -> Iterator[Finding]:
         if isinstance(lock, Mapping) and str(lock.get("topic")).lstrip("/") == stop.lstrip("/")
     ]
     if not ours:
-        yield Finding(
-            "lock", Severity.ERROR,
+        yield Misfit(
+            "lock", MisfitSeverity.ERROR,
             f"twist_mux has no lock on {stop}: a limit alone lets the vehicle creep on",
             f"locks: slopewise: {{topic: {stop}, timeout: 0.5, priority: 255}}",
         )  # fmt: skip
     for lock in ours:
         timeout = first(lock.get("timeout")) or 0.0
         if not 0.0 < timeout <= 1.0:
-            yield Finding(
-                "lock", Severity.ERROR,
+            yield Misfit(
+                "lock", MisfitSeverity.ERROR,
                 f"the lock of twist_mux on {stop} has timeout {timeout:g} s: it does not close "
                 "in time, or at all, when nobody speaks any more",
                 "set it to 0.5",

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from services.doctor import chain, motion, vehicle
-from services.doctor.facts import Facts, Finding, Severity
+from services.doctor.facts import Facts, Misfit, MisfitSeverity
 
-CHECKS: tuple[Callable[[Facts], Iterator[Finding]], ...] = (
+CHECKS: tuple[Callable[[Facts], Iterator[Misfit]], ...] = (
     motion.check_silence,
     motion.check_obedience,
     motion.check_limits,
@@ -25,7 +25,7 @@ CHECKS: tuple[Callable[[Facts], Iterator[Finding]], ...] = (
 )
 
 
-def examine(facts: Facts) -> list[Finding]:
+def examine(facts: Facts) -> list[Misfit]:
     """What does not fit, errors first."""
     found = [finding for check in CHECKS for finding in check(facts)]
-    return sorted(found, key=lambda finding: finding.severity is not Severity.ERROR)
+    return sorted(found, key=lambda finding: finding.severity is not MisfitSeverity.ERROR)

@@ -11,7 +11,7 @@ from models.parameters import Model
 from services.ros.settings import EdgeSettings
 
 
-class Severity(Enum):
+class MisfitSeverity(Enum):
     """How bad a finding is."""
 
     ERROR = "error"
@@ -19,7 +19,7 @@ class Severity(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Misfit:
     """What does not fit.
 
     Attributes:
@@ -28,7 +28,7 @@ class Finding:
     """
 
     check: str
-    severity: Severity
+    severity: MisfitSeverity
     words: str
     remedy: str
 

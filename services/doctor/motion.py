@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from services.doctor.facts import Facts, Finding, Seen, Severity
+from services.doctor.facts import Facts, Misfit, MisfitSeverity, Seen
 from services.guard.obedience import Obedience
 from services.ros.settings import Topics
 
@@ -21,7 +21,7 @@ _ODOMETRY, _GRID_MAP, _PATH = (
 )  # fmt: skip
 
 
-def check_obedience(facts: Facts) -> Iterator[Finding]:
+def check_obedience(facts: Facts) -> Iterator[Misfit]:
     """Odometry against the limits that were said."""
     seen = facts.seen
     if seen is None or not seen.limits or not seen.odometry:
@@ -43,8 +43,8 @@ def check_obedience(facts: Facts) -> Iterator[Finding]:
         if over > worst:
             worst, at = over, t - seen.odometry[0][0]
     if too_fast > 2:
-        yield Finding(
-            "limits are not obeyed", Severity.ERROR,
+        yield Misfit(
+            "limits are not obeyed", MisfitSeverity.ERROR,
             f"the vehicle was up to {worst + _OBEYS:.2f} m/s faster than the limit, after its "
             f"brakes had their time (first {at:.1f} s in)",
             "several releases of MPPI ignore speed limits: update it, take another controller, or "
@@ -52,26 +52,26 @@ def check_obedience(facts: Facts) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def check_limits(facts: Facts) -> Iterator[Finding]:
+def check_limits(facts: Facts) -> Iterator[Misfit]:
     """Limits that are none."""
     seen = facts.seen
     if seen is None:
         return
     if any(limit == 0.0 for _, limit, _ in seen.limits):
-        yield Finding(
-            "a limit of 0", Severity.ERROR,
+        yield Misfit(
+            "a limit of 0", MisfitSeverity.ERROR,
             "somebody says a speed limit of 0.0, which lifts all limits",
             "find who it is (ros2 topic info -v), and let it say another topic",
         )  # fmt: skip
     if any(percentage for _, _, percentage in seen.limits):
-        yield Finding(
-            "a limit in percent", Severity.ERROR,
+        yield Misfit(
+            "a limit in percent", MisfitSeverity.ERROR,
             "somebody says speed limits as a percentage on the same topic",
             "give it another topic: the last one to speak wins",
         )  # fmt: skip
 
 
-def check_rates(facts: Facts) -> Iterator[Finding]:
+def check_rates(facts: Facts) -> Iterator[Misfit]:
     """How often messages come."""
     seen, topics = facts.seen, _topics(facts)
     if seen is None:
@@ -81,13 +81,13 @@ def check_rates(facts: Facts) -> Iterator[Finding]:
     for name, least, why in wanted:
         topic = seen.topics.get(_full(facts, name))
         if topic is not None and len(topic.at) > 4 and topic.rate < least:
-            yield Finding(
-                "rate", Severity.ERROR,
+            yield Misfit(
+                "rate", MisfitSeverity.ERROR,
                 f"{name} comes {topic.rate:.1f} times a second: {why}", f"{least:g} Hz or more",
             )  # fmt: skip
 
 
-def check_clock(facts: Facts) -> Iterator[Finding]:
+def check_clock(facts: Facts) -> Iterator[Misfit]:
     """Stamps against reception."""
     if facts.seen is None:
         return
@@ -97,19 +97,19 @@ def check_clock(facts: Facts) -> Iterator[Finding]:
             continue
         late = np.array(topic.at[-len(stamps) :]) - stamps
         if abs(float(np.median(late))) > _LATE:
-            yield Finding(
-                "clock", Severity.ERROR,
+            yield Misfit(
+                "clock", MisfitSeverity.ERROR,
                 f"stamps of {name} are {np.median(late):.1f} s behind their reception",
                 "synchronise the clocks (chrony), or let all nodes use simulated time",
             )  # fmt: skip
         elif np.any(np.diff(stamps) < -1e-3):
-            yield Finding(
-                "clock", Severity.ERROR, f"stamps of {name} go back",
+            yield Misfit(
+                "clock", MisfitSeverity.ERROR, f"stamps of {name} go back",
                 "there are two who publish it, or its clock is set while it runs",
             )  # fmt: skip
 
 
-def check_map(facts: Facts) -> Iterator[Finding]:
+def check_map(facts: Facts) -> Iterator[Misfit]:
     """How old the map is."""
     seen = facts.seen
     if seen is None:
@@ -118,21 +118,21 @@ def check_map(facts: Facts) -> Iterator[Finding]:
     topic = seen.topics.get(name)
     if topic is None:
         if facts.edge is not None and seen.span > _OLD_MAP:
-            yield Finding(
-                "map", Severity.ERROR, f"no map came on {name} in {seen.span:.0f} s",
+            yield Misfit(
+                "map", MisfitSeverity.ERROR, f"no map came on {name} in {seen.span:.0f} s",
                 "set topics.map, and see that the map is published again and again",
             )  # fmt: skip
         return
     if topic.stamps and topic.at:
         age = float(np.median(np.array(topic.at[-len(topic.stamps) :]) - topic.stamps))
         if age > _OLD_MAP:
-            yield Finding(
-                "map", Severity.ERROR, f"maps on {name} are {age:.0f} s old when they come",
+            yield Misfit(
+                "map", MisfitSeverity.ERROR, f"maps on {name} are {age:.0f} s old when they come",
                 "publish what is seen now; plans stop before ground that is old",
             )  # fmt: skip
 
 
-def check_frames(facts: Facts) -> Iterator[Finding]:
+def check_frames(facts: Facts) -> Iterator[Misfit]:
     """Whether the vehicle can be placed on the map."""
     seen, topics = facts.seen, _topics(facts)
     if seen is None:
@@ -142,8 +142,8 @@ def check_frames(facts: Facts) -> Iterator[Finding]:
     for name in topics.paths:
         path = seen.topics.get(_full(facts, name))
         if ground and path and ground.frames and path.frames and not ground.frames & path.frames:
-            yield Finding(
-                "frames", Severity.ERROR,
+            yield Misfit(
+                "frames", MisfitSeverity.ERROR,
                 f"map and {name} are in {_one(ground.frames)} and {_one(path.frames)}: they have "
                 "to be in one frame",
                 "publish both in one frame",
@@ -151,14 +151,14 @@ def check_frames(facts: Facts) -> Iterator[Finding]:
     if ground and odometry and ground.frames and odometry.frames:
         wanted, own = _one(ground.frames), _one(odometry.frames)
         if not _above(seen, own) & _above(seen, wanted):
-            yield Finding(
-                "frames", Severity.ERROR,
+            yield Misfit(
+                "frames", MisfitSeverity.ERROR,
                 f"odometry is in {own}, the map in {wanted}, and /tf does not connect them",
                 "publish the transform, or take odometry in the frame of the map",
             )  # fmt: skip
 
 
-def check_odometry(facts: Facts) -> Iterator[Finding]:
+def check_odometry(facts: Facts) -> Iterator[Misfit]:
     """Odometry's speed against its own places."""
     if facts.seen is None or len(facts.seen.odometry) < 10:
         return
@@ -166,18 +166,20 @@ def check_odometry(facts: Facts) -> Iterator[Finding]:
     along = float(np.hypot(np.diff(x), np.diff(y)).sum())
     counted = float(np.sum(0.5 * (np.abs(v[1:]) + np.abs(v[:-1])) * np.diff(t)))
     if along > _MOVES and abs(counted / along - 1.0) > _SCALE:
-        yield Finding(
-            "odometry against itself", Severity.ERROR,
+        yield Misfit(
+            "odometry against itself", MisfitSeverity.ERROR,
             f"its speed adds up to {counted:.1f} m, its places are {along:.1f} m apart: the speed "
             "is off by as much, and so is every stop",
             "correct wheel radius or units of the speed",
         )  # fmt: skip
 
 
-def check_silence(facts: Facts) -> Iterator[Finding]:
+def check_silence(facts: Facts) -> Iterator[Misfit]:
     """What nobody hears, or says."""
     for words in () if facts.seen is None else facts.seen.silence:
-        yield Finding("connections", Severity.ERROR, words, "see docs/nav2.md, Nobody hears us")
+        yield Misfit(
+            "connections", MisfitSeverity.ERROR, words, "see docs/nav2.md, Nobody hears us"
+        )
 
 
 def _topics(facts: Facts) -> Topics:

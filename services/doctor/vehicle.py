@@ -8,13 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from services.doctor.chain import brakes_on_level, first
-from services.doctor.facts import Facts, Finding, Severity
+from services.doctor.facts import Facts, Misfit, MisfitSeverity
 
 _OFF = 0.05  # [m] by which sizes may differ
 _RADIUS = 0.03  # share by which wheel radii may differ
 
 
-def check_footprint(facts: Facts) -> Iterator[Finding]:
+def check_footprint(facts: Facts) -> Iterator[Misfit]:
     """Costmaps that take the vehicle for smaller than it is."""
     if facts.nav2 is None or facts.model is None:
         return
@@ -34,8 +34,8 @@ def check_footprint(facts: Facts) -> Iterator[Finding]:
         else:
             continue
         if small:
-            yield Finding(
-                "footprint", Severity.ERROR,
+            yield Misfit(
+                "footprint", MisfitSeverity.ERROR,
                 f"{node} takes the vehicle for {what}, by the model file it is {length:.2f} x "
                 f"{width:.2f} m",
                 "correct the one that is wrong: width, front_overhang, rear_overhang, or footprint",
@@ -50,7 +50,7 @@ def _outline(value: object) -> np.ndarray | None:
     return points if points.ndim == 2 and points.shape[1] == 2 and len(points) > 2 else None
 
 
-def check_edge(facts: Facts) -> Iterator[Finding]:
+def check_edge(facts: Facts) -> Iterator[Misfit]:
     """The edge's own stop, wheels and times."""
     edge, model = facts.edge, facts.model
     if edge is None:
@@ -58,23 +58,23 @@ def check_edge(facts: Facts) -> Iterator[Finding]:
     if model is not None:
         able = brakes_on_level(model)
         if edge.stop.deceleration > able:
-            yield Finding(
-                "the edge's own stop", Severity.ERROR,
+            yield Misfit(
+                "the edge's own stop", MisfitSeverity.ERROR,
                 f"stop.deceleration is {edge.stop.deceleration:g} m/s², the brakes were learned to "
                 f"reach {able:.2f} m/s² at least",
                 f"set it to {0.8 * able:.1f} or less",
             )  # fmt: skip
         if edge.stop.dead_time < model.braking.dead_time:
-            yield Finding(
-                "the edge's own stop", Severity.ERROR,
+            yield Misfit(
+                "the edge's own stop", MisfitSeverity.ERROR,
                 f"stop.dead_time is {edge.stop.dead_time:g} s, that of the model "
                 f"{model.braking.dead_time:g} s",
                 "set it to no less",
             )  # fmt: skip
         told, known = edge.wheels.radius, model.vehicle.wheel_radius
         if edge.wheels.left and abs(told - known) > _RADIUS * known:
-            yield Finding(
-                "wheel radius", Severity.ERROR,
+            yield Misfit(
+                "wheel radius", MisfitSeverity.ERROR,
                 f"wheels.radius is {told:g} m, that of the model {known:g} m: ground is learned "
                 "wrongly",
                 "measure it with load, and set both",
@@ -82,15 +82,15 @@ def check_edge(facts: Facts) -> Iterator[Finding]:
     if facts.nav2 is not None:
         rate = first(facts.nav2.of("controller_server").get("controller_frequency"))
         if rate and edge.timing.life < 2.0 / rate:
-            yield Finding(
-                "life of a limit", Severity.ERROR,
+            yield Misfit(
+                "life of a limit", MisfitSeverity.ERROR,
                 f"a limit looks {edge.timing.life:g} s ahead, the controller takes one up every "
                 f"{1.0 / rate:.2f} s",
                 "set timing.life to twice that, or the controller's frequency higher",
             )  # fmt: skip
 
 
-def check_times(facts: Facts) -> Iterator[Finding]:
+def check_times(facts: Facts) -> Iterator[Misfit]:
     """Clocks and frequencies in parameter files."""
     if facts.nav2 is None:
         return
@@ -101,15 +101,15 @@ def check_times(facts: Facts) -> Iterator[Finding]:
     }
     if len(set(clocks.values())) > 1:
         simulated = ", ".join(sorted(node for node, value in clocks.items() if value))
-        yield Finding(
-            "clock", Severity.ERROR,
+        yield Misfit(
+            "clock", MisfitSeverity.ERROR,
             f"{simulated} run on simulated time, others do not",
             "give all nodes the same use_sim_time",
         )  # fmt: skip
     rate = first(facts.nav2.of("controller_server").get("controller_frequency"))
     if rate is not None and rate < 10.0:
-        yield Finding(
-            "rate of the controller", Severity.WARNING,
+        yield Misfit(
+            "rate of the controller", MisfitSeverity.WARNING,
             f"controller_frequency is {rate:g} Hz: a limit counts up to {1.0 / rate:.2f} s later",
             "set it to 10 Hz or more",
         )  # fmt: skip

@@ -8,9 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.guard.decide import STILL, Command, Decision, Motion, Scene, decide, stop
+from services.guard.decide import (
+    STILL,
+    BaseCommand,
+    GuardDecision,
+    GuardScene,
+    VehicleMotion,
+    decide,
+    stop,
+)
 from services.guard.feed import Feed
-from services.guard.ground import Ground
+from services.guard.ground import GuardGround
 from services.guard.learned import Learned
 from services.guard.model_reader import GuardModel
 from services.guard.obedience import Obedience
@@ -22,10 +30,10 @@ _TIMES = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class BaseWord:
     """What the base is told; ``of``: number of the command it answers, 0 of none."""
 
-    decision: Decision
+    decision: GuardDecision
     of: int
 
 
@@ -34,20 +42,24 @@ class _Clear:
     """A clear distance [m], and where the vehicle was when it was told."""
 
     distance: float
-    motion: Motion | None
+    motion: VehicleMotion | None
 
 
 class Guard:
     """Judges commands; one thread."""
 
-    def __init__(self, settings: GuardSettings, model: GuardModel, ground: Ground | None) -> None:
+    def __init__(
+        self, settings: GuardSettings, model: GuardModel, ground: GuardGround | None
+    ) -> None:
         """Nothing heard yet, so nothing may move."""
         timing, self.settings = settings.timing, settings
         self.counters: Counter[str] = Counter()
-        self.commands: Feed[tuple[Command, int]] = Feed("command", timing.command, self.counters)
-        self.motions: Feed[Motion] = Feed("odometry", timing.motion, self.counters)
+        self.commands: Feed[tuple[BaseCommand, int]] = Feed(
+            "command", timing.command, self.counters
+        )
+        self.motions: Feed[VehicleMotion] = Feed("odometry", timing.motion, self.counters)
         self.clears: Feed[_Clear] = Feed("clear distance", timing.clear, self.counters)
-        self.maps: Feed[Ground] = Feed("map", timing.map, self.counters)
+        self.maps: Feed[GuardGround] = Feed("map", timing.map, self.counters)
         if ground is not None:
             self.maps.take(ground, -0.0)
         self.learned = Learned(model, settings.judgement.trust_learned)
@@ -80,7 +92,7 @@ class Guard:
         told = _Clear(distance, self.motions.fresh(now))
         return self.clears.take(told, now, sender, sequence)
 
-    def word(self, now: float, broken: str = "") -> Word:
+    def word(self, now: float, broken: str = "") -> BaseWord:
         """What the base is told now.
 
         Args:
@@ -95,9 +107,9 @@ class Guard:
         if decision.reason:
             self.last = decision.reason
         self._obedience.told(abs(decision.command.speed), now)
-        return Word(decision, of)
+        return BaseWord(decision, of)
 
-    def _judge(self, now: float, broken: str) -> tuple[Decision, int]:
+    def _judge(self, now: float, broken: str) -> tuple[GuardDecision, int]:
         motion, wanted = self.motions.fresh(now), self.commands.fresh(now)
         of = 0 if wanted is None else wanted[1]
         feeds: tuple[Feed[object], ...] = (self.motions, self.maps, self.commands)  # type: ignore[assignment]
@@ -115,7 +127,7 @@ class Guard:
         if over := self._obedience.disobeys(abs(motion.speed), now):
             self.counters["disobeyed"] += 1
             return stop(f"the base is {over:.1f} m/s faster than it was told"), of
-        scene = Scene(self._model, self._tables, ground, distance)
+        scene = GuardScene(self._model, self._tables, ground, distance)
         judgement, timing = self.settings.judgement, self.settings.timing
         decision = decide(
             scene, motion, wanted[0], stands=timing.stands, late=self.motions.age(now),
@@ -125,7 +137,7 @@ class Guard:
             decision = decision._replace(brake=True)  # commands can hold no better than that
         return decision, of
 
-    def _clear_now(self, now: float, motion: Motion) -> float | None:
+    def _clear_now(self, now: float, motion: VehicleMotion) -> float | None:
         """What is left of the clear distance [m]; None where one is awaited and none is there."""
         told = self.clears.fresh(now)
         if told is None:

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.guard.ground import Ground
+from services.guard.arc import ArcAhead, PlanarPose, arc_ahead
+from services.guard.ground import GuardGround
 from services.guard.model_reader import GuardModel
 from services.guard.plain import plainly_fine
-from services.guard.stops import Stops, Tables, stops_along
-from services.guard.way import Pose, Way, way_of
+from services.guard.stops import StopOutcomes, Tables, stops_along
 
 _SPEEDS = 10
 _CREEP = 0.05  # [m/s] below which a vehicle counts as standing
@@ -25,21 +25,21 @@ _TIGHTEST = 2.0  # [1/m]
 _FARTHEST = 80.0  # [m]
 
 
-class Motion(NamedTuple):
+class VehicleMotion(NamedTuple):
     """Where the vehicle is and how fast [m/s], forward positive."""
 
-    pose: Pose
+    pose: PlanarPose
     speed: float
 
 
-class Command(NamedTuple):
+class BaseCommand(NamedTuple):
     """What is wanted of the base: speed [m/s], yaw rate [rad/s]."""
 
     speed: float
     yaw_rate: float
 
 
-class Decision(NamedTuple):
+class GuardDecision(NamedTuple):
     """What the base is told.
 
     Attributes:
@@ -48,16 +48,16 @@ class Decision(NamedTuple):
     """
 
     action: str
-    command: Command
+    command: BaseCommand
     brake: bool
     reason: str
     allowed: float
 
 
-STILL = Command(0.0, 0.0)
+STILL = BaseCommand(0.0, 0.0)
 
 
-class Scene(NamedTuple):
+class GuardScene(NamedTuple):
     """What a decision is made from.
 
     Attributes:
@@ -67,18 +67,24 @@ class Scene(NamedTuple):
 
     model: GuardModel
     tables: Tables
-    ground: Ground
+    ground: GuardGround
     clear: float
 
 
-def stop(reason: str, allowed: float = 0.0) -> Decision:
+def stop(reason: str, allowed: float = 0.0) -> GuardDecision:
     """Brake, and hold."""
-    return Decision("stop", STILL, True, reason, allowed)
+    return GuardDecision("stop", STILL, True, reason, allowed)
 
 
 def decide(
-    scene: Scene, motion: Motion, command: Command, *, stands: float, late: float, load: float
-) -> Decision:
+    scene: GuardScene,
+    motion: VehicleMotion,
+    command: BaseCommand,
+    *,
+    stands: float,
+    late: float,
+    load: float,
+) -> GuardDecision:
     """Judge one command.
 
     Args:
@@ -92,7 +98,7 @@ def decide(
     now, wanted = abs(motion.speed), abs(command.speed)
     if now < _CREEP and wanted < _CREEP:
         if abs(command.yaw_rate) < _CREEP:
-            return Decision("pass", STILL, True, "", 0.0)  # it stands, and is held
+            return GuardDecision("pass", STILL, True, "", 0.0)  # it stands, and is held
         return _turning_on_the_spot(scene, motion, command)
     forward = command.speed >= 0.0 if now < _CREEP else motion.speed >= 0.0
     reverses = now >= _CREEP and wanted >= _CREEP and (command.speed >= 0.0) != forward
@@ -101,7 +107,7 @@ def decide(
     turn = command.yaw_rate / max(now, wanted, _CREEP) * (1.0 if forward else -1.0)
     curvature = min(max(turn, -_TIGHTEST), _TIGHTEST)
     top = max(now, target)
-    way = way_of(
+    way = arc_ahead(
         model, scene.tables[0], scene.ground, motion.pose, curvature, forward=forward,
         length=_look(model, top, stands + late, scene.clear),
     )  # fmt: skip
@@ -126,15 +132,15 @@ def decide(
         given *= model.wheel_speed / rim
         reason = reason or "a wheel would be faster than it can"
     if reverses:
-        return Decision("slow", STILL, False, "it has to stand before it drives back", allowed)
+        return GuardDecision("slow", STILL, False, "it has to stand before it drives back", allowed)
     if given >= wanted - 1e-9:
-        return Decision("pass", command, False, "", allowed)
+        return GuardDecision("pass", command, False, "", allowed)
     reason = reason or "faster than the limits of the model"
     if given < _CREEP and now < _CREEP:
         return stop(reason, allowed)
     share = given / wanted
-    return Decision(
-        "slow", Command(share * command.speed, share * command.yaw_rate), False, reason, allowed
+    return GuardDecision(
+        "slow", BaseCommand(share * command.speed, share * command.yaw_rate), False, reason, allowed
     )
 
 
@@ -147,19 +153,19 @@ def _look(model: GuardModel, speed: float, held: float, clear: float) -> float:
     return float(min(reach, clear + 1.0, _FARTHEST))
 
 
-def _capped(scene: Scene, way: Way) -> float:
+def _capped(scene: GuardScene, way: ArcAhead) -> float:
     """Highest trained speed on the surfaces ahead, and that of the model."""
     return float(min(scene.model.speed, *(scene.tables[0][k, 14] for k in way.kinds)))
 
 
-def _why(way: Way, clear: float, end: float) -> str:
+def _why(way: ArcAhead, clear: float, end: float) -> str:
     if not np.isfinite(end):
         return "brakes do not stop the vehicle on this slope"
     what = "the clear distance ends" if clear <= end else way.why
     return f"{what} {end:.2f} m ahead"
 
 
-def _cause(stops: Stops, bad: int, way: Way, clear: float, end: float) -> str:
+def _cause(stops: StopOutcomes, bad: int, way: ArcAhead, clear: float, end: float) -> str:
     if not stops.distance[bad] <= end:
         return _why(way, clear, end)
     if not stops.loaded[bad]:
@@ -167,7 +173,9 @@ def _cause(stops: Stops, bad: int, way: Way, clear: float, end: float) -> str:
     return "too fast for this turn"
 
 
-def _turning_on_the_spot(scene: Scene, motion: Motion, command: Command) -> Decision:
+def _turning_on_the_spot(
+    scene: GuardScene, motion: VehicleMotion, command: BaseCommand
+) -> GuardDecision:
     """Skid steering: the ground under the vehicle has to be known, as far as corners reach."""
     model = scene.model
     reach = np.hypot(max(model.front, model.rear), 0.5 * model.width)
@@ -177,6 +185,6 @@ def _turning_on_the_spot(scene: Scene, motion: Motion, command: Command) -> Deci
         return stop("ground beside the vehicle is unknown")
     most = 2.0 * model.wheel_speed / model.track
     rate = float(np.clip(command.yaw_rate, -most, most))
-    return Decision(
-        "pass" if rate == command.yaw_rate else "slow", Command(0.0, rate), False, "", 0
+    return GuardDecision(
+        "pass" if rate == command.yaw_rate else "slow", BaseCommand(0.0, rate), False, "", 0
     )

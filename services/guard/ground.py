@@ -15,7 +15,7 @@ _OFF_GRID = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class GuardGround:
     """A map.
 
     Attributes:
@@ -58,7 +58,7 @@ class Ground:
         return found
 
 
-def ground_of(update: MapUpdate, known: Ground | None) -> Ground:
+def ground_of(update: MapUpdate, known: GuardGround | None) -> GuardGround:
     """The ground after an update.
 
     Raises:
@@ -71,7 +71,7 @@ def ground_of(update: MapUpdate, known: Ground | None) -> Ground:
     classes = None if update.terrain_class is None else _classes_of(update)
     if not update.patch:
         names = tuple(update.class_names or ("",))
-        return Ground(heights, update.resolution, update.origin, classes, names)
+        return GuardGround(heights, update.resolution, update.origin, classes, names)
     if known is None:
         raise ParameterError("patch", "a whole map first, there is none yet")
     if abs(update.resolution - known.resolution) > 1e-6 * known.resolution:

@@ -38,7 +38,7 @@ _OF_SURFACE = {
 _LIMITS = ("speed", "accel", "decel", "lateral_accel", "min_load")
 
 
-class Surface(NamedTuple):
+class GuardSurface(NamedTuple):
     """Brakes on one surface, F_b/W = (m_m v + b_m) θ + (m_b v + b_b), spread taken off.
 
     Attributes:
@@ -84,7 +84,7 @@ class GuardModel(NamedTuple):
         wheel_speed, speed: highest [m/s]. accel, decel, lateral: [m/s²]. min_load: [1].
     """
 
-    surfaces: dict[str, Surface]
+    surfaces: dict[str, GuardSurface]
     effects: tuple[Effect, ...]
     motion: registry.MotionTerms
     scale: float
@@ -153,7 +153,7 @@ class _Reader:
 
     def _surface(
         self, table: Mapping[str, Any], name: str, rolls_on: float, effects: tuple[Effect, ...]
-    ) -> Surface:
+    ) -> GuardSurface:
         where = f"braking.terrain.{name}" if name else "braking"
         self._known(table, where, {*_OF_SURFACE, "terrain"})
 
@@ -179,7 +179,7 @@ class _Reader:
         kept = (1.0 - margin) * max(1.0 - scatter, 0.1)
         band, full = number("dead_band", 0.0, least=0.0), number("saturation", 1.0, above=0.0)
         applied = (number("level", 1.0, above=0.0) - band) / max(full - band, 1e-6)
-        return Surface(
+        return GuardSurface(
             kept * force[0], kept * force[1], kept * force[2], kept * force[3] - worse,
             kept * up_m, kept * up_b,
             # A lag makes stops longer by no more than the same time at held speed.

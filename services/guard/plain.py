@@ -12,13 +12,13 @@ import math
 
 from models.arrays import Floats
 from models.quantity import GRAVITY
+from services.guard.arc import ArcAhead
 from services.guard.model_reader import GuardModel
 from services.guard.stops import Tables
-from services.guard.way import Way
 
 
 def plainly_fine(
-    model: GuardModel, tables: Tables, way: Way, speed: float, held: float, least_load: float,
+    model: GuardModel, tables: Tables, way: ArcAhead, speed: float, held: float, least_load: float,
     end: float,
 ) -> bool:  # fmt: skip
     """Whether stops from all speeds up to one end before ``end`` [m], with all loads kept.

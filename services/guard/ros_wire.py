@@ -11,10 +11,10 @@ from typing import Any
 import zenoh
 
 from models.errors import InputError, ParameterError
-from services.guard.core import Guard, Word
-from services.guard.decide import Command, Motion
+from services.guard.arc import PlanarPose
+from services.guard.core import BaseWord, Guard
+from services.guard.decide import BaseCommand, VehicleMotion
 from services.guard.settings import GuardRos
-from services.guard.way import Pose
 from services.io.bags.ros_types import typestore
 from services.ros.inbox import Inbox, Received
 from services.ros.inbox import decoded as decoded_cdr
@@ -37,7 +37,7 @@ class RosOutput:
         self._stop = self.node.publisher(ours.stop, _BOOL) if ours.stop else None
         self.stamp: Any = None
 
-    def say(self, word: Word) -> None:
+    def say(self, word: BaseWord) -> None:
         """Tell the base."""
         self.node.follow()
         types = typestore().types
@@ -93,7 +93,7 @@ class RosWire(RosOutput):
                     self.inbox.refuse(topic, str(error))
         return commanded
 
-    def _motion(self, message: Any) -> Motion:
+    def _motion(self, message: Any) -> VehicleMotion:
         frame = message.header.frame_id.lstrip("/")
         if self._frame and frame != self._frame.lstrip("/"):
             raise ParameterError("header.frame_id", f"{self._frame}, got {frame}")
@@ -106,12 +106,12 @@ class RosWire(RosOutput):
         speed = message.twist.twist.linear.x
         if not all(map(math.isfinite, (pose.position.x, pose.position.y, yaw, speed))):
             raise ParameterError("pose, twist", "finite numbers")
-        return Motion(Pose(pose.position.x, pose.position.y, yaw), speed)
+        return VehicleMotion(PlanarPose(pose.position.x, pose.position.y, yaw), speed)
 
 
-def _command_of(message: Any) -> Command:
+def _command_of(message: Any) -> BaseCommand:
     twist = message.twist if hasattr(message, "twist") else message
-    command = Command(twist.linear.x, twist.angular.z)
+    command = BaseCommand(twist.linear.x, twist.angular.z)
     if not all(map(math.isfinite, command)):
         raise ParameterError("twist", "finite numbers")
     if twist.linear.y:

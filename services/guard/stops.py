@@ -17,8 +17,8 @@ from models.arrays import Bools, Floats
 from models.effects import registry
 from models.effects.effect_law import Place
 from models.quantity import GRAVITY
+from services.guard.arc import ArcAhead
 from services.guard.model_reader import GuardModel, stands_for
-from services.guard.way import Way
 
 _EPSILON = 1e-9
 
@@ -26,7 +26,7 @@ Tables: TypeAlias = tuple[Floats, ...]
 """Surfaces as rows, of :func:`services.guard.model_reader.rows_of`, each table another belief."""
 
 
-class Stops(NamedTuple):
+class StopOutcomes(NamedTuple):
     """What becomes of stops from K speeds, (K,).
 
     Attributes:
@@ -41,8 +41,13 @@ class Stops(NamedTuple):
 
 
 def stops_along(
-    model: GuardModel, tables: Tables, way: Way, speeds: Floats, held: Floats, least_load: float
-) -> Stops:
+    model: GuardModel,
+    tables: Tables,
+    way: ArcAhead,
+    speeds: Floats,
+    held: Floats,
+    least_load: float,
+) -> StopOutcomes:
     """Stop from some speeds.
 
     Args:
@@ -85,11 +90,11 @@ def stops_along(
     )
     loaded = _loaded(model, way, (sine, upright, grade, roll, bend), speed_sq, most, least_load)
     cornering = np.abs(way.curvature) * speeds * speeds <= model.lateral
-    return Stops(distance, np.all(loaded | ~moving, axis=1), cornering)
+    return StopOutcomes(distance, np.all(loaded | ~moving, axis=1), cornering)
 
 
 def _force(
-    model: GuardModel, tables: Tables, way: Way, onset: Floats, count: int
+    model: GuardModel, tables: Tables, way: ArcAhead, onset: Floats, count: int
 ) -> tuple[Floats, Floats]:
     """Least and most F_b/W of the wheels' surfaces, (K, S)."""
     grade = way.grade[:count]
@@ -117,7 +122,7 @@ def _force(
     return least, most
 
 
-def _pushed(model: GuardModel, way: Way, onset: Floats, count: int) -> Floats | float:
+def _pushed(model: GuardModel, way: ArcAhead, onset: Floats, count: int) -> Floats | float:
     """What wind and the like push at most [m/s²], >= 0; where they brake they are left out."""
     if not model.motion.moves:
         return 0.0
@@ -145,7 +150,7 @@ def _rest(
 
 
 def _loaded(
-    model: GuardModel, way: Way, pose: tuple[Floats, ...], speed_sq: Floats, force: Floats,
+    model: GuardModel, way: ArcAhead, pose: tuple[Floats, ...], speed_sq: Floats, force: Floats,
     least_load: float,
 ) -> Bools:  # fmt: skip
     """Where axles and sides keep enough load while braking as hard as may be, (K, S)."""

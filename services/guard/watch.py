@@ -18,7 +18,7 @@ from typing import Any
 
 import zenoh
 
-from services.guard.core import Word
+from services.guard.core import BaseWord
 from services.guard.decide import stop
 from services.guard.heart import Heart
 from services.guard.model_reader import read_guard_model
@@ -60,7 +60,7 @@ class Watch:
             self._heart.beat()
             silent = self._heart.silent()
             if silent:
-                self._output.say(Word(stop("the guard does not answer"), 0))
+                self._output.say(BaseWord(stop("the guard does not answer"), 0))
                 if not told:
                     _log.warning("the guard does not answer: the base is told to stop")
                 self._begin_again()
@@ -88,7 +88,7 @@ class Watch:
         except subprocess.TimeoutExpired:
             self.worker.kill()
             self.worker.wait()
-        self._output.say(Word(stop("the guard is leaving"), 0))
+        self._output.say(BaseWord(stop("the guard is leaving"), 0))
 
 
 def _output(settings: GuardSettings, session: zenoh.Session) -> Any:

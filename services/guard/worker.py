@@ -20,9 +20,9 @@ import numpy as np
 import zenoh
 
 from models.errors import InputError, ParameterError
-from services.guard.core import Guard, Word
+from services.guard.core import BaseWord, Guard
 from services.guard.decide import stop
-from services.guard.ground import Ground, ground_of
+from services.guard.ground import GuardGround, ground_of
 from services.guard.heart import Heart
 from services.guard.messages import GuardStatus
 from services.guard.model_reader import read_guard_model
@@ -58,7 +58,7 @@ class Worker:
         self._lock = threading.Lock()
         self._updates: deque[zenoh.Sample] = deque(maxlen=32)
         self._news = threading.Event()
-        self._taken: deque[Ground | ParameterGroup | None] = deque(maxlen=64)
+        self._taken: deque[GuardGround | ParameterGroup | None] = deque(maxlen=64)
         space = settings.zenoh.namespace
         self._declared = [
             session.declare_subscriber(f"{space}/v1/map", self._on_update),
@@ -106,18 +106,18 @@ class Worker:
 
     def close(self) -> None:
         """Say stop once more, and leave."""
-        self._wire.say(Word(stop("the guard is leaving"), 0))
+        self._wire.say(BaseWord(stop("the guard is leaving"), 0))
         for declared in self._declared:
             declared.undeclare()
         self._wire.close()
 
-    def _word(self, now: float, silent: bool) -> Word:
+    def _word(self, now: float, silent: bool) -> BaseWord:
         try:
             return self.guard.word(now, "whoever watches the guard is silent" if silent else "")
         except Exception:  # noqa: BLE001 - logged, and a stop: what cannot be judged is not passed
             _log.exception("a command could not be judged")
             self.guard.counters["faults"] += 1
-            return Word(stop("fault of the guard, see its log"), 0)
+            return BaseWord(stop("fault of the guard, see its log"), 0)
 
     def _tell(self, now: float) -> None:
         self._told = now
@@ -149,10 +149,10 @@ class Worker:
                 except (InputError, ParameterError) as error:
                     _log.warning("%s: %s", key, error)
                     if key.endswith("/map"):
-                        # Ground that could not be read may be other than what is known.
+                        # GuardGround that could not be read may be other than what is known.
                         self._taken.append(None)
 
-    def _read(self, key: str, sample: zenoh.Sample) -> Ground | ParameterGroup:
+    def _read(self, key: str, sample: zenoh.Sample) -> GuardGround | ParameterGroup:
         raw = sample.payload.to_bytes()
         if key.endswith("/map"):
             encoding = str(sample.encoding)
@@ -168,7 +168,7 @@ class Worker:
             update = self._taken.popleft()
             if update is None:
                 self.guard.maps.drop()
-            elif isinstance(update, Ground):
+            elif isinstance(update, GuardGround):
                 self.guard.maps.take(update, time.monotonic())
             else:
                 self.guard.learned.take(update)
@@ -185,7 +185,7 @@ def _wire(settings: GuardSettings, session: zenoh.Session) -> Wire:
     return RosWire(session, settings.ros)
 
 
-def _map_of(path: str) -> Ground | None:
+def _map_of(path: str) -> GuardGround | None:
     if not path:
         return None
     try:
@@ -194,7 +194,7 @@ def _map_of(path: str) -> Ground | None:
             if "known" in data:
                 heights = np.where(data["known"], heights, np.nan)
             x, y = (float(v) for v in data["origin"])
-            return Ground(heights, float(data["resolution"]), (x, y))
+            return GuardGround(heights, float(data["resolution"]), (x, y))
     except (OSError, ValueError, KeyError, TypeError) as error:
         words = f"expected elevation, resolution and origin in an .npz: {error}"
         raise InputError(path, "", words) from None

@@ -8,10 +8,10 @@ from typing import Any, Protocol
 import zenoh
 
 from models.errors import InputError
-from services.guard.core import Guard, Word
-from services.guard.decide import Command, Motion
+from services.guard.arc import PlanarPose
+from services.guard.core import BaseWord, Guard
+from services.guard.decide import BaseCommand, VehicleMotion
 from services.guard.messages import GuardClear, GuardCommand, GuardMotion, GuardOutput
-from services.guard.way import Pose
 from services.ros.inbox import Inbox, Received
 from services.wire import codec
 from services.wire.codec import Format
@@ -29,7 +29,7 @@ class Wire(Protocol):
     def take(self, guard: Guard, found: dict[str, list[Received]]) -> bool:
         """Hand over what came; whether a command is among it."""
 
-    def say(self, word: Word) -> None:
+    def say(self, word: BaseWord) -> None:
         """Tell the base."""
 
     def close(self) -> None:
@@ -62,7 +62,7 @@ class OutputWire:
             priority=zenoh.Priority.REAL_TIME,
         )  # fmt: skip
 
-    def say(self, word: Word) -> None:
+    def say(self, word: BaseWord) -> None:
         """Tell the base."""
         self._sequence += 1
         decision = word.decision
@@ -115,14 +115,14 @@ class ZenohWire(OutputWire):
     def _take(self, guard: Guard, name: str, received: Received) -> bool:
         if name == "motion":
             m = decoded(GuardMotion, received, name)
-            motion = Motion(Pose(m.x, m.y, m.heading), m.speed)
+            motion = VehicleMotion(PlanarPose(m.x, m.y, m.heading), m.speed)
             guard.motions.take(motion, received.at, m.source, m.sequence)
         elif name == "clear":
             c = decoded(GuardClear, received, name)
             guard.clear(c.distance, received.at, c.source, c.sequence)
         else:
             k = decoded(GuardCommand, received, name)
-            command = Command(k.speed, k.yaw_rate), k.sequence
+            command = BaseCommand(k.speed, k.yaw_rate), k.sequence
             return guard.commands.take(command, received.at, k.source, k.sequence)
         return False
 

@@ -16,7 +16,7 @@ _SHORT = 15
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class OwnTopic:
     """One of our topics.
 
     Attributes:
@@ -34,15 +34,15 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Audience:
+class TopicAudience:
     """Who is at the other end of a line: nodes; or nobody, and why in words."""
 
-    line: Line
+    line: OwnTopic
     nodes: tuple[str, ...]
     missing: str = ""
 
 
-def audience_of(line: Line, graph: Graph, speeches: Collection[Speech]) -> Audience:
+def audience_of(line: OwnTopic, graph: Graph, speeches: Collection[Speech]) -> TopicAudience:
     """Who hears what we publish, or publishes what we want to hear.
 
     Args:
@@ -51,13 +51,15 @@ def audience_of(line: Line, graph: Graph, speeches: Collection[Speech]) -> Audie
     there = [e for e in graph.here() if e.entity == line.theirs]
     matched = [e for e in there if _matches(e, line, speeches)]
     if matched:
-        return Audience(line, tuple(sorted({e.node for e in matched})))
+        return TopicAudience(line, tuple(sorted({e.node for e in matched})))
     verb = "subscribes to" if line.ours == PUBLISHER else "publishes"
     cause = _cause(line, there, graph, speeches)
-    return Audience(line, (), f"nobody {verb} {line.topic} with our type, {line.kind}: {cause}")
+    return TopicAudience(
+        line, (), f"nobody {verb} {line.topic} with our type, {line.kind}: {cause}"
+    )
 
 
-def _matches(other: Endpoint, line: Line, speeches: Collection[Speech]) -> bool:
+def _matches(other: Endpoint, line: OwnTopic, speeches: Collection[Speech]) -> bool:
     same = other.topic == line.topic and other.kind == line.kind
     if not same or other.speech not in speeches:
         return False
@@ -68,7 +70,7 @@ def _matches(other: Endpoint, line: Line, speeches: Collection[Speech]) -> bool:
 
 
 def _cause(
-    line: Line, there: list[Endpoint], graph: Graph, speeches: Collection[Speech]
+    line: OwnTopic, there: list[Endpoint], graph: Graph, speeches: Collection[Speech]
 ) -> str:  # fmt: skip
     on_topic = [e for e in there if e.topic == line.topic]
     for other in on_topic:

@@ -8,17 +8,17 @@ from collections.abc import Collection, Sequence
 import zenoh
 
 from services.ros import conversions as ros
-from services.ros.audience import Audience
+from services.ros.audience import TopicAudience
 from services.ros.conversions import Condition
 from services.ros.graph import Speech
 from services.wire import codec
 from services.wire.codec import Format
-from services.wire.neighbours import Connections as ConnectionsMessage
+from services.wire.neighbours import Connections
 
 _log = logging.getLogger("slopewise")
 
 
-class Connections:
+class ConnectionWatch:
     """Tells whenever somebody comes or goes who matters; one thread."""
 
     def __init__(
@@ -43,7 +43,7 @@ class Connections:
         self._last: dict[str, str] = {}
         self._told: dict[str, str] = {}
 
-    def look(self, audiences: Sequence[Audience], speeches: Collection[Speech]) -> Condition:
+    def look(self, audiences: Sequence[TopicAudience], speeches: Collection[Speech]) -> Condition:
         """The condition now; what lasts goes to the log once."""
         missing = {a.line.topic: a.missing for a in audiences if a.line.topic in self._needed}
         for topic, words in missing.items():
@@ -55,8 +55,8 @@ class Connections:
         said = [words for words in missing.values() if words]
         if self._publisher is not None:
             self._publisher.put(
-                codec.encode(ConnectionsMessage(source=self._source, missing=said), Format.JSON),
-                encoding=codec.encoding_of(ConnectionsMessage, Format.JSON),
+                codec.encode(Connections(source=self._source, missing=said), Format.JSON),
+                encoding=codec.encoding_of(Connections, Format.JSON),
             )
         values = [(a.line.topic, a.missing or ", ".join(a.nodes)) for a in audiences]
         values.append(("speaks", "; ".join(s.value for s in speeches)))

@@ -24,7 +24,7 @@ from services.io.maps.bag_map import other_frame
 from services.io.maps.grid_map_message import elevation_map_of
 from services.ros import conversions as ros
 from services.ros import speed_limit
-from services.ros.connections import Connections
+from services.ros.connections import ConnectionWatch
 from services.ros.conversions import Condition, OdometrySample
 from services.ros.inbox import Received, decoded
 from services.ros.node import Node
@@ -75,7 +75,7 @@ class Edge:
         )
         needed = [*self._paths, self._limit.topic, *self._state.topics[:1]]
         needed += [self._stop.topic] if self._stop is not None else []
-        self._connections = Connections(
+        self._connections = ConnectionWatch(
             [*needed, self._map] if self._map else needed, service_session,
             settings.service.namespace, ours.node,
         )  # fmt: skip

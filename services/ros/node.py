@@ -13,7 +13,7 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from services.io.bags.ros_types import type_hashes, typestore
 from services.ros import naming
-from services.ros.audience import Audience, Line, audience_of
+from services.ros.audience import OwnTopic, TopicAudience, audience_of
 from services.ros.graph import OF_DISTRIBUTION, Graph, Speech
 from services.ros.inbox import Inbox, keeper
 
@@ -134,10 +134,10 @@ class Node:
                 self._listen_in(speech, wanted)
         return new
 
-    def audiences(self) -> list[Audience]:
+    def audiences(self) -> list[TopicAudience]:
         """Who is at the other end of each of our topics."""
-        lines = [Line(p.topic, p.kind, naming.PUBLISHER) for p in self._publishers]
-        lines += [Line(s.topic, s.kind, naming.SUBSCRIPTION) for s in self._subscriptions]
+        lines = [OwnTopic(p.topic, p.kind, naming.PUBLISHER) for p in self._publishers]
+        lines += [OwnTopic(s.topic, s.kind, naming.SUBSCRIPTION) for s in self._subscriptions]
         return [audience_of(line, self.graph, self.speeches) for line in lines]
 
     def _publish_in(self, speech: Speech, publisher: Publisher) -> None:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from models.errors import InputError
 from services.doctor.examine import CHECKS, examine
-from services.doctor.facts import Facts, Finding, Severity
+from services.doctor.facts import Facts, Misfit, MisfitSeverity
 from services.doctor.nav2_file import read_nav2
 from services.doctor.sources import seen_in, seen_live
 from services.io.model_file import find_model, read_model
@@ -18,7 +18,7 @@ class DoctorResult(NamedTuple):
     """What was looked at, and what does not fit."""
 
     looked_at: list[str]
-    findings: list[Finding]
+    findings: list[Misfit]
 
 
 def run(
@@ -51,7 +51,7 @@ def run(
 
 def has_errors(result: DoctorResult) -> bool:
     """Whether something does not fit that plans depend on."""
-    return any(f.severity is Severity.ERROR for f in result.findings)
+    return any(f.severity is MisfitSeverity.ERROR for f in result.findings)
 
 
 def as_json(result: DoctorResult) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def show(result: DoctorResult, console: Any) -> None:
     """For people."""
     console.print(f"looked at {', '.join(result.looked_at)} with {len(CHECKS)} checks")
     for finding in result.findings:
-        colour = "red" if finding.severity is Severity.ERROR else "yellow"
+        colour = "red" if finding.severity is MisfitSeverity.ERROR else "yellow"
         console.print(f"[{colour}]{finding.severity.value}[/] [bold]{finding.check}[/]: ", end="")
         console.print(finding.words, markup=False)
         console.print(f"  → {finding.remedy}", markup=False)

@@ -16,7 +16,7 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 from models.errors import InputError
 from services.doctor.collect import Collector
 from services.doctor.examine import examine
-from services.doctor.facts import Facts, Finding, Seen, Severity
+from services.doctor.facts import Facts, Misfit, MisfitSeverity, Seen
 from services.doctor.nav2_file import read_nav2
 from services.io.bags.ros_types import typestore
 from services.io.model_file import find_model, read_model
@@ -179,7 +179,7 @@ SEEN_MISTAKES = {
 }
 
 
-def named(findings: list[Finding]) -> set[str]:
+def named(findings: list[Misfit]) -> set[str]:
     return {finding.check for finding in findings}
 
 
@@ -230,10 +230,8 @@ def test_nothing_is_said_of_robots_that_fit(tmp_path: Path, sane: str) -> None:
         del nodes["twist_mux"], nodes["diff_drive_controller"]
     elif sane in SANE_SEEN:
         told = SANE_SEEN[sane]()
-    edge = EdgeSettings(wheels=Wheels(left="l", right="r", radius=0.28))
-    edge = (
-        replace(edge, topics=Topics()) if told is None or "/elevation_map" in told.topics else None
-    )
+    has_map = told is None or "/elevation_map" in told.topics
+    edge = EdgeSettings(wheels=Wheels(left="l", right="r", radius=0.28)) if has_map else None
     assert examine(Facts(MODEL, edge, parameters(tmp_path, nodes), told)) == []
 
 
@@ -279,4 +277,4 @@ def test_names_with_dots_and_namespaces(tmp_path: Path) -> None:
     )
     nav2 = read_nav2([file])
     assert nav2.controllers() == {"F": {"ax_min": -1.0, "vx_max": 2.0}}
-    assert all(f.severity is Severity.ERROR for f in examine(Facts(MODEL, None, nav2, None)))
+    assert all(f.severity is MisfitSeverity.ERROR for f in examine(Facts(MODEL, None, nav2, None)))

@@ -7,35 +7,35 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from services.guard.arc import PlanarPose
 from services.guard.core import Guard
-from services.guard.decide import Command, Decision, Motion, Scene, decide
-from services.guard.ground import Ground, ground_of
+from services.guard.decide import BaseCommand, GuardDecision, GuardScene, VehicleMotion, decide
+from services.guard.ground import GuardGround, ground_of
 from services.guard.model_reader import read_guard_model, rows_of
 from services.guard.obedience import Obedience
 from services.guard.settings import GuardJudgement, GuardSettings, GuardTiming, read_guard_settings
-from services.guard.way import Pose
 from services.io.model_file import find_model
 from services.wire.messages import MapUpdate
 from services.wire.parameter_messages import ParameterGroup
 from tests.services.faults import fault_in
 
 MODEL = read_guard_model(find_model("atv"))
-FLAT = Ground(np.zeros((200, 400)), 0.25, (-20.0, -25.0))
+FLAT = GuardGround(np.zeros((200, 400)), 0.25, (-20.0, -25.0))
 SHIPPED = Path(__file__).parents[3] / "configs" / "guard.toml"
 
 
 def judged(
-    speed: float, wanted: float, rate: float = 0.0, clear: float = 1e9, ground: Ground = FLAT,
+    speed: float, wanted: float, rate: float = 0.0, clear: float = 1e9, ground: GuardGround = FLAT,
     x: float = 0.0,
-) -> Decision:  # fmt: skip
-    scene = Scene(MODEL, (rows_of(MODEL),), ground, clear)
-    motion = Motion(Pose(x, 0.0, 0.0), speed)
-    return decide(scene, motion, Command(wanted, rate), stands=0.1, late=0.02, load=0.5)
+) -> GuardDecision:  # fmt: skip
+    scene = GuardScene(MODEL, (rows_of(MODEL),), ground, clear)
+    motion = VehicleMotion(PlanarPose(x, 0.0, 0.0), speed)
+    return decide(scene, motion, BaseCommand(wanted, rate), stands=0.1, late=0.02, load=0.5)
 
 
 def test_what_can_be_stopped_passes() -> None:
     found = judged(2.0, 2.5, 0.3)
-    assert (found.action, found.command, found.brake) == ("pass", Command(2.5, 0.3), False)
+    assert (found.action, found.command, found.brake) == ("pass", BaseCommand(2.5, 0.3), False)
 
 
 def test_what_cannot_is_slowed_and_turns_as_it_was_to() -> None:
@@ -48,7 +48,7 @@ def test_what_cannot_is_slowed_and_turns_as_it_was_to() -> None:
 
 def test_too_late_is_a_stop() -> None:
     found = judged(3.0, 3.0, clear=1.5)
-    assert (found.action, found.command, found.brake) == ("stop", Command(0.0, 0.0), True)
+    assert (found.action, found.command, found.brake) == ("stop", BaseCommand(0.0, 0.0), True)
 
 
 @pytest.mark.parametrize("clear", [0.8, 1.5, 3.0, 6.0])
@@ -72,7 +72,7 @@ def test_unknown_ground_obstacles_and_steep_ground_end_the_way() -> None:
     ):  # fmt: skip
         heights = np.zeros((200, 400))
         heights[:, 100:] = change  # from x = 5 m on
-        ground = Ground(heights, 0.25, (-20.0, -25.0))
+        ground = GuardGround(heights, 0.25, (-20.0, -25.0))
         found = judged(3.0, 4.0, ground=ground, x=0.5)
         assert found.action in ("slow", "stop")
         assert any(word in found.reason for word in words.split("|"))
@@ -94,11 +94,11 @@ def test_turns_that_tip_are_slowed() -> None:
 def test_backwards_counts_what_is_behind() -> None:
     heights = np.zeros((200, 400))
     heights[:, :72] = np.nan  # up to x = -2 m
-    ground = Ground(heights, 0.25, (-20.0, -25.0))
+    ground = GuardGround(heights, 0.25, (-20.0, -25.0))
     assert judged(0.0, -3.0, ground=ground).action == "slow"
     assert judged(0.0, 3.0, ground=ground).action == "pass"
     turned = judged(2.0, -1.0)
-    assert (turned.action, turned.command) == ("slow", Command(0.0, 0.0))
+    assert (turned.action, turned.command) == ("slow", BaseCommand(0.0, 0.0))
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
@@ -115,8 +115,8 @@ def guard(**changes: object) -> Guard:
 
 def feed(it: Guard, now: float, speed: float = 1.0, wanted: float = 1.0, number: int = 0) -> None:
     sequence = number or round(1000 * now)
-    it.motions.take(Motion(Pose(0.0, 0.0, 0.0), speed), now, "r", sequence)
-    it.commands.take((Command(wanted, 0.0), sequence), now, "p", sequence)
+    it.motions.take(VehicleMotion(PlanarPose(0.0, 0.0, 0.0), speed), now, "r", sequence)
+    it.commands.take((BaseCommand(wanted, 0.0), sequence), now, "p", sequence)
 
 
 def test_silence_is_a_stop_and_lasts_until_rest() -> None:
@@ -138,12 +138,12 @@ def test_silence_is_a_stop_and_lasts_until_rest() -> None:
 def test_repeated_and_late_commands_do_not_count() -> None:
     it = guard()
     feed(it, 1.0, number=5)
-    assert not it.commands.take((Command(4.0, 0.0), 5), 1.05, "p", 5)
-    assert not it.commands.take((Command(4.0, 0.0), 3), 1.05, "p", 3)
-    assert it.commands.take((Command(0.5, 0.0), 9), 1.05, "p", 9)
+    assert not it.commands.take((BaseCommand(4.0, 0.0), 5), 1.05, "p", 5)
+    assert not it.commands.take((BaseCommand(4.0, 0.0), 3), 1.05, "p", 3)
+    assert it.commands.take((BaseCommand(0.5, 0.0), 9), 1.05, "p", 9)
     assert it.counters["command lost"] == 3
     assert it.counters["command repeated or late"] == 2
-    assert it.commands.take((Command(0.5, 0.0), 1), 3.0, "p", 1)  # silent for long: begun anew
+    assert it.commands.take((BaseCommand(0.5, 0.0), 1), 3.0, "p", 1)  # silent for long: begun anew
 
 
 def test_a_clear_distance_shrinks_as_the_vehicle_goes() -> None:
@@ -152,7 +152,7 @@ def test_a_clear_distance_shrinks_as_the_vehicle_goes() -> None:
     assert it.word(1.0).decision.reason == "no clear distance"
     assert it.clear(5.0, 1.0, "s", 1)
     assert it.word(1.01).decision.action == "pass"
-    it.motions.take(Motion(Pose(4.0, 0.0, 0.0), 3.0), 1.1, "r", 2000)
+    it.motions.take(VehicleMotion(PlanarPose(4.0, 0.0, 0.0), 3.0), 1.1, "r", 2000)
     assert it.word(1.11).decision.action == "stop"
     assert not it.clear(float("nan"), 1.2, "s", 2)
 
@@ -198,9 +198,9 @@ def test_what_was_learned_can_make_stops_longer_and_not_shorter_unless_trusted()
             it = guard(judgement=GuardJudgement(awaits_clear=True, trust_learned=trusted))
             it.learned.take(group(b_b=b_b))
             it.learn()
-            it.motions.take(Motion(Pose(0.0, 0.0, 0.0), 0.0), 1.0)
+            it.motions.take(VehicleMotion(PlanarPose(0.0, 0.0, 0.0), 0.0), 1.0)
             it.clear(3.0, 1.0, "s", 1)
-            it.commands.take((Command(4.0, 0.0), 1), 1.0)
+            it.commands.take((BaseCommand(4.0, 0.0), 1), 1.0)
             found[name] = it.word(1.0).decision.command.speed
         assert (found["weak"] < found["file"]) == weak
         assert (found["strong"] > found["file"]) == strong

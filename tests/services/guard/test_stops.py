@@ -15,11 +15,11 @@ from services.check.ground import ground_under
 from services.check.line import line_of
 from services.check.stop_field import StopField
 from services.check.stops import stops_from
-from services.guard.ground import Ground
+from services.guard.arc import ArcAhead, PlanarPose, arc_ahead
+from services.guard.ground import GuardGround
 from services.guard.model_reader import GuardModel, read_guard_model, rows_of
 from services.guard.plain import plainly_fine
 from services.guard.stops import stops_along
-from services.guard.way import Pose, Way, way_of
 from services.io.model_file import find_model, read_model
 
 G = 9.80665
@@ -32,27 +32,29 @@ def model() -> GuardModel:
     return read_guard_model(ATV)
 
 
-def slope(grade: float, roll: float = 0.0) -> Ground:
+def slope(grade: float, roll: float = 0.0) -> GuardGround:
     """Even ground that rises along x, its left side up."""
     y, x = CELL * np.mgrid[0:200, 0:200]
-    return Ground(np.tan(grade) * x + np.tan(roll) * y, CELL, (-10.0, -25.0))
+    return GuardGround(np.tan(grade) * x + np.tan(roll) * y, CELL, (-10.0, -25.0))
 
 
-def hills(seed: int) -> Ground:
+def hills(seed: int) -> GuardGround:
     rng = np.random.default_rng(seed)
     y, x = CELL * np.mgrid[0:240, 0:240]
     z = np.zeros_like(x)
     for _ in range(6):
         kx, ky, phase = rng.uniform(-0.25, 0.25), rng.uniform(-0.25, 0.25), rng.uniform(0, 7)
         z += rng.uniform(0.1, 0.6) * np.sin(kx * x + ky * y + phase)
-    return Ground(z, CELL, (0.0, 0.0))
+    return GuardGround(z, CELL, (0.0, 0.0))
 
 
-def look(model: GuardModel, ground: Ground, pose: Pose, curvature: float = 0.0) -> Way:
-    return way_of(model, rows_of(model), ground, pose, curvature, forward=True, length=15.0)
+def look(
+    model: GuardModel, ground: GuardGround, pose: PlanarPose, curvature: float = 0.0
+) -> ArcAhead:
+    return arc_ahead(model, rows_of(model), ground, pose, curvature, forward=True, length=15.0)
 
 
-def stop(model: GuardModel, way: Way, speed: float, held: float = 0.0) -> float:
+def stop(model: GuardModel, way: ArcAhead, speed: float, held: float = 0.0) -> float:
     found = stops_along(
         model, (rows_of(model),), way, np.array([speed]), np.array([held]), 0.0
     )  # fmt: skip
@@ -71,7 +73,7 @@ def test_stops_on_even_slopes_are_those_in_closed_form(
     v = max(onset, 1.0)
     force = (-0.03 * v - 0.35) * grade + 0.015 * v + 0.40
     by_hand = speed * dead + onset**2 / (2.0 * G * (force + np.sin(grade))) + 0.20
-    found = stop(model, look(model, slope(grade), Pose(0.0, 0.0, 0.0)), speed)
+    found = stop(model, look(model, slope(grade), PlanarPose(0.0, 0.0, 0.0)), speed)
     assert by_hand - 1e-6 <= found <= by_hand * 1.02 + 0.01
 
 
@@ -80,7 +82,7 @@ def test_no_stop_is_shorter_than_the_checkers(model: GuardModel, seed: int) -> N
     """The checker integrates in time, over grades of its own; on hills it is the same stop."""
     rng = np.random.default_rng(seed)
     ground, heading = hills(seed), rng.uniform(-3.0, 3.0)
-    pose, speed = Pose(30.0, 30.0, heading), float(rng.uniform(0.8, 4.0))
+    pose, speed = PlanarPose(30.0, 30.0, heading), float(rng.uniform(0.8, 4.0))
     way = look(model, ground, pose)
     if way.ends < 48:
         pytest.skip("steeper than trained")
@@ -106,7 +108,7 @@ def test_what_is_plainly_fine_is_fine_at_a_close_look(model: GuardModel, seed: i
     rng = np.random.default_rng((7, seed))
     ground = hills(seed % 8)
     tables = (rows_of(model),)
-    pose = Pose(*rng.uniform(15.0, 45.0, 2), rng.uniform(-3.0, 3.0))
+    pose = PlanarPose(*rng.uniform(15.0, 45.0, 2), rng.uniform(-3.0, 3.0))
     curvature = float(rng.uniform(-0.3, 0.3))
     speed, held, end = float(rng.uniform(0.2, 4.0)), 0.15, float(rng.uniform(1.0, 12.0))
     way = look(model, ground, pose, curvature)
@@ -118,7 +120,7 @@ def test_what_is_plainly_fine_is_fine_at_a_close_look(model: GuardModel, seed: i
 
 
 def test_longer_held_steeper_or_faster_is_never_shorter(model: GuardModel) -> None:
-    ways = [look(model, slope(g), Pose(0.0, 0.0, 0.0)) for g in (0.2, 0.1, 0.0, -0.1, -0.2)]
+    ways = [look(model, slope(g), PlanarPose(0.0, 0.0, 0.0)) for g in (0.2, 0.1, 0.0, -0.1, -0.2)]
     assert np.all(np.diff([stop(model, way, 3.0) for way in ways]) > 0.0)
     assert np.all(np.diff([stop(model, ways[2], v) for v in np.linspace(0.2, 4.0, 30)]) > 0.0)
     assert np.all(np.diff([stop(model, ways[2], 2.0, h) for h in np.linspace(0, 1, 9)]) > 0.0)
@@ -128,7 +130,7 @@ def test_a_slope_that_brakes_do_not_hold_has_no_stop(model: GuardModel) -> None:
     weak = model._replace(
         surfaces={"": model.surfaces[""]._replace(b_b=0.1, m_b=0.0, b_m=0.0, m_m=0.0)}
     )
-    assert stop(weak, look(weak, slope(-0.2), Pose(0.0, 0.0, 0.0)), 1.0) == np.inf
+    assert stop(weak, look(weak, slope(-0.2), PlanarPose(0.0, 0.0, 0.0)), 1.0) == np.inf
 
 
 def test_what_the_guard_does_not_understand_it_does_not_guard(tmp_path: Path) -> None:
@@ -157,9 +159,9 @@ def test_spread_and_lag_make_stops_longer(tmp_path: Path) -> None:
     for more in ("", "force_std = 0.02\n", "dead_time_std = 0.1\n", "speed_error = 0.3\n"):
         file.write_text(text.replace("dead_time = 0.30", f"{more}dead_time = 0.30", 1))
         other = read_guard_model(file)
-        found.append(stop(other, look(other, slope(0.0), Pose(0.0, 0.0, 0.0)), 3.0))
+        found.append(stop(other, look(other, slope(0.0), PlanarPose(0.0, 0.0, 0.0)), 3.0))
     file.write_text(text + '\n[[effect]]\nname = "brake_lag"\nparameters = { tau = 0.3 }\n')
     other = read_guard_model(file)
-    found.append(stop(other, look(other, slope(0.0), Pose(0.0, 0.0, 0.0)), 3.0))
+    found.append(stop(other, look(other, slope(0.0), PlanarPose(0.0, 0.0, 0.0)), 3.0))
     assert min(found[1:]) > found[0]
     assert found[-1] == pytest.approx(found[0] + 0.9)

@@ -15,7 +15,7 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes, typestore
 from services.ros import conversions as ros
-from services.ros.connections import Connections
+from services.ros.connections import ConnectionWatch
 from services.ros.graph import Speech
 from services.ros.inbox import decoded
 from services.ros.naming import NO_HASH
@@ -139,7 +139,7 @@ def test_silence_is_said_in_diagnostics_and_log(
     ours, theirs = sessions
     with Node(ours, 40, "/", "slopewise", distribution="jazzy") as node:
         node.publisher(LIMIT, SPEED_LIMIT)
-        connections = Connections(["/speed_limit"])
+        connections = ConnectionWatch(["/speed_limit"])
         with caplog.at_level(logging.WARNING, "slopewise"):
             for _ in range(3):
                 condition = connections.look(node.audiences(), node.speeches)

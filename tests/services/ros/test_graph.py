@@ -9,14 +9,14 @@ import pytest
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes
-from services.ros.audience import Line, audience_of
+from services.ros.audience import OwnTopic, audience_of
 from services.ros.graph import Endpoint, Speech, endpoint_of
 from services.ros.naming import NO_HASH, NODE, NULL_HASH, PUBLISHER, SUBSCRIPTION, Identity
 
 HASH = type_hashes(SPEED_LIMIT)[0]
 TYPE = "nav2_msgs::msg::dds_::SpeedLimit_"
 HEAD = "@ros2_lv/0/aac3178e146ba6f1fc6e6a4085e77f21/3"
-LIMIT = Line("/speed_limit", SPEED_LIMIT, PUBLISHER)
+LIMIT = OwnTopic("/speed_limit", SPEED_LIMIT, PUBLISHER)
 
 
 def subscription(
@@ -39,7 +39,7 @@ class Others:
         return [e for e in self._all if e.domain in (0, None) and e.entity != NODE]
 
 
-def missing(*endpoints: Endpoint, line: Line = LIMIT, speech: Speech = Speech.HASHED) -> str:
+def missing(*endpoints: Endpoint, line: OwnTopic = LIMIT, speech: Speech = Speech.HASHED) -> str:
     others: Any = Others(*endpoints)
     return audience_of(line, others, [speech]).missing
 
@@ -104,7 +104,7 @@ def test_who_hears_us() -> None:
 
 def test_grid_maps_are_heard_under_either_hash() -> None:
     kind = "grid_map_msgs/msg/GridMap"
-    line = Line("/m", kind, SUBSCRIPTION)
+    line = OwnTopic("/m", kind, SUBSCRIPTION)
     for type_hash in type_hashes(kind):
         there = Endpoint(PUBLISHER, 0, "ab", "/mapper", "/m", kind, type_hash)
         assert not missing(there, line=line)

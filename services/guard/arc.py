@@ -1,4 +1,4 @@
-"""The way that a command leads along: an arc over the map, and what the ground is like on it."""
+"""The arc that a command leads along over the map, and what the ground is like on it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from models.arrays import Bools, Floats, Ints
-from services.guard.ground import Ground
+from services.guard.ground import GuardGround
 from services.guard.model_reader import GuardModel, stands_for
 
 _SAMPLES = 48
@@ -15,7 +15,7 @@ _STEP = 0.05  # [m] between samples at least
 _STRAIGHT = 1e-6  # [1/m]
 
 
-class Pose(NamedTuple):
+class PlanarPose(NamedTuple):
     """Where the vehicle is: middle of the wheelbase [m], heading [rad]."""
 
     x: float
@@ -23,13 +23,13 @@ class Pose(NamedTuple):
     heading: float
 
 
-class Way(NamedTuple):
+class ArcAhead(NamedTuple):
     """S samples ahead; arrays are (S,) unless said.
 
     Attributes:
-        step: between samples [m]. curvature: left positive, of the way driven [1/m].
+        step: between samples [m]. curvature: left positive, along the motion [1/m].
         grade: uphill positive along the motion; roll: left side up [rad]. bend: change of the
-            grade along the way [1/m]. x, y, yaw: of the middle of the wheelbase.
+            grade along the arc [1/m]. x, y, yaw: of the middle of the wheelbase.
         surface: (4, S) under each wheel, −1 where it may be any. kinds: which there are.
         ends: first sample that must not be reached, S if none.
         why: in words what is there.
@@ -49,10 +49,10 @@ class Way(NamedTuple):
     why: str
 
 
-def way_of(
-    model: GuardModel, rows: Floats, ground: Ground, pose: Pose, curvature: float, *,
+def arc_ahead(
+    model: GuardModel, rows: Floats, ground: GuardGround, pose: PlanarPose, curvature: float, *,
     forward: bool, length: float,
-) -> Way:  # fmt: skip
+) -> ArcAhead:  # fmt: skip
     """Look along an arc.
 
     Args:
@@ -106,10 +106,10 @@ def way_of(
     bend = np.zeros_like(grade)
     if len(s) > 2 * reach:
         bend[reach:-reach] = (grade[2 * reach :] - grade[: -2 * reach]) / (2 * reach * step)
-    return Way(step, sign * curvature, grade, roll, bend, x, y, yaw, surface, kinds, ends, why)
+    return ArcAhead(step, sign * curvature, grade, roll, bend, x, y, yaw, surface, kinds, ends, why)
 
 
-def surface_rows(model: GuardModel, ground: Ground) -> Ints:
+def surface_rows(model: GuardModel, ground: GuardGround) -> Ints:
     """For each surface that the map names, the row of the model; -1 where it knows none."""
     names = list(model.surfaces)
     numbers = {s.class_id: k for k, s in enumerate(model.surfaces.values()) if s.class_id}
@@ -124,7 +124,7 @@ def surface_rows(model: GuardModel, ground: Ground) -> Ints:
 
 
 def _below(
-    model: GuardModel, pose: Pose, points: tuple[Floats, Floats], ends: tuple[float, float],
+    model: GuardModel, pose: PlanarPose, points: tuple[Floats, Floats], ends: tuple[float, float],
     yaw: float,
 ) -> Bools:  # fmt: skip
     """Points under the vehicle as it stands: nobody has to see them, it is there already."""
