@@ -1,4 +1,6 @@
-"""Commands of a running service and of robots: serve, ros, guard, doctor, query, params, replay."""
+"""Commands of a running service and of robots: serve, ros, guard, doctor, export, query, params,
+replay.
+"""
 
 from __future__ import annotations
 
@@ -120,6 +122,35 @@ def doctor(options: DoctorOptions) -> None:
     say(options.as_json, command, result)
     if command.has_errors(result):
         raise typer.Exit(VIOLATIONS)
+
+
+@app.command()
+def export(
+    model: Annotated[
+        str, typer.Argument(metavar="M.toml", help="Model file, or shipped vehicle.")
+    ] = "",
+    casadi: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="All functions, for CasADi to read.")
+    ] = None,
+    c: Annotated[
+        Path | None, typer.Option("--c", metavar="FOLDER", help="C code, header, test vectors.")
+    ] = None,
+    json_schema: Annotated[
+        bool, typer.Option("--json-schema", help="Print the JSON schema of model files.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Take a model elsewhere: stopping distance, speed bound, loads, effects, with derivatives.
+
+    [bold]Example[/]  slopewise export mine.toml --c generated
+    """
+    from services.cli.commands import export as command
+
+    if json_schema:
+        typer.echo(command.schema())
+        return
+    result = command.run(model, casadi, c)
+    say(as_json, command, result, *result.files)
 
 
 @dataclass(frozen=True, slots=True)
