@@ -21,7 +21,7 @@ from services.guard.stops import StopOutcomes, Tables, stops_along
 
 _SPEEDS = 10
 _CREEP = 0.05  # [m/s] below which a vehicle counts as standing
-_TIGHTEST = 2.0  # [1/m]
+_TIGHTEST = 20.0  # [1/m]
 _FARTHEST = 80.0  # [m]
 
 

@@ -91,6 +91,12 @@ def test_turns_that_tip_are_slowed() -> None:
     assert speed * rate <= MODEL.lateral + 1e-9
 
 
+def test_tight_turns_count_as_tight_as_they_are() -> None:
+    """A radius of 15 cm: lateral acceleration is speed times yaw rate, however tight."""
+    found = judged(0.6, 0.8, 5.0)
+    assert found.command.speed * found.command.yaw_rate <= MODEL.lateral + 1e-9
+
+
 def test_backwards_counts_what_is_behind() -> None:
     heights = np.zeros((200, 400))
     heights[:, :72] = np.nan  # up to x = -2 m
