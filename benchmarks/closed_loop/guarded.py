@@ -13,7 +13,6 @@ import tempfile
 import time
 from collections import Counter, deque
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +87,7 @@ class Guarded:
         self._ground: GuardGround | None = None
         self.actions: Counter[str] = Counter()
         self.seconds: list[float] = []
+        self.log: list[tuple[float, float, float, float, float, str]] = []
 
     def command(self, view: View) -> DriveCommand:
         """What the guard leaves of what the policy wanted a while ago."""
@@ -99,6 +99,9 @@ class Guarded:
         speed = max(wanted.speed + wanted.accel * CYCLE, 0.0)
         decision = self._judge(view, speed)
         self.actions[decision.action] += 1
+        given = decision.command.speed
+        state, clear = view.state, view.station + view.clear
+        self.log.append((view.station, state.speed, speed, given, clear, decision.action))
         if decision.action == "pass":
             return self._bounded(view, wanted, speed)
         if decision.action == "stop":
@@ -198,18 +201,43 @@ def summary(drives: list[tuple[DrivenScene, Any]]) -> dict[str, Any]:
     }
 
 
+def draw(policy: Guarded, path: Path) -> None:
+    """One drive: what was wanted, what was given, what was driven, and how far was clear."""
+    from matplotlib.figure import Figure
+
+    station, driven, wanted, given, clear = np.array([row[:5] for row in policy.log]).T
+    figure = Figure(figsize=(10.0, 4.5), layout="constrained")
+    axes = figure.subplots()
+    axes.step(station, wanted, where="post", color="0.75", label="wanted by the planner")
+    axes.plot(station, driven, color="tab:blue", label="driven")
+    for action, colour in (("slow", "tab:orange"), ("stop", "tab:red")):
+        here = np.array([row[5] == action for row in policy.log])
+        axes.plot(station[here], given[here], ".", color=colour, label=f"{action}: given")
+    left = axes.twinx()
+    left.plot(station, clear - station, color="tab:green", lw=0.8, label="clear ahead [m]")
+    left.set_ylabel("clear ahead [m]", color="tab:green")
+    axes.set_xlabel("station [m]")
+    axes.set_ylabel("speed [m/s]")
+    axes.legend(loc="upper right")
+    axes.set_title("A reckless planner behind the guard")
+    figure.savefig(path)
+
+
 def main() -> None:
     """Drive, and print what came of it."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--drives", type=int, default=300)
     parser.add_argument("--sane", type=int, default=40)
     parser.add_argument("--results", type=Path, default=Path("docs/results/closed-loop.json"))
+    parser.add_argument("--picture", type=Path, help="of the first reckless drive")
     given = parser.parse_args()
     model, dem = learned_model(given.results), dem_folder()
     for kind, count in (("sane", given.sane), ("plain", given.sane), ("reckless", given.drives)):
         done = []
         for number in range(count):
-            done.append(partial(drive, number, model, kind, dem)())
+            done.append(drive(number, model, kind, dem))
+            if given.picture and kind == "reckless" and number == 0:
+                draw(done[0][1], given.picture)
             if number % 10 == 9 or number == count - 1:
                 print(kind, json.dumps(summary(done)), flush=True)
 
