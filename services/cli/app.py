@@ -1,8 +1,8 @@
 """The command line. Commands read their words in `services.cli.arguments`, and do their work in
 `services.cli.commands`.
 
-Exit status: 0 done; 2 bad input, one line on standard error; 3 no admissible candidate, or a plan
-that breaks a rule; 1 a fault of the program.
+Exit status: 0 done; 2 bad input, one line on standard error; 3 no admissible candidate, a plan
+that breaks a rule, or a robot that does not fit; 1 a fault of the program.
 """
 
 from __future__ import annotations

@@ -43,6 +43,7 @@ from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import words_of
 from services.wire.messages import ServiceStatus
+from services.wire.neighbours import Neighbours, peer_flags
 
 _log = logging.getLogger("slopewise")
 
@@ -71,6 +72,7 @@ class Service:
         )
         self.counters: Counter[str] = Counter()
         self.board = Board()
+        self._neighbours = Neighbours()
         self._questions = PlanEndpoint(
             config, self.plans, self.maps, self.counters, self.board.planned
         )
@@ -93,6 +95,7 @@ class Service:
                 "zenoh", "listen", f"expected free endpoints, {where}: {words_of(error)}"
             ) from None
         self._look_for_twin()
+        self._warn(peer_flags(self._session, config.zenoh.mode))
         # The status tells of it, so it is there before anybody asks.
         self._learning = ParameterEndpoint(
             self._session,
@@ -108,6 +111,7 @@ class Service:
         self._declared = [
             self._questions.declare(self._session),
             self._updates.declare(self._session),
+            self._neighbours.declare(self._session, config.namespace),
             self._session.liveliness().declare_token(config.key(f"alive/{config.id}")),
             self._session.declare_subscriber(
                 config.key("status"), self._on_status, allowed_origin=zenoh.Locality.REMOTE
@@ -153,6 +157,7 @@ class Service:
                 *self.plans.parameters.flags,
                 *self._learning.flags(),
                 *self.plans.flags(ground),
+                *self._neighbours.flags(),
             ],
             degraded=self.parameters.degraded(),
             instance=self._instance,
@@ -207,6 +212,11 @@ class Service:
         alive = self.config.key(f"alive/{self.config.id}")
         if any(reply.ok for reply in self._session.liveliness().get(alive, timeout=0.5)):
             self._has_twin()
+
+    def _warn(self, words: list[str]) -> None:
+        self._flags.extend(words)
+        for line in words:
+            _log.warning("%s", line)
 
     def _has_twin(self) -> None:
         if _TWIN not in self._flags:

@@ -164,16 +164,27 @@ def _quaternion(yaw: float, pitch: float) -> Any:
     return typestore().types["geometry_msgs/msg/Quaternion"](*(float(part) for part in parts))
 
 
-def diagnostics(
-    level: int, message: str, hardware: str, values: Sequence[tuple[str, str]], stamp: int
-) -> Any:
-    """A diagnostic_msgs/DiagnosticArray with one status; ``level`` is OK, WARN or ERROR."""
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """One status of diagnostics: OK, WARN or ERROR, in words, with further facts."""
+
+    name: str
+    level: int
+    message: str
+    values: Sequence[tuple[str, str]]
+
+
+def diagnostics(conditions: Sequence[Condition], hardware: str, stamp: int) -> Any:
+    """A diagnostic_msgs/DiagnosticArray."""
     types = typestore().types
-    pairs = [types["diagnostic_msgs/msg/KeyValue"](key, value) for key, value in values]
-    status = types["diagnostic_msgs/msg/DiagnosticStatus"](
-        level, "slopewise: speed plan", message, hardware, pairs
-    )
-    return types[DIAGNOSTICS](header("", stamp), [status])
+    statuses = [
+        types["diagnostic_msgs/msg/DiagnosticStatus"](
+            c.level, f"slopewise: {c.name}", c.message, hardware,
+            [types["diagnostic_msgs/msg/KeyValue"](key, value) for key, value in c.values],
+        )
+        for c in conditions
+    ]  # fmt: skip
+    return types[DIAGNOSTICS](header("", stamp), statuses)
 
 
 def flag(value: bool) -> Any:

@@ -24,8 +24,10 @@ from services.io.maps.bag_map import other_frame
 from services.io.maps.grid_map_message import elevation_map_of
 from services.ros import conversions as ros
 from services.ros import speed_limit
-from services.ros.conversions import OdometrySample
-from services.ros.node import Node, Received, decoded
+from services.ros.connections import ConnectionWatch
+from services.ros.conversions import Condition, OdometrySample
+from services.ros.inbox import Received, decoded
+from services.ros.node import Node
 from services.ros.settings import EdgeSettings
 from services.ros.speed_limit import SpeedAdvice
 from services.ros.vehicle_state import VehicleState
@@ -60,7 +62,7 @@ class Edge:
         self.settings = settings
         topics, ours = settings.topics, settings.ros
         self._clock = clock
-        node = Node(ros_session, ours.domain, ours.namespace, ours.node, clock)
+        node = Node(ros_session, ours.domain, ours.namespace, ours.node, clock, ours.distribution)
         self.node, self.inbox = node, node.inbox
         self._paths = tuple(node.subscribe(topic, PATH) for topic in topics.paths)
         self._map = node.subscribe(topics.map, GRID_MAP, latched=True) if topics.map else ""
@@ -71,6 +73,12 @@ class Edge:
         self._diagnostics = (
             node.publisher(topics.diagnostics, ros.DIAGNOSTICS) if topics.diagnostics else None
         )
+        needed = [*self._paths, self._limit.topic, *self._state.topics[:1]]
+        needed += [self._stop.topic] if self._stop is not None else []
+        self._connections = ConnectionWatch(
+            [*needed, self._map] if self._map else needed, service_session,
+            settings.service.namespace, ours.node,
+        )  # fmt: skip
         asked = settings.service
         self._client = PlanClient(
             service_session, namespace=asked.namespace, name=f"ros-{settings.ros.node}",
@@ -127,6 +135,8 @@ class Edge:
         while not self._stopped.is_set():
             found = self.inbox.take(topics, due)
             try:
+                for speech in self.node.follow():
+                    _log.warning("a robot speaks %s; so do we now, too", speech.value)
                 self._state.take(found)
                 fresh = self._take_paths(found)
                 if fresh or self._clock() >= due:
@@ -218,6 +228,7 @@ class Edge:
         self._profile.send(ros.profile(plan, at, frame, self._state.clock()))
 
     def _diagnose(self, told: SpeedAdvice, stamp: int) -> None:
+        heard = self._connections.look(self.node.audiences(), self.node.speeches)
         if self._diagnostics is None:
             return
         reply = None if self._outcome is None else self._outcome.reply
@@ -235,9 +246,9 @@ class Edge:
         values += [(name, str(count)) for name, count in sorted(self.inbox.counters.items())]
         values += [(f"refused {topic}", why) for topic, why in sorted(self.inbox.refused.items())]
         level = ros.ERROR if told.stop else ros.WARN if flags or told.reason else ros.OK
+        plan = Condition("speed plan", level, told.reason or "speed limit holds", values)
         name = self.settings.service.namespace
-        message = told.reason or "speed limit holds"
-        self._diagnostics.send(ros.diagnostics(level, message, name, values, stamp))
+        self._diagnostics.send(ros.diagnostics((plan, heard), name, stamp))
 
     # ------------------------------------------------------------------ maps
 

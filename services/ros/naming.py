@@ -3,6 +3,9 @@
 A topic's key is ``<domain>/<topic>/<type>/<hash>``. Every node, publisher and subscription declares
 a token below ``@ros2_lv``, from which others build the graph that ``ros2 topic list`` shows. Every
 message carries 33 bytes: sequence number, source time [ns], 16, and the sender's id, little-endian.
+
+zenoh-bridge-ros2dds, which connects robots with DDS, has keys without domain, type and hash, and
+tokens of its own: ``@/<session>/@ros2_lv/<entity>/<topic>/<type>/<qos>``, with § for each slash.
 """
 
 from __future__ import annotations
@@ -18,9 +21,13 @@ PUBLISHER, SUBSCRIPTION, NODE = "MP", "MS", "NN"
 NO_HASH = "TypeHashNotSupported"
 """What ROS 2 Humble has instead of a hash."""
 
+NULL_HASH = f"RIHS01_{64 * '0'}"
+"""Of those who do not know the hash of their type."""
+
 _GID = 16
 _ATTACHMENT = struct.Struct(f"<qqB{_GID}s")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_DDS_TYPE = re.compile(r"(?P<package>\w+)::(?P<kind>msg)::dds_::(?P<name>\w+)_")
 _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg)/(?P<name>\w+)")
 
 
@@ -50,6 +57,17 @@ def topic_key(domain: int, topic: str, kind: str, type_hash: str) -> str:
     return f"{domain}/{topic.removeprefix('/')}/{dds_type(kind)}/{type_hash}"
 
 
+def type_of(dds: str) -> str:
+    """``nav_msgs/msg/Path`` out of ``nav_msgs::msg::dds_::Path_``; others stay as they are."""
+    found = _DDS_TYPE.fullmatch(dds)
+    return dds if found is None else f"{found['package']}/{found['kind']}/{found['name']}"
+
+
+def bridged_key(topic: str) -> str:
+    """The key on which zenoh-bridge-ros2dds has a topic; that with its namespace."""
+    return topic.removeprefix("/")
+
+
 @dataclass(frozen=True, slots=True)
 class Identity:
     """A node of ROS 2 on a session. ``session``: zenoh's id of it, in hexadecimal digits."""
@@ -75,12 +93,23 @@ class Identity:
         topic = topic.replace("/", "%")
         return f"{self._token(number, entity)}/{topic}/{dds_type(kind)}/{type_hash}/{qos}"
 
+    def bridged_token(self, entity: str, topic: str, kind: str, type_hash: str) -> str:
+        """The token that a zenoh-bridge-ros2dds looks for; arguments as of :meth:`token`."""
+        # Keyed no, reliable, volatile, the last ten; numbers of DDS, not of rmw.
+        qos = f":1:0:0,10:typehash={type_hash};"
+        parts = (bridged_key(topic), kind)
+        return f"@/{self.session}/@ros2_lv/{entity}/{'/'.join(map(_escaped, parts))}/{qos}"
+
     def _token(self, number: int, entity: str) -> str:
         # The enclave is that of no security; names lose their slashes.
         namespace = self.namespace.rstrip("/").replace("/", "%") or "%"
         return (
             f"@ros2_lv/{self.domain}/{self.session}/0/{number}/{entity}/%/{namespace}/{self.node}"
         )
+
+
+def _escaped(name: str) -> str:
+    return name.replace("/", "§")
 
 
 def gid_of(token: str) -> bytes:

@@ -2,94 +2,53 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from models.errors import InputError, ParameterError
-from services.io.bags.ros_types import read_cdr, type_hashes, typestore
+from services.io.bags.ros_types import type_hashes, typestore
 from services.ros import naming
-
-_MOST_BYTES = 64_000_000
-_MOST_WAITING = 100
+from services.ros.audience import OwnTopic, TopicAudience, audience_of
+from services.ros.graph import OF_DISTRIBUTION, Graph, Speech
+from services.ros.inbox import Inbox, keeper
 
 
 @dataclass(slots=True)
-class Received:
-    """A message, not decoded yet. ``at``: monotonic clock [s]."""
+class _Channel:
+    """Where one speech has a topic: a publisher of zenoh, and the id of the sender there."""
 
-    raw: bytes
-    at: float
-
-
-@dataclass
-class Inbox:
-    """The newest messages of each topic; zenoh's threads fill it, one thread takes from it.
-
-    Attributes:
-        counters: what was received, replaced before it was looked at, or refused.
-        refused: why, by topic, the last time.
-        clock: monotonic [s].
-        all_of: topics of which every message counts, up to the last hundred; of others the newest.
-    """
-
-    clock: Callable[[], float] = time.monotonic
-    counters: Counter[str] = field(default_factory=Counter)
-    refused: dict[str, str] = field(default_factory=dict)
-    news: threading.Condition = field(default_factory=threading.Condition)
-    all_of: set[str] = field(default_factory=set)
-    _waiting: dict[str, deque[Received]] = field(default_factory=dict)
-
-    def put(self, topic: str, raw: bytes) -> None:
-        """Keep a message; where there is no room, the oldest makes it."""
-        with self.news:
-            most = _MOST_WAITING if topic in self.all_of else 1
-            waiting = self._waiting.setdefault(topic, deque(maxlen=most))
-            self.counters["received"] += 1
-            self.counters["replaced"] += len(waiting) == most
-            waiting.append(Received(raw, self.clock()))
-            self.news.notify_all()
-
-    def refuse(self, topic: str, why: str) -> None:
-        """Count a message that cannot be used."""
-        with self.news:
-            self.counters["refused"] += 1
-            self.refused[topic] = why
-
-    def take(self, topics: tuple[str, ...], until: float) -> dict[str, list[Received]]:
-        """Messages of some topics, newest last; waits for the first one, until then [s]."""
-        with self.news:
-            while not any(t in self._waiting for t in topics):
-                left = until - self.clock()
-                if left <= 0.0:
-                    return {}
-                self.news.wait(left)
-            return {t: list(self._waiting.pop(t)) for t in topics if t in self._waiting}
+    publisher: Any
+    gid: bytes
 
 
 class Publisher:
-    """Messages of one type on one topic."""
+    """Messages of one type on one topic, in every speech that is spoken; one thread at a time."""
 
-    def __init__(self, session: zenoh.Session, key: str, kind: str, token: str) -> None:
+    def __init__(self, topic: str, kind: str) -> None:
         """Made by :meth:`Node.publisher`."""
-        self._kind, self._gid, self._sequence = kind, naming.gid_of(token), 0
-        self._publisher = session.declare_publisher(
-            key, congestion_control=zenoh.CongestionControl.DROP, express=True
-        )
+        self.topic, self.kind, self._sequence = topic, kind, 0
+        self.channels: dict[Speech, _Channel] = {}
 
     def send(self, message: Any) -> None:
         """Send one message."""
         self._sequence += 1
-        attachment = naming.Attachment(self._sequence, time.time_ns(), self._gid)
-        payload = bytes(typestore().serialize_cdr(message, self._kind))
-        self._publisher.put(payload, attachment=attachment.encode())
+        payload = bytes(typestore().serialize_cdr(message, self.kind))
+        now = time.time_ns()
+        for channel in self.channels.values():
+            attachment = naming.Attachment(self._sequence, now, channel.gid)
+            channel.publisher.put(payload, attachment=attachment.encode())
+
+
+@dataclass(frozen=True, slots=True)
+class _Subscription:
+    topic: str
+    kind: str
+    latched: bool
 
 
 class Node:
@@ -97,18 +56,26 @@ class Node:
 
     def __init__(
         self, session: zenoh.Session, domain: int, namespace: str, name: str,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = time.monotonic, distribution: str = "auto",
     ) -> None:  # fmt: skip
         """Show a node to others.
 
         Args:
             session: open. domain: ROS_DOMAIN_ID. namespace: e.g. ``/robot``. name: of the node.
             clock: monotonic [s].
+            distribution: of the robot, one of :data:`services.ros.graph.OF_DISTRIBUTION`; with
+                ``auto`` keys that :meth:`follow` finds in use are added.
         """
         self.inbox = Inbox(clock)
+        self.graph = Graph(session, domain)
+        self.speeches = list(OF_DISTRIBUTION[distribution])
+        self._follows, self._looked_at = distribution == "auto", -1
         self._session, self._namespace = session, namespace
         self._identity = naming.Identity(domain, str(session.info.zid()), namespace, name)
         self._domain, self._entities = domain, 0
+        self._publishers: list[Publisher] = []
+        self._subscriptions: list[_Subscription] = []
+        self._heard: set[tuple[str, bool]] = set()
         self._declared: list[Any] = [
             session.liveliness().declare_token(self._identity.node_token())
         ]
@@ -124,13 +91,15 @@ class Node:
         """Disappear from the graph."""
         for declared in reversed(self._declared):
             declared.undeclare()
+        self.graph.close()
 
     def publisher(self, topic: str, kind: str) -> Publisher:
         """Publish messages of a type; ``topic`` may be relative to the namespace."""
-        name, type_hash = naming.full_name(self._namespace, topic), type_hashes(kind)[0]
-        token = self._show(naming.PUBLISHER, name, kind, type_hash)
-        key = naming.topic_key(self._domain, name, kind, type_hash)
-        return Publisher(self._session, key, kind, token)
+        publisher = Publisher(naming.full_name(self._namespace, topic), kind)
+        self._publishers.append(publisher)
+        for speech in self.speeches:
+            self._publish_in(speech, publisher)
+        return publisher
 
     def subscribe(self, topic: str, kind: str, *, latched: bool = False) -> str:
         """Let messages of a type come into the inbox, under the full name that is returned.
@@ -142,51 +111,71 @@ class Node:
             latched: ask for what was published before, as ROS 2 does of publishers that are
                 ``transient_local``; others answer nothing.
         """
-        name = naming.full_name(self._namespace, topic)
-        known = {*type_hashes(kind), naming.NO_HASH}
-        self._show(naming.SUBSCRIPTION, name, kind, type_hashes(kind)[0])
-        key = naming.topic_key(self._domain, name, kind, "*")
-        keep = _keep(self.inbox, name, kind, known)
-        if latched:
+        wanted = _Subscription(naming.full_name(self._namespace, topic), kind, latched)
+        self._subscriptions.append(wanted)
+        for speech in self.speeches:
+            self._listen_in(speech, wanted)
+        return wanted.topic
+
+    def follow(self) -> list[Speech]:
+        """Speak and listen in what others do as well; what is new. The thread that sends calls it.
+
+        What was once spoken is spoken on: who is gone for a moment has to hear us when back.
+        """
+        if not self._follows or self.graph.changes == self._looked_at:
+            return []
+        self._looked_at, seen = self.graph.changes, self.graph.speeches()
+        new = [s for s in Speech if s in seen and s not in self.speeches]
+        for speech in new:
+            self.speeches.append(speech)
+            for publisher in self._publishers:
+                self._publish_in(speech, publisher)
+            for wanted in self._subscriptions:
+                self._listen_in(speech, wanted)
+        return new
+
+    def audiences(self) -> list[TopicAudience]:
+        """Who is at the other end of each of our topics."""
+        lines = [OwnTopic(p.topic, p.kind, naming.PUBLISHER) for p in self._publishers]
+        lines += [OwnTopic(s.topic, s.kind, naming.SUBSCRIPTION) for s in self._subscriptions]
+        return [audience_of(line, self.graph, self.speeches) for line in lines]
+
+    def _publish_in(self, speech: Speech, publisher: Publisher) -> None:
+        topic, kind = publisher.topic, publisher.kind
+        type_hash = naming.NO_HASH if speech is Speech.UNHASHED else type_hashes(kind)[0]
+        key = naming.topic_key(self._domain, topic, kind, type_hash)
+        key = naming.bridged_key(topic) if speech is Speech.BRIDGED else key
+        token = self._show(speech, naming.PUBLISHER, topic, kind)
+        declared = self._session.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.DROP, express=True
+        )
+        publisher.channels[speech] = _Channel(declared, naming.gid_of(token))
+
+    def _listen_in(self, speech: Speech, wanted: _Subscription) -> None:
+        topic, kind = wanted.topic, wanted.kind
+        bridged = speech is Speech.BRIDGED
+        if (topic, bridged) in self._heard:
+            return  # one subscription takes messages with a hash and without
+        self._heard.add((topic, bridged))
+        known = None if bridged else {*type_hashes(kind), naming.NO_HASH, naming.NULL_HASH}
+        key = naming.topic_key(self._domain, topic, kind, "*")
+        key = naming.bridged_key(topic) if bridged else key
+        keep = keeper(self.inbox, topic, kind, known)
+        self._show(speech, naming.SUBSCRIPTION, topic, kind)
+        if wanted.latched:
             history = HistoryConfig(detect_late_publishers=True, max_samples=1)
             late = declare_advanced_subscriber(self._session, key, keep, history=history)
             self._declared.append(late)
         else:
             self._declared.append(self._session.declare_subscriber(key, keep))
-        return name
 
-    def _show(self, entity: str, name: str, kind: str, type_hash: str) -> str:
-        self._entities += 1
-        token = self._identity.token(self._entities, entity, name, kind, type_hash)
+    def _show(self, speech: Speech, entity: str, name: str, kind: str) -> str:
+        type_hash = type_hashes(kind)[0]
+        if speech is Speech.BRIDGED:
+            token = self._identity.bridged_token(entity, name, kind, type_hash)
+        else:
+            self._entities += 1
+            shown = naming.NO_HASH if speech is Speech.UNHASHED else type_hash
+            token = self._identity.token(self._entities, entity, name, kind, shown)
         self._declared.append(self._session.liveliness().declare_token(token))
         return token
-
-
-def _keep(inbox: Inbox, name: str, kind: str, known: set[str]) -> Callable[[zenoh.Sample], None]:
-    def on_sample(sample: zenoh.Sample) -> None:
-        type_hash = str(sample.key_expr).rsplit("/", 1)[-1]
-        if type_hash not in known:
-            inbox.refuse(name, f"expected {kind} as defined by {', '.join(sorted(known))}")
-            return
-        if len(sample.payload) > _MOST_BYTES:
-            found = f"got {len(sample.payload)}"
-            inbox.refuse(name, f"expected at most {_MOST_BYTES} bytes, {found}")
-            return
-        try:
-            if sample.attachment is not None:
-                naming.read_attachment(sample.attachment.to_bytes())
-        except ParameterError as error:
-            inbox.refuse(name, str(error))
-            return
-        inbox.put(name, sample.payload.to_bytes())
-
-    return on_sample
-
-
-def decoded(inbox: Inbox, topic: str, received: Received, kind: str) -> Any | None:
-    """A message out of the inbox; None, counted, if its bytes are not exactly one."""
-    try:
-        return read_cdr(received.raw, kind, topic, "")
-    except InputError as error:
-        inbox.refuse(topic, str(error))
-        return None

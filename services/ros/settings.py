@@ -22,6 +22,7 @@ class RosSettings:
 
     Attributes:
         connect: endpoints of rmw_zenohd. config: zenoh's own settings; empty: none.
+        distribution: of the robot; auto: as it is seen to speak. dds: through zenoh-bridge-ros2dds.
         namespace, node: of the node. frame: that map and paths have to be in; empty: that of the
             map.
     """
@@ -29,6 +30,7 @@ class RosSettings:
     connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
     config: str = ""
     domain: int = quantity("1", "ROS_DOMAIN_ID.", default=0, at_least=0, at_most=232)
+    distribution: Literal["auto", "humble", "jazzy", "kilted", "lyrical", "dds"] = "auto"
     namespace: str = "/"
     node: str = "slopewise"
     frame: str = ""

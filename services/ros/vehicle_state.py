@@ -12,7 +12,8 @@ from services.ros import conversions as ros
 from services.ros.conversions import OdometrySample
 from services.ros.drive_samples import SampleTeller
 from services.ros.frames import Frames
-from services.ros.node import Node, Received, decoded
+from services.ros.inbox import Received, decoded
+from services.ros.node import Node
 from services.ros.settings import EdgeSettings
 
 

@@ -1,4 +1,6 @@
-"""Commands of a running service and of robots: serve, ros, query, params, replay."""
+"""Commands of a running service and of robots: serve, ros, guard, doctor, export, query, params,
+replay.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,7 @@ import typer
 from services.cli.arguments.grouped import takes
 from services.cli.arguments.options import (
     NO_ADMISSIBLE,
+    VIOLATIONS,
     AsJson,
     ClearDistance,
     Connect,
@@ -68,6 +71,97 @@ def ros(
     from services.cli.commands import ros as command
 
     command.run(config)
+
+
+@app.command()
+def guard(
+    config: Annotated[
+        Path, typer.Option("--config", "-c", metavar="guard.toml", help="The guard's settings.")
+    ],
+) -> None:
+    """Stand between command and base: pass, slow or stop what could not be stopped any more.
+
+    Needs no planner. Its model reader and its stopping distances are its own; two processes watch
+    each other, and what is not heard in time is a stop.
+
+    [bold]Example[/]  slopewise guard --config configs/guard.toml
+    """
+    from services.cli.commands import guard as command
+
+    command.run(config)
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorOptions:
+    """Words of `slopewise doctor`."""
+
+    model: Annotated[
+        str, typer.Option("--model", "-m", metavar="M.toml", help="Model file, or shipped vehicle.")
+    ] = ""
+    nav2: Annotated[
+        list[Path] | None,
+        typer.Option("--nav2", metavar="PARAMS.yaml", help="Parameters of Nav2 or a base; repeat."),
+    ] = None
+    bag: Annotated[
+        Path | None, typer.Option("--bag", metavar="BAG", help="A recording of the robot.")
+    ] = None
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", "-c", metavar="ros.toml", help="Settings of slopewise ros."),
+    ] = None
+    live: Annotated[
+        float, typer.Option("--live", metavar="SECONDS", help="Listen to the robot for so long.")
+    ] = 0.0
+    as_json: AsJson = False
+
+
+@app.command()
+@takes(DoctorOptions)
+def doctor(options: DoctorOptions) -> None:
+    """Look at a robot, a recording or parameter files, and say what does not fit.
+
+    Decelerations along the chain against the brakes learned, limits that are not obeyed, clocks,
+    frames, rates, map age, footprint. Status 3: something does not fit.
+
+    [bold]Example[/]  slopewise doctor --nav2 nav2_params.yaml --model mine.toml --bag drive.mcap
+    """
+    from services.cli.commands import doctor as command
+
+    result = command.run(
+        options.model, options.nav2 or [], options.bag, options.config, options.live
+    )
+    say(options.as_json, command, result)
+    if command.has_errors(result):
+        raise typer.Exit(VIOLATIONS)
+
+
+@app.command()
+def export(
+    model: Annotated[
+        str, typer.Argument(metavar="M.toml", help="Model file, or shipped vehicle.")
+    ] = "",
+    casadi: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="All functions, for CasADi to read.")
+    ] = None,
+    c: Annotated[
+        Path | None, typer.Option("--c", metavar="FOLDER", help="C code, header, test vectors.")
+    ] = None,
+    json_schema: Annotated[
+        bool, typer.Option("--json-schema", help="Print the JSON schema of model files.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Take a model elsewhere: stopping distance, speed bound, loads, effects, with derivatives.
+
+    [bold]Example[/]  slopewise export mine.toml --c generated
+    """
+    from services.cli.commands import export as command
+
+    if json_schema:
+        typer.echo(command.schema())
+        return
+    result = command.run(model, casadi, c)
+    say(as_json, command, result, *result.files)
 
 
 @dataclass(frozen=True, slots=True)

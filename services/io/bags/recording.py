@@ -89,7 +89,7 @@ class Bag:
             if topic not in newest:
                 raise fault(self.path, f"topic {topic}", "expected messages, got none")
         return [
-            Recorded(topic, at, read_cdr(raw, kind, self.path, f"topic {topic}", padded=True))
+            Recorded(topic, at, read_cdr(raw, kind, self.path, f"topic {topic}"))
             for topic, at, raw in raws
         ]
 

@@ -8,8 +8,11 @@ hashes differ.
 from __future__ import annotations
 
 import struct
+from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from models.errors import InputError
 from services.io.access import fault
@@ -22,6 +25,7 @@ PATH = "nav_msgs/msg/Path"
 SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
 
 _ENCAPSULATION = 4
+_WORD, _WIDEST = 4, 8
 _GRID_MAP_INFO = "float64 resolution\nfloat64 length_x\nfloat64 length_y\ngeometry_msgs/Pose pose\n"
 _GRID_MAP = (
     "grid_map_msgs/GridMapInfo info\nstring[] layers\nstring[] basic_layers\n"
@@ -60,19 +64,21 @@ def typestore(header_in_info: bool = False) -> Typestore:
 
 @cache
 def type_hashes(kind: str) -> tuple[str, ...]:
-    """Hashes (RIHS01) that a type goes by; the first is the one to publish under."""
+    """Hashes (RIHS01) that a type goes by; the first is the one to publish under.
+
+    They are the same in Jazzy, Kilted and Lyrical, because none of the types has changed since.
+    """
     hashes = [typestore(older).hash_rihs01(kind) for older in (False, True)]
     return tuple(dict.fromkeys(hashes))
 
 
-def read_cdr(raw: Any, kind: str, source: object, where: str, *, padded: bool = False) -> Any:
-    """A message out of its bytes, all of them.
+def read_cdr(raw: Any, kind: str, source: object, where: str) -> Any:
+    """A message out of its bytes, complete, with nothing behind it but padding.
 
     Args:
         raw: CDR with its encapsulation, anything that ``bytes`` takes.
         kind: e.g. ``nav_msgs/msg/Path``.
         source: file or key, and ``where`` in it, for errors.
-        padded: up to three zero bytes may follow, as DDS appends them.
 
     Raises:
         InputError: these bytes are not exactly one such message. rosbags itself lets up to three
@@ -93,7 +99,29 @@ def read_cdr(raw: Any, kind: str, source: object, where: str, *, padded: bool = 
         raise fault(source, where, f"expected {kind}, got something cut off: {error}") from None
     if end > len(body):
         raise fault(source, where, f"expected {kind}, got {end - len(body)} bytes too few")
-    rest = body[end:]
-    if rest and not (padded and len(rest) < 4 and not any(rest)):
-        raise fault(source, where, f"expected {kind}, got {len(rest)} bytes after it")
+    if not _is_padding(body[end:], end, message):
+        raise fault(source, where, f"expected {kind}, got {len(body) - end} bytes after it")
     return message
+
+
+def _is_padding(rest: bytes, end: int, message: Any) -> bool:
+    """Whether bytes behind a message that ends at ``end`` are what serialisers append.
+
+    DDS appends zeros, up to the widest alignment. rclpy hands out as many bytes as it reserved,
+    with whatever was in them: up to a multiple of four, and four more for each empty sequence of
+    eight-byte numbers, whose alignment it counts and does not write.
+    """
+    if len(rest) < _WIDEST and not any(rest):
+        return True
+    filled = len(rest) % _WORD == -end % _WORD
+    return filled and len(rest) < _WORD * (1 + _empty_sequences(message))
+
+
+def _empty_sequences(value: Any) -> int:
+    if isinstance(value, np.ndarray):
+        return int(value.size == 0 and value.itemsize == _WIDEST)
+    if isinstance(value, list):
+        return sum(_empty_sequences(item) for item in value)
+    if not is_dataclass(value):
+        return 0
+    return sum(_empty_sequences(getattr(value, field.name)) for field in fields(value))

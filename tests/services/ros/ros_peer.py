@@ -205,7 +205,7 @@ def main() -> None:
                 peer.session.put(other, bytes(STORE.serialize_cdr(path(30.0), kind)))
             else:
                 peer.send(
-                    "plan", kind, path(30.0), **{"cut": {"cut": 5}, "tail": {"tail": b"\0"}}[bad]
+                    "plan", kind, path(30.0), **{"cut": {"cut": 5}, "tail": {"tail": b"\1"}}[bad]
                 )
             time.sleep(0.05)
         values = {pair.key: pair.value for pair in peer.diagnoses[-1].status[0].values}

@@ -11,7 +11,7 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from services.io.bags.ros_types import typestore
 from services.ros import conversions as ros
-from services.ros.node import Inbox, Received
+from services.ros.inbox import Inbox, Received
 from services.ros.settings import EdgeSettings, Topics, Wheels
 from services.ros.vehicle_state import VehicleState
 from services.wire import codec

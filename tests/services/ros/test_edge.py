@@ -178,7 +178,8 @@ def test_a_map_that_was_published_once_before_we_came() -> None:
     from zenoh.ext import CacheConfig, declare_advanced_publisher
 
     from services.io.bags.ros_types import GRID_MAP
-    from services.ros.node import Node, decoded
+    from services.ros.inbox import decoded
+    from services.ros.node import Node
     from tests.services.ros import ros_peer
 
     with router() as endpoint:

@@ -1,0 +1,21 @@
+"""`slopewise guard`: a monitor between command and base."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+from models.errors import InputError
+
+
+def run(config_file: Path, seconds: float | None = None) -> None:
+    """Guard until a signal comes, or for so long.
+
+    Raises:
+        InputError: settings, or a file named in them, or nobody is where they point.
+    """
+    if find_spec("zenoh") is None:
+        raise InputError("guard", "", "needs zenoh: pip install eclipse-zenoh")
+    from services.guard.watch import serve
+
+    serve(config_file, seconds)

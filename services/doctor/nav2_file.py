@@ -1,0 +1,67 @@
+"""Parameters of Nav2 and of bases, out of the YAML files that ROS 2 nodes are started with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from models.errors import InputError
+from services.doctor.facts import Nav2Facts
+from services.io.access import fault, read_text, reason
+
+_PARAMETERS = "ros__parameters"
+
+
+def read_nav2(paths: list[Path]) -> Nav2Facts:
+    """All nodes of some files; of a node in several files, later ones add to it.
+
+    Raises:
+        InputError: no YAML, or no parameters of nodes.
+    """
+    try:
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import YAMLError
+    except ImportError:
+        hint = "expected ruamel.yaml for parameter files: pip install slopewise[ros]"
+        raise InputError("ruamel.yaml", "", hint) from None
+    nodes: dict[str, dict[str, Any]] = {}
+    for path in paths:
+        try:
+            data = YAML(typ="safe").load(read_text(path))
+        except YAMLError as error:
+            raise fault(path, "", f"expected YAML, got: {reason(error)}") from None
+        found = dict(_nodes(data, ""))
+        if not found:
+            raise fault(path, _PARAMETERS, "expected parameters of nodes, got none")
+        for name, table in found.items():
+            nodes.setdefault(name, {}).update(table)
+    return Nav2Facts(nodes, ", ".join(map(str, paths)))
+
+
+def _nodes(data: Any, name: str) -> list[tuple[str, Mapping[str, Any]]]:
+    if not isinstance(data, Mapping):
+        return []
+    found: list[tuple[str, Mapping[str, Any]]] = []
+    for key, value in data.items():
+        if key == _PARAMETERS and isinstance(value, Mapping):
+            found.append((name, _nested(value)))
+        else:
+            found += _nodes(value, str(key).strip("/").rpartition("/")[2])
+    return found
+
+
+def _nested(table: Mapping[str, Any]) -> dict[str, Any]:
+    """``FollowPath.vx_max: 1`` as a table of its own, as ROS 2 takes it."""
+    made: dict[str, Any] = {}
+    for key, value in table.items():
+        *outer, last = str(key).split(".")
+        inside = made
+        for part in outer:
+            inside = inside.setdefault(part, {})
+        value = _nested(value) if isinstance(value, Mapping) else value
+        if isinstance(value, dict) and isinstance(inside.get(last), dict):
+            inside[last].update(value)
+        else:
+            inside[last] = value
+    return made

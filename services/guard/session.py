@@ -1,0 +1,43 @@
+"""The guard's session of zenoh, and its place among the processes of a machine."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import zenoh
+
+from models.errors import InputError
+from services.guard.settings import GuardSettings
+
+_PRIORITY = 20
+
+
+def hurry() -> bool:
+    """Ask for the processor before others; whether it was granted."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
+    except (OSError, AttributeError):
+        return False
+    return True
+
+
+def open_session(settings: GuardSettings) -> zenoh.Session:
+    """Meet others as the settings say.
+
+    Raises:
+        InputError: nobody is there, or zenoh refuses the settings.
+    """
+    ours = settings.zenoh
+    try:
+        config = zenoh.Config.from_file(ours.config) if ours.config else zenoh.Config()
+        config.insert_json5("mode", json.dumps(ours.mode))
+        if ours.connect:
+            config.insert_json5("connect/endpoints", json.dumps(ours.connect))
+        if ours.mode == "peer":
+            config.insert_json5("listen/endpoints", json.dumps(ours.listen))
+        config.insert_json5("scouting/multicast/enabled", "false")
+        return zenoh.open(config)
+    except zenoh.ZError:
+        where = ", ".join(ours.connect)
+        raise InputError("zenoh", "connect", f"expected a router at {where}, got none") from None

@@ -1,0 +1,176 @@
+"""What is taken elsewhere says the same there: C as Python, derivatives as differences."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.parameters import Model
+from services.export.c_code import sample_inputs, write_c
+from services.export.functions import (
+    ModelFunction,
+    derivative_of,
+    functions_of,
+    read_functions,
+    write_functions,
+)
+from services.export.schema import model_schema
+from services.io.model_file import find_model, model_from_dict, read_model, shipped_models
+from tests.services.command_line import here
+
+POINTS = 10_000
+EXACT = 1e-9
+
+
+def with_everything() -> Model:
+    """Surfaces, uphill coefficients, effects, a friction cap."""
+    data = tomllib.loads(find_model("atv").read_text())
+    data["name"] = "all of it"
+    data["braking"]["uphill"] = {"m_m": -0.02, "b_m": -0.25}
+    data["braking"]["terrain"] = {"gravel": {"b_b": 0.3, "sliding_friction": 0.45}}
+    data["braking"]["level"] = 0.8
+    data["effect"] = [
+        {"name": "brake_lag", "parameters": {"tau": 0.3}},
+        {"name": "aerodynamic_drag", "parameters": {"c": 0.01}},
+        {"name": "cross_slope", "parameters": {"k": -0.1}},
+    ]
+    return model_from_dict(data, "test")
+
+
+MODELS = {"atv": read_model(find_model("atv")), "all of it": with_everything()}
+
+
+def by_numpy(one: ModelFunction, points: np.ndarray) -> np.ndarray:
+    found: np.ndarray = np.broadcast_to(one.evaluate(*points.T), len(points))
+    return found
+
+
+@pytest.fixture(scope="module", params=MODELS)
+def model(request: pytest.FixtureRequest) -> Model:
+    return MODELS[request.param]
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+def test_c_code_says_what_python_says(model: Model, tmp_path: Path) -> None:
+    made = functions_of(model)
+    source, header, told = write_c(model, made, tmp_path / "c")
+    assert header.exists()
+    library = tmp_path / "model.so"
+    flags = ["-O2", "-Wall", "-shared", "-fPIC"]
+    subprocess.run(["gcc", *flags, "-o", str(library), str(source), "-lm"], check=True)
+    compiled, rng = ctypes.CDLL(str(library)), np.random.default_rng(1)
+    for one in made:
+        call = getattr(compiled, one.name)
+        points = np.ascontiguousarray(sample_inputs(one, POINTS, rng))
+        expected = by_numpy(one, points)
+        found, out = np.empty(POINTS), (ctypes.c_double * 1)()
+        result = (ctypes.POINTER(ctypes.c_double) * 1)(out)
+        columns = [np.ascontiguousarray(column) for column in points.T]
+        step, arguments = ctypes.sizeof(ctypes.c_double), (ctypes.c_void_p * len(columns))()
+        starts = [column.ctypes.data for column in columns]
+        for k in range(POINTS):
+            for i, start in enumerate(starts):
+                arguments[i] = start + k * step
+            assert call(arguments, result, None, None, 0) == 0
+            found[k] = out[0]
+        np.testing.assert_allclose(found, expected, rtol=EXACT, atol=EXACT, err_msg=one.name)
+    # The header with units and vectors compiles, too, and its vectors are the model's.
+    check = tmp_path / "check.c"
+    check.write_text(f'#include "{told.name}"\nint main(void) {{ return 0; }}\n')
+    command = ["gcc", "-fsyntax-only", f"-I{told.parent}", str(check)]
+    subprocess.run(command, check=True)
+    assert "speed [m/s]" in told.read_text()
+
+
+def test_derivatives_are_differences(model: Model) -> None:
+    rng, h = np.random.default_rng(2), 1e-6
+    for one in functions_of(model):
+        derivatives = derivative_of(one)
+        for point in sample_inputs(one, 60, rng):
+            exact = np.array(derivatives(*point)).ravel()
+            for i in range(len(point)):
+                low, high = point.copy(), point.copy()
+                low[i], high[i] = point[i] - h, point[i] + h
+                ends = [float(one.function(*p)) for p in (low, high)]
+                slope = (ends[1] - ends[0]) / (2.0 * h)
+                # At a kink of the law (speed at the end of the trained range) there is none.
+                if not np.isclose(exact[i], slope, rtol=1e-4, atol=1e-5):
+                    third = (ends[0] + ends[1] - 2.0 * float(one.function(*point))) / h
+                    assert abs(third) > 1e-4, (one.name, point, i, exact[i], slope)
+
+
+def test_what_stops_within_a_distance_does(model: Model) -> None:
+    made = {one.name: one for one in functions_of(model)}
+    rng = np.random.default_rng(3)
+    for _ in range(300):
+        clear, grade = rng.uniform(1.0, 20.0), rng.uniform(-0.2, 0.2)
+        for end in ("", *(f"_{name}" for name in model.braking.terrain)):
+            bound = float(made[f"speed_bound{end}"].function(clear, grade, 0.0))
+            if not model.braking.speed_range[0] <= bound <= model.braking.speed_range[1]:
+                continue
+            needed = float(made[f"stopping_distance{end}"].function(bound, grade, 0.0))
+            assert needed <= clear + 1e-9
+
+
+def test_casadi_reads_it_again(model: Model, tmp_path: Path) -> None:
+    made = functions_of(model)
+    write_functions(made, tmp_path / "model.casadi")
+    again = read_functions(tmp_path / "model.casadi")
+    assert set(again) == {name for one in made for name in (one.name, f"d_{one.name}")}
+    assert float(again["stopping_distance"](2.0, 0.1, 0.0)) == float(
+        next(one for one in made if one.name == "stopping_distance").function(2.0, 0.1, 0.0)
+    )
+
+
+def complaints(schema: dict[str, Any], value: Any, where: str = "") -> list[str]:
+    """A validator of just what the schema uses."""
+    if "enum" in schema:
+        return [] if value in schema["enum"] else [where]
+    kinds = {"object": dict, "array": list, "string": str, "number": (int, float)}
+    kinds |= {"integer": int, "boolean": bool}
+    if not isinstance(value, kinds[schema["type"]]):
+        return [where]
+    if schema["type"] == "array":
+        return [c for item in value for c in complaints(schema["items"], item, where)]
+    if schema["type"] == "number":
+        wrong = value <= schema.get("exclusiveMinimum", -np.inf)
+        wrong |= value < schema.get("minimum", -np.inf) or value > schema.get("maximum", np.inf)
+        return [where] if wrong else []
+    if schema["type"] != "object":
+        return []
+    known, found = schema.get("properties", {}), []
+    for key, item in value.items():
+        inside = known.get(key, schema.get("additionalProperties"))
+        found += complaints(inside, item, f"{where}.{key}") if inside else [f"{where}.{key}"]
+    return found + [f"{where}.{key}" for key in schema.get("required", []) if key not in value]
+
+
+def test_the_schema_is_that_of_model_files() -> None:
+    schema = json.loads(here("export", "--json-schema").stdout)
+    assert schema == model_schema()
+    for path in shipped_models().values():
+        data = tomllib.loads(path.read_text())
+        assert complaints(schema, data) == []
+        data["braking"]["boost"], data["vehicle"]["mass"] = 1.0, -3.0
+        del data["limits"]["jerk"]
+        assert sorted(complaints(schema, data)) == [
+            ".braking.boost", ".limits.jerk", ".vehicle.mass",
+        ]  # fmt: skip
+
+
+def test_the_command_writes_and_tells(tmp_path: Path) -> None:
+    done = here("export", "atv", "--c", tmp_path / "c", "--casadi", tmp_path / "f", "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert all(Path(file).exists() for file in told["files"])
+    assert "stopping_distance" in {f["name"] for f in told["functions"]}
+    assert here("export", "atv").returncode == 2
+    assert here("export", "nobody", "--c", tmp_path).returncode == 2

@@ -1,0 +1,153 @@
+"""A robot of each distribution, on a router: it hears us and is heard, and silence is said."""
+
+from __future__ import annotations
+
+import logging
+import struct
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import zenoh
+
+pytest.importorskip("rosbags", reason="the ros extra is not installed")
+
+from services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes, typestore
+from services.ros import conversions as ros
+from services.ros.connections import ConnectionWatch
+from services.ros.graph import Speech
+from services.ros.inbox import decoded
+from services.ros.naming import NO_HASH
+from services.ros.node import Node
+from services.ros.speed_limit import SpeedAdvice
+from services.settings.service import ZenohSettings
+from services.settings.session import zenoh_config
+from tests.services import grid_maps
+from tests.services.service_process import free_port
+
+LIMIT, PLAN = "speed_limit", "plan"
+TYPES = {SPEED_LIMIT: "nav2_msgs::msg::dds_::SpeedLimit_", PATH: "nav_msgs::msg::dds_::Path_"}
+BRIDGED = {SPEED_LIMIT: "nav2_msgs§msg§SpeedLimit", PATH: "nav_msgs§msg§Path"}
+ATTACHMENT = struct.pack("<qqB16s", 1, 2, 16, bytes(16))
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    where = f"tcp/127.0.0.1:{free_port()}"
+    with zenoh.open(zenoh_config(ZenohSettings(mode="router", listen=(where,)))):
+        yield where
+
+
+@pytest.fixture
+def sessions(endpoint: str) -> Iterator[tuple[zenoh.Session, zenoh.Session]]:
+    client = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
+    with zenoh.open(client) as ours, zenoh.open(client) as theirs:
+        yield ours, theirs
+
+
+class Robot:
+    """What a robot of a distribution has: keys and tokens as that distribution writes them."""
+
+    def __init__(self, session: zenoh.Session, distribution: str, domain: int) -> None:
+        self.session, self.heard = session, []
+        self.distribution, self.domain = distribution, domain
+        self.declared = [
+            session.declare_subscriber(self.key(LIMIT, SPEED_LIMIT), self.heard.append),
+            session.liveliness().declare_token(self.token("MS", LIMIT, SPEED_LIMIT)),
+            session.liveliness().declare_token(self.token("MP", PLAN, PATH)),
+        ]
+
+    def type_hash(self, kind: str) -> str:
+        return NO_HASH if self.distribution == "humble" else type_hashes(kind)[0]
+
+    def key(self, topic: str, kind: str) -> str:
+        if self.distribution == "dds":
+            return topic
+        return f"{self.domain}/{topic}/{TYPES[kind]}/{self.type_hash(kind)}"
+
+    def token(self, entity: str, topic: str, kind: str) -> str:
+        session, end = self.session.info.zid(), "/cpu" if self.distribution == "lyrical" else ""
+        if self.distribution == "dds":
+            return f"@/{session}/@ros2_lv/{entity}/{topic}/{BRIDGED[kind]}/:1:0:0,10"
+        number = {"MS": 8, "MP": 9}[entity]
+        named = f"%{topic}/{TYPES[kind]}/{self.type_hash(kind)}/::,10:,:,:,,{end}"
+        return f"@ros2_lv/{self.domain}/{session}/7/{number}/{entity}/%/%/nav/{named}"
+
+    def say(self, message: Any) -> None:
+        attachment = None if self.distribution == "dds" else ATTACHMENT
+        payload = bytes(typestore().serialize_cdr(message, PATH))
+        self.session.put(self.key(PLAN, PATH), payload, attachment=attachment)
+
+
+def wait_for(what: Callable[[], object], seconds: float = 5.0) -> None:
+    until = time.monotonic() + seconds
+    while not what() and time.monotonic() < until:
+        time.sleep(0.02)
+    assert what()
+
+
+@pytest.mark.parametrize("setting", ["auto", "set"])
+@pytest.mark.parametrize("distribution", ["humble", "jazzy", "kilted", "lyrical", "dds"])
+def test_each_distribution(
+    sessions: tuple[zenoh.Session, zenoh.Session], distribution: str, setting: str
+) -> None:
+    ours, theirs = sessions
+    domain = 20 + len(distribution)
+    robot = Robot(theirs, distribution, domain)
+    told = distribution if setting == "set" else "auto"
+    with Node(ours, domain, "/", "slopewise", distribution=told) as node:
+        limit = node.publisher(LIMIT, SPEED_LIMIT)
+        plan = node.subscribe(PLAN, PATH)
+
+        def heard_both_ways() -> bool:
+            node.follow()
+            return not any(audience.missing for audience in node.audiences())
+
+        wait_for(heard_both_ways)
+        assert {a.nodes for a in node.audiences()} == {
+            (f"zenoh-bridge-ros2dds {str(theirs.info.zid())[:8]}",)
+            if distribution == "dds"
+            else ("/nav",)
+        }
+        limit.send(ros.speed_limit(SpeedAdvice(1.25, False, ""), 0))
+        wait_for(lambda: robot.heard)
+        (sample,) = robot.heard
+        message: Any = typestore().deserialize_cdr(sample.payload.to_bytes(), SPEED_LIMIT)
+        assert message.speed_limit == 1.25
+        assert len(sample.attachment.to_bytes()) == 33
+        robot.say(grid_maps.path([[0.0, 0.0], [1.0, 0.5]]))
+        found = node.inbox.take((plan,), time.monotonic() + 5.0)
+        assert len(found[plan]) == 1
+        assert len(decoded(node.inbox, plan, found[plan][0], PATH).poses) == 2
+
+
+def test_humble_and_jazzy_at_once(sessions: tuple[zenoh.Session, zenoh.Session]) -> None:
+    ours, theirs = sessions
+    robots = [Robot(theirs, distribution, 31) for distribution in ("humble", "jazzy")]
+    with Node(ours, 31, "/", "slopewise") as node:
+        limit = node.publisher(LIMIT, SPEED_LIMIT)
+        wait_for(lambda: node.follow() or Speech.UNHASHED in node.speeches)
+        limit.send(ros.speed_limit(SpeedAdvice(0.5, False, ""), 0))
+        wait_for(lambda: all(robot.heard for robot in robots))
+        assert [len(robot.heard) for robot in robots] == [1, 1]
+
+
+def test_silence_is_said_in_diagnostics_and_log(
+    sessions: tuple[zenoh.Session, zenoh.Session], caplog: pytest.LogCaptureFixture
+) -> None:
+    ours, theirs = sessions
+    with Node(ours, 40, "/", "slopewise", distribution="jazzy") as node:
+        node.publisher(LIMIT, SPEED_LIMIT)
+        connections = ConnectionWatch(["/speed_limit"])
+        with caplog.at_level(logging.WARNING, "slopewise"):
+            for _ in range(3):
+                condition = connections.look(node.audiences(), node.speeches)
+        assert condition.level == ros.WARN
+        assert condition.message.startswith("nobody subscribes to /speed_limit with our type")
+        assert caplog.text.count("nobody subscribes") == 1
+        humble = Robot(theirs, "humble", 40)
+        wait_for(lambda: "Humble" in connections.look(node.audiences(), node.speeches).message)
+        jazzy = Robot(theirs, "jazzy", 40)
+        wait_for(lambda: connections.look(node.audiences(), node.speeches).level == ros.OK)
+        assert humble.session is jazzy.session
