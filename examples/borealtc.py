@@ -68,6 +68,9 @@ def read_run(name: str, terrain: str, wheels: Path, inertial: Path) -> Columns:
         "current_right": held["curR"],
         "roll_rate": fast["wx"][inside],
         "pitch_rate": fast["wy"][inside],
+        "accel_x": fast["ax"][inside],
+        "accel_y": fast["ay"][inside],
+        "accel_z": fast["az"][inside],
         "terrain": [terrain] * rows,
     }
 

@@ -18,6 +18,8 @@ from models.terrain.estimator import DriveSample
 from models.terrain.log_checks import implausible
 from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
 from models.terrain.resistances import Drivetrain
+from models.terrain.signature import Signature
+from models.terrain.signature_model import SignatureModel
 from models.terrain.trace import TerrainTrace, trace
 from services.cli.commands.terrain_result import RunEvents, TerrainResult
 from services.cli.screen import progress_bar
@@ -28,12 +30,14 @@ from services.io.model_file import find_model, read_model
 from services.io.terrain_file import (
     TerrainFile,
     find_terrains,
+    read_signatures_of,
     read_terrains,
     shipped_terrains,
 )
 
 NEEDED = ("v_left", "v_right", "yaw_rate", "current_left", "current_right")
 RATES = ("roll_rate", "pitch_rate")
+ACCELERATIONS = ("accel_x", "accel_y", "accel_z")
 _CHANNELS = (*NEEDED, "pitch", "roll")
 
 
@@ -66,7 +70,7 @@ def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
     model_path = find_model(job.model_file)
     model = read_model(model_path)
     _check_vehicle(model, str(model_path))
-    terrains = _terrains(job, model)
+    terrains, signatures = _terrains(job, model)
     log = read_logs(job.logs, job.topics)
     _check_channels(log)
     begin = time.perf_counter()
@@ -74,7 +78,7 @@ def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
     adaptive = None
     if job.adapt or (job.learn and "terrain" not in log.columns):
         adaptive = AdaptiveClassifier(terrains.classes, terrains.adaptation, terrains.classifier)
-    monitor = monitor_of(model, terrains, len(rates), adaptive)
+    monitor = monitor_of(model, terrains, len(rates), adaptive, signatures)
     suspects = [*find_suspects(log.columns, log.runs)]
     suspects += implausible(log.columns, log.runs, model.vehicle)
     good = usable(len(log.columns["t"]), suspects, _CHANNELS)
@@ -91,17 +95,23 @@ def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
         classes=terrains.classes if adaptive is None else adaptive.classes,
         good=good,
         seconds=time.perf_counter() - begin,
-        notes=_notes(log, terrains, monitor, learn=job.learn),
+        notes=_notes(log, terrains, monitor, learn=job.learn) + _not_compared(results),
+        signatures=signatures,
     )
 
 
 def monitor_of(
-    model: Model, terrains: TerrainFile, rates: int, adaptive: AdaptiveClassifier | None = None
+    model: Model,
+    terrains: TerrainFile,
+    rates: int,
+    adaptive: AdaptiveClassifier | None = None,
+    signatures: SignatureModel | None = None,
 ) -> TerrainMonitor:
     """The monitor that a model and a terrain file describe."""
     return TerrainMonitor(
         model, terrains.classes, estimator=terrains.estimator, classifier=terrains.classifier,
-        change=terrains.change, adaptive=adaptive, rates=rates,
+        change=terrains.change, adaptive=adaptive, rates=rates, signatures=signatures,
+        memory=terrains.memory,
     )  # fmt: skip
 
 
@@ -114,11 +124,15 @@ def _check_vehicle(model: Model, source: str) -> None:
         raise fault(source, error.field, f"expected {error.expected}") from None
 
 
-def _terrains(job: TerrainJob, model: Model) -> TerrainFile:
+def _terrains(job: TerrainJob, model: Model) -> tuple[TerrainFile, SignatureModel | None]:
     if job.terrains is not None:
-        return read_terrains(find_terrains(job.terrains))
-    shipped = shipped_terrains().get(model.name)
-    return TerrainFile(name=model.name) if shipped is None else read_terrains(shipped)
+        path = find_terrains(job.terrains)
+    elif (shipped := shipped_terrains().get(model.name)) is not None:
+        path = shipped
+    else:
+        return TerrainFile(name=model.name), None
+    terrains = read_terrains(path)
+    return terrains, read_signatures_of(terrains, path)
 
 
 def _check_channels(log: DriveLog) -> None:
@@ -131,12 +145,16 @@ def _check_channels(log: DriveLog) -> None:
 
 def _rates(log: DriveLog) -> tuple[str, ...]:
     """Rates of turn that the whole log has."""
-    return tuple(n for n in RATES if n in log.columns and np.isfinite(log.columns[n]).all())
+    return _whole(log, RATES)
+
+
+def _whole(log: DriveLog, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(n for n in names if n in log.columns and np.isfinite(log.columns[n]).all())
 
 
 def rows_of(
     log: DriveLog, part: slice, good: NDArray[np.bool_], rates: tuple[str, ...]
-) -> Iterator[tuple[DriveSample, bool, tuple[float, ...]]]:
+) -> Iterator[tuple[DriveSample, bool, tuple[float, ...], tuple[float, ...]]]:
     """Samples of a run as the monitor takes them."""
     columns = log.columns
     count = part.stop - part.start
@@ -147,8 +165,17 @@ def rows_of(
         map(DriveSample, *channels, roll.tolist()),
         good[part].tolist(),
         list(zip(*turning, strict=True)) if turning else [()] * count,
+        _accelerations(log, part),
         strict=True,
     )
+
+
+def _accelerations(log: DriveLog, part: slice) -> list[tuple[float, ...]]:
+    """Of each sample, if the log has all three axes."""
+    if len(_whole(log, ACCELERATIONS)) < len(ACCELERATIONS):
+        return [()] * (part.stop - part.start)
+    columns = [log.columns[name][part].tolist() for name in ACCELERATIONS]
+    return list(zip(*columns, strict=True))
 
 
 def _run_events(
@@ -170,7 +197,36 @@ def _run_events(
         excluded=excluded,
         known=monitor.estimator.known,
         labels=_labels(log, part, events),
+        signatures=_labelled_signatures(log, part, monitor),
+        compared=monitor.change.compared,
+        not_compared=monitor.change.not_compared,
     )
+
+
+def _labelled_signatures(
+    log: DriveLog, part: slice, monitor: TerrainMonitor
+) -> list[tuple[Signature, str]]:
+    """Signatures of a run with the log's own name of the ground, empty where it has none."""
+    found = monitor.signatures.found
+    if "terrain" not in log.columns:
+        return [(signature, "") for _, signature in found]
+    time = log.columns["t"][part]
+    ends = np.array([float(time[0]) + seconds - 2.5 for seconds, _ in found])
+    index = np.searchsorted(time, ends).clip(max=part.stop - part.start - 1)
+    names = log.columns["terrain"][part][index]
+    return [(signature, str(name)) for (_, signature), name in zip(found, names, strict=True)]
+
+
+def _not_compared(runs: list[RunEvents]) -> list[str]:
+    """What the search for changes could not look at."""
+    silent = sum(one.not_compared for one in runs)
+    total = silent + sum(one.compared for one in runs)
+    if not silent:
+        return []
+    return [
+        f"changes: {silent} of {total} steady seconds could not be compared, nothing driven alike "
+        "came before them"
+    ]
 
 
 def _labels(log: DriveLog, part: slice, events: list[Classified | GroundChange]) -> list[str]:
@@ -203,5 +259,5 @@ def _notes(
 def trace_of(result: TerrainResult, one: RunEvents) -> TerrainTrace:
     """How the filter went through a run."""
     monitor = monitor_of(result.model, result.terrains, 0)
-    rows = rows_of(result.log, one.samples, result.good, ())
+    rows = (row[:3] for row in rows_of(result.log, one.samples, result.good, ()))
     return trace(monitor.estimator, rows, result.terrains.filter)
