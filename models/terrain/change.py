@@ -95,6 +95,10 @@ class ChangeDetector:
         self.compared = self.not_compared = 0
         self._anew()
 
+    def restart(self) -> None:
+        """The ground has changed, as something else tells."""
+        self._anew()
+
     def _anew(self) -> None:
         """Other ground."""
         self._usual: dict[Condition, _Usual] = {}

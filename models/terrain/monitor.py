@@ -180,6 +180,8 @@ class TerrainMonitor:
             return ()
         seen = np.array(samples)
         answer = self.signatures.second(seen if whole else None, self._rates)
+        if self.signatures.change is not None:
+            return (self._changed(time, *self.signatures.change),)
         if not whole:
             return ()
         motion = self._settings.motion
@@ -192,6 +194,13 @@ class TerrainMonitor:
             self._sure = ""
             return (GroundChange(time, strength),)
         return () if answer is None else self._told(answer, time)
+
+    def _changed(self, time: float, before: str, now: str, strength: float) -> GroundChange:
+        """The seconds' classes tell a change; what was usual on the ground before begins anew."""
+        self.estimator.forget()
+        self.change.restart()
+        self._sure = ""
+        return GroundChange(time, strength, (before, now))
 
     def _told(
         self, answer: Classification, time: float, own: Features | None = None

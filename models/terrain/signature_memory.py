@@ -29,6 +29,10 @@ class MemorySettings:
         "1", "Probability that the ground changes from one signature to the next.", default=0.03,
         above=0.0, at_most=0.5,
     )  # fmt: skip
+    weight: float = quantity(
+        "1", "Share of its evidence that a signature adds: neighbours repeat each other.",
+        default=0.6, above=0.0, at_most=1.0,
+    )  # fmt: skip
     latest: float = quantity(
         "1", "Signatures that strangeness is averaged over.", default=6.0, at_least=1.0
     )
@@ -67,7 +71,7 @@ class SignatureMemory:
         log, strange = self.model.look(signature)
         changed = self._settings.change
         belief = (1.0 - changed) * self._belief + changed / len(self._belief)
-        belief *= np.exp(log)
+        belief *= np.exp(self._settings.weight * log)
         self._belief = belief / belief.sum()
         if math.isfinite(strange):
             self._strange.append(strange)

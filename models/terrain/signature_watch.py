@@ -11,8 +11,10 @@ import math
 import numpy as np
 
 from models.arrays import Floats
+from models.terrain.class_change import ClassChange
 from models.terrain.classifier import Classification
 from models.terrain.signature import (
+    LEAST_SECONDS,
     SENSORS,
     GroundSecond,
     SecondSettings,
@@ -34,6 +36,7 @@ class SignatureWatch:
 
     Attributes:
         answer: the latest, None before the first and without a model.
+        change: (class before, class now, strength) if the latest second told one.
         found: signatures of this run with the window, counted from its beginning, each ended in.
     """
 
@@ -54,17 +57,21 @@ class SignatureWatch:
         """
         self._settings = SecondSettings.of(vehicle, *driving)
         self._memory = None if model is None else SignatureMemory(model, memory)
+        self._change = None if model is None else ClassChange(model)
         self.begin_run()
 
     def begin_run(self) -> None:
         """Another run."""
         self.found: list[tuple[int, Signature]] = []
         self._windows = 0
+        if self._change is not None:
+            self._change.begin()
         self.begin()
 
     def begin(self) -> None:
         """Other ground: what was told so far no longer holds."""
         self.answer: Classification | None = None
+        self.change: tuple[str, str, float] | None = None
         self._seconds: list[GroundSecond] = []
         self._count = 0
         if self._memory is not None:
@@ -83,6 +90,10 @@ class SignatureWatch:
         found = None
         if samples is not None and len(samples):
             found = second_of(_eleven(samples, rates), self._settings)
+        self.change = None if self._change is None else self._change.update(found)
+        if self.change is not None and self._memory is not None:  # other ground since
+            self._memory.begin()
+            self._seconds = self._seconds[-LEAST_SECONDS:]
         if found is not None:
             self._seconds.append(found)
         return self.close() if self._count >= _SECONDS else None

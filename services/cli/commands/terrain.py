@@ -17,7 +17,9 @@ from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.estimator import DriveSample
 from models.terrain.log_checks import implausible
 from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
+from models.terrain.phases import Phase
 from models.terrain.resistances import Drivetrain
+from models.terrain.rotation_centres import rotation_centres
 from models.terrain.signature import Signature
 from models.terrain.signature_model import SignatureModel
 from models.terrain.trace import TerrainTrace, trace
@@ -38,6 +40,7 @@ from services.io.terrain_file import (
 NEEDED = ("v_left", "v_right", "yaw_rate", "current_left", "current_right")
 RATES = ("roll_rate", "pitch_rate")
 ACCELERATIONS = ("accel_x", "accel_y", "accel_z")
+_SAME_SPEED = 1e-6  # [m/s]
 _CHANNELS = (*NEEDED, "pitch", "roll")
 
 
@@ -198,9 +201,35 @@ def _run_events(
         known=monitor.estimator.known,
         labels=_labels(log, part, events),
         signatures=_labelled_signatures(log, part, monitor),
+        centres=_centres(log, part, events),
         compared=monitor.change.compared,
         not_compared=monitor.change.not_compared,
     )
+
+
+def _centres(
+    log: DriveLog, part: slice, events: list[Classified | GroundChange]
+) -> list[tuple[float, float]]:
+    """Centres of rotation (left, right) [m] of each stretch that turns, NaN where not told.
+
+    The log's speed has to be another measurement than the mean of its wheels.
+    """
+    time, v = log.columns["t"][part], log.columns["v"][part]
+    rims = 0.5 * (log.columns["v_left"][part] + log.columns["v_right"][part])
+    apart = bool(np.nanmax(np.abs(v - rims), initial=0.0) > _SAME_SPEED)
+    found = []
+    for event in events:
+        if not isinstance(event, Classified):
+            continue
+        o = event.observation
+        if not apart or o.phase not in (Phase.TURN, Phase.SPOT):
+            found.append((np.nan, np.nan))
+            continue
+        inside = slice(*np.searchsorted(time, (o.begin, o.end)))
+        half = 0.5 * o.speed_difference
+        speed = float(np.nanmean(v[inside])) if inside.stop > inside.start else np.nan
+        found.append(rotation_centres(o.speed - half, o.speed + half, speed, o.yaw_rate))
+    return found
 
 
 def _labelled_signatures(

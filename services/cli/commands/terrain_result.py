@@ -14,9 +14,11 @@ from models.parameters import Model
 from models.stop_logs.drive_quality import Suspect
 from models.terrain.adaptation import classes_of
 from models.terrain.classes import TerrainClasses
+from models.terrain.classifier import NONE
 from models.terrain.monitor import SURE, Classified, GroundChange
 from models.terrain.observation import Features
 from models.terrain.phases import Phase
+from models.terrain.reliability import ReliabilityBin, reliability_curve
 from models.terrain.resistances import TerrainEstimate
 from models.terrain.signature import Signature
 from models.terrain.signature_fit import fit
@@ -27,6 +29,8 @@ from services.io.logs.drive_log import DriveLog
 from services.io.model_file import write_model
 from services.io.signature_file import write_signatures
 from services.io.terrain_file import TerrainFile, write_terrains
+
+_LASTS = 6  # stretches of unknown ground that are offered as a class
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,7 @@ class RunEvents:
         excluded: stretches that nothing was learned from.
         known: of the ground at its end.
         labels: terrain as the log names it, for each classified stretch.
+        centres: of rotation (left, right) [m] of each classified stretch, NaN where not told.
         signatures: of the run, each with the log's name of the ground.
         compared, not_compared: steady seconds that a change was looked for in, and could not be.
     """
@@ -50,6 +55,7 @@ class RunEvents:
     known: Features
     labels: list[str]
     signatures: list[tuple[Signature, str]] = field(default_factory=list)
+    centres: list[tuple[float, float]] = field(default_factory=list)
     compared: int = 0
     not_compared: int = 0
 
@@ -210,6 +216,35 @@ def usual_class(one: RunEvents) -> str:
     """The class of most stretches of a run, empty if none was told."""
     names = [e.answer.name for e in one.classified if e.answer.name]
     return max(dict.fromkeys(names), key=names.count) if names else ""
+
+
+def probabilities(one: RunEvents) -> dict[str, float]:
+    """Mean probability of each class over the stretches of a run that were told one."""
+    told = [e.answer.probabilities for e in one.classified if e.answer.name]
+    names = dict.fromkeys(name for answer in told for name in answer)
+    return {name: float(np.mean([answer.get(name, 0.0) for answer in told])) for name in names}
+
+
+def reliability(result: TerrainResult) -> tuple[ReliabilityBin, ...]:
+    """Shares of right answers beside what was said, by the log's own labels; empty without."""
+    told = [
+        (event.answer.probability, event.answer.name == label)
+        for one in result.runs
+        for event, label in zip(one.classified, one.labels, strict=True)
+        if label and event.answer.name
+    ]
+    said, right = np.array([p for p, _ in told]), np.array([r for _, r in told], np.bool_)
+    return reliability_curve(said, right)
+
+
+def unknown_ground(result: TerrainResult) -> list[tuple[str, int]]:
+    """(run, stretches) where ground of no known class lasted: offered to be named."""
+    found = []
+    for one in result.runs:
+        many = sum(event.answer.name == NONE for event in one.classified)
+        if many >= _LASTS and usual_class(one) == NONE:
+            found.append((one.run, many))
+    return found
 
 
 def stuck_seconds(one: RunEvents) -> float:
