@@ -7,7 +7,8 @@ where it drives, is joined to up to half a minute of the second as they were dri
 those of a model of all other runs. A change counts as found if it is told within 5 s of the joint.
 It is called distinguished where both runs were driven alike for at least 5 s and some channel of
 that second-by-second comparison lies twice its own spread apart. Alarms inside single runs are
-called false, though snow is not the same everywhere.
+called false, though snow is not the same everywhere; those within ten seconds of another count with
+it.
 """
 
 from __future__ import annotations
@@ -133,6 +134,7 @@ def main() -> None:
     alarms, by_class, minutes = 0, 0, 0.0
     for run in runs:
         told = changes(samples[run.name], model_of([r for r in runs if r is not run]))
+        told = [e for e in told if not e.again]
         alarms += len(told)
         by_class += sum(e.classes is not None for e in told)
         minutes += len(samples[run.name]) / _RATE / 60.0

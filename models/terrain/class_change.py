@@ -24,7 +24,7 @@ class ClassChangeSettings:
     """How easily a change from class to class is believed."""
 
     threshold: float = quantity(
-        "1", "Cumulated log likelihood ratio that is a change.", default=0.4, above=0.0
+        "1", "Cumulated log likelihood ratio that is a change.", default=0.7, above=0.0
     )
     drift: float = quantity(
         "1", "Log likelihood ratio that each second takes off.", default=0.7, at_least=0.0

@@ -26,6 +26,7 @@ from models.terrain.signature_watch import SignatureWatch
 from models.terrain.windows import summarise
 
 _WINDOW = 1.0  # [s]
+_PATCHY = 10.0  # [s] changes nearer to each other are patches of one
 _ASSUMED_STD = 0.1  # of the model's f_r before the first straight
 SURE = 0.9
 """A class this probable is believed: two of them one after the other are a change of ground."""
@@ -40,11 +41,13 @@ class GroundChange:
         strength: statistic over its threshold, above 1; where classes tell it, the new one's
             probability over what was asked of it.
         classes: (before, now) where two sure classes after each other tell it, else none.
+        again: another change was told within ten seconds before: patchy ground, or the way back.
     """
 
     time: float
     strength: float
     classes: tuple[str, str] | None = None
+    again: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +125,7 @@ class TerrainMonitor:
             model.vehicle, (motion.least_inner_speed, motion.turn_end), signatures, memory
         )
         self._sure = ""
+        self._changed_at = -np.inf
         self._window: list[tuple[float, ...]] = []
         self._window_end = -np.inf
         self._whole = True
@@ -132,6 +136,7 @@ class TerrainMonitor:
         self.change.begin()
         self.signatures.begin_run()
         self._sure = ""
+        self._changed_at = -np.inf
         self._window = []
         self._window_end = -np.inf
 
@@ -181,7 +186,10 @@ class TerrainMonitor:
         seen = np.array(samples)
         answer = self.signatures.second(seen if whole else None, self._rates)
         if self.signatures.change is not None:
-            return (self._changed(time, *self.signatures.change),)
+            before, now, strength = self.signatures.change
+            self.estimator.forget()
+            self.change.restart()
+            return (self._changed(time, strength, (before, now)),)
         if not whole:
             return ()
         motion = self._settings.motion
@@ -191,16 +199,17 @@ class TerrainMonitor:
         if strength is not None:
             self.estimator.forget()
             self.signatures.begin()
-            self._sure = ""
-            return (GroundChange(time, strength),)
+            return (self._changed(time, strength, None),)
         return () if answer is None else self._told(answer, time)
 
-    def _changed(self, time: float, before: str, now: str, strength: float) -> GroundChange:
-        """The seconds' classes tell a change; what was usual on the ground before begins anew."""
-        self.estimator.forget()
-        self.change.restart()
-        self._sure = ""
-        return GroundChange(time, strength, (before, now))
+    def _changed(
+        self, time: float, strength: float, classes: tuple[str, str] | None
+    ) -> GroundChange:
+        """A change, with what to remember of it."""
+        again = time - self._changed_at < _PATCHY
+        self._changed_at = time
+        self._sure = "" if classes is None else classes[1]
+        return GroundChange(time, strength, classes, again)
 
     def _told(
         self, answer: Classification, time: float, own: Features | None = None
@@ -216,7 +225,7 @@ class TerrainMonitor:
         if before in ("", answer.name):
             return ()
         self.estimator.forget(own)
-        return (GroundChange(time, answer.probability / SURE, (before, answer.name)),)
+        return (self._changed(time, answer.probability / SURE, (before, answer.name)),)
 
     def _classified(self, observation: GroundObservation) -> tuple[Event, ...]:
         found = self._class_of(observation)

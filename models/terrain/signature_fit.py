@@ -31,7 +31,7 @@ from models.terrain.signature_model import (
 _MEASURED = 8  # values that make a feature worth using
 _LEAST_EIGENVALUE = 0.02  # of the correlation, so that copies among features do no harm
 _FOLDS = 8
-_FEW_RUNS = 2  # of each class that can be left out in turn
+_FEW_RUNS = 4  # of each class: what differs from run to run shows in no fewer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ def fit(
         settings: of the fit.
 
     Raises:
-        ParameterError: fewer than two classes, a class with fewer than two runs, or scikit-learn is
+        ParameterError: fewer than two classes, a class with fewer than four runs, or scikit-learn is
             not installed.
     """
     settings = FitSettings() if settings is None else settings

@@ -46,6 +46,8 @@ def event_row(
         note = "the ground changed within the last seconds of driving"
         if event.classes is not None:
             note += f": from {event.classes[0]} to {event.classes[1]}"
+        if event.again:
+            note += ", again within ten seconds"
         return {
             "run": run, "t": event.time, "t_end": event.time, "phase": "change",
             "change": event.strength, "note": note,

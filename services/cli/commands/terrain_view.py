@@ -70,7 +70,8 @@ def _run(one: RunEvents, result: TerrainResult) -> dict[str, Any]:
         "stuck": stuck_seconds(one),
         "probabilities": probabilities(one),
         "changes": [
-            {"t": c.time, "strength": c.strength, "classes": c.classes} for c in one.changes
+            {"t": c.time, "strength": c.strength, "classes": c.classes, "again": c.again}
+            for c in one.changes
         ],
         "compared_seconds": one.compared,
         "not_compared_seconds": one.not_compared,
@@ -138,6 +139,7 @@ def show(result: TerrainResult, console: Console) -> None:
     for one in result.runs[:_LISTED]:
         for change in one.changes:
             told = "" if change.classes is None else f", {change.classes[0]} to {change.classes[1]}"
+            told += ", again" if change.again else ""
             words = f"  {one.run}: the ground changed before {change.time:.1f} s{told}"
             console.print(words, markup=False)
         for reason in dict.fromkeys(stretch.reason for stretch in one.excluded):
@@ -156,7 +158,12 @@ def _cells(one: RunEvents, spread: str = "") -> list[str]:
         f"{value:.3f}{spread.format(std)}" if math.isfinite(value) else "–"
         for value, std in zip(one.known.values, one.known.stds, strict=True)
     ]
-    counts = (len(one.classified), len(one.changes), round(stuck_seconds(one)), len(one.excluded))
+    counts = (
+        len(one.classified),
+        sum(not c.again for c in one.changes),
+        round(stuck_seconds(one)),
+        len(one.excluded),
+    )
     shown = [str(count) if count else "–" for count in counts]
     usual = usual_class(one)
     probable = f"{probabilities(one)[usual]:.2f}" if usual else "–"
@@ -213,7 +220,7 @@ def _variety(one: RunEvents) -> float:
 def _verdict(result: TerrainResult) -> str:
     values = zip(("f_r", "μ_t", "B_s"), result.known.values, result.known.stds, strict=True)
     told = [f"{name} {v:.2f} ± {std:.2f}" for name, v, std in values if math.isfinite(v)]
-    changes = sum(len(run.changes) for run in result.runs)
+    changes = sum(not change.again for run in result.runs for change in run.changes)
     stuck = sum(stuck_seconds(run) for run in result.runs)
     ground = f"In the end {', '.join(told)}." if told else "Nothing was told of the ground."
     changed = "1 change" if changes == 1 else f"{changes} changes"

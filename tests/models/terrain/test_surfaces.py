@@ -33,6 +33,21 @@ def test_the_model_on_the_ground_driven_now_is_rounded_towards_slower():
     assert model_on(MODEL, narrow).terrain.slip_track == MODEL.vehicle.track_width
 
 
+def test_ground_of_no_valid_class_makes_nothing_faster():
+    def known(f_r, mu_t, b_s):
+        return Features(*(TerrainEstimate(value, 0.01) for value in (f_r, mu_t, b_s)))
+
+    old = MODEL.terrain
+    easy = known(0.01, 0.01, MODEL.vehicle.track_width)
+    assert model_on(MODEL, easy).terrain.motion_resistance < old.motion_resistance
+    assert model_on(MODEL, easy, valid=False).terrain == old
+    hard = known(0.4, 0.5, 2.5)
+    assert model_on(MODEL, hard, valid=False) == model_on(MODEL, hard)
+    mixed = model_on(MODEL, known(0.01, 0.5, 2.5), valid=False).terrain
+    assert mixed.motion_resistance == old.motion_resistance
+    assert mixed.lateral_resistance == pytest.approx(0.51)
+
+
 def test_a_surface_brakes_less_where_it_rolls_more_easily_and_never_more():
     easy = with_surface(MODEL, "asphalt", TerrainEstimate(0.03, 0.01), 0.13)
     assert easy.braking.on("asphalt").b_b == pytest.approx(0.25 - (0.13 - 0.02))
