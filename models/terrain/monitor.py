@@ -186,10 +186,10 @@ class TerrainMonitor:
         seen = np.array(samples)
         answer = self.signatures.second(seen if whole else None, self._rates)
         if self.signatures.change is not None:
-            before, now, strength = self.signatures.change
+            before, now, ratio = self.signatures.change
             self.estimator.forget()
             self.change.restart()
-            return (self._changed(time, strength, (before, now)),)
+            return (self._changed(time, ratio, (before, now)),)
         if not whole:
             return ()
         motion = self._settings.motion

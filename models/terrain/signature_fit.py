@@ -87,8 +87,8 @@ def fit(
         settings: of the fit.
 
     Raises:
-        ParameterError: fewer than two classes, a class with fewer than four runs, or scikit-learn is
-            not installed.
+        ParameterError: fewer than two classes, a class with fewer than four runs, or scikit-learn
+            is not installed.
     """
     settings = FitSettings() if settings is None else settings
     classes, label = np.unique(np.array(labels), return_inverse=True)
