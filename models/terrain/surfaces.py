@@ -36,9 +36,10 @@ def model_on(model: Model, known: Features, *, valid: bool = True) -> Model:
     Args:
         model: as it was.
         known: latest estimates; what is not known stays as it was.
-        valid: the ground is of a known class; if not, no parameter becomes faster.
+        valid: the ground is of a known class; if not, no parameter becomes faster. Less motion
+            resistance to brake with counts all the same.
     """
-    old = model.terrain
+    old, found = model.terrain, known.motion_resistance
     if not valid:
         known = _none_faster(known, old)
     wide = _slower(known.slip_track, old.slip_track)
@@ -48,7 +49,6 @@ def model_on(model: Model, known: Features, *, valid: bool = True) -> Model:
         lateral_resistance=max(_slower(known.lateral_resistance, old.lateral_resistance), 0.0),
         slip_track=max(wide, model.vehicle.track_width),
     )
-    found = known.motion_resistance
     if model.braking.level == 1.0 or not math.isfinite(found.value + found.std):
         return dataclasses.replace(model, terrain=terrain)
     kept = max(min(old.rolling_while_braking, found.value), 0.0)

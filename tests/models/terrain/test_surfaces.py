@@ -20,6 +20,14 @@ from tests.models.models_for_tests import BASE
 from tests.models.terrain.test_monitor import MODEL
 
 
+def test_unknown_ground_that_rolls_easily_still_takes_from_partial_brakes():
+    slippery, known = found(0.02, 0.005), with_level(0.5)
+    unknown = model_on(known, slippery, valid=False)
+    assert unknown.terrain.motion_resistance == known.terrain.motion_resistance
+    assert unknown.terrain.rolling_while_braking == pytest.approx(0.02)
+    assert stop(unknown) >= stop(model_on(known, slippery)) > stop(known)
+
+
 def test_the_model_on_the_ground_driven_now_is_rounded_towards_slower():
     known = Features(
         TerrainEstimate(0.2, 0.02), TerrainEstimate(0.25, 0.01), TerrainEstimate(1.3, 0.1)
