@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from models.errors import InputError
 from services.io.table import read_csv, write_csv
 
 TERRAINS = {"ASPHALT": "asphalt", "ICE": "ice", "SANDY_LOAM": "sandy_loam", "SNOW": "snow"}
@@ -27,6 +28,24 @@ Columns = dict[str, Floats | list[str]]
 _LARGEST_OFFSET, _STEP = 2.0, 0.02  # [s]
 _TURNS = 0.03  # [m/s] spread of the difference of the wheels that tells the offset
 _GRAVITY_OVER = 2.0  # [s] accelerations are averaged for
+
+
+def skipped(folder: Path) -> list[tuple[str, str]]:
+    """(folder or file, why) of what gives no drive log."""
+    if not folder.is_dir():
+        return [(str(folder), "no such folder")]
+    found = []
+    for directory in sorted(path for path in folder.iterdir() if path.is_dir()):
+        if directory.name not in TERRAINS:
+            found.append((directory.name, f"expected one of {', '.join(TERRAINS)}"))
+            continue
+        wheels = {path.name[4:] for path in directory.glob("pro_*.csv")}
+        inertial = {path.name[4:] for path in directory.glob("imu_*.csv")}
+        for name in sorted(wheels ^ inertial):
+            kind, other = ("pro", "imu") if name in wheels else ("imu", "pro")
+            found.append((f"{directory.name}/{kind}_{name}", f"there is no {other}_{name}"))
+    missing = [name for name in TERRAINS if not (folder / name).is_dir()]
+    return found + [(name, "no such folder here") for name in missing]
 
 
 def runs(folder: Path) -> list[tuple[str, str, Path, Path]]:
@@ -68,6 +87,9 @@ def read_run(name: str, terrain: str, wheels: Path, inertial: Path) -> Columns:
         "current_right": held["curR"],
         "roll_rate": fast["wx"][inside],
         "pitch_rate": fast["wy"][inside],
+        "accel_x": fast["ax"][inside],
+        "accel_y": fast["ay"][inside],
+        "accel_z": fast["az"][inside],
         "terrain": [terrain] * rows,
     }
 
@@ -97,12 +119,27 @@ def _numbers(path: Path, names: tuple[str, ...]) -> dict[str, Floats]:
 
 
 def main(folder: str, out: str) -> None:
-    """Write a drive log for each run."""
+    """Write a drive log for each run, and say what is left out and why."""
+    for what, why in skipped(Path(folder)):
+        print(f"skipped {what}: {why}")
+    written = 0
     Path(out).mkdir(parents=True, exist_ok=True)
     for name, terrain, wheels, inertial in runs(Path(folder)):
         path = Path(out) / f"{name}.csv"
-        write_csv(read_run(name, terrain, wheels, inertial), path)
+        try:
+            columns = read_run(name, terrain, wheels, inertial)
+        except InputError as error:
+            print(f"skipped {name}: {error}")
+            continue
+        if not len(columns["t"]):
+            print(f"skipped {name}: wheels and inertial unit have no time in common")
+            continue
+        write_csv(columns, path)
+        written += 1
         print(f"wrote {path}")
+    if not written:
+        sys.exit(f"nothing written: expected folders {', '.join(TERRAINS)} with pro_*.csv and "
+                 f"imu_*.csv in {folder}")  # fmt: skip
 
 
 if __name__ == "__main__":

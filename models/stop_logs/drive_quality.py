@@ -29,6 +29,7 @@ _LARGEST = {  # beyond these a value is no measurement
     "current_left": 2000.0, "current_right": 2000.0,
 }  # fmt: skip
 _FREEZES = ("v", "v_left", "v_right", "pitch", "yaw_rate")
+_WHEELS = ("v_left", "v_right")
 _FAR = 3.0  # times the largest measured value: a sentinel's distance from measurements
 _MOVING = 0.15  # [m/s] slower than that, the same value again and again is standstill
 _FROZEN_FOR = 1.0  # [s] at least, and
@@ -176,6 +177,8 @@ def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[in
 
     In a log without noise values last long by nature, so how long is asked of the log itself.
     After the stop command a rolling speed that does not change at all is frozen in any log.
+    Wheel speeds that both stand still while the command does are set points, in a log that held
+    measured ones before as well: one sensor freezes alone, and not only while nothing is asked.
     """
     t = part["t"]
     moving = np.abs(part.get("v", values)) > _MOVING
@@ -198,4 +201,13 @@ def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[in
         first = told[np.searchsorted(told, starts)]
         since_told = np.where(first < stops, t[stops - 1] - t[np.minimum(first, stops - 1)], 0.0)
         frozen |= matters & (since_told >= _FROZEN_FOR)
-    return [(int(a), int(b)) for a, b in zip(starts[frozen], stops[frozen], strict=True)]
+    found = [(int(a), int(b)) for a, b in zip(starts[frozen], stops[frozen], strict=True)]
+    if name in _WHEELS:
+        found = [(a, b) for a, b in found if not _set_points(part, a, b)]
+    return found
+
+
+def _set_points(part: dict[str, Floats], start: int, stop: int) -> bool:
+    """Do both wheel speeds and the command stay the same over samples [start, stop)?"""
+    names = (*_WHEELS, "v_cmd")
+    return all(name in part and np.ptp(part[name][start:stop]) == 0.0 for name in names)

@@ -67,7 +67,12 @@ class _Usual:
 
 
 class ChangeDetector:
-    """Follows one run window by window."""
+    """Follows one run window by window.
+
+    Attributes:
+        compared: windows of this run that were compared with earlier ones.
+        not_compared: those that nothing driven alike came before.
+    """
 
     def __init__(self, rates: int, settings: ChangeSettings | None = None) -> None:
         """Begin without knowledge.
@@ -87,6 +92,11 @@ class ChangeDetector:
     def begin(self) -> None:
         """Another run: forget what was usual."""
         self._patches = np.zeros_like(self._prior)
+        self.compared = self.not_compared = 0
+        self._anew()
+
+    def restart(self) -> None:
+        """The ground has changed, as something else tells."""
         self._anew()
 
     def _anew(self) -> None:
@@ -126,7 +136,9 @@ class ChangeDetector:
         ]
         off = np.zeros(len(self._prior))
         if len(known) < _LEAST:
+            self.not_compared += 1
             return 0.0, off
+        self.compared += 1
         differences = np.array([window.channels - usual.mean for window, usual in known])
         driving = np.array([window.driving - usual.driving for window, usual in known])
         count = np.arange(1, len(known) + 1)

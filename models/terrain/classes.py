@@ -26,6 +26,7 @@ class FeatureOfClass:
         samples: observations behind mean and spread.
         rule: [low, high] that the expert rules allow; none if they do not ask for this feature.
         confidence: how surely this feature characterises this class.
+        decides: an observation that this rule allows is of this class whatever else was measured.
     """
 
     mean: float = quantity("feature", "Mean over repeated runs.")
@@ -33,6 +34,7 @@ class FeatureOfClass:
     samples: float = quantity("1", "Observations behind mean and spread.", at_least=2.0)
     rule: tuple[float, float] | None = None
     confidence: Confidence = "medium"
+    decides: bool = False
 
     def __post_init__(self) -> None:
         validate_quantities(self)
@@ -42,6 +44,8 @@ class FeatureOfClass:
             raise ParameterError(
                 "confidence", f"one of {', '.join(CONFIDENCE)}, got {self.confidence!r}"
             )
+        if self.decides and self.rule is None:
+            raise ParameterError("decides", "a rule beside it, got none")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +65,20 @@ class TerrainClass:
     def features(self) -> tuple[FeatureOfClass | None, ...]:
         """In the order of :data:`FEATURES`."""
         return (self.motion_resistance, self.lateral_resistance, self.slip_track)
+
+    def decided(self, values: tuple[float, float, float]) -> bool:
+        """Does a feature say by itself that an observation is of this class?
+
+        B_s > 1.4 m is sand "no matter what the other two features are". Source: Slip 4.2.
+
+        Args:
+            values: (f_r, μ_t, B_s), NaN where not known.
+        """
+        return any(
+            feature.rule[0] < value <= feature.rule[1]
+            for value, feature in zip(values, self.features, strict=True)
+            if feature is not None and feature.decides and feature.rule is not None
+        )
 
     def meets(self, values: tuple[float, float, float]) -> float:
         """Share of this class's rules that an observation meets, by confidence [0 … 1].
@@ -111,8 +129,15 @@ class RuleAnswer:
     met: dict[str, float]
 
 
+def deciding(classes: TerrainClasses, values: tuple[float, float, float]) -> list[str]:
+    """Names of the classes that a feature decides for by itself, mostly none."""
+    return [one.name for one in classes.terrain if one.decided(values)]
+
+
 def by_rules(classes: TerrainClasses, values: tuple[float, float, float]) -> RuleAnswer:
     """Class by the expert rules. Source: Slip, Table 4, weighted by Table 3.
+
+    A rule that decides by itself comes first. Source: Slip 4.2.
 
     Args:
         classes: those without rules take no part.
@@ -120,6 +145,9 @@ def by_rules(classes: TerrainClasses, values: tuple[float, float, float]) -> Rul
     """
     met = {one.name: one.meets(values) for one in classes.terrain}
     met = {name: share for name, share in met.items() if not math.isnan(share)}
+    leaders = deciding(classes, values)
+    if len(leaders) == 1:
+        return RuleAnswer(leaders[0], met)
     best = max(met.values(), default=0.0)
     leaders = [name for name, share in met.items() if share == best]
     return RuleAnswer(leaders[0] if best > 0.0 and len(leaders) == 1 else "", met)

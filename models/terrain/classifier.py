@@ -22,7 +22,7 @@ from scipy import stats
 
 from models.arrays import Floats
 from models.quantity import quantity, validate_quantities
-from models.terrain.classes import FeatureOfClass, TerrainClasses
+from models.terrain.classes import FeatureOfClass, TerrainClasses, deciding
 
 NONE = "none of these"
 
@@ -74,6 +74,11 @@ class TerrainClassifier:
         self.classes = classes
         self._settings = ClassifierSettings() if settings is None else settings
         self._names = [one.name for one in classes.terrain]
+        self._decide = any(
+            feature is not None and feature.decides
+            for one in classes.terrain
+            for feature in one.features
+        )
         table = np.array([[_numbers(f) for f in one.features] for one in classes.terrain])
         self._mean, self._spread, self._freedom = np.moveaxis(table.reshape(-1, 3, 3), 2, 0)
         self._centre, self._width = np.array(
@@ -119,8 +124,22 @@ class TerrainClassifier:
         log[:, :-1] += math.log((1.0 - s.unknown_ground) / max(len(self._names), 1))
         log[:, -1] = np.where(measured, np.log(anywhere), 0.0).sum(axis=1)
         log[:, -1] += math.log(s.unknown_ground)
+        if self._decide:
+            self._rule_out(values, log)
         share = np.exp(log - log.max(axis=1, keepdims=True))
         return np.asarray(share / share.sum(axis=1, keepdims=True))
+
+    def _rule_out(self, values: Floats, log: Floats) -> None:
+        """Where a feature decides for one class, no other known class remains.
+
+        Args:
+            values: (n, 3). log: (n, classes + 1) log probabilities, changed.
+        """
+        for row, (f_r, mu_t, b_s) in enumerate(values.tolist()):
+            found = deciding(self.classes, (f_r, mu_t, b_s))
+            if len(found) == 1:
+                others = [i for i, name in enumerate(self._names) if name != found[0]]
+                log[row, others] = -np.inf
 
     def _densities(self, values: Floats, stds: Floats) -> tuple[Floats, Floats]:
         """(n, classes, 3) by class and (n, 3) anywhere; a class that lacks a feature: anywhere.

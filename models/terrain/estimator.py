@@ -154,9 +154,11 @@ class TerrainEstimator:
         self.filter.update(difference, turning, elapsed)
         self._turned = True
 
-    def forget(self) -> None:
-        """The ground has changed: what was known of it no longer holds."""
+    def forget(self, but: Features | None = None) -> None:
+        """The ground has changed: what was known of it no longer holds, but for the latest."""
         self.known = Features()
+        if but is not None:
+            self._learn(but)
         self.filter.variance = self._settings.filter.initial_std**2
 
     def finish(self) -> GroundObservation | None:

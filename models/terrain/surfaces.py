@@ -2,6 +2,8 @@
 
 Terrain parameters are rounded towards slower by their standard deviation: more resistance leaves
 less thrust for speeding up, a wider slip track lowers the speed that the wheels allow in turns.
+Towards faster they go on ground of a known class only: what is none of these may be anything in the
+next metre, and is given no credit for what was measured in the last.
 
 Of braking a class tells one thing only: the motion resistance that it lacks. A braking force is
 brakes plus motion resistance, Braking (6), so on ground that rolls more easily than the ground the
@@ -22,11 +24,11 @@ import math
 from models.errors import ParameterError
 from models.parameters import Braking, Model, Terrain
 from models.surface_braking import SurfaceBraking
-from models.terrain.observation import Features
+from models.terrain.observation import UNKNOWN, Features
 from models.terrain.resistances import TerrainEstimate
 
 
-def model_on(model: Model, known: Features) -> Model:
+def model_on(model: Model, known: Features, *, valid: bool = True) -> Model:
     """The model with the terrain parameters of the ground driven now.
 
     A larger standard deviation never shortens a stop and never raises a speed.
@@ -34,8 +36,12 @@ def model_on(model: Model, known: Features) -> Model:
     Args:
         model: as it was.
         known: latest estimates; what is not known stays as it was.
+        valid: the ground is of a known class; if not, no parameter becomes faster. Less motion
+            resistance to brake with counts all the same.
     """
-    old = model.terrain
+    old, found = model.terrain, known.motion_resistance
+    if not valid:
+        known = _none_faster(known, old)
     wide = _slower(known.slip_track, old.slip_track)
     terrain = dataclasses.replace(
         old,
@@ -43,13 +49,23 @@ def model_on(model: Model, known: Features) -> Model:
         lateral_resistance=max(_slower(known.lateral_resistance, old.lateral_resistance), 0.0),
         slip_track=max(wide, model.vehicle.track_width),
     )
-    found = known.motion_resistance
     if model.braking.level == 1.0 or not math.isfinite(found.value + found.std):
         return dataclasses.replace(model, terrain=terrain)
     kept = max(min(old.rolling_while_braking, found.value), 0.0)
     terrain = dataclasses.replace(terrain, braking_resistance=kept)
     braking = _with_scatter(model.braking, _open(old), _open(terrain))
     return dataclasses.replace(model, terrain=terrain, braking=braking)
+
+
+def _none_faster(known: Features, old: Terrain) -> Features:
+    """Estimates without those that, rounded, are faster than what was taken so far."""
+    before = (old.motion_resistance, old.lateral_resistance, old.slip_track)
+    estimates = (known.motion_resistance, known.lateral_resistance, known.slip_track)
+    kept = [
+        UNKNOWN if found.value + found.std < value else found
+        for found, value in zip(estimates, before, strict=True)
+    ]
+    return Features(*kept)
 
 
 def _open(terrain: Terrain) -> float:

@@ -16,17 +16,25 @@ from models.terrain.settings import (
     MotionSettings,
     ResistanceSettings,
 )
+from models.terrain.signature_memory import MemorySettings
+from models.terrain.signature_model import SignatureModel
 from services.io.access import fault, write_atomic
 from services.io.decode import decode_table
 from services.io.shipped import shipped_files
+from services.io.signature_file import read_signatures
 from services.io.toml_file import read_toml
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainFile:
-    """What a terrain file holds; every table but `name` may be left out."""
+    """What a terrain file holds; every table but `name` may be left out.
+
+    Attributes:
+        signatures: file of signatures beside this one, empty: none.
+    """
 
     name: str
+    signatures: str = ""
     terrain: tuple[TerrainClass, ...] = ()
     filter: FilterSettings = field(default_factory=FilterSettings)
     motion: MotionSettings = field(default_factory=MotionSettings)
@@ -34,6 +42,7 @@ class TerrainFile:
     classifier: ClassifierSettings = field(default_factory=ClassifierSettings)
     change: ChangeSettings = field(default_factory=ChangeSettings)
     adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
+    memory: MemorySettings = field(default_factory=MemorySettings)
 
     def __post_init__(self) -> None:
         TerrainClasses(name=self.name, terrain=self.terrain)
@@ -58,16 +67,36 @@ def read_terrains(path: Path) -> TerrainFile:
     return decode_table(TerrainFile, read_toml(path), str(path))
 
 
+def read_signatures_of(terrains: TerrainFile, path: Path) -> SignatureModel | None:
+    """The signatures that the terrain file at a path names, None if it names none.
+
+    Raises:
+        InputError: the file of signatures is not there or cannot be used.
+    """
+    return read_signatures(path.parent / terrains.signatures) if terrains.signatures else None
+
+
 def write_terrains(terrains: TerrainFile, path: Path) -> None:
     """Write, all or nothing; :func:`read_terrains` gives the same again."""
     import tomli_w
 
     tables: dict[str, object] = {
         table: dataclasses.asdict(getattr(terrains, table))
-        for table in ("filter", "motion", "resistance", "classifier", "change", "adaptation")
+        for table in (
+            "filter",
+            "motion",
+            "resistance",
+            "classifier",
+            "change",
+            "adaptation",
+            "memory",
+        )
     }
     tables["terrain"] = [_class_table(one) for one in terrains.terrain]
-    write_atomic(path, tomli_w.dumps({"name": terrains.name, **tables}).encode())
+    head = {"name": terrains.name}
+    if terrains.signatures:
+        head["signatures"] = terrains.signatures
+    write_atomic(path, tomli_w.dumps({**head, **tables}).encode())
 
 
 def _class_table(one: TerrainClass) -> dict[str, object]:

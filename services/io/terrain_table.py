@@ -18,7 +18,7 @@ COLUMNS = (
     "run", "t", "t_end", "phase", "samples", "speed", "speed_difference", "yaw_rate",
     "onset_current", "motion_resistance", "motion_resistance_std", "lateral_resistance",
     "lateral_resistance_std", "slip_track", "slip_track_std", "terrain", "probability", "rules",
-    "change", "note",
+    "centre_left", "centre_right", "change", "note",
 )  # fmt: skip
 
 
@@ -33,10 +33,21 @@ def write_terrain_table(rows: Sequence[dict[str, Any]], path: Path) -> None:
     write_csv(columns, path)
 
 
-def event_row(run: str, event: Classified | GroundChange) -> dict[str, Any]:
-    """A row of the table; parameters are what is known of the ground when the stretch ends."""
+def event_row(
+    run: str, event: Classified | GroundChange, centres: tuple[float, float] = (np.nan, np.nan)
+) -> dict[str, Any]:
+    """A row of the table; parameters are what is known of the ground when the stretch ends.
+
+    Args:
+        run: its name. event: a stretch or a change.
+        centres: of rotation of the left and right side [m], NaN where not told.
+    """
     if isinstance(event, GroundChange):
         note = "the ground changed within the last seconds of driving"
+        if event.classes is not None:
+            note += f": from {event.classes[0]} to {event.classes[1]}"
+        if event.again:
+            note += ", again within ten seconds"
         return {
             "run": run, "t": event.time, "t_end": event.time, "phase": "change",
             "change": event.strength, "note": note,
@@ -47,6 +58,7 @@ def event_row(run: str, event: Classified | GroundChange) -> dict[str, Any]:
         "speed": o.speed, "speed_difference": o.speed_difference, "yaw_rate": o.yaw_rate,
         "onset_current": o.onset_current, "terrain": event.answer.name,
         "probability": event.answer.probability, "rules": event.rules.name, "note": _note(event),
+        "centre_left": centres[0], "centre_right": centres[1],
     }  # fmt: skip
     for name in ("motion_resistance", "lateral_resistance", "slip_track"):
         estimate = getattr(o.known, name)

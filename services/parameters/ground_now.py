@@ -94,7 +94,7 @@ class GroundNow:
                     self._own = ""
                 known = event.observation.known
                 features = tuple(zip(known.values, known.stds, strict=True))
-        return GroundNews(changed, features)
+        return GroundNews(changed, features, valid=bool(self._own))
 
     def _monitor(self, source: str, begin: float) -> Any:
         monitor = self._monitors.pop(source, None)
@@ -120,10 +120,13 @@ def monitor_maker(terrains: str) -> Callable[[Model], Any]:
         InputError: there is no such file, or it cannot be used.
     """
     file: Any = None
+    signatures: Any = None
     if terrains:
-        from services.io.terrain_file import find_terrains, read_terrains
+        from services.io.terrain_file import find_terrains, read_signatures_of, read_terrains
 
-        file = read_terrains(find_terrains(terrains))
+        path = find_terrains(terrains)
+        file = read_terrains(path)
+        signatures = read_signatures_of(file, path)
 
     def make(model: Model) -> Any:
         # Takes half a second to load; a service that gets no such samples does without.
@@ -133,7 +136,7 @@ def monitor_maker(terrains: str) -> Callable[[Model], Any]:
         known = file or TerrainFile(name=model.name)
         return TerrainMonitor(
             model, known.classes, estimator=known.estimator, classifier=known.classifier,
-            change=known.change,
+            change=known.change, signatures=signatures, memory=known.memory,
         )  # fmt: skip
 
     return make

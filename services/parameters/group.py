@@ -39,10 +39,12 @@ class GroundNews:
     Attributes:
         changed: the ground is another since. features: (f_r, μ_t, B_s) with standard deviations as
             they are known now, NaN where not; None without news.
+        valid: the ground is surely of a known class; only then may features make a plan faster.
     """
 
     changed: bool = False
     features: tuple[tuple[float, float], ...] | None = None
+    valid: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,11 +42,14 @@ class TerrainGroup(ParameterGroups):
         """Learn from what samples told of the ground."""
         ground = samples.ground
         changed = ground.changed and self._ground_changed()
-        news = ground.features is not None and self.take(ground.features)
+        news = ground.features is not None and self.take(ground.features, valid=ground.valid)
         return {TERRAIN} if changed or news else set()
 
-    def take(self, features: tuple[tuple[float, float], ...]) -> bool:
-        """Learn (value, standard deviation) of each parameter, NaN where not known; any news?"""
+    def take(self, features: tuple[tuple[float, float], ...], *, valid: bool = True) -> bool:
+        """Learn (value, standard deviation) of each parameter, NaN where not known; any news?
+
+        Ground that is not surely of a known class, not ``valid``, teaches slower values only.
+        """
         track = self._prior.vehicle.track_width
         news = False
         for name, largest, (value, std) in zip(NAMES, _LARGEST, features, strict=True):
@@ -58,6 +61,8 @@ class TerrainGroup(ParameterGroups):
                 # Part of the braking then is this resistance: more of it would count as brakes.
                 continue
             old = self._now()[name]
+            if slow < old and not valid:
+                continue
             new = slow if slow >= old else old + _FASTER * (slow - old)
             self._stds[name] = std
             if abs(new - old) > _NEWS * max(abs(old), 1e-3):

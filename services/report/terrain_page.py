@@ -27,6 +27,7 @@ class TerrainPage:
         run: name of the run in detail. trace: of it. changes: of it [s].
         points: class and features of all stretches. classes: that are known.
         rows: cells of the table of runs.
+        reliability: (said, right, stretches) by tenths of probability, where the log is labelled.
         excluded: (run, from when, why) of what was left out.
         notes: what a reader has to know. facts: name -> value.
     """
@@ -40,6 +41,7 @@ class TerrainPage:
     classes: TerrainClasses
     rows: Sequence[Sequence[str]]
     excluded: Sequence[Sequence[str]] = ()
+    reliability: Sequence[Sequence[str]] = ()
     notes: Sequence[str] = ()
     facts: Mapping[str, str] = field(default_factory=dict)
 
@@ -61,8 +63,8 @@ def render_report(content: TerrainPage) -> str:
         "facts": fact_list(content.facts),
         "run_name": escaped(content.run),
         "notes": notices(content.notes),
-        "rows": "\n".join(_row(cells, numbers=(1, 2, 3, 5, 6, 7)) for cells in content.rows),
-        "suspects": _excluded(content.excluded),
+        "rows": "\n".join(_row(cells, numbers=(1, 2, 3, 5, 6, 7, 8)) for cells in content.rows),
+        "suspects": _reliability(content.reliability) + _excluded(content.excluded),
         **pictures(content.trace, content.points, content.classes, content.changes),
     }
     return page(
@@ -80,6 +82,21 @@ def _row(cells: Sequence[str], numbers: Sequence[int] = ()) -> str:
     return "<tr>" + "".join(
         f"<td{kind}>{escaped(cell)}</td>" for kind, cell in zip(kinds, cells, strict=True)
     ) + "</tr>"  # fmt: skip
+
+
+def _reliability(rows: Sequence[Sequence[str]]) -> str:
+    if not rows:
+        return ""
+    listed = "\n".join(_row(cells, numbers=(0, 1, 2)) for cells in rows)
+    heads = "".join(
+        f'<th class="number">{name}</th>' for name in ("probability said", "right", "stretches")
+    )
+    return (
+        '<section class="panel numbers"><h2>Do probabilities mean what they say</h2>'
+        f'<div class="scroll"><table><thead><tr>{heads}</tr></thead><tbody>{listed}</tbody>'
+        "</table></div><p>By the names of the log. Of a log that the classes were learned from "
+        "this is better than of another.</p></section>"
+    )
 
 
 def _excluded(rows: Sequence[Sequence[str]]) -> str:

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.errors import ParameterError
 from models.parameters import Model
-from models.stop_logs.drive_quality import Suspect, find_suspects, usable
+from models.stop_logs.drive_quality import find_suspects, usable
 from models.terrain.adaptation import AdaptiveClassifier
-from models.terrain.estimator import DriveSample
 from models.terrain.log_checks import implausible
-from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
+from models.terrain.monitor import TerrainMonitor
 from models.terrain.resistances import Drivetrain
+from models.terrain.signature_model import SignatureModel
 from models.terrain.trace import TerrainTrace, trace
 from services.cli.commands.terrain_result import RunEvents, TerrainResult
+from services.cli.commands.terrain_run import CHANNELS, NEEDED, rates_of, rows_of, run_events
 from services.cli.screen import progress_bar
 from services.io.access import fault
 from services.io.logs.drive_log import DriveLog
@@ -28,13 +27,10 @@ from services.io.model_file import find_model, read_model
 from services.io.terrain_file import (
     TerrainFile,
     find_terrains,
+    read_signatures_of,
     read_terrains,
     shipped_terrains,
 )
-
-NEEDED = ("v_left", "v_right", "yaw_rate", "current_left", "current_right")
-RATES = ("roll_rate", "pitch_rate")
-_CHANNELS = (*NEEDED, "pitch", "roll")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,22 +62,22 @@ def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
     model_path = find_model(job.model_file)
     model = read_model(model_path)
     _check_vehicle(model, str(model_path))
-    terrains = _terrains(job, model)
+    terrains, signatures = _terrains(job, model)
     log = read_logs(job.logs, job.topics)
     _check_channels(log)
     begin = time.perf_counter()
-    rates = _rates(log)
+    rates = rates_of(log)
     adaptive = None
     if job.adapt or (job.learn and "terrain" not in log.columns):
         adaptive = AdaptiveClassifier(terrains.classes, terrains.adaptation, terrains.classifier)
-    monitor = monitor_of(model, terrains, len(rates), adaptive)
+    monitor = monitor_of(model, terrains, len(rates), adaptive, signatures)
     suspects = [*find_suspects(log.columns, log.runs)]
     suspects += implausible(log.columns, log.runs, model.vehicle)
-    good = usable(len(log.columns["t"]), suspects, _CHANNELS)
+    good = usable(len(log.columns["t"]), suspects, CHANNELS)
     results = []
     with progress_bar("driving", len(log.runs), quiet=quiet) as advance:
         for part in log.runs:
-            results.append(_run_events(log, part, good, suspects, rates, monitor))
+            results.append(run_events(log, part, good, suspects, rates, monitor))
             advance(1)
     return TerrainResult(
         runs=results,
@@ -91,17 +87,23 @@ def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
         classes=terrains.classes if adaptive is None else adaptive.classes,
         good=good,
         seconds=time.perf_counter() - begin,
-        notes=_notes(log, terrains, monitor, learn=job.learn),
+        notes=_notes(log, terrains, monitor, learn=job.learn) + _not_compared(results),
+        signatures=signatures,
     )
 
 
 def monitor_of(
-    model: Model, terrains: TerrainFile, rates: int, adaptive: AdaptiveClassifier | None = None
+    model: Model,
+    terrains: TerrainFile,
+    rates: int,
+    adaptive: AdaptiveClassifier | None = None,
+    signatures: SignatureModel | None = None,
 ) -> TerrainMonitor:
     """The monitor that a model and a terrain file describe."""
     return TerrainMonitor(
         model, terrains.classes, estimator=terrains.estimator, classifier=terrains.classifier,
-        change=terrains.change, adaptive=adaptive, rates=rates,
+        change=terrains.change, adaptive=adaptive, rates=rates, signatures=signatures,
+        memory=terrains.memory,
     )  # fmt: skip
 
 
@@ -114,11 +116,15 @@ def _check_vehicle(model: Model, source: str) -> None:
         raise fault(source, error.field, f"expected {error.expected}") from None
 
 
-def _terrains(job: TerrainJob, model: Model) -> TerrainFile:
+def _terrains(job: TerrainJob, model: Model) -> tuple[TerrainFile, SignatureModel | None]:
     if job.terrains is not None:
-        return read_terrains(find_terrains(job.terrains))
-    shipped = shipped_terrains().get(model.name)
-    return TerrainFile(name=model.name) if shipped is None else read_terrains(shipped)
+        path = find_terrains(job.terrains)
+    elif (shipped := shipped_terrains().get(model.name)) is not None:
+        path = shipped
+    else:
+        return TerrainFile(name=model.name), None
+    terrains = read_terrains(path)
+    return terrains, read_signatures_of(terrains, path)
 
 
 def _check_channels(log: DriveLog) -> None:
@@ -129,58 +135,16 @@ def _check_channels(log: DriveLog) -> None:
                 raise fault(source, f"column {name}", words)
 
 
-def _rates(log: DriveLog) -> tuple[str, ...]:
-    """Rates of turn that the whole log has."""
-    return tuple(n for n in RATES if n in log.columns and np.isfinite(log.columns[n]).all())
-
-
-def rows_of(
-    log: DriveLog, part: slice, good: NDArray[np.bool_], rates: tuple[str, ...]
-) -> Iterator[tuple[DriveSample, bool, tuple[float, ...]]]:
-    """Samples of a run as the monitor takes them."""
-    columns = log.columns
-    count = part.stop - part.start
-    roll = np.nan_to_num(columns["roll"][part]) if "roll" in columns else np.zeros(count)
-    turning = [columns[name][part].tolist() for name in rates]
-    channels = [columns[name][part].tolist() for name in ("t", *NEEDED, "pitch")]
-    return zip(
-        map(DriveSample, *channels, roll.tolist()),
-        good[part].tolist(),
-        list(zip(*turning, strict=True)) if turning else [()] * count,
-        strict=True,
-    )
-
-
-def _run_events(
-    log: DriveLog, part: slice, good: NDArray[np.bool_], suspects: list[Suspect],
-    rates: tuple[str, ...], monitor: TerrainMonitor,
-) -> RunEvents:  # fmt: skip
-    monitor.begin_run()
-    events: list[Classified | GroundChange] = []
-    for row in rows_of(log, part, good, rates):
-        if found := monitor.update(*row):
-            events += found
-    events += monitor.finish()
-    channels = {*_CHANNELS, "t"}
-    excluded = [s for s in suspects if s.channel in channels and part.start <= s.start < part.stop]
-    return RunEvents(
-        run=str(log.columns["run"][part.start]),
-        samples=part,
-        events=events,
-        excluded=excluded,
-        known=monitor.estimator.known,
-        labels=_labels(log, part, events),
-    )
-
-
-def _labels(log: DriveLog, part: slice, events: list[Classified | GroundChange]) -> list[str]:
-    """The log's own name of the ground in the middle of each stretch, empty where it has none."""
-    stretches = [e.observation for e in events if isinstance(e, Classified)]
-    if "terrain" not in log.columns:
-        return [""] * len(stretches)
-    middle = np.array([0.5 * (o.begin + o.end) for o in stretches])
-    index = np.searchsorted(log.columns["t"][part], middle).clip(max=part.stop - part.start - 1)
-    return [str(name) for name in log.columns["terrain"][part][index]]
+def _not_compared(runs: list[RunEvents]) -> list[str]:
+    """What the search for changes could not look at."""
+    silent = sum(one.not_compared for one in runs)
+    total = silent + sum(one.compared for one in runs)
+    if not silent:
+        return []
+    return [
+        f"changes: {silent} of {total} steady seconds could not be compared, nothing driven alike "
+        "came before them"
+    ]
 
 
 def _notes(
@@ -191,7 +155,7 @@ def _notes(
         notes.append("no current is negative: taken as magnitudes, their signs from the balance")
     if "roll" not in log.columns:
         notes.append("no column roll: taken as level from side to side")
-    if not _rates(log):
+    if not rates_of(log):
         notes.append("no columns roll_rate, pitch_rate: changes are told from fewer channels")
     if not terrains.terrain and learn:
         notes.append("no classes known before: those learned now are in the file")
@@ -203,5 +167,5 @@ def _notes(
 def trace_of(result: TerrainResult, one: RunEvents) -> TerrainTrace:
     """How the filter went through a run."""
     monitor = monitor_of(result.model, result.terrains, 0)
-    rows = rows_of(result.log, one.samples, result.good, ())
+    rows = (row[:3] for row in rows_of(result.log, one.samples, result.good, ()))
     return trace(monitor.estimator, rows, result.terrains.filter)

@@ -14,15 +14,23 @@ from models.parameters import Model
 from models.stop_logs.drive_quality import Suspect
 from models.terrain.adaptation import classes_of
 from models.terrain.classes import TerrainClasses
-from models.terrain.monitor import Classified, GroundChange
+from models.terrain.classifier import NONE
+from models.terrain.monitor import SURE, Classified, GroundChange
 from models.terrain.observation import Features
 from models.terrain.phases import Phase
+from models.terrain.reliability import ReliabilityBin, reliability_curve
 from models.terrain.resistances import TerrainEstimate
+from models.terrain.signature import Signature
+from models.terrain.signature_fit import fit
+from models.terrain.signature_model import SignatureModel
 from models.terrain.surfaces import model_on, with_surface
 from services.io.access import fault
 from services.io.logs.drive_log import DriveLog
 from services.io.model_file import write_model
+from services.io.signature_file import write_signatures
 from services.io.terrain_file import TerrainFile, write_terrains
+
+_LASTS = 6  # stretches of unknown ground that are offered as a class
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +43,9 @@ class RunEvents:
         excluded: stretches that nothing was learned from.
         known: of the ground at its end.
         labels: terrain as the log names it, for each classified stretch.
+        centres: of rotation (left, right) [m] of each classified stretch, NaN where not told.
+        signatures: of the run, each with the log's name of the ground.
+        compared, not_compared: steady seconds that a change was looked for in, and could not be.
     """
 
     run: str
@@ -43,6 +54,10 @@ class RunEvents:
     excluded: list[Suspect]
     known: Features
     labels: list[str]
+    signatures: list[tuple[Signature, str]] = field(default_factory=list)
+    centres: list[tuple[float, float]] = field(default_factory=list)
+    compared: int = 0
+    not_compared: int = 0
 
     @property
     def classified(self) -> list[Classified]:
@@ -64,6 +79,7 @@ class TerrainResult:
         good: (samples,) what may be learned from.
         seconds: computing, without reading.
         notes: what a reader has to know.
+        signatures: what told the classes, None where f_r, μ_t and B_s alone did.
     """
 
     runs: list[RunEvents]
@@ -74,6 +90,7 @@ class TerrainResult:
     good: NDArray[np.bool_]
     seconds: float
     notes: list[str] = field(default_factory=list)
+    signatures: SignatureModel | None = None
 
     @property
     def known(self) -> Features:
@@ -110,7 +127,8 @@ def updated_model(result: TerrainResult) -> Model:
     Raises:
         InputError: a class with so little resistance that the brakes would not stop the vehicle.
     """
-    model = model_on(result.model, result.known)
+    valid = ends_on_a_known_class(result)
+    model = model_on(result.model, result.known, valid=valid)
     reference = result.model.terrain.motion_resistance
     for name, values in class_values(result).items():
         f_r = np.array(values)[:, 0]
@@ -123,6 +141,18 @@ def updated_model(result: TerrainResult) -> Model:
         except ParameterError as error:
             raise fault(result.model.name, error.field, f"{name}: {error.expected}") from None
     return model
+
+
+def ends_on_a_known_class(result: TerrainResult) -> bool:
+    """Is the ground at the end of the log of a known class, and surely so?"""
+    for one in reversed(result.runs):
+        answers = [event.answer for event in one.classified if event.answer.name]
+        if answers:
+            names = {known.name for known in result.classes.terrain}
+            if result.signatures is not None:
+                names |= set(result.signatures.classes)
+            return answers[-1].name in names and answers[-1].probability >= SURE
+    return False
 
 
 def class_values(result: TerrainResult) -> dict[str, list[tuple[float, float, float]]]:
@@ -143,14 +173,78 @@ def write_updated_model(result: TerrainResult, path: Path) -> None:
 
 
 def write_learned(result: TerrainResult, path: Path) -> None:
-    """Write :func:`learned_terrains`, all or nothing."""
-    write_terrains(learned_terrains(result), path)
+    """Write :func:`learned_terrains`, and beside it signatures where the log teaches some.
+
+    Why there are none is added to the notes.
+    """
+    learned = dataclasses.replace(learned_terrains(result), signatures="")
+    try:
+        model = learned_signatures(result)
+    except ParameterError as error:
+        result.notes.append(f"no signatures learned: expected {error.expected}")
+    else:
+        if model is not None:
+            beside = path.with_suffix(".signatures.json")
+            write_signatures(model, beside)
+            learned = dataclasses.replace(learned, signatures=beside.name)
+            result.notes.append(
+                f"signatures of {len(model.classes)} classes in {beside.name}: "
+                f"{model.known_refused:.1%} of known ground left out in training was refused"
+            )
+    write_terrains(learned, path)
+
+
+def learned_signatures(result: TerrainResult) -> SignatureModel | None:
+    """Signatures by the log's column terrain, None if it has none.
+
+    Raises:
+        ParameterError: too few runs of a class, or scikit-learn is not installed.
+    """
+    rows = [
+        (signature, label, one.run)
+        for one in result.runs
+        for signature, label in one.signatures
+        if label
+    ]
+    if not rows:
+        return None
+    signatures, labels, runs = zip(*rows, strict=True)
+    return fit(signatures, labels, runs)
 
 
 def usual_class(one: RunEvents) -> str:
     """The class of most stretches of a run, empty if none was told."""
     names = [e.answer.name for e in one.classified if e.answer.name]
     return max(dict.fromkeys(names), key=names.count) if names else ""
+
+
+def probabilities(one: RunEvents) -> dict[str, float]:
+    """Mean probability of each class over the stretches of a run that were told one."""
+    told = [e.answer.probabilities for e in one.classified if e.answer.name]
+    names = dict.fromkeys(name for answer in told for name in answer)
+    return {name: float(np.mean([answer.get(name, 0.0) for answer in told])) for name in names}
+
+
+def reliability(result: TerrainResult) -> tuple[ReliabilityBin, ...]:
+    """Shares of right answers beside what was said, by the log's own labels; empty without."""
+    told = [
+        (event.answer.probability, event.answer.name == label)
+        for one in result.runs
+        for event, label in zip(one.classified, one.labels, strict=True)
+        if label and event.answer.name
+    ]
+    said, right = np.array([p for p, _ in told]), np.array([r for _, r in told], np.bool_)
+    return reliability_curve(said, right)
+
+
+def unknown_ground(result: TerrainResult) -> list[tuple[str, int]]:
+    """(run, stretches) where ground of no known class lasted: offered to be named."""
+    found = []
+    for one in result.runs:
+        many = sum(event.answer.name == NONE for event in one.classified)
+        if many >= _LASTS and usual_class(one) == NONE:
+            found.append((one.run, many))
+    return found
 
 
 def stuck_seconds(one: RunEvents) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -20,13 +21,16 @@ from services.cli.commands.terrain_result import (
     TerrainResult,
     agreement,
     class_values,
+    probabilities,
+    reliability,
     stuck_seconds,
+    unknown_ground,
     usual_class,
 )
 from services.io.terrain_table import event_row, excluded_row, write_terrain_table
 
 _LISTED = 30
-_TITLES = ("run", "f_r", "μ_t", "B_s\nm", "class", "parts", "changed", "stuck\ns", "left\nout")
+_TITLES = ("run", "f_r", "μ_t", "B_s\nm", "class", "p", "parts", "changed", "stuck\ns", "left\nout")
 _FEATURES = ("motion_resistance", "lateral_resistance", "slip_track")
 
 
@@ -35,7 +39,8 @@ def write(result: TerrainResult, path: Path) -> None:
     time = result.log.columns["t"]
     rows: list[dict[str, Any]] = []
     for one in result.runs:
-        own = [event_row(one.run, event) for event in one.events]
+        own = [event_row(one.run, event) for event in one.changes]
+        own += _stretch_rows(one)
         own += [excluded_row(one.run, time, stretch) for stretch in one.excluded]
         rows += sorted(own, key=lambda row: float(row["t"]))
     write_terrain_table(rows, path)
@@ -49,6 +54,8 @@ def as_json(result: TerrainResult) -> dict[str, Any]:
         "notes": result.notes,
         "terrain": _features(result.known),
         "agreement": agreement(result),
+        "reliability": [dataclasses.asdict(one) for one in reliability(result)],
+        "unknown_ground": [run for run, _ in unknown_ground(result)],
         "classes": {name: _spread(values) for name, values in class_values(result).items()},
         "runs": [_run(one, result) for one in result.runs],
     }
@@ -61,7 +68,13 @@ def _run(one: RunEvents, result: TerrainResult) -> dict[str, Any]:
         "terrain": _features(one.known),
         "class": usual_class(one),
         "stuck": stuck_seconds(one),
-        "changes": [{"t": c.time, "strength": c.strength} for c in one.changes],
+        "probabilities": probabilities(one),
+        "changes": [
+            {"t": c.time, "strength": c.strength, "classes": c.classes, "again": c.again}
+            for c in one.changes
+        ],
+        "compared_seconds": one.compared,
+        "not_compared_seconds": one.not_compared,
         "excluded": [
             {
                 "t": float(time[s.start]),
@@ -73,10 +86,21 @@ def _run(one: RunEvents, result: TerrainResult) -> dict[str, Any]:
             for s in one.excluded
         ],
         "stretches": [
-            {key: _plain(value) for key, value in event_row(one.run, event).items()}
-            for event in one.classified
+            {key: _plain(value) for key, value in row.items()} | {"probabilities": probable}
+            for row, probable in zip(
+                _stretch_rows(one),
+                [event.answer.probabilities for event in one.classified],
+                strict=True,
+            )
         ],
     }
+
+
+def _stretch_rows(one: RunEvents) -> list[dict[str, Any]]:
+    return [
+        event_row(one.run, event, centres)
+        for event, centres in zip(one.classified, one.centres, strict=True)
+    ]
 
 
 def _plain(value: Any) -> Any:
@@ -114,11 +138,17 @@ def show(result: TerrainResult, console: Console) -> None:
         console.print(f"… and {len(result.runs) - _LISTED} more runs; --out or --json gives all")
     for one in result.runs[:_LISTED]:
         for change in one.changes:
-            console.print(f"  {one.run}: the ground changed before {change.time:.1f} s")
+            told = "" if change.classes is None else f", {change.classes[0]} to {change.classes[1]}"
+            told += ", again" if change.again else ""
+            words = f"  {one.run}: the ground changed before {change.time:.1f} s{told}"
+            console.print(words, markup=False)
         for reason in dict.fromkeys(stretch.reason for stretch in one.excluded):
             console.print(f"  {one.run}: left out: {reason}", markup=False)
     if (share := agreement(result)) is not None:
         console.print(f"  class as labelled in the log: {share:.0%} of each label, on average")
+    for run, many in unknown_ground(result):
+        words = "name it in the column terrain and --learn it, or let it arise by --adapt"
+        console.print(f"  {run}: {many} stretches of none of these: {words}", markup=False)
     for note in result.notes:
         console.print(f"  note: {note}", markup=False)
 
@@ -128,9 +158,16 @@ def _cells(one: RunEvents, spread: str = "") -> list[str]:
         f"{value:.3f}{spread.format(std)}" if math.isfinite(value) else "–"
         for value, std in zip(one.known.values, one.known.stds, strict=True)
     ]
-    counts = (len(one.classified), len(one.changes), round(stuck_seconds(one)), len(one.excluded))
+    counts = (
+        len(one.classified),
+        sum(not c.again for c in one.changes),
+        round(stuck_seconds(one)),
+        len(one.excluded),
+    )
     shown = [str(count) if count else "–" for count in counts]
-    return [one.run, *values, usual_class(one) or "–", *shown]
+    usual = usual_class(one)
+    probable = f"{probabilities(one)[usual]:.2f}" if usual else "–"
+    return [one.run, *values, usual or "–", probable, *shown]
 
 
 def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
@@ -160,6 +197,9 @@ def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
             for stretch in run.excluded
         ],
         notes=result.notes,
+        reliability=[
+            (f"{one.said:.2f}", f"{one.right:.2f}", str(one.count)) for one in reliability(result)
+        ],
         facts={
             "model": f"{result.model.name} ({job.model_file})",
             "classes": f"{result.terrains.name}, {len(result.classes.terrain)} known",
@@ -180,7 +220,7 @@ def _variety(one: RunEvents) -> float:
 def _verdict(result: TerrainResult) -> str:
     values = zip(("f_r", "μ_t", "B_s"), result.known.values, result.known.stds, strict=True)
     told = [f"{name} {v:.2f} ± {std:.2f}" for name, v, std in values if math.isfinite(v)]
-    changes = sum(len(run.changes) for run in result.runs)
+    changes = sum(not change.again for run in result.runs for change in run.changes)
     stuck = sum(stuck_seconds(run) for run in result.runs)
     ground = f"In the end {', '.join(told)}." if told else "Nothing was told of the ground."
     changed = "1 change" if changes == 1 else f"{changes} changes"

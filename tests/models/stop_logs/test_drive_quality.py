@@ -118,3 +118,31 @@ def test_runs_are_judged_on_their_own() -> None:
 def test_stretches_of_a_mask() -> None:
     assert stretches_of(np.array([1, 1, 0, 1], bool)) == [(0, 2), (3, 4)]
     assert stretches_of(np.zeros(3, bool)) == []
+
+
+def joined_with_set_points() -> dict[str, np.ndarray]:
+    """A minute of measured wheels, then ten seconds of set points, on one clock and as one run."""
+    measured = clean()
+    held = {name: values[: 10 * HZ].copy() for name, values in clean(seed=1).items()}
+    rng = np.random.default_rng(3)
+    for log, noise in ((measured, 0.02), (held, 0.0)):
+        steady = np.where(log["v_cmd"] > 0.0, 2.0, 0.0)
+        for side in ("v_left", "v_right"):
+            log[side] = steady + noise * rng.standard_normal(len(steady))
+    held["t"] = held["t"] + 60.0
+    return {name: np.concatenate([measured[name], held[name]]) for name in measured}
+
+
+def test_set_points_behind_measured_wheels_are_no_frozen_encoders() -> None:
+    log = joined_with_set_points()
+    assert [entry for entry in found(log) if entry[0].startswith("v_")] == []
+
+
+def test_one_wheel_that_freezes_is_found_and_both_where_the_command_changes() -> None:
+    log = joined_with_set_points()
+    log["v_left"][200:400] = log["v_left"][200]
+    assert ("v_left", Kind.FROZEN) in {entry[:2] for entry in found(log)}
+    log = joined_with_set_points()
+    for side in ("v_left", "v_right"):
+        log[side][400:700] = log[side][400]  # through the stop command at the 600th sample
+    assert {e[0] for e in found(log) if e[1] is Kind.FROZEN} == {"v_left", "v_right"}

@@ -20,6 +20,14 @@ from tests.models.models_for_tests import BASE
 from tests.models.terrain.test_monitor import MODEL
 
 
+def test_unknown_ground_that_rolls_easily_still_takes_from_partial_brakes():
+    slippery, known = found(0.02, 0.005), with_level(0.5)
+    unknown = model_on(known, slippery, valid=False)
+    assert unknown.terrain.motion_resistance == known.terrain.motion_resistance
+    assert unknown.terrain.rolling_while_braking == pytest.approx(0.02)
+    assert stop(unknown) >= stop(model_on(known, slippery)) > stop(known)
+
+
 def test_the_model_on_the_ground_driven_now_is_rounded_towards_slower():
     known = Features(
         TerrainEstimate(0.2, 0.02), TerrainEstimate(0.25, 0.01), TerrainEstimate(1.3, 0.1)
@@ -31,6 +39,21 @@ def test_the_model_on_the_ground_driven_now_is_rounded_towards_slower():
     assert model_on(MODEL, Features()).terrain == MODEL.terrain
     narrow = Features(slip_track=TerrainEstimate(0.3, 0.01))
     assert model_on(MODEL, narrow).terrain.slip_track == MODEL.vehicle.track_width
+
+
+def test_ground_of_no_valid_class_makes_nothing_faster():
+    def known(f_r, mu_t, b_s):
+        return Features(*(TerrainEstimate(value, 0.01) for value in (f_r, mu_t, b_s)))
+
+    old = MODEL.terrain
+    easy = known(0.01, 0.01, MODEL.vehicle.track_width)
+    assert model_on(MODEL, easy).terrain.motion_resistance < old.motion_resistance
+    assert model_on(MODEL, easy, valid=False).terrain == old
+    hard = known(0.4, 0.5, 2.5)
+    assert model_on(MODEL, hard, valid=False) == model_on(MODEL, hard)
+    mixed = model_on(MODEL, known(0.01, 0.5, 2.5), valid=False).terrain
+    assert mixed.motion_resistance == old.motion_resistance
+    assert mixed.lateral_resistance == pytest.approx(0.51)
 
 
 def test_a_surface_brakes_less_where_it_rolls_more_easily_and_never_more():
