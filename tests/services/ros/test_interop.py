@@ -42,7 +42,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     if not router.exists():
         install = ["cargo", "install", "--locked", "--debug", "zenohd", "--version", ZENOHD]
         subprocess.run([*install, "--root", str(folder)], check=True, env=environment)
-    build = ["cargo", "build", "--locked"]
+    build = ["cargo", "build"]
     subprocess.run(build, check=True, env=environment, cwd=HERE)
     return router, node
 
