@@ -63,7 +63,8 @@ class BrakingGroups(ParameterGroups):
         self._online = OnlineBraking(
             known,
             recursive=RecursiveSettings(change=settings.change),
-            publish=PublishSettings(rise=settings.rise, only_valid=True),
+            # How far plans may go above the file is limited on the way out, by the file's force.
+            publish=PublishSettings(rise=settings.rise, only_valid=True, most_share=math.inf),
         )
         self._taught: dict[str, float] = {}
         self._weaker: dict[tuple[str, str], int] = {}

@@ -23,6 +23,7 @@ from tests.services.service_process import Running, running
 
 SETTINGS = """
 [learning]
+stops_at_once = 1000  # stops take no time here
 refresh = 0.2
 [store]
 path = "p.sqlite"

@@ -15,7 +15,8 @@ from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import free_port, running
 
 G = 9.80665
-STORE = '[store]\npath = "p.sqlite"\n'
+# Stops take no time here.
+STORE = '[learning]\nstops_at_once = 100000\n[store]\npath = "p.sqlite"\n'
 SOON = 5.0
 """From the start of the process to the first plan [s]: of a processor always, of the clock unless
 the machine has others to serve."""
