@@ -12,6 +12,9 @@ from planner.limiting import Limiting
 from planner.pipeline.candidate_column import CandidateColumn
 from planner.plan import Status
 
+_HARDLY_SHORT = 1.0
+"""So far before the end of its path a plan may rest, beside what stops keep free [m]."""
+
 
 def standing(column: CandidateColumn) -> tuple[Status, str]:
     """Status by what ends the clear distance, if nothing goes wrong, and the reason."""
@@ -34,10 +37,17 @@ def stands_early(
     moving = np.flatnonzero(speed_sq > 0.0)
     k = min(int(moving[-1]) + 1, len(station) - 1) if len(moving) else 0
     short = float(station[-1] - station[k])
-    if status is not Status.OK or short <= column.offset + 1.0:
+    if status is not Status.OK or short <= _kept_free(column, k) + _HARDLY_SHORT:
         return status, reason
     label = Limiting(int(column.label[k])).label
     return Status.BLOCKED, f"stops at {station[k]:.2f} m of {station[-1]:.2f} m: {label}"
+
+
+def _kept_free(column: CandidateColumn, k: int) -> float:
+    """What even the slowest stop before the end keeps free: its offset, and the map's error [m]."""
+    braking = column.full_braking(k, 0.0)
+    fall = GRAVITY * column.errors.height / braking if braking > 0.0 else 0.0
+    return column.offset + fall
 
 
 def _why_barred(column: CandidateColumn, k: int) -> str:

@@ -13,6 +13,7 @@ import pytest
 from models.errors import ParameterError
 from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
+from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
 from planner.path import CandidatePath, batch
 from planner.pipeline import plan_finalizer
@@ -65,6 +66,15 @@ def test_ok_reaches_the_end_and_has_nothing_to_explain() -> None:
     assert 30.0 - 0.2 - 0.55 <= plan.progress <= 30.0 - 0.2
     assert plan.speed.max() == pytest.approx(4.0, abs=0.01)
     assert_sound(plan, ATV)
+
+
+def test_what_the_error_of_a_map_keeps_free_before_the_end_blocks_nothing() -> None:
+    planner = CandidatePlanner(model_of(ATV), uncertainty=Uncertainty())
+    ground = dataclasses.replace(plane(rise=-0.1), height_std=0.1)
+    (plan,) = planner.plan(ground, [straight(20.0)])
+    # More than the offset of 0.2 m, and than the metre that any plan may rest early.
+    assert plan.progress < plan.station[-1] - 1.2
+    assert (plan.status, plan.reason) == (Status.OK, "")
 
 
 def test_blocked_says_where_and_why_and_is_as_sound() -> None:
