@@ -177,9 +177,12 @@ def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
         counters = status["counters"]
         for kind in (
             "busy", "given_up", "refused", "stops_too_many", "stops_contradictory",
-            "map_updates_refused", "params_malformed", "stop_out_of_order",
+            "map_updates_refused", "params_malformed",
         ):  # fmt: skip
             assert counters.get(kind, 0) > 0, kind
+        # Which of them come out of order, twice or late depends on who is heard first.
+        untimely = ("stop_out_of_order", "stop_duplicate", "stop_late", "stop_future")
+        assert sum(counters.get(kind, 0) for kind in untimely) > 0
         # On a machine that is busy otherwise the robot alone is not always answered in time either.
         assert share >= 0.75 * alone
         assert now <= 1.2 * warm
