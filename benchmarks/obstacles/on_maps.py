@@ -20,7 +20,8 @@ from planner.path import CandidatePath
 from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan, Status
 from services.io.maps.map_file import read_map
-from services.io.model_file import read_model, shipped_models
+from services.io.model_file import find_model, read_model
+from services.report.hillshade import shade
 
 _CANDIDATES = 400
 _SEED = 5
@@ -72,17 +73,12 @@ def _end_of(plan: SpeedPlan) -> str:
 def picture(found: OnMap, path: Path) -> None:
     """Relief, candidates and what ends them, each obstacle where it is."""
     import matplotlib.pyplot as plt
-    from matplotlib.colors import LightSource
 
     ground, x = found.ground, found.ground.extent
     half = 0.5 * ground.resolution
-    shade = LightSource(315.0, 45.0).hillshade(
-        np.nan_to_num(ground.elevation, nan=float(np.nanmean(ground.elevation))),
-        dx=ground.resolution, dy=ground.resolution,
-    )  # fmt: skip
     figure, axes = plt.subplots(figsize=(11.0, 9.0), layout="constrained")
     axes.imshow(
-        shade, cmap="gray", origin="lower",
+        shade(ground.elevation, ground.resolution)[..., 0], cmap="gray", vmin=0, vmax=255,
         extent=(x[0] - half, x[1] + half, x[2] - half, x[3] + half),
     )  # fmt: skip
     for plan in found.plans:
@@ -101,7 +97,7 @@ def picture(found: OnMap, path: Path) -> None:
 def main(arguments: list[str]) -> dict[str, Any]:
     """Read, plan, count; a picture where one is wanted."""
     ground, vehicle = read_map(Path(arguments[0])), arguments[1]
-    found = plans_on(ground, read_model(Path(shipped_models().get(vehicle, vehicle))))
+    found = plans_on(ground, read_model(find_model(vehicle)))
     if len(arguments) > 2:
         picture(found, Path(arguments[2]))
     return {name: count / len(found.plans) for name, count in found.ends.most_common()}

@@ -9,7 +9,7 @@ from planner.kernels.compiled import inlined, row_pass
 from planner.swept.screen import Screen
 from planner.swept.sizes import SweptSizes
 from planner.swept.verdicts import UNSEEN
-from planner.swept.wheel_path import Pose
+from planner.swept.wheel_path import Pose, place
 from planner.swept.wheel_sweep import wheel_at
 
 TWIST, WHEEL, WHEELS = 8, 16, 240
@@ -22,6 +22,15 @@ feel a ridge before and after they are on it, so two may where one of them stand
 
 
 @row_pass
+def _flat_block(screen: Screen, x: float, y: float) -> np.uint64:
+    """Of a point, in rows laid one behind the other; unsigned, as no index counts from the end."""
+    rows, columns = screen.bits.shape
+    u = min(max((x - screen.origin_x) * screen.per_metre, 0.0), columns - 1.0)
+    v = min(max((y - screen.origin_y) * screen.per_metre, 0.0), rows - 1.0)
+    return np.uint64(np.floor(v) * columns + np.floor(u))
+
+
+@row_pass
 def looks_at(
     x: Floats, y: Floats, screen: Screen, open_yet: Bytes, known: Bools, twist: Singles,
     travel: np.float32, looks: Bytes,
@@ -31,16 +40,11 @@ def looks_at(
     Ground that is unknown under the wheels ends a candidate as a bar does: ``open_yet`` keeps the
     bits of those that go on.
     """
-    origin_x, origin_y, per_block = screen.origin_x, screen.origin_y, screen.per_metre
     flat = screen.bits.reshape(screen.bits.size)
-    rows, columns = screen.bits.shape
-    right, top = columns - 1.0, rows - 1.0
     most = np.float32(_TWIST_SHOWN) * travel
     some = 0
     for j in range(x.shape[0]):
-        u = min(max((x[j] - origin_x) * per_block, 0.0), right)
-        v = min(max((y[j] - origin_y) * per_block, 0.0), top)
-        block = np.uint64(np.floor(v) * columns + np.floor(u))
+        block = _flat_block(screen, x[j], y[j])
         hanging = np.uint8(TWIST) if twist[j] > most else np.uint8(0)
         goes_on = open_yet[j] & (np.uint8(255) if known[j] else np.uint8(0))
         open_yet[j] = goes_on
@@ -63,31 +67,16 @@ def wheel_looks(
         screen: of the map. wheel: its bit.
         open_yet: (M,) candidates that go on. looks: (M,) in and out.
     """
-    origin_x, origin_y, per_block = screen.origin_x, screen.origin_y, screen.per_metre
     flat = screen.steps.reshape(screen.steps.size)
-    rows, columns = screen.steps.shape
-    right, top = columns - 1.0, rows - 1.0
     some = 0
     for j in range(x.shape[0]):
         wheel_x = x[j] + ahead * heading_x[j] - aside * heading_y[j]
         wheel_y = y[j] + ahead * heading_y[j] + aside * heading_x[j]
-        u = min(max((wheel_x - origin_x) * per_block, 0.0), right)
-        v = min(max((wheel_y - origin_y) * per_block, 0.0), top)
-        block = np.uint64(np.floor(v) * columns + np.floor(u))
+        block = _flat_block(screen, wheel_x, wheel_y)
         look = (wheel if flat[block] > 0 else np.uint8(0)) & open_yet[j]
         looks[j] |= look
         some += look
     return some
-
-
-@inlined
-def _block(screen: Screen, x: float, y: float) -> tuple[int, int]:
-    rows, columns = screen.bits.shape
-    i, j = (
-        int((y - screen.origin_y) * screen.per_metre),
-        int((x - screen.origin_x) * screen.per_metre),
-    )
-    return min(max(i, 0), rows - 1), min(max(j, 0), columns - 1)
 
 
 @inlined
@@ -103,22 +92,23 @@ def looked_closer(
     """
     if looks & UNSEEN:
         # Three circles along the body cover it.
+        seen = screen.seen.reshape(screen.seen.size)
         length = sizes.front + sizes.rear + 2.0 * sizes.margin
         third, clear = length / 3.0, True
         radius = np.sqrt(0.25 * third * third + (sizes.side + sizes.margin) ** 2)
         for n in range(3):
             ahead = -sizes.rear - sizes.margin + (n + 0.5) * third
-            i, j = _block(screen, pose.x + ahead * pose.heading_x, pose.y + ahead * pose.heading_y)
-            clear = clear and screen.seen[i, j] >= radius
+            x, y = place(pose, ahead, 0.0)
+            clear = clear and seen[_flat_block(screen, x, y)] >= radius
         if clear:
             looks &= ~UNSEEN
     for wheel in range(4):
         if looks & (WHEEL << wheel):
             ahead, aside = wheel_at(wheel, sizes)
-            x = pose.x + ahead * pose.heading_x - aside * pose.heading_y
-            y = pose.y + ahead * pose.heading_y + aside * pose.heading_x
-            i, j = _block(screen, x, y)
-            east, north = screen.east[i, j], screen.north[i, j]
+            x, y = place(pose, ahead, aside)
+            block = _flat_block(screen, x, y)
+            east = screen.east.reshape(screen.east.size)[block]
+            north = screen.north.reshape(screen.north.size)[block]
             around[wheel, 0] = east * pose.heading_x + north * pose.heading_y
             around[wheel, 1] = north * pose.heading_x - east * pose.heading_y
     return looks

@@ -23,6 +23,7 @@ from planner.swept.blocks import Blocks, blocks_of, smoothed
 from planner.swept.screen_reach import ScreenBounds, ScreenOffsets, bounds_of, cells_of, offsets_of
 from planner.swept.sizes import SweptSizes
 from planner.swept.surfaces import FacetRow, Surface, bend, felt, fit, range_of, stood_on, warp
+from planner.swept.tyre_profile import Facets
 from planner.swept.verdicts import judge_body, judge_steps, nearest, unseen
 
 
@@ -36,9 +37,7 @@ class Screen(NamedTuple):
         seen: (rows, columns) distance from any point of a block within which all is known [m], at
             most the reach of the body.
         origin_x, origin_y: corner of block [0, 0] [m]. per_metre: blocks in a metre.
-        facets: of cells around the blocks, as of :class:`planner.swept.blocks.Blocks`.
-        first_row, first_column: of the first facet on the map, may be below 0.
-        level: height of the map that facets are above [m].
+        facets: of cells around the blocks.
     """
 
     bits: Bytes
@@ -49,10 +48,7 @@ class Screen(NamedTuple):
     origin_x: float
     origin_y: float
     per_metre: float
-    facets: Singles
-    first_row: int
-    first_column: int
-    level: float
+    facets: Facets
 
 
 def screen_of(
@@ -80,10 +76,13 @@ def screen_of(
     bits, steps = np.empty((2, rows, columns), np.uint8)
     east, north, seen = np.empty((3, rows, columns), np.float32)
     x, y = elevation_map.origin
+    facets = Facets(
+        blocks.facets, x + first_column * resolution, y + first_row * resolution, 1.0 / resolution,
+        blocks.level,
+    )  # fmt: skip
     out = Screen(
         bits, steps, east, north, seen, x + (window[2] - 0.5) * resolution,
-        y + (window[0] - 0.5) * resolution, 1.0 / (cells * resolution), blocks.facets,
-        first_row, first_column, blocks.level,
+        y + (window[0] - 0.5) * resolution, 1.0 / (cells * resolution), facets,
     )  # fmt: skip
     _look_around(blocks, pad, offsets, bounds, sizes.reach, out)
     return out

@@ -72,16 +72,41 @@ def warp(
 
 
 @row_pass
+def _height(s: Surface, j: int, x: np.float32, y: np.float32) -> np.float32:
+    """Of the surface of block j, so far to the east and to the north of it [m]."""
+    half = np.float32(0.5)
+    plane = s.level[j] + s.east[j] * x + s.north[j] * y
+    return plane + (
+        s.bend_x[j] * (half * x * x) + s.bend_y[j] * (half * y * y) + s.warp[j] * (x * y)
+    )
+
+
+@row_pass
+def _tilt(
+    s: Surface, j: int, east: np.float32, north: np.float32, x: np.float32, y: np.float32,
+    edge: np.float32,
+) -> np.float32:  # fmt: skip
+    """How far the corner of a block's plane is off the surface of block j there [m].
+
+    Args:
+        s: surfaces. j: block that one was taken off around.
+        east, north: rise of the plane across its block [m].
+        x, y: of the block from block j, edge: of a block [m].
+    """
+    half = np.float32(0.5)
+    slope_x = s.east[j] + s.bend_x[j] * x + s.warp[j] * y
+    slope_y = s.north[j] + s.bend_y[j] * y + s.warp[j] * x
+    return half * (abs(east - slope_x * edge) + abs(north - slope_y * edge))
+
+
+@row_pass
 def range_of(
     top: Singles, low: Singles, x: np.float32, y: np.float32, s: Surface, highest: Singles,
     lowest: Singles,
 ) -> None:  # fmt: skip
     """Highest and lowest of what is left."""
-    half = np.float32(0.5)
-    xx, yy, xy = half * x * x, half * y * y, x * y
     for j in range(top.shape[0]):
-        surface = s.level[j] + s.east[j] * x + s.north[j] * y
-        surface += s.bend_x[j] * xx + s.bend_y[j] * yy + s.warp[j] * xy
+        surface = _height(s, j, x, y)
         above, below, up, down = top[j] - surface, low[j] - surface, highest[j], lowest[j]
         # A comparison with an unknown height is false: what is known decides.
         highest[j] = (above if above > up else up) + PLUS_ZERO
@@ -93,16 +118,10 @@ def felt(
     row: FacetRow, x: np.float32, y: np.float32, edge: np.float32, rim: np.float32, s: Surface
 ) -> None:  # fmt: skip
     """Highest of what is left in a block, its facets against the slope of the surface there."""
-    half = np.float32(0.5)
     middle, off, east, north = row.middle, row.off, row.east, row.north
-    xx, yy, xy = half * x * x, half * y * y, x * y
     for j in range(middle.shape[0]):
-        surface = s.level[j] + s.east[j] * x + s.north[j] * y
-        surface += s.bend_x[j] * xx + s.bend_y[j] * yy + s.warp[j] * xy
-        slope_x = s.east[j] + s.bend_x[j] * x + s.warp[j] * y
-        slope_y = s.north[j] + s.bend_y[j] * y + s.warp[j] * x
-        tilt = half * (abs(east[j] - slope_x * edge) + abs(north[j] - slope_y * edge))
-        felt, most = middle[j] + off[j] + tilt - surface - rim, s.near[j]
+        level, tilt = _height(s, j, x, y), _tilt(s, j, east[j], north[j], x, y, edge)
+        felt, most = middle[j] + off[j] + tilt - level - rim, s.near[j]
         s.near[j] = (felt if felt > most else most) + PLUS_ZERO
 
 
@@ -111,14 +130,8 @@ def stood_on(
     row: FacetRow, x: np.float32, y: np.float32, edge: np.float32, s: Surface
 ) -> None:  # fmt: skip
     """Lowest of what is left in a block, its facets against the slope of the surface there."""
-    half = np.float32(0.5)
     middle, off, east, north = row.middle, row.off, row.east, row.north
-    xx, yy, xy = half * x * x, half * y * y, x * y
     for j in range(middle.shape[0]):
-        surface = s.level[j] + s.east[j] * x + s.north[j] * y
-        surface += s.bend_x[j] * xx + s.bend_y[j] * yy + s.warp[j] * xy
-        slope_x = s.east[j] + s.bend_x[j] * x + s.warp[j] * y
-        slope_y = s.north[j] + s.bend_y[j] * y + s.warp[j] * x
-        tilt = half * (abs(east[j] - slope_x * edge) + abs(north[j] - slope_y * edge))
-        stands, least = middle[j] - off[j] - tilt - surface, s.base[j]
+        level, tilt = _height(s, j, x, y), _tilt(s, j, east[j], north[j], x, y, edge)
+        stands, least = middle[j] - off[j] - tilt - level, s.base[j]
         s.base[j] = (stands if stands < least else least) + PLUS_ZERO

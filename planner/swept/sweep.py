@@ -135,11 +135,6 @@ def sweep(
     open_yet = np.full(candidates, np.uint8(255))
     looked = 0
     code[:] = 0
-    cell = 1.0 / ground.per_metre
-    facets = Facets(
-        screen.facets, ground.origin_x + screen.first_column * cell,
-        ground.origin_y + screen.first_row * cell, ground.per_metre, screen.level,
-    )  # fmt: skip
     for k in range(1, stations):
         some = looks_at(
             paths.x[k], paths.y[k], screen, open_yet, paths.rows.known[k], twist[k],
@@ -169,7 +164,9 @@ def sweep(
                 continue
             looked += 1
             back = np.sqrt(dx * dx + dy * dy)
-            met = pose_met(ground, facets, pose, back, look, sizes, scratch, bars[_UNKNOWN] > 0)
+            met = pose_met(
+                ground, screen.facets, pose, back, look, sizes, scratch, bars[_UNKNOWN] > 0
+            )
             if bars[met.kind] > 0:
                 code[k, j] = bars[met.kind]
                 open_yet[j] = 0

@@ -10,7 +10,7 @@ from models.arrays import Floats, Singles
 from planner.ground.elevation_map import height_at
 from planner.kernels.compiled import inlined
 from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_path import NO_GROUND, Ground, Pose, drop_of_rim
+from planner.swept.wheel_path import NO_GROUND, Ground, Pose, drop_of_rim, place
 
 
 class Facets(NamedTuple):
@@ -109,8 +109,7 @@ def standing_height(
 @inlined
 def resting_height(ground: Ground, pose: Pose, ahead: float, aside: float) -> float:
     """The same on a map coarser than the wheel, which stands on its bilinear surface [m]."""
-    x = pose.x + ahead * pose.heading_x - aside * pose.heading_y
-    y = pose.y + ahead * pose.heading_y + aside * pose.heading_x
+    x, y = place(pose, ahead, aside)
     u = (x - ground.origin_x) * ground.per_metre
     v = (y - ground.origin_y) * ground.per_metre
     return float(height_at(ground.elevation, u, v))

@@ -32,6 +32,14 @@ class Pose(NamedTuple):
 
 
 @inlined
+def place(pose: Pose, ahead: float, aside: float) -> tuple[float, float]:
+    """Coordinates of what is so far ahead and to the left of a pose [m]."""
+    x = pose.x + ahead * pose.heading_x - aside * pose.heading_y
+    y = pose.y + ahead * pose.heading_y + aside * pose.heading_x
+    return x, y
+
+
+@inlined
 def gentler(before: float, after: float) -> float:
     """The smaller of two slopes, 0 where they differ in sign or one is unknown."""
     least = np.copysign(min(abs(before), abs(after)), before)

@@ -92,11 +92,12 @@ function warn(pen, x, y, size, colour) {
   pen.restore();
 }
 
-function warning(colour) {
+// A sign for a legend, 16 by 16, that a pen paints.
+function signed(paint) {
   const small = make("canvas", { width: 32, height: 32, "aria-hidden": "true" });
   small.style.cssText = "width:16px;height:16px";
   const pen = small.getContext("2d");
   pen.scale(2, 2);
-  warn(pen, 8, 9, 5, colour);
+  paint(pen);
   return small;
 }

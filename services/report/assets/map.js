@@ -440,15 +440,11 @@ function mapLegend() {
     return mark;
   });
   const scale = make("div", { class: "speed-scale" }, make("span", {}, "speed [m/s]"), bar, make("div", { class: "ticks" }, ...marks));
-  const mark = (kind) => {
-    const small = make("canvas", { width: 32, height: 32, "aria-hidden": "true" });
-    small.style.cssText = "width:16px;height:16px";
-    const pen = small.getContext("2d");
-    pen.scale(2, 2);
+  const mark = (kind) => signed((pen) => {
     pen.lineCap = "round";
     markRest(pen, 8, 8, kind === "stop" ? 5 : 4.6, kind);
-    return small;
-  };
+  });
+  const warning = (colour) => signed((pen) => warn(pen, 8, 9, 5, colour));
   const line = (style) => draw("svg", { width: 22, height: 12, "aria-hidden": "true" }, draw("line", { x1: 2, x2: 20, y1: 6, y2: 6, style }));
   const item = (sign, text) => make("span", { class: "item" }, sign, text);
   const hatch = draw("svg", { width: 18, height: 12, "aria-hidden": "true" },
