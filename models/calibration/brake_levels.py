@@ -58,6 +58,16 @@ def _share(level: Floats, dead_band: float, saturation: float) -> Floats:
     return np.clip((level - dead_band) / (saturation - dead_band), 0.0, 1.0)
 
 
+def _levels(measured: Measured) -> Floats:
+    return np.array([r.samples.window.level for r in measured.records])
+
+
+def tells_levels(measured: Measured) -> bool:
+    """There are enough stops at a part of the brakes, unlike enough, to tell what it is worth."""
+    level = _levels(measured)
+    return int((level < _PART).sum()) >= _FEWEST and float(np.ptp(level)) >= _SPREAD
+
+
 def at_full_level(
     measured: Measured, known: Braking, resistance: float
 ) -> tuple[Measured, BrakeLevels | None]:
@@ -66,10 +76,9 @@ def at_full_level(
     Args:
         measured: stops. known: braking so far. resistance: rolling resistance so far [1].
     """
-    level = np.array([r.samples.window.level for r in measured.records])
-    part = level < _PART
-    if int(part.sum()) < _FEWEST or float(np.ptp(level)) < _SPREAD:
+    if not tells_levels(measured):
         return measured, None
+    level = _levels(measured)
     found = _fit(measured, level, known, resistance)
     share = np.maximum(found.share(level), _LEAST_SHARE)
     records = []

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from models.arrays import Floats
 from models.calibration.asymmetry import Asymmetry, asymmetry
-from models.calibration.brake_levels import BrakeLevels, at_full_level
+from models.calibration.brake_levels import BrakeLevels, at_full_level, tells_levels
 from models.calibration.brake_states import WeakerState
 from models.calibration.effects_in_force import measured_beside
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
@@ -108,16 +108,16 @@ def learn(
     wanted = settings or CalibrationSettings()
     log = measure_log(columns, runs, known, ground=ground, settings=wanted)
     measured, mount = log.measured, log.mount
+    if not tells_levels(measured) and any(
+        r.samples.window.level < wanted.stops.full_brake for r in measured.records
+    ):
+        stops = dataclasses.replace(wanted.stops, partial=False)
+        whole = dataclasses.replace(wanted, stops=stops)
+        return learn(columns, runs, known, ground=ground, settings=whole, beside=beside)
     if beside is not None:
         measured = measured_beside(measured, beside, columns)
     rolling = 0.0 if beside is None else beside.terrain.rolling_while_braking
     measured, levels = at_full_level(measured, known, rolling)
-    if levels is None and any(
-        r.samples.window.level < wanted.stops.full_brake for r in measured.records
-    ):  # too few, or too alike, to tell what a part of the brakes is worth
-        stops = dataclasses.replace(wanted.stops, partial=False)
-        whole = dataclasses.replace(wanted, stops=stops)
-        return learn(columns, runs, known, ground=ground, settings=whole, beside=beside)
     surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
     warnings += _warnings(surfaces[0], mount, known)
     good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])

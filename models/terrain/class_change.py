@@ -73,7 +73,7 @@ class ClassChange:
         if signature is None:
             return None
         s = self._settings
-        log = np.fmax(self._model.look(signature)[0], -s.most)
+        log = np.fmax(self._model.probable(signature), -s.most)
         log = log / LEAST_SECONDS  # the seconds overlap so many times
         here = int(self._belief.argmax())
         if self._belief[here] > s.sure:

@@ -93,6 +93,7 @@ class TerrainMonitor:
         rates: int = 0,
         signatures: SignatureModel | None = None,
         memory: MemorySettings | None = None,
+        keep_signatures: bool = False,
     ) -> None:
         """Begin.
 
@@ -104,6 +105,7 @@ class TerrainMonitor:
             rates: rates of turn in each sample beside the yaw rate, such as roll and pitch rate.
             signatures: classes told from all that is felt, in place of the three parameters alone.
             memory: how long the ground is taken to last, for them.
+            keep_signatures: of a run, for who learns from it.
 
         Raises:
             ParameterError: the vehicle has no motor constants.
@@ -122,7 +124,11 @@ class TerrainMonitor:
         self._rates = rates
         motion = self._settings.motion
         self.signatures = SignatureWatch(
-            model.vehicle, (motion.least_inner_speed, motion.turn_end), signatures, memory
+            model.vehicle,
+            (motion.least_inner_speed, motion.turn_end),
+            signatures,
+            memory,
+            keep=keep_signatures,
         )
         self._sure = ""
         self._changed_at = -np.inf

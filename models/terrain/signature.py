@@ -18,12 +18,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from models.arrays import Floats
 from models.terrain.resistances import Drivetrain
+from models.terrain.windows import band_amplitudes
 from models.vehicle import Vehicle
 
 BANDS = ((1.5, 4.0), (4.0, 8.0), (8.0, 14.0), (14.0, 20.0), (20.0, 32.0), (32.0, 50.0))
@@ -166,20 +166,7 @@ def _shaking(deviations: Floats) -> Floats:
     Args:
         deviations: (n, 6) about their means, over one second: line k of the spectrum is k Hz.
     """
-    count = len(deviations)
-    spectrum = np.fft.rfft(deviations * _taper(count), axis=0)
-    power = (spectrum.real**2 + spectrum.imag**2) / count
-    found = np.full((deviations.shape[1], len(BANDS)), math.nan)
-    for index, (low, high) in enumerate(BANDS):
-        if 2.0 * high <= count + 1.0:
-            band = power[math.ceil(low) : math.floor(high) + 1]
-            found[:, index] = np.sqrt(np.add.reduce(band) / len(band))
-    return np.asarray(np.log(found + _NO_SHAKING).ravel())
-
-
-@lru_cache(maxsize=16)
-def _taper(count: int) -> Floats:
-    return np.hanning(count)[:, None]
+    return np.asarray(np.log(band_amplitudes(deviations, BANDS) + _NO_SHAKING).ravel())
 
 
 def signature_of(seconds: Sequence[GroundSecond]) -> Signature | None:

@@ -107,6 +107,12 @@ class SignatureModel:
     threshold: float
     known_refused: float
 
+    def probable(self, signature: Signature) -> Floats:
+        """(classes,) log probabilities given that it is one of them."""
+        features = signature.features[self.used]
+        scores, _ = self.linear.scores(np.concatenate([features, signature.driving]))
+        return log_probabilities(self.temperature * scores)
+
     def look(self, signature: Signature) -> tuple[Floats, float]:
         """(classes,) log probabilities given that it is one of them, and strangeness.
 

@@ -46,6 +46,7 @@ class SignatureWatch:
         driving: tuple[float, float],
         model: SignatureModel | None = None,
         memory: MemorySettings | None = None,
+        keep: bool = False,
     ) -> None:
         """Begin.
 
@@ -54,7 +55,10 @@ class SignatureWatch:
             driving: least rim speed that drives, and difference of the sides that turns [m/s].
             model: what answers; None: nothing does.
             memory: how long the ground is taken to last.
+            keep: signatures are kept, for who learns from a run; a monitor that runs for days does
+                without.
         """
+        self._keep = keep
         self._settings = SecondSettings.of(vehicle, *driving)
         self._memory = None if model is None else SignatureMemory(model, memory)
         self._change = None if model is None else ClassChange(model)
@@ -85,6 +89,8 @@ class SignatureWatch:
                 missing in the second.
             rates: rates of turn beside the yaw rate; two are roll and pitch rate.
         """
+        if self._memory is None and not self._keep:
+            return None
         self._windows += 1
         self._count += 1
         found = None
@@ -104,7 +110,8 @@ class SignatureWatch:
         signature = signature_of(seconds)
         if signature is None:
             return None
-        self.found.append((self._windows, signature))
+        if self._keep:
+            self.found.append((self._windows, signature))
         if self._memory is not None:
             self.answer = self._memory.update(signature)
         return self.answer

@@ -12,6 +12,7 @@ Source: none for the features; that terrains shake a vehicle each in their own w
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -105,15 +106,27 @@ def _shaking(rates: Floats, rim: float) -> Floats:
         rates: (n, rates) about their means, over one second: line k of the spectrum is k Hz.
         rim: speed of the wheels [m/s].
     """
-    count = len(rates)
-    spectrum = np.fft.rfft(rates * _taper(count), axis=0)
+    amplitudes = band_amplitudes(rates, _BANDS)
+    return np.asarray(np.log((amplitudes + _NO_SHAKING) / rim).ravel())
+
+
+def band_amplitudes(deviations: Floats, bands: Sequence[tuple[float, float]]) -> Floats:
+    """(channels, bands) root mean square of each channel in each band; NaN beyond Nyquist.
+
+    Args:
+        deviations: (n, channels) about their means, over one second: line k of the spectrum is
+            k Hz.
+        bands: lowest and highest frequency of each [Hz].
+    """
+    count = len(deviations)
+    spectrum = np.fft.rfft(deviations * _taper(count), axis=0)
     power = (spectrum.real**2 + spectrum.imag**2) / count
-    amplitudes = np.full((rates.shape[1], len(_BANDS)), math.nan)
-    for index, (low, high) in enumerate(_BANDS):
+    amplitudes = np.full((deviations.shape[1], len(bands)), math.nan)
+    for index, (low, high) in enumerate(bands):
         if 2.0 * high <= count + 1.0:
             band = power[math.ceil(low) : math.floor(high) + 1]
-            amplitudes[:, index] = np.sqrt(band.mean(axis=0))
-    return np.asarray(np.log((amplitudes + _NO_SHAKING) / rim).ravel())
+            amplitudes[:, index] = np.sqrt(np.add.reduce(band) / len(band))
+    return amplitudes
 
 
 @lru_cache(maxsize=16)

@@ -62,7 +62,9 @@ def row_pass(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def is_first_run() -> bool:
-    """Nothing is compiled yet: the first plan will take half a minute."""
+    """Nothing is compiled yet, wherever it is kept: the first plan will take half a minute."""
+    if folder := os.environ.get("NUMBA_CACHE_DIR"):
+        return not any(Path(folder).glob("**/*.nbi"))
     package = Path(__file__).parents[1]
     return os.access(package, os.W_OK) and not any(package.glob("*/__pycache__/*.nbi"))
 

@@ -76,9 +76,10 @@ def _height(s: Surface, j: int, x: np.float32, y: np.float32) -> np.float32:
     """Of the surface of block j, so far to the east and to the north of it [m]."""
     half = np.float32(0.5)
     plane = s.level[j] + s.east[j] * x + s.north[j] * y
-    return plane + (
+    height: np.float32 = plane + (
         s.bend_x[j] * (half * x * x) + s.bend_y[j] * (half * y * y) + s.warp[j] * (x * y)
     )
+    return height
 
 
 @row_pass
@@ -96,7 +97,8 @@ def _tilt(
     half = np.float32(0.5)
     slope_x = s.east[j] + s.bend_x[j] * x + s.warp[j] * y
     slope_y = s.north[j] + s.bend_y[j] * y + s.warp[j] * x
-    return half * (abs(east - slope_x * edge) + abs(north - slope_y * edge))
+    tilt: np.float32 = half * (abs(east - slope_x * edge) + abs(north - slope_y * edge))
+    return tilt
 
 
 @row_pass

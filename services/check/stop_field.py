@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -66,7 +67,7 @@ class StopField:
             registry.crest_share(model.effect),
         )  # fmt: skip
 
-    @property
+    @cached_property
     def two_sided(self) -> bool:
         """The force is known by bounds only: of several surfaces, or with a margin."""
         b = self.brakes

@@ -23,6 +23,7 @@ from uuid import uuid4
 import zenoh
 
 from models.errors import InputError
+from planner.kernels.compiled import is_first_run
 from services.daemon import systemd, warm_up
 from services.daemon.quiet_log import NowAndThen
 from services.dashboard.board import Board
@@ -82,7 +83,7 @@ class Service:
         self._begun = time.monotonic()
         self._instance = uuid4().hex
         self._flags: list[str] = []
-        self._warm_up()
+        warm_up.run(self.plans)
 
     def __enter__(self) -> Service:
         """Open the session and begin to answer."""
@@ -240,24 +241,13 @@ class Service:
             speed = self.config.learning.degraded_speed
             self.plans.learn(slowed(self.plans.parameters, speed, words))
 
-    def _warm_up(self) -> None:
-        """Plan on all kinds of ground, so that no question waits for a compiler."""
-        known = self.plans.parameters
-        # What stops teach makes surfaces of their own: planned with other kernels than one alone.
-        for parameters in (warm_up.as_learned(known), known):
-            self.plans.learn(parameters)
-            for ground, request in warm_up.questions():
-                reply = self.plans.answer(request, ground, "warm-up")
-                codec.encode(reply, Format.MESSAGEPACK)
-        self.plans.drop(warm_up.CLIENT)
-
 
 def serve(config: ServiceConfig, seconds: float | None = None) -> None:
     """Run until a signal asks to stop."""
     import signal
 
     _log.addFilter(NowAndThen())
-    if warm_up.compiles_first():
+    if is_first_run():
         words = "compiling, once after each installation; nobody is answered until that is done"
         print(f"slopewise: {words} (slopewise warm-up does it ahead)", file=sys.stderr, flush=True)
     service: Any = Service(config)

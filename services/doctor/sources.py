@@ -27,9 +27,9 @@ def seen_in(bag: Path) -> Seen:
         wanted = [c for c in recording.reader.connections if c.msgtype in TYPES]
         if not wanted:
             raise fault(bag, "topics", f"expected topics of {', '.join(TYPES)}, got none")
-        for connection, at, raw in recording.reader.messages(wanted):
+        for connection, at, raw in recording.raw(wanted):
             try:
-                message = read_cdr(bytes(raw), connection.msgtype, bag, connection.topic)
+                message = read_cdr(raw, connection.msgtype, bag, connection.topic)
             except InputError:
                 continue  # one that is cut off says nothing; others do
             collector.take(connection.topic, connection.msgtype, message, _NANO * at)

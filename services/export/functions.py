@@ -92,10 +92,6 @@ def functions_of(model: Model) -> list[ModelFunction]:
     return found
 
 
-def _with(law: Callable[..., Any], known: tuple[float, ...], *given: Any) -> Any:
-    return law(*given, *known)
-
-
 def _of_surface(model: Model, table: Braking, surface: str) -> list[ModelFunction]:
     end = f"_{surface}" if surface else ""
     on = f" on {surface}" if surface else ""
@@ -113,7 +109,7 @@ def _of_surface(model: Model, table: Braking, surface: str) -> list[ModelFunctio
             force = rises * up + (1.0 - rises) * force
         held = model.terrain.rolling_while_braking
         force = scale * force
-        force = braking.force_ratio_at_level(force, held, table.level) + extra
+        force = braking.force_ratio_at_level(force, held, table.share_at()) + extra
         return np.fmin(force, terms.friction * np.cos(grade)) if terms.friction < 1e6 else force
 
     def slowing(speed: Any, grade: Any, extra: Any) -> Any:

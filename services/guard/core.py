@@ -70,14 +70,11 @@ class Guard:
         spare = settings.judgement.disobedience
         self._obedience = Obedience(dead + timing.motion, decel, spare)
         self._latched = ""
-        self._refresh()
-
-    def _refresh(self) -> None:
-        self._tables, self._model = self.learned.tables(), self.learned.limited()
+        self.learn()
 
     def learn(self) -> None:
         """Parameters changed."""
-        self._refresh()
+        self._tables, self._model = self.learned.tables(), self.learned.limited()
 
     def forget(self) -> None:
         """What was heard so far may be older than it seems."""

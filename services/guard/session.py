@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 
 import zenoh
 
 from models.errors import InputError
 from services.guard.settings import GuardSettings
+from services.settings.tls_files import settle
 
 _PRIORITY = 20
 
@@ -37,6 +39,9 @@ def open_session(settings: GuardSettings) -> zenoh.Session:
         if ours.mode == "peer":
             config.insert_json5("listen/endpoints", json.dumps(ours.listen))
         config.insert_json5("scouting/multicast/enabled", "false")
+        if ours.config:
+            listens = ours.listen if ours.mode == "peer" else ()
+            settle(config, Path(ours.config), (*listens, *ours.connect))
         return zenoh.open(config)
     except zenoh.ZError:
         where = ", ".join(ours.connect)

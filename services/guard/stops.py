@@ -102,6 +102,7 @@ def _force(
     least = most = None
     place = Place(grade, way.roll[:count], way.x[:count], way.y[:count], way.yaw[:count], 0.0)
     extra = registry.ground_term(model.effects, place)
+    counts_as = stands_for(model)
     for kind, rows in itertools.product(way.kinds, tables):
         m_m, b_m, m_b, b_b, up_m, up_b, slowest, cap, level, rolls = rows[kind, :10]
         speed = np.maximum(onset, slowest)
@@ -112,7 +113,7 @@ def _force(
         strong = force * rows[kind, 16] + rows[kind, 17]
         if len(way.kinds) == len(tables) == 1:
             return force, strong
-        wide = (under == kind) | (under == -1) | (under == stands_for(model)[kind])
+        wide = (under == kind) | (under == -1) | (under == counts_as[kind])
         on = wide.any(axis=0)
         low, high = np.where(on, force, np.inf), np.where(on, strong, -np.inf)
         least = low if least is None else np.minimum(least, low)

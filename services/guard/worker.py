@@ -50,12 +50,12 @@ class Worker:
     def __init__(self, settings: GuardSettings, session: zenoh.Session, heart: Heart) -> None:
         """Read the model, meet the others."""
         model = read_guard_model(model_path(settings))
-        self.guard = Guard(settings, model, _map_of(settings.map))
+        self._known = _map_of(settings.map)
+        self.guard = Guard(settings, model, self._known)
         self._settings, self._session, self._heart = settings, session, heart
         self._wire = _wire(settings, session)
         self._begun = self._told = time.monotonic()
         self._stopped = threading.Event()
-        self._lock = threading.Lock()
         self._updates: deque[zenoh.Sample] = deque(maxlen=32)
         self._news = threading.Event()
         self._taken: deque[GuardGround | ParameterGroup | None] = deque(maxlen=64)
@@ -67,7 +67,6 @@ class Worker:
         self._status = session.declare_publisher(
             f"{space}/v1/guard/status", congestion_control=zenoh.CongestionControl.DROP
         )
-        self._known = None if not settings.map else self.guard.maps.fresh(0.0)
         self._reader = threading.Thread(target=self._read_updates, daemon=True)
 
     def run(self) -> None:

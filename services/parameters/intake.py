@@ -56,6 +56,7 @@ class Intake:
         self._clocks: OrderedDict[str, SenderClock] = OrderedDict()
         self.jumped: dict[str, float] = {}
         self.notices = Notices()
+        self._told: tuple[RobotObservation, int] | None = None
 
     def judge(self, kind: str, one: RobotObservation, now: float) -> str:
         """Why an observation is left out: `duplicate`, `out_of_order`, `future`, `late`; or "".
@@ -64,7 +65,7 @@ class Intake:
             kind: of observation. now: monotonic clock at its arrival [s].
         """
         count = self._count(_name(kind, one))
-        order = count.judge(one.sequence, _content(one), one.time - now)
+        order = count.judge(one.sequence, self._digest(one), one.time - now)
         backwards = f"{kind} observations of {one.source} count backwards: not learned from"
         if not order.taken:
             if order is Order.OLDER:
@@ -95,8 +96,14 @@ class Intake:
     def heard(self, kind: str, one: RobotObservation) -> dict[str, int]:
         """Remember that it was taken; what the store has to remember with it."""
         name = _name(kind, one)
-        self._count(name).take(one.sequence, _content(one))
+        self._count(name).take(one.sequence, self._digest(one))
         return {name: one.sequence}
+
+    def _digest(self, one: RobotObservation) -> int:
+        """Of its content; what is judged and then taken is read once."""
+        if self._told is None or self._told[0] is not one:
+            self._told = (one, _content(one))
+        return self._told[1]
 
     def _count(self, name: str) -> Count:
         count = self._counts.pop(name, None) or Count()

@@ -97,9 +97,9 @@ class MapStore:
             InputError: it is no ground, or does not fit; what is known stays as it is.
         """
         at = time.monotonic() if arrived is None else arrived
+        content = zlib.crc32(np.ascontiguousarray(update.elevation).data)
         with self._lock:
             one = self._source(update)
-            content = zlib.crc32(np.ascontiguousarray(update.elevation).tobytes())
             lead = 0.0 if update.time is None else update.time - at
             order = one.count.judge(update.sequence, content, lead)
             backwards = f"maps of {update.source} count backwards: not taken up"

@@ -110,8 +110,8 @@ def model_facts(model: Model) -> dict[str, str]:
         "vehicle": f"{vehicle.mass:g} kg, {vehicle.drive.replace('_', '-')}, wheelbase "
         f"{vehicle.wheelbase:g} m, track {vehicle.track_width:g} m, "
         f"centre of gravity {vehicle.cg_z:g} m high",
-        "braking on level ground": f"{braking.level_force(fast) * braking.level:.0%} of the weight "
-        f"after a dead time of {braking.dead_time:g} s",
+        "braking on level ground": f"{braking.level_force(fast) * braking.share_at():.0%} of the "
+        f"weight after a dead time of {braking.dead_time:g} s",
         "trained for": f"{slow:g} … {fast:g} m/s, grades of {low:.1f}° … {high:.1f}°",
         "limits": f"{limits.speed:g} m/s, +{limits.accel:g} and −{limits.decel:g} m/s², "
         f"{limits.jerk:g} m/s³, {limits.lateral_accel:g} m/s² sideways, "

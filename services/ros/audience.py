@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from services.io.bags.ros_types import type_hashes
 from services.ros.graph import Endpoint, Graph, Speech, others_domains
-from services.ros.naming import NO_HASH, NODE, NULL_HASH, PUBLISHER, SUBSCRIPTION
+from services.ros.naming import NO_HASH, NULL_HASH, PUBLISHER, SUBSCRIPTION
 
 _SHORT = 15
 
@@ -100,8 +100,3 @@ def _cause(
         "no node of ROS 2 is seen at all: it runs without rmw_zenoh, at another router, or as a "
         "peer behind a router that does not forward to peers"
     )
-
-
-def nodes_seen(graph: Graph) -> list[str]:
-    """Names of nodes in our domain, sorted."""
-    return sorted({e.node for e in graph.all() if e.entity == NODE and e.domain == graph.domain})

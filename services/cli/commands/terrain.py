@@ -103,7 +103,7 @@ def monitor_of(
     return TerrainMonitor(
         model, terrains.classes, estimator=terrains.estimator, classifier=terrains.classifier,
         change=terrains.change, adaptive=adaptive, rates=rates, signatures=signatures,
-        memory=terrains.memory,
+        memory=terrains.memory, keep_signatures=True,
     )  # fmt: skip
 
 

@@ -29,12 +29,10 @@ def run() -> WarmUpResult:
     from services.settings.service import ServiceConfig
 
     plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))
-    questions = list(warm_up.questions())
-    for ground, request in questions:
-        plans.answer(request, ground, "warm-up")
+    warm_up.run(plans)
     compiled = time.perf_counter()
-    ground, request = questions[0]
-    plans.answer(request, ground, "warm-up")
+    ground, request = next(warm_up.questions())
+    plans.answer(request, ground, warm_up.CLIENT)
     return WarmUpResult(compiled - begun, time.perf_counter() - compiled)
 
 

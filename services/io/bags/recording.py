@@ -79,7 +79,7 @@ class Bag:
         here = [c for c in self.reader.connections if c.topic in topics]
         raws: list[tuple[str, int, bytes]] = []
         newest: dict[str, int] = {}
-        for connection, at, raw in self._raw(here):
+        for connection, at, raw in self.raw(here):
             if last and connection.topic in newest:
                 raws[newest[connection.topic]] = (connection.topic, at, bytes(raw))
                 continue
@@ -93,7 +93,7 @@ class Bag:
             for topic, at, raw in raws
         ]
 
-    def _raw(self, connections: list[Any]) -> Iterator[tuple[Any, int, bytes]]:
+    def raw(self, connections: list[Any]) -> Iterator[tuple[Any, int, bytes]]:
         """All messages as bytes; whatever is wrong with the file is said in one line."""
         messages = self.reader.messages(connections)
         while True:

@@ -37,6 +37,7 @@ def with_everything() -> Model:
     data["braking"]["uphill"] = {"m_m": -0.02, "b_m": -0.25}
     data["braking"]["terrain"] = {"gravel": {"b_b": 0.3, "sliding_friction": 0.45}}
     data["braking"]["level"] = 0.8
+    data["braking"]["dead_band"] = 0.1
     data["effect"] = [
         {"name": "brake_lag", "parameters": {"tau": 0.3}},
         {"name": "aerodynamic_drag", "parameters": {"c": 0.01}},
@@ -118,6 +119,19 @@ def test_what_stops_within_a_distance_does(model: Model) -> None:
                 continue
             needed = float(made[f"stopping_distance{end}"].function(bound, grade, 0.0))
             assert needed <= clear + 1e-9
+
+
+def test_a_part_of_the_brakes_slows_by_its_part() -> None:
+    data = tomllib.loads(find_model("atv").read_text())
+    full = read_model(find_model("atv"))
+    data["braking"] |= {"level": 0.8, "dead_band": 0.1, "saturation": 0.9}
+    part, rolls = model_from_dict(data, "test"), full.terrain.rolling_while_braking
+    whole, less = (
+        float(next(f for f in functions_of(m) if f.name == "force_ratio").function(2.0, 0.0, 0.0))
+        for m in (full, part)
+    )
+    share = (0.8 - 0.1) / (0.9 - 0.1)
+    assert less == pytest.approx(share * (whole - rolls) + rolls, rel=1e-12)
 
 
 def test_casadi_reads_it_again(model: Model, tmp_path: Path) -> None:
