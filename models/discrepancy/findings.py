@@ -17,6 +17,7 @@ class Verdict(Enum):
     AMBIGUOUS = "ambiguous"
     UNIDENTIFIABLE = "unidentifiable"
     UNKNOWN = "unknown"
+    TOO_NOISY = "too_noisy"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +74,8 @@ class Gap:
         refit: of the base refitted. after: with what was found. noise_floor: of a perfect model.
         closed: share of `before` above the floor that is gone, None where `before` is less than
             one and a half times the floor. ci95: its interval, None with it.
+        worse: by how many standard errors the mean square is larger with what was found than with
+            the base refitted; negative where it is smaller.
     """
 
     metric: str
@@ -83,6 +86,7 @@ class Gap:
     noise_floor: float
     closed: float | None
     ci95: tuple[float, float] | None
+    worse: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +116,22 @@ class Experiment:
 
 
 @dataclass(frozen=True, slots=True)
+class StopCost:
+    """What was found, in metres, for one stop that everybody can picture.
+
+    Attributes:
+        speed: at the command [m/s]. grade: [rad]; as near to 3 m/s on 10° down as the log goes.
+        before: way from the command to rest by the model as configured [m].
+        after: by the model with what was found, where that brakes worst [m].
+    """
+
+    speed: float
+    grade: float
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, slots=True)
 class Findings:
     """Everything that a log told about a model.
 
@@ -122,6 +142,7 @@ class Findings:
         gap: in speed. stop_distance: in metres. next_experiment: what to drive.
         model: to plan with from now on. added: effects in it that were not there before.
         stops: that it rests on. notes: doubts, in sentences. seconds: that it took.
+        cost: of what was found. changes: of the model file, in words.
     """
 
     verdict: Verdict
@@ -136,3 +157,5 @@ class Findings:
     stops: int
     notes: tuple[str, ...] = ()
     seconds: float = field(default=0.0)
+    cost: StopCost | None = None
+    changes: tuple[str, ...] = ()

@@ -23,7 +23,11 @@ class DiscrepancySettings:
         structure: p-value of an axis below which something follows it for certain.
         rival: chi square within which of the best explanation another one is its rival.
         most_effects: effects that one log may miss at once.
-        least_share: share of the mean braking force below which an effect is none worth naming.
+        most_patches: surfaces in one place among them, which may be further ones.
+        practical_share, practical_length: change of a stop, as a share of it and [m], of which the
+            larger has to be reached by whatever is named.
+        noisy_share: share of a stop. Where every effect would have to change stops by more than
+            that to be seen, nothing that was found says nothing.
         bootstraps: logs simulated without an effect to find the threshold.
         resamples: draws of stops for stability and confidence intervals.
         folds: parts of the log, each predicted by what the others taught.
@@ -35,7 +39,10 @@ class DiscrepancySettings:
     structure: float = 0.002
     rival: float = 9.0
     most_effects: int = 3
-    least_share: float = 0.01
+    most_patches: int = 4
+    practical_share: float = 0.01
+    practical_length: float = 0.02
+    noisy_share: float = 0.10
     bootstraps: int = 300
     resamples: int = 200
     folds: int = 5
@@ -47,3 +54,7 @@ class DiscrepancySettings:
             raise ParameterError("false_alarm", f"a share in (0, 0.5), got {self.false_alarm:g}")
         if not 1 <= self.most_effects <= 5:
             raise ParameterError("most_effects", f"1 to 5, got {self.most_effects}")
+        for name in ("practical_share", "practical_length", "noisy_share"):
+            value = getattr(self, name)
+            if not 0.0 <= value < 1.0:
+                raise ParameterError(name, f"a number in [0, 1), got {value:g}")

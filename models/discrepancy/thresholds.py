@@ -228,6 +228,9 @@ EDGE_ROUNDS: Annotated[
     (3.0, (0.2, 0.1, 0.05)),
     (1.0, (0.1, 0.07, 0.05, 0.03, 0.02, 0.01)),
 )
+PATCH_TURNS: Annotated[
+    int, Row("1", _COMPUTATION, "rounds in which each of several patches is placed anew")
+] = 3
 CHI2_95: Annotated[float, Row("chi square", _THEORY, "95 % of one number")] = 3.84
 NORMAL_95: Annotated[float, Row("std", _THEORY, "95 % of a normal distribution")] = 1.96
 JUMP_95: Annotated[
@@ -309,9 +312,12 @@ BEATS_SEVERAL: Annotated[
 BEATS_TRACE: Annotated[
     float, Row("chi square", _SETS, "lead of effects that hardly change the stopping distance")
 ] = 50.0
-TRACE: Annotated[
-    float, Row("1", _SETS, "share of the stopping distance below which a pattern is told, no more")
-] = 0.01
+TOLD_APART: Annotated[
+    float, Row("chi square", _SETS, "lead that each of several effects along one axis needs")
+] = 30.0
+P_IMITATED: Annotated[
+    float, Row("1", _SETS, "p-value of a shape left along the axis at which they imitate another")
+] = 0.1
 PATCH_TRIES: Annotated[
     int, Row("1", _COMPUTATION, "patches tried near another one: accuracy of its place, time")
 ] = 48
@@ -325,9 +331,9 @@ ONE_SIDED_WIND: Annotated[
 WILD_SCATTER: Annotated[
     float, Row("1", _RECORDINGS, "scatter of the force from which a doubt is said")
 ] = 0.12
-NO_HELP: Annotated[
-    float, Row("1", _RECORDINGS, "error on stops held out, of the base's, that names may have")
-] = 1.005
+CHANGED_STOPS: Annotated[
+    int, Row("1", _USUAL, "stops that an effect has to change by a practical size to matter")
+] = 3
 
 # How far the gap closes, and the model that is written (decide.gap, decide.revised).
 
@@ -351,6 +357,10 @@ RANGE_PAD: Annotated[
 # What is told and proposed (report).
 
 LOCATED: Annotated[float, Row("1", _THEORY, "p-value up to which an axis is listed")] = 0.05
+PICTURED_SPEED: Annotated[float, Row("m/s", _USUAL, "of the stop that a cost is told for")] = 3.0
+PICTURED_GRADE: Annotated[float, Row("rad", _USUAL, "the same, 10° down")] = np.deg2rad(-10.0)
+PICTURED_HEADINGS: Annotated[int, Row("1", _COMPUTATION, "headings of which the worst counts")] = 12
+MOST_REPEATS: Annotated[int, Row("1", _USUAL, "times that anybody drives a proposed design")] = 5
 PROPOSED_STOPS: Annotated[int, Row("1", _SETS, "stops of a proposed design")] = 6
 PROPOSED_PAUSES: Annotated[
     tuple[float, ...], Row("s", _USUAL, "pauses before a stop that are proposed, warm to cold")

@@ -16,19 +16,22 @@ from numpy.typing import NDArray
 from models.arrays import Floats
 from models.discrepancy.data.prepare import prepare
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.gap import Gaps, compared
+from models.discrepancy.decide import no_harm
+from models.discrepancy.decide.gap import compared
 from models.discrepancy.decide.revised import revised
 from models.discrepancy.decide.verdict import Decision, decide
 from models.discrepancy.findings import Experiment, Findings, Verdict
+from models.discrepancy.model.noise import Noise
 from models.discrepancy.report import experiment
+from models.discrepancy.report.cost import changes, cost_of
 from models.discrepancy.report.evidence import Evidence, evidence_of
 from models.discrepancy.report.summary import located_axes, named_effects, summary
 from models.discrepancy.search.extent import extents
 from models.discrepancy.search.identify import Identified, ScoredExplanation, identify, rescued
 from models.discrepancy.search.locate import WITHIN, Followed, follow
-from models.discrepancy.search.refine import Fit, as_output, fit_base, start_of
+from models.discrepancy.search.refine import as_output, fit_base, start_of
 from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import NO_HELP, PLAIN_EVIDENCE, WILD_SCATTER
+from models.discrepancy.thresholds import WILD_SCATTER
 from models.parameters import Model
 
 STEPS = 6
@@ -86,10 +89,13 @@ def investigate_with_evidence(
     located = follow(table, base, wanted.seed) if found.best.names else left
     decision = decide(table, base, found, left, located, wanted)
     advance(1)
+    floor = found.best.fit.noise  # what was found and is not named is no noise either
+    gaps = compared(table, base, decision.explanation.fit, floor, wanted)
+    decision, gaps = no_harm.that_predicts(table, base, decision, gaps, wanted)
+    decision, gaps = no_harm.worth_refitting(decision, gaps)
+    if decision.verdict in (Verdict.NONE, Verdict.TOO_NOISY):
+        gaps = no_harm.as_configured(gaps)
     widths = extents(output, decision.explanation.fit)
-    gaps = compared(table, base, decision.explanation.fit, wanted)
-    decision, gaps = _that_predicts(table, base, decision, gaps, wanted)
-    decision, gaps = _worth_refitting(decision, gaps)
     if decision.verdict is Verdict.UNKNOWN and decision.axis is None and located:
         decision = replace(decision, axis=located[0])
     better, added = revised(table, decision, gaps.held_out, widths, source)
@@ -98,7 +104,7 @@ def investigate_with_evidence(
     above = float(np.mean(gaps.refit_squares)) - gaps.speed.noise_floor**2
     findings = Findings(
         decision.verdict,
-        summary(decision, gaps.distance, gaps.longer),
+        summary(table, decision, gaps.distance, gaps.longer),
         named_effects(decision, located, widths),
         located_axes(decision, located, above),
         gaps.speed,
@@ -107,46 +113,13 @@ def investigate_with_evidence(
         better,
         added,
         len(table),
-        (*notes, *decision.notes, *_doubts(table, decision)),
+        (*notes, *decision.notes, *_doubts(table, floor)),
         time.perf_counter() - begin,
+        cost_of(table, decision.explanation.fit, as_it_was=decision.kept_as_it_was),
+        changes(model, better),
     )
     advance(1)
     return findings, evidence_of(table, base, decision, located)
-
-
-def _that_predicts(
-    table: StopTable, base: Fit, decision: Decision, gaps: Gaps, settings: DiscrepancySettings
-) -> tuple[Decision, Gaps]:
-    """The decision, or `unknown` where its names do not help with stops held out."""
-    named = decision.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
-    # Errors say little where stops differ by frictions of their own, which likelihoods take out;
-    # likelihoods say little of stops near a friction cap, which cuts their scatter off.
-    helps = gaps.speed.after <= NO_HELP * gaps.speed.refit or gaps.likelier > PLAIN_EVIDENCE
-    if not named or helps:
-        return decision, gaps
-    names = " and ".join(decision.explanation.names)
-    words = f"{names} fits the log, but predicts stops held out no better than new coefficients"
-    plain = Decision(
-        Verdict.UNKNOWN,
-        ScoredExplanation(base, decision.explanation.score),
-        axis=decision.axis,
-        notes=(*decision.notes, words),
-    )
-    return plain, compared(table, base, base, settings)
-
-
-def _worth_refitting(decision: Decision, gaps: Gaps) -> tuple[Decision, Gaps]:
-    """The decision, with the model as configured where new coefficients predict no better."""
-    refitted = decision.verdict in (Verdict.PARAMETER_DRIFT, Verdict.UNKNOWN)
-    both = (gaps.speed, gaps.distance)
-    if not refitted or any(gap.refit < gap.before for gap in both):
-        return decision, gaps
-    words = "new coefficients predict stops held out no better than those configured, which stay"
-    drift = decision.verdict is Verdict.PARAMETER_DRIFT
-    verdict = Verdict.NONE if drift else Verdict.UNKNOWN
-    speed, distance = (replace(g, after=g.before, closed=None, ci95=None) for g in both)
-    kept = replace(decision, verdict=verdict, notes=(*decision.notes, words), kept=True)
-    return kept, replace(gaps, speed=speed, distance=distance)
 
 
 def _with_what_is_left(
@@ -177,15 +150,20 @@ def _output(table: StopTable, best: ScoredExplanation) -> StopTable:
     return as_output(table, best.fit) if best.names else table
 
 
-def _doubts(table: StopTable, decision: Decision) -> tuple[str, ...]:
-    scatter = decision.explanation.fit.noise.scatter
-    share = scatter / max(float(np.median(table.force)), 1e-3)
+def _doubts(table: StopTable, noise: Noise) -> tuple[str, ...]:
+    share = noise.scatter / max(float(np.median(table.force)), 1e-3)
     if share < WILD_SCATTER:
         return ()
     return (
         f"stops differ by ±{share:.0%} of the braking force among themselves: only effects larger "
         f"than that show in {len(table)} stops",
     )
+
+
+_QUIETER = (
+    "repeat one stop ten times, everything the same: if they still differ, mend the speed or the "
+    "command channel first; if not, drive each kind of stop three times"
+)
 
 
 def _next(table: StopTable, decision: Decision) -> Experiment:
@@ -200,6 +178,8 @@ def _next(table: StopTable, decision: Decision) -> Experiment:
             return Experiment(words)
         case Verdict.UNKNOWN:
             return Experiment(_along(decision))
+        case Verdict.TOO_NOISY:
+            return Experiment(_QUIETER)
         case _:
             return Experiment("")
 

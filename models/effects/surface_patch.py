@@ -33,10 +33,12 @@ def share_inside(x: Floats, y: Floats, centre_x: float, centre_y: float, radius:
     Args:
         x, y: (S, M) positions along each stop [m]. centre_x, centre_y, radius: [m].
     """
-    away = np.hypot(x - centre_x, y - centre_y)
-    step = np.maximum(np.abs(np.gradient(away, axis=1)), 1e-6)
-    inside: Floats = np.clip((radius - away) / step + 0.5, 0.0, 1.0)
-    return inside
+    away = np.sqrt((x - centre_x) ** 2 + (y - centre_y) ** 2)
+    step = np.empty_like(away)
+    step[:, 1:-1] = 0.5 * (away[:, 2:] - away[:, :-2])
+    step[:, 0], step[:, -1] = away[:, 1] - away[:, 0], away[:, -1] - away[:, -2]
+    inside: Floats = (radius - away) / np.maximum(np.abs(step), 1e-6)
+    return np.clip(inside + 0.5, 0.0, 1.0, out=inside)
 
 
 def holds_stops(inside: Floats) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from models.discrepancy.report.words import sure_words
 from services.fleet.census import Census, Lacked
 from services.fleet.finding import DONE, Row
 
@@ -30,14 +31,9 @@ def counted(one: Lacked, looked_at: int) -> tuple[str, str, str, str]:
     perhaps = str(len(one.perhaps)) if one.perhaps else ""
     if one.confidence is None:
         return "", "", "", perhaps
-    low, _, high = map(_sure, one.confidence)
+    low, _, high = map(sure_words, one.confidence)
     sure = low if low == high else f"{low} … {high}"
     return f"{len(one.vehicles)} of {looked_at}", sure, f"{one.right:.1f}", perhaps
-
-
-def _sure(confidence: float) -> str:
-    """Nothing is quite certain."""
-    return "> 99%" if confidence > 0.99 else f"{confidence:.0%}"
 
 
 def numbers(one: Lacked) -> str:
@@ -60,5 +56,5 @@ def effect_words(row: Row) -> str:
     parts = []
     for effect in row["effects"]:
         others = "".join(f" or {name}" for name in effect["alternatives"])
-        parts.append(f"{effect['name']} {_sure(effect['confidence'])}{others}")
+        parts.append(f"{effect['name']} {sure_words(effect['confidence'])}{others}")
     return ", ".join(parts)

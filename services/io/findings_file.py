@@ -76,6 +76,8 @@ def findings_as_json(f: Findings) -> dict[str, Any]:
             ],
             "repeats": f.next_experiment.repeats,
         },
+        "cost": None if f.cost is None else asdict(f.cost),
+        "changes": list(f.changes),
         "stops": f.stops,
         "notes": list(f.notes),
         "seconds": f.seconds,

@@ -6,12 +6,14 @@ One HTML file that works offline and without a script.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 
 from models.discrepancy.findings import Findings, Gap, LocatedAxis, NamedEffect, Verdict
 from models.discrepancy.report.evidence import Evidence
+from models.discrepancy.report.words import answers, sure_words
 from models.effects.registry import LAWS
 from services.io.access import write_atomic
 from services.report.discrepancy_pictures import pictures
@@ -24,6 +26,7 @@ WORDS = {
     Verdict.AMBIGUOUS: ("ambiguous", "doubt"),
     Verdict.UNIDENTIFIABLE: ("unidentifiable", "doubt"),
     Verdict.UNKNOWN: ("unknown effect", "doubt"),
+    Verdict.TOO_NOISY: ("too noisy", "doubt"),
 }
 """What is shown of each verdict, and how."""
 
@@ -56,7 +59,7 @@ def render_report(
     drawn = pictures(findings, evidence)
     word, kind = WORDS[findings.verdict]
     facts = {
-        "stops": str(findings.stops),
+        "who says so": f"slopewise {metadata.version('slopewise')} from {findings.stops} stops",
         "stopping distance": _metres(findings.stop_distance),
         "safety offset now": f"{findings.model.braking.distance_offset:.2f} m",
         **provenance,
@@ -66,13 +69,13 @@ def render_report(
         "word": escaped(word),
         "kind": kind,
         "verdict": escaped(findings.summary),
+        "answers": fact_list(answers(findings)),
         "facts": fact_list(facts),
         "notes": notices(findings.notes),
         "effects": _effects(findings.effects),
         "closed": escaped(_closed(findings.gap)),
         "located": "\n".join(map(_axis, findings.located)) or _nothing(),
         "map": _map(drawn.pop("map", None)),
-        "next": escaped(findings.next_experiment.text or "Nothing: this log leaves no question."),
         **drawn,
     }
     return page(
@@ -115,9 +118,8 @@ def _effect(effect: NamedEffect) -> str:
         f"{name} = {p.value:.4g} ± {p.std:.2g} {p.unit if p.unit != '1' else ''}".rstrip()
         for name, p in effect.parameters.items()
     )
-    sure = "more than 99 %" if effect.confidence > 0.99 else f"{effect.confidence:.0%}"
     cells = (
-        effect.name, LAWS[effect.name].missing, values, sure,
+        effect.name, LAWS[effect.name].missing, values, sure_words(effect.confidence),
         ", ".join(effect.alternatives) or "–", effect.where,
     )  # fmt: skip
     return "<tr>" + "".join(f"<td>{escaped(c)}</td>" for c in cells) + "</tr>"

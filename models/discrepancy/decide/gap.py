@@ -8,7 +8,7 @@ times its floor no percentage is claimed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,8 +61,6 @@ class Gaps:
         refit_squares: (S,) mean squared speed error of the refitted base, held out [m²/s²].
         longer: 95 % quantile of how much longer stops are than configured [m]; where they are
             shorter on the whole, the 5 % quantile.
-        likelier: by how much −2 log likelihood of stops held out falls by what was found, beyond
-            the refitted base.
     """
 
     speed: Gap
@@ -70,15 +68,22 @@ class Gaps:
     held_out: Floats
     refit_squares: Floats
     longer: float
-    likelier: float
+
+    @property
+    def harmful(self) -> bool:
+        """What was found predicts speeds or distances worse than new coefficients do."""
+        return max(self.speed.worse, self.distance.worse) > 1.0
 
 
-def compared(table: StopTable, base: Fit, best: Fit, settings: DiscrepancySettings) -> Gaps:
+def compared(
+    table: StopTable, base: Fit, best: Fit, noise: Noise, settings: DiscrepancySettings
+) -> Gaps:
     """Model as configured, base refitted, and what was found.
 
     Args:
         table: stops. base: refitted base. best: what was found; its structure is kept, its numbers
             are fitted anew to what each part of the log leaves.
+        noise: of a perfect model, of which all structure that is known to be there is taken off.
         settings: parts, draws and seed.
     """
     parts = folds(table, settings.folds, settings.seed)
@@ -90,36 +95,29 @@ def compared(table: StopTable, base: Fit, best: Fit, settings: DiscrepancySettin
         0, len(table), (settings.resamples, len(table))
     )
     used = table.spread > 0.0
-    floor = np.where(used, speed_floor(table, best.noise, best.hypothesis), np.nan)
+    floor = np.where(used, speed_floor(table, noise, best.hypothesis), np.nan)
     squares = [np.nanmean(e[0] ** 2, axis=1) for e in (before, refit, after)]
     speed = gap_of("speed while stopping, rms", "m/s", (*squares, np.nanmean(floor, axis=1)), draws)
     lengths = [(e[1] - table.distance) ** 2 for e in (before, refit, after)]
     distance = gap_of(
-        "stopping distance, rms", "m", (*lengths, distance_floor(table, best.noise)), draws
+        "stopping distance, rms", "m", (*lengths, distance_floor(table, noise)), draws
     )
     longer = table.distance - before[1]
     end = 0.95 if float(np.mean(longer)) > 0.0 else 0.05
-    likelier = refit[2] - after[2]
-    return Gaps(speed, distance, after[1], squares[1], float(np.quantile(longer, end)), likelier)
+    return Gaps(speed, distance, after[1], squares[1], float(np.quantile(longer, end)))
 
 
-def held_out(table: StopTable, parts: list[Bools], start: Fit) -> tuple[Floats, Floats, float]:
-    """By fits that have not seen the stop: (S, K) speed errors, (S,) distances, −2 log likelihood.
-
-    The likelihood knows what the errors do not: which of them a stop's own friction explains.
-    """
+def held_out(table: StopTable, parts: list[Bools], start: Fit) -> tuple[Floats, Floats]:
+    """By fits that have not seen the stop: (S, K) speed errors, (S,) distances."""
     errors = np.full(table.binned.shape, np.nan)
     lengths = np.empty(len(table))
-    deviance = 0.0
     for part in parts:
         seen, unseen = table.take(~part), table.take(part)
         white = whitener(seen, start.noise, start.hypothesis)
         learned = fit(seen, start.hypothesis, white).hypothesis
         errors[part] = speed_errors(unseen, learned)
         lengths[part] = distances(unseen, learned)
-        own = whitener(unseen, start.noise, learned)
-        deviance += float(np.sum(fit(unseen, learned, own, passes=0).each))
-    return errors, lengths, deviance
+    return errors, lengths
 
 
 def speed_floor(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Floats:
@@ -154,15 +152,22 @@ def gap_of(metric: str, unit: str, errors: Sequence[Floats], draws: Ints) -> Gap
     squares = np.stack(errors)
     b, r, a, f = np.sqrt(squares.mean(axis=1))
     f = min(f, b, r, a)  # no model that is here already is better than a perfect one
-    if not b > CLAIM_ABOVE * f:
-        return Gap(metric, unit, float(b), float(r), float(a), float(f), None, None)
-    drawn = np.sqrt(squares[:, draws].mean(axis=2))
-    shares = _share(drawn[0], drawn[2], drawn[3])
-    low, high = np.quantile(shares, [0.025, 0.975])
-    return Gap(
-        metric, unit, float(b), float(r), float(a), float(f), float(_share(b, a, f)),
-        (float(low), float(high)),
+    gap = Gap(
+        metric, unit, float(b), float(r), float(a), float(f), None, None,
+        _standard_errors(squares[2] - squares[1]),
     )  # fmt: skip
+    if not b > CLAIM_ABOVE * f:
+        return gap
+    drawn = np.sqrt(squares[:, draws].mean(axis=2))
+    shares = _share(drawn[0], drawn[2], drawn.min(axis=0))
+    low, high = np.quantile(shares, [0.025, 0.975])
+    return replace(gap, closed=float(_share(b, a, f)), ci95=(float(low), float(high)))
+
+
+def _standard_errors(more: Floats) -> float:
+    """Of the mean of differences (S,) of stops; 0 where none differs."""
+    error = float(np.std(more, ddof=1)) / np.sqrt(len(more))
+    return float(np.mean(more)) / error if error > 0.0 else 0.0
 
 
 def _share(before: Floats, after: Floats, floor: Floats) -> Floats:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.gap import distances
+from models.discrepancy.decide.size import change_between
 from models.discrepancy.search.candidates import search_of
-from models.discrepancy.search.identify import ScoredExplanation
-from models.discrepancy.search.locate import Followed, follow
+from models.discrepancy.search.identify import ScoredExplanation, holds
+from models.discrepancy.search.locate import WITHIN, Followed, follow
+from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.thresholds import (
     BEATS_PART,
     BEATS_SEVERAL,
@@ -16,9 +19,10 @@ from models.discrepancy.thresholds import (
     FEWEST_IN_PATCH,
     HARDLY,
     ONE_SIDED_WIND,
+    P_IMITATED,
     P_SHAPE,
     PLAIN_EVIDENCE,
-    TRACE,
+    TOLD_APART,
 )
 from models.effects.effect_law import Search
 from models.effects.registry import LAWS
@@ -67,35 +71,50 @@ def plainer_one(
     best: ScoredExplanation,
     others: tuple[ScoredExplanation, ...],
     doubt: float,
-    seed: int,
+    settings: DiscrepancySettings,
 ) -> ScoredExplanation | None:
     """The best explanation with fewer effects, where the further ones are not believed.
 
     Args:
         table: stops. best, others: explanations. doubt: chi square that means nothing.
-        seed: of permutations.
+        settings: seed of permutations, and what matters.
     """
-    parts = [e for e in others if e.names and set(e.names) < set(best.names)]
+    parts = [e for e in others if e.names and holds(best.names, e.names)]
     if not parts:
         return None
     plainer = min(parts, key=lambda e: e.score)
-    further = set(best.names) - set(plainer.names)
+    further = set((Counter(best.names) - Counter(plainer.names)).elements())
     doubt = max(doubt, BEATS_PART)
     as_good = [e for e in others if e.names and e.score < best.score + doubt]
-    if any(set(e.names) > set(plainer.names) and not further <= set(e.names) for e in as_good):
+    if any(holds(e.names, plainer.names) and not further <= set(e.names) for e in as_good):
         doubt = max(doubt, BEATS_SEVERAL)  # something more, but nobody knows what
     placed = {name for name in further if search_of(name).placed}
-    if placed and not _placed(follow(table, plainer.fit, seed), placed):
+    if placed and not _placed(follow(table, plainer.fit, settings.seed), placed):
         doubt = max(doubt, PLAIN_EVIDENCE)  # a place can be found for any few stops that differ
     margin = plainer.score - best.score
-    trace = _way_between(table, best, plainer) < TRACE and margin < BEATS_TRACE
+    change = change_between(table, best.fit.hypothesis, plainer.fit.hypothesis, settings)
+    trace = change.practical < 1.0 and margin < BEATS_TRACE
     return plainer if margin < doubt or trace else None
 
 
-def _way_between(table: StopTable, one: ScoredExplanation, other: ScoredExplanation) -> float:
-    """Root mean square difference of stopping distances, as a share of their mean."""
-    off = distances(table, one.fit.hypothesis) - distances(table, other.fit.hypothesis)
-    return float(np.sqrt(np.mean(off**2)) / np.mean(table.distance))
+def told_apart(
+    best: ScoredExplanation, others: tuple[ScoredExplanation, ...], together: list[str],
+    left: list[Followed],
+) -> bool:  # fmt: skip
+    """Whether the traces of speed hold each of several effects along one axis by itself.
+
+    A lag acts at the onset, air drag through the whole stop: together they leave nothing along the
+    axis, and neither can be had for less. Two effects that imitate a third leave some of its shape.
+
+    Args:
+        best: explanation. others: those that it is weighed against.
+        together: names of it that act along one axis. left: what it leaves.
+    """
+    shape = any(f.axis.name in WITHIN and f.p_value < P_IMITATED for f in left)
+    missing = (
+        min((e.score for e in others if name not in e.names), default=np.inf) for name in together
+    )
+    return not shape and all(score - best.score > TOLD_APART for score in missing)
 
 
 def along_one_axis(table: StopTable, best: ScoredExplanation) -> list[str]:

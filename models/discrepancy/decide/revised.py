@@ -6,6 +6,7 @@ safety offset: stops held out that ended beyond their prediction, and rivals tha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +28,7 @@ def revised(
     table: StopTable,
     decision: Decision,
     held_out: Floats,
-    widths: dict[str, dict[str, float]],
+    widths: Sequence[dict[str, float]],
     source: str,
 ) -> tuple[Model, tuple[Effect, ...]]:
     """The model, and the effects in it that were not there before.
@@ -35,14 +36,13 @@ def revised(
     Args:
         table: stops. decision: what the log allows to say.
         held_out: (S,) distances predicted by fits that had not seen their stop [m].
-        widths: standard deviations of places and times of change, by effect and name.
+        widths: standard deviations of places and times of change, by name, of each added effect.
         source: where the log is from, in words.
     """
     fit = decision.explanation.fit
     model = fit.hypothesis.model
     unclear = decision.verdict is Verdict.UNIDENTIFIABLE
-    kept = decision.kept or decision.verdict is Verdict.NONE
-    if kept or (unclear and not _refit_is_longer(table, fit)):
+    if decision.kept_as_it_was or (unclear and not _refit_is_longer(table, fit)):
         as_it_is = distances(table, Hypothesis.configured(model))
         if decision.kept and decision.verdict is Verdict.UNKNOWN:
             model = replace(model, braking=_scattered(model.braking, fit))
@@ -65,20 +65,20 @@ def revised(
     return _wider(better, table, decision, held_out), added
 
 
-def effects_of(fit: Fit, widths: dict[str, dict[str, float]], source: str) -> tuple[Effect, ...]:
+def effects_of(fit: Fit, widths: Sequence[dict[str, float]], source: str) -> tuple[Effect, ...]:
     """Effects that were added, with the covariance of their parameters."""
     found = []
     k = BASE
-    for effect in fit.hypothesis.added:
+    for effect, own in zip(fit.hypothesis.added, widths, strict=True):
         free = free_parameters(effect)
         covariance = np.zeros((len(effect.parameters),) * 2)
         rows = [i for i, name in enumerate(effect.parameters) if name in free]
         covariance[np.ix_(rows, rows)] = fit.covariance[k : k + len(free), k : k + len(free)]
         k += len(free)
         for i, name in enumerate(effect.parameters):
-            if name in widths.get(effect.name, {}):
+            if name in own:
                 covariance[i, :] = covariance[:, i] = 0.0
-                covariance[i, i] = widths[effect.name][name] ** 2
+                covariance[i, i] = own[name] ** 2
         values = {n: _inside(effect.name, n, float(v)) for n, v in effect.parameters.items()}
         found.append(
             replace(effect, parameters=values, covariance=_matrix(covariance), source=source)

@@ -7,16 +7,25 @@ physically usual; else the log has shown that something is there, and no more.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import chi2
 
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.restraint import along_one_axis, plainer_one, weak
+from models.discrepancy.decide.restraint import along_one_axis, plainer_one, told_apart, weak
+from models.discrepancy.decide.size import (
+    ChangeOfStops,
+    change_between,
+    practical_lengths,
+    sizes_of,
+)
 from models.discrepancy.findings import Verdict
+from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.search.absorbed import Absorbed, absorbed_explanations
-from models.discrepancy.search.identify import Identified, ScoredExplanation
+from models.discrepancy.search.identify import Identified, ScoredExplanation, holds
 from models.discrepancy.search.locate import WITHIN, Followed
 from models.discrepancy.search.refine import Fit, fit, residual
 from models.discrepancy.settings import DiscrepancySettings
@@ -27,7 +36,6 @@ from models.discrepancy.thresholds import (
     LEFT_SHARE,
     P_DRIFT,
     STABLE_SHARE,
-    TRACE,
 )
 from models.effects.registry import LAWS
 
@@ -44,6 +52,9 @@ class Decision:
         absorbed: for `unidentifiable`.
         notes: doubts, in sentences.
         kept: the model stays as configured.
+        sizes: of the explanation's effects, in their order. Those below a practical size are
+            fitted along and not named.
+        visible: change of a stop from which an effect would have been seen, by name [m].
     """
 
     verdict: Verdict
@@ -54,6 +65,23 @@ class Decision:
     absorbed: tuple[Absorbed, ...] = ()
     notes: tuple[str, ...] = ()
     kept: bool = False
+    sizes: tuple[ChangeOfStops, ...] = ()
+    visible: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def kept_as_it_was(self) -> bool:
+        """The model that is written is the one that was configured."""
+        return self.kept or self.verdict in (Verdict.NONE, Verdict.TOO_NOISY)
+
+    @property
+    def named(self) -> tuple[int, ...]:
+        """Which of the explanation's effects are named."""
+        return tuple(i for i, size in enumerate(self.sizes) if size.practical >= 1.0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects that are named, in the order in which they were found."""
+        return tuple(self.explanation.fit.hypothesis.names[i] for i in self.named)
 
 
 def decide(
@@ -69,71 +97,90 @@ def decide(
         settings: how sure to be.
     """
     sure = [f for f in left if f.p_value < settings.structure]
-    large = _large(table, sure)
+    large = _large(table, sure, settings)
     trace = _said_of(sure[0]) if sure and not large else ()
     if not found.best.names:
-        return _without_names(table, base, found, large, trace)
+        return _without_names(table, base, found, large, trace, settings)
     best, others = found.best, found.others
     # Where the model's own shape is a little wrong, likelihoods differ by that for no reason.
     doubt = max(settings.rival, BELIEVED_SHARE * sure[0].chi_square) if sure else settings.rival
-    plainer = plainer_one(table, best, others, doubt if sure else 0.0, settings.seed)
+    plainer = plainer_one(table, best, others, doubt if sure else 0.0, settings)
     if plainer is not None:
         others = (best, *(e for e in others if e.names != plainer.names))
         best = plainer
     refitted = next((e for e in others if not e.names), _far(base))
+    nothing = replace(found, best=ScoredExplanation(base, refitted.score))
     if weak(table, best, refitted, located):
         plain = [f for f in located if f.p_value < settings.structure]
-        nothing = replace(found, best=ScoredExplanation(base, refitted.score))
-        return _without_names(table, base, nothing, _large(table, plain), ())
+        return _without_names(table, base, nothing, _large(table, plain, settings), (), settings)
     others = tuple(e for e in others if not _unusually_small(e))
     near = [
         e for e in others
-        if e.names and e.score < best.score + doubt and not set(e.names) > set(best.names)
+        if e.names and e.score < best.score + doubt and not holds(e.names, best.names)
     ]  # fmt: skip
     if _unusually_small(best) and near:
         best = min(near, key=lambda e: e.score)
         others = tuple(e for e in others if e.names != best.names)
-    doubted = _doubted(table, base, best, sure, located, settings)
+    sizes = sizes_of(table, best.fit, settings)
+    small = _too_small(best, sizes)
+    if all(size.practical < 1.0 for size in sizes):
+        return _without_names(table, base, nothing, large, (*small, *trace), settings)
+    doubted = _doubted(table, base, best, others, left, located, settings)
     if doubted is not None:
         words, axis = doubted
-        return Decision(Verdict.UNKNOWN, refitted, axis=axis, notes=(words,))
+        return Decision(Verdict.UNKNOWN, refitted, axis=axis, notes=(words, *small))
+    said = _said_of(sure[0]) if sure else ()
+    made = Decision(
+        Verdict.MISSING_EFFECT, best, axis=sure[0] if sure else None, notes=(*small, *said),
+        sizes=sizes, visible=found.visible,
+    )  # fmt: skip
     rivals = tuple(
         e for e in others
         if e.names and (e.score < best.score + doubt or not _leads(best, e, settings))
-        and not set(e.names) > set(best.names) and not set(e.names) < set(best.names)
+        and not Counter(made.names) <= Counter(e.names) and not holds(best.names, e.names)
     )  # fmt: skip
-    confidence = tuple(_confidence(name, best, found) for name in best.fit.hypothesis.names)
+    confidence = _confidences(best, found, settings)
     verdict = Verdict.AMBIGUOUS if rivals else Verdict.MISSING_EFFECT
-    said = _said_of(sure[0]) if sure else ()
-    return Decision(verdict, best, rivals, confidence, sure[0] if sure else None, notes=said)
+    return replace(made, verdict=verdict, rivals=rivals, confidence=confidence)
+
+
+def _too_small(best: ScoredExplanation, sizes: Sequence[ChangeOfStops]) -> tuple[str, ...]:
+    """What was seen and does not matter, in sentences."""
+    return tuple(
+        f"{name} was seen for certain and changes stops by no more than "
+        f"{1000.0 * size.length:.0f} mm: fitted along, too small to be named"
+        for name, size in zip(best.fit.hypothesis.names, sizes, strict=True)
+        if size.practical < 1.0
+    )
 
 
 def _doubted(
-    table: StopTable, base: Fit, best: ScoredExplanation, sure: list[Followed],
-    located: list[Followed], settings: DiscrepancySettings,
+    table: StopTable, base: Fit, best: ScoredExplanation, others: tuple[ScoredExplanation, ...],
+    left: list[Followed], located: list[Followed], settings: DiscrepancySettings,
 ) -> tuple[str, Followed | None] | None:  # fmt: skip
     """Why the names that fit best are not given, and the axis to look along; None if they are."""
+    sure = [f for f in left if f.p_value < settings.structure]
     names, first = best.names, sure[0] if sure else None
     ends = _numbers_at_their_end(best)
     if ends:
         words = f"{' and '.join(names)} would explain it, with {ends} at the end of what is usual"
         return f"{words}: the cause is likely another one", first
-    large = _large(table, sure)
+    large = _large(table, sure, settings)
     if large and _matters(table, base, best, large[0]):
         words = f"{' and '.join(names)} came nearest, but left a pattern along "
         return words + large[0].axis.name, large[0]
-    if first is not None and len(names) > BELIEVED_NAMES:
+    if first is not None and len(set(names)) > BELIEVED_NAMES:
         words = f"{', '.join(names)} together came nearest, and left a pattern along "
         return f"{words}{first.axis.name}: the cause is likely another one", first
     together = along_one_axis(table, best)
-    if together:
+    if together and not told_apart(best, others, together, left):
         words = f"{' and '.join(together)} together imitate it; "
         along = next((f for f in located if f.p_value < settings.structure), None)
         return words + "two effects along one axis can be any shape", along
     return None
 
 
-def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
+def _large(table: StopTable, sure: list[Followed], settings: DiscrepancySettings) -> list[Followed]:
     """Patterns that matter for the stopping distance.
 
     What follows time or speed within a stop follows all axes of that kind; the surest of them
@@ -141,7 +188,7 @@ def _large(table: StopTable, sure: list[Followed]) -> list[Followed]:
     """
     within = [f for f in sure if f.axis.name in WITHIN]
     apart = within[:1] + [f for f in sure if f.axis.name not in WITHIN]
-    least = TRACE * float(np.mean(table.distance))
+    least = float(np.mean(practical_lengths(table.distance, settings)))
     return sorted((f for f in apart if f.distance > least), key=lambda f: -f.strength)
 
 
@@ -156,15 +203,26 @@ def _far(base: Fit) -> ScoredExplanation:
 
 
 def _without_names(
-    table: StopTable, base: Fit, found: Identified, large: list[Followed], trace: tuple[str, ...]
-) -> Decision:
+    table: StopTable, base: Fit, found: Identified, large: list[Followed], notes: tuple[str, ...],
+    settings: DiscrepancySettings,
+) -> Decision:  # fmt: skip
     if large:
-        return Decision(Verdict.UNKNOWN, found.best, axis=large[0])
-    if not drifted(table, base):
-        return Decision(Verdict.NONE, found.best, notes=trace)
-    absorbed = absorbed_explanations(table, base, found.absorbed)
-    verdict = Verdict.UNIDENTIFIABLE if absorbed else Verdict.PARAMETER_DRIFT
-    return Decision(verdict, found.best, absorbed=absorbed, notes=trace)
+        return Decision(Verdict.UNKNOWN, found.best, axis=large[0], notes=notes)
+    seen = found.visible
+    configured = Hypothesis.configured(base.hypothesis.model)
+    moved = change_between(table, configured, base.hypothesis, settings)
+    sure = drifted(table, base)
+    if sure and moved.practical >= 1.0:
+        absorbed = absorbed_explanations(table, base, found.absorbed)
+        verdict = Verdict.UNIDENTIFIABLE if absorbed else Verdict.PARAMETER_DRIFT
+        return Decision(verdict, found.best, absorbed=absorbed, notes=notes, visible=seen)
+    if sure:
+        words = "coefficients have moved for certain, and stops change by no more than"
+        notes = (*notes, f"{words} {1000.0 * moved.length:.0f} mm by it: the model stays")
+    least = settings.noisy_share * float(np.median(table.distance))
+    noisy = bool(seen) and min(seen.values()) > least
+    verdict = Verdict.TOO_NOISY if noisy else Verdict.NONE
+    return Decision(verdict, found.best, notes=notes, visible=seen)
 
 
 def drifted(table: StopTable, base: Fit) -> bool:
@@ -223,9 +281,25 @@ def _stability(
     return float(np.mean(ahead[draws].sum(axis=1) + prices > 0.0))
 
 
-def _confidence(name: str, best: ScoredExplanation, found: Identified) -> float:
-    """Posterior weight of the explanations that hold a name, among all that were tried."""
+def _confidences(
+    best: ScoredExplanation, found: Identified, settings: DiscrepancySettings
+) -> tuple[float, ...]:
+    """Of each effect of an explanation: how sure its name is.
+
+    The posterior weight of all explanations that hold the name, among those tried, or if that is
+    less, the share of resampled logs in which the best of them leads the best of those without.
+    """
     everything = (best, *found.others)
     weight = np.exp(-0.5 * np.clip([e.score - best.score for e in everything], 0.0, 200.0))
-    has = np.array([name in e.names for e in everything])
-    return float(np.sum(weight[has]) / np.sum(weight))
+    result = []
+    names = best.fit.hypothesis.names
+    for i, name in enumerate(names):
+        often = names[: i + 1].count(name)
+        has = np.array([e.names.count(name) >= often for e in everything])
+        posterior = float(np.sum(weight[has]) / np.sum(weight))
+        without = [e for e, yes in zip(everything, has, strict=True) if not yes]
+        rival = min(without, key=lambda e: e.score, default=None)
+        stable = 1.0 if rival is None else _stability(best, rival, settings)
+        # Of so many draws, none that says otherwise does not mean never.
+        result.append(min(posterior, stable, 1.0 - 0.5 / (settings.resamples + 1)))
+    return tuple(result)

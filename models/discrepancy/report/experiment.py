@@ -25,6 +25,7 @@ from models.discrepancy.model.prediction import predict
 from models.discrepancy.search.candidates import search_of
 from models.discrepancy.search.refine import Fit, jacobian
 from models.discrepancy.thresholds import (
+    MOST_REPEATS,
     PROPOSED_PAUSES,
     PROPOSED_STOPS,
     SHEET_BINS,
@@ -32,6 +33,7 @@ from models.discrepancy.thresholds import (
     TELLS_APART,
     WARMING_STOPS,
 )
+from models.effects.registry import LAWS
 from models.quantity import GRAVITY
 
 
@@ -55,11 +57,12 @@ def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:
     repeats = int(np.ceil(TELLS_APART / reached)) if reached > 0.0 else 0
     names = " or ".join("+".join(f.hypothesis.names) for f in (best, *rivals))
     stops = tuple(plans[i] for i in chosen)
-    if repeats == 0 or repeats > 100:
-        text = (
-            f"no stop within what the log has seen tells {names}: drive faster, steeper, or coast"
-        )
-        return Experiment(text, stops, 0)
+    if repeats == 0 or repeats > MOST_REPEATS:
+        own = best.hypothesis.names
+        others = [n for f in rivals for n in f.hypothesis.names if n not in own]
+        test = LAWS[(others or own)[0]].experiment
+        text = f"no few stops like those of the log tell {names}: {test}"
+        return Experiment(text, stops, repeats if repeats <= 100 else 0)
     text = f"to tell {names}, drive {_words(stops)}"
     text += f"; {repeats} times ({repeats * len(stops)} stops)" if repeats > 1 else ""
     return Experiment(text, stops, repeats)
@@ -131,7 +134,7 @@ def _possible(table: StopTable, best: Fit) -> tuple[list[PlannedStop], StopTable
         given = dict(zip(choices, values, strict=True))
         speed, grade = given.pop("speed"), given.pop("grade")
         plans.append(PlannedStop(float(speed or 0.0), float(grade or 0.0), **given))
-    sheet = _sheet(table, plans, best)
+    sheet = sheet_of(table, plans, best)
     noise = replace(best.noise, correlation=0.0)
     return plans, sheet, whitener(sheet, noise, best.hypothesis)
 
@@ -159,7 +162,8 @@ def _choices(table: StopTable, best: Fit) -> dict[str, tuple[float | None, ...]]
     return choices
 
 
-def _sheet(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopTable:
+def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopTable:
+    """Stops that were not driven, on ground of constant grade, as a table."""
     count = len(plans)
     speed = np.array([p.speed for p in plans])
     force = float(np.median(table.force))

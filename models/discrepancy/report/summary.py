@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.verdict import Decision
 from models.discrepancy.findings import (
     Estimate,
@@ -22,7 +23,7 @@ from models.parameters import Effect
 
 
 def named_effects(
-    decision: Decision, located: Sequence[Followed], widths: dict[str, dict[str, float]]
+    decision: Decision, located: Sequence[Followed], widths: Sequence[dict[str, float]]
 ) -> tuple[NamedEffect, ...]:
     """Effects of an explanation with numbers, confidence and alternatives.
 
@@ -37,15 +38,18 @@ def named_effects(
     named = []
     k = BASE
     own = set(decision.explanation.names)
-    for effect, confidence in zip(fit.hypothesis.added, decision.confidence, strict=True):
+    each = zip(fit.hypothesis.added, decision.confidence, widths, strict=True)
+    for i, (effect, confidence, places) in enumerate(each):
         law = LAWS[effect.name].parameters
         free = free_parameters(effect)
         values = {}
         for name, value in effect.parameters.items():
             error = float(std[k + free.index(name)]) if name in free else 0.0
-            error = widths.get(effect.name, {}).get(name, error)
+            error = places.get(name, error)
             values[name] = Estimate(float(value), error, law[name].unit)
         k += len(free)
+        if i not in decision.named:
+            continue
         others = []
         for rival in decision.rivals:
             if effect.name not in rival.names:
@@ -68,7 +72,7 @@ def located_axes(
         above_floor: mean square of its residual speeds above that of a perfect model [m²/s²].
     """
     certain = [f for f in located if f.p_value < LOCATED]
-    acting = [LAWS[n].axis for n in decision.explanation.fit.hypothesis.names]
+    acting = [LAWS[n].axis for n in decision.names]
     if decision.axis is not None and not acting:
         acting = [decision.axis.axis.name]
     certain.sort(key=lambda f: (f.axis.name not in acting, -f.strength))
@@ -93,17 +97,20 @@ def _where(effect: Effect, along: Followed | None) -> str:
     return f"along {axis}, most at {low:.3g} … {high:.3g} {along.axis.unit}".rstrip()
 
 
-def summary(decision: Decision, distance: Gap, longer: float) -> str:
+def summary(table: StopTable, decision: Decision, distance: Gap, longer: float) -> str:
     """One or two sentences.
 
     Args:
-        decision: verdict and names. distance: gap in stopping distance.
+        table: stops. decision: verdict and names. distance: gap in stopping distance.
         longer: how much longer stops are than configured, 95 % quantile [m].
     """
-    names = " and ".join(LAWS[n].missing for n in decision.explanation.fit.hypothesis.names)
+    names = " and ".join(LAWS[n].missing for n in dict.fromkeys(decision.names))
     match decision.verdict:
         case Verdict.NONE:
-            text = "The model stops as the log does: nothing is missing that this log could show."
+            text = "The model stops as the log does. " + _not_seen(table, decision)
+        case Verdict.TOO_NOISY:
+            text = "This log is too noisy to say whether anything is missing. "
+            text += _not_seen(table, decision)
         case Verdict.PARAMETER_DRIFT:
             text = "The model is right in kind, its coefficients or dead time are not: refitted."
         case Verdict.MISSING_EFFECT:
@@ -117,10 +124,25 @@ def summary(decision: Decision, distance: Gap, longer: float) -> str:
         case Verdict.UNKNOWN:
             axis = decision.axis.axis.name if decision.axis else "no single axis"
             text = f"Something is missing that no known effect explains; it follows {axis}."
-    if decision.verdict is Verdict.NONE:
+    if decision.verdict in (Verdict.NONE, Verdict.TOO_NOISY):
         return text
     way = "longer" if longer >= 0.0 else "shorter"
     return (
         f"{text} Stops of this log are up to {abs(longer):.2f} m {way} than the model said; "
         f"typically {distance.before:.2f} m off before, {distance.after:.2f} m after."
     )
+
+
+def _not_seen(table: StopTable, decision: Decision) -> str:
+    """How much an effect has to change stops to show in this log, in a sentence."""
+    sizes = sorted((size, name) for name, size in decision.visible.items() if np.isfinite(size))
+    if not sizes:
+        return "Its stops are too much alike to show any effect."
+    (least, first), (most, last) = sizes[0], sizes[-1]
+    mean = float(np.mean(table.distance))
+    plain = f"An effect would have shown from {_length(least, mean)} a stop on ({first})"
+    return plain + (f" to {_length(most, mean)} ({last})." if last != first else ".")
+
+
+def _length(size: float, mean: float) -> str:
+    return f"{size:.2f} m or {size / mean:.0%}" if size >= 0.01 else f"{1000.0 * size:.0f} mm"

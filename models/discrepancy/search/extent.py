@@ -7,13 +7,10 @@ out (Wilks), told as the standard deviation of a normal distribution with the sa
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import BASE, free_parameters
 from models.discrepancy.search import screening
 from models.discrepancy.search.candidates import (
     EffectColumn,
@@ -22,7 +19,7 @@ from models.discrepancy.search.candidates import (
     patch_column,
     search_of,
 )
-from models.discrepancy.search.patches import left_of
+from models.discrepancy.search.patches import left_of, without_effect
 from models.discrepancy.search.refine import Fit, prior_precision
 from models.discrepancy.thresholds import (
     CHI2_95,
@@ -38,25 +35,27 @@ from models.effects.registry import LAWS
 from models.parameters import Effect
 
 
-def extents(table: StopTable, found: Fit) -> dict[str, dict[str, float]]:
-    """Standard deviations of such parameters, by effect and name.
+def extents(table: StopTable, found: Fit) -> list[dict[str, float]]:
+    """Standard deviations of such parameters by name, for each added effect.
 
     Args:
         table: stops. found: an explanation at its best.
     """
-    widths = {}
+    widths = []
     for index, effect in enumerate(found.hypothesis.added):
         if search_of(effect.name).placed:
-            widths[effect.name] = _of_patch(table, found, index, effect)
+            widths.append(_of_patch(table, found, index, effect))
         elif LAWS[effect.name].enters is Enters.LASTING:
-            widths[effect.name] = _of_change(table, found, index, effect)
+            widths.append(_of_change(table, found, index, effect))
+        else:
+            widths.append({})
     return widths
 
 
 def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[str, float]:
     names = ("x", "y", "radius")
     inner = {name: float(effect.parameters[name]) for name in names}
-    without = _without(found, index)
+    without = without_effect(found, index)
     here = EffectColumn(effect.name, inner)
     best = float(_chi_squares(table, without, patch_column(table, without.hypothesis, here))[0])
     kept = [(best, here)]
@@ -104,7 +103,7 @@ def _edges(table: StopTable, inner: dict[str, float]) -> dict[str, float]:
 
 
 def _of_change(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[str, float]:
-    without = _without(found, index)
+    without = without_effect(found, index)
     library, columns = candidates(table, without.hypothesis)
     own = [i for i, c in enumerate(library) if c.name == effect.name]
     if not own:
@@ -115,15 +114,6 @@ def _of_change(table: StopTable, found: Fit, index: int, effect: Effect) -> dict
     ends = [*kept.tolist(), float(effect.parameters["run"])]
     # A change between two runs is known to no better than one run.
     return {"run": (0.5 * (max(ends) - min(ends)) + 0.5) / NORMAL_95}
-
-
-def _without(found: Fit, index: int) -> Fit:
-    """The same fit as seen by a search for one of its effects: without it."""
-    added = found.hypothesis.added
-    begin = BASE + sum(len(free_parameters(e)) for e in added[:index])
-    own = np.arange(begin, begin + len(free_parameters(added[index])))
-    rest = replace(found.hypothesis, added=(*added[:index], *added[index + 1 :]))
-    return replace(found, hypothesis=rest, jacobian=np.delete(found.jacobian, own, axis=2))
 
 
 def _chi_squares(table: StopTable, without: Fit, columns: Floats) -> Floats:

@@ -10,8 +10,10 @@ effects with many inner numbers have to earn them.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +28,14 @@ from models.discrepancy.search.candidates import (
     candidates,
     is_cap,
     patch_column,
+    search_of,
 )
-from models.discrepancy.search.patches import left_of, moved_patch, placed_patch
+from models.discrepancy.search.patches import (
+    left_of,
+    moved_patch,
+    placed_patch,
+    settled_patches,
+)
 from models.discrepancy.search.refine import (
     Fit,
     as_output,
@@ -81,12 +89,20 @@ class Identified:
         best: none or several effects. others: further explanations, best first.
         largest: chi square of the strongest candidate beyond `best`, and its threshold.
         absorbed: share of each effect's column that the base takes up, by name.
+        visible: change of a stop beyond new coefficients from which each effect would have been
+            seen in this log [m], see :func:`models.discrepancy.search.screening.visible`.
     """
 
     best: ScoredExplanation
     others: tuple[ScoredExplanation, ...]
     largest: tuple[float, float]
     absorbed: dict[str, float]
+    visible: dict[str, float]
+
+
+def holds(more: tuple[str, ...], fewer: tuple[str, ...]) -> bool:
+    """Whether names hold others and more than those, each as often as it is there."""
+    return Counter(fewer) < Counter(more)
 
 
 def numbers(name: str) -> int:
@@ -113,16 +129,16 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
     known = {beam[0].names: beam[0]}
     best = beam[0]
     absorbed: dict[str, float] = {}
+    visible: dict[str, float] = {}
     largest = (0.0, np.inf)
-    for level in range(settings.most_effects + 1):
+    for level in range(settings.most_effects + settings.most_patches):
         children: list[ScoredExplanation] = []
         for parent in beam:
-            more, strongest, shares = _extended(table, parent, settings)
-            absorbed = absorbed or shares
+            extended = _extended(table, parent, settings)
+            absorbed, visible = absorbed or extended.absorbed, visible or extended.visible
             if parent.names == best.names:
-                largest = strongest
-            if level < settings.most_effects:
-                children += more
+                largest = extended.strongest
+            children += extended.children
         children = [c for c in children if c.names not in known]
         if not children:
             break
@@ -138,7 +154,10 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
         deep = [e for e in ordered if len(e.names) == level + 1]
         beam = [e for e in deep[:BEAM] if e.score < best.score + BEAM_WIDTH]
     others = sorted((e for e in known.values() if e.names != best.names), key=lambda e: e.score)
-    return Identified(best, tuple(others), largest, absorbed)
+    settled = settled_patches(as_output(table, best.fit), best.fit)
+    if settled is not best.fit:
+        best = replace(best, fit=settled, score=score(settled, len(table)))
+    return Identified(best, tuple(others), largest, absorbed, visible)
 
 
 def _again(
@@ -176,12 +195,20 @@ def _with_one_less(
     return found
 
 
+class _Extended(NamedTuple):
+    """Children of an explanation, its strongest candidate beside chance, and what the log shows."""
+
+    children: list[ScoredExplanation]
+    strongest: tuple[float, float]
+    absorbed: dict[str, float]
+    visible: dict[str, float]
+
+
 def _extended(
     table: StopTable, parent: ScoredExplanation, settings: DiscrepancySettings
-) -> tuple[list[ScoredExplanation], tuple[float, float], dict[str, float]]:
-    """Children of an explanation, its strongest candidate beside chance, absorbed shares."""
+) -> _Extended:
     fit = parent.fit
-    found, sums, scored = screen(table, fit)
+    found, columns, sums, scored = screen(table, fit)
     one_sided = np.array([c.search.one_sided for c in found])
     able = np.where(one_sided, np.maximum(scored.z, 0.0), np.abs(scored.z)) ** 2
     strength = scored.gain
@@ -193,12 +220,19 @@ def _extended(
     shares: dict[str, float] = {}
     for c, share in zip(found, scored.absorbed, strict=True):
         shares[c.name] = min(shares.get(c.name, 1.0), float(share))
+    visible: dict[str, float] = {}
+    if not parent.names:
+        sizes = screening.visible(sums, table, fit, columns, needed)
+        for c, size in zip(found, sizes, strict=True):
+            visible[c.name] = min(visible.get(c.name, np.inf), float(size))
     floor = max(needed, WORTH_REFITTING * strongest[0])
     children = []
     for name, members in _leaders(found, strength):
         # A friction cap shows less in what it takes than in stops that no longer differ.
         hidden = is_cap(name)
-        if name in fit.hypothesis.names or not (hidden or strength[members[0]] >= 0.5 * floor):
+        if not (hidden or strength[members[0]] >= 0.5 * floor):
+            continue
+        if not _room_for(name, fit.hypothesis.names, settings):
             continue
         if strongest[0] < needed and not hidden:
             continue
@@ -210,7 +244,15 @@ def _extended(
         children.append(
             ScoredExplanation(best, score(best, len(table)), gain, (*parent.needed, needed))
         )
-    return children, strongest, shares
+    return _Extended(children, strongest, shares, visible)
+
+
+def _room_for(name: str, names: tuple[str, ...], settings: DiscrepancySettings) -> bool:
+    """Whether one more effect may join: another one, or a further place."""
+    if name in names:
+        places = sum(search_of(own).placed for own in names)
+        return search_of(name).placed and places < settings.most_patches
+    return len(set(names)) < settings.most_effects
 
 
 def _too_quick(table: StopTable, found: Fit) -> bool:
@@ -232,7 +274,7 @@ def rescued(
 ) -> list[ScoredExplanation]:
     """Effects that chance may bring in one log of five, for a pattern that is surely there."""
     lenient = replace(settings, false_alarm=LENIENT_ALARM)
-    children = _extended(table, best, lenient)[0]
+    children = _extended(table, best, lenient).children
     noise = noise_of(table, best.fit)
     known = {c.names: c for c in [best, *children]}
     again = _again(table, known, noise, best.score)
@@ -241,8 +283,8 @@ def rescued(
 
 def screen(
     table: StopTable, fit: Fit
-) -> tuple[list[EffectColumn], screening.Reduced, screening.Scores]:
-    """Scores of all candidates beyond a fit."""
+) -> tuple[list[EffectColumn], Floats, screening.Reduced, screening.Scores]:
+    """All candidates beyond a fit, their columns (S, M, Q), sums and scores."""
     found, columns = candidates(table, fit.hypothesis)
     patches = [i for i, c in enumerate(found) if c.search.placed]
     placed = placed_patch(table, fit, found[patches[0]].name) if patches else None
@@ -253,7 +295,7 @@ def screen(
     sums = screening.reduced(fit.white, fit.jacobian, columns, precision)
     one_sided = np.array([c.search.one_sided for c in found])
     scored = screening.scores(sums, left_of(table, fit), fit.noise.scatter, one_sided)
-    return found, sums, scored
+    return found, columns, sums, scored
 
 
 def _leaders(found: Sequence[EffectColumn], strength: Floats) -> list[tuple[str, list[int]]]:
@@ -287,7 +329,7 @@ def _refined(table: StopTable, fit: Fit, candidate: EffectColumn, strength: floa
     fits = [refit(table, t, noise, rounds=1) for t in trials]
     best = min(fits, key=lambda f: f.deviance)
     if candidate.search.placed and fit.deviance - best.deviance > WORTH_MOVING:
-        best = moved_patch(table, best)
+        best = moved_patch(table, best, len(best.hypothesis.added) - 1)
     return best
 
 

@@ -8,11 +8,12 @@ trying many costs its price.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2, gumbel_r
 
-from models.arrays import Floats, Ints
+from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.prediction import integral
 from models.discrepancy.search.axes import Axis, axes_of, shapes_of
@@ -49,13 +50,19 @@ class Followed:
     distance: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Group:
+class _Group(NamedTuple):
+    """Shapes along one axis that are one hypothesis.
+
+    Attributes:
+        axis: its number. member: its place among the groups of shapes of that axis.
+        basis: (N, p) or (S, p) orthonormal directions beyond the fit. whole: they count whole stops
+            and what happens within, and are (N, p); by frictions alone they are (S, p).
+    """
+
     axis: int
-    shapes: Floats
-    columns: Floats
+    member: int
     basis: Floats
-    counted: Ints
+    whole: bool
 
 
 def follow(table: StopTable, fit: Fit, seed: int) -> list[Followed]:
@@ -66,17 +73,11 @@ def follow(table: StopTable, fit: Fit, seed: int) -> list[Followed]:
     """
     axes = axes_of(table, fit.hypothesis)
     space = _Space(table, fit)
-    groups = [
-        group
-        for i, axis in enumerate(axes)
-        for shapes in shapes_of(axis)
-        for group in space.groups(i, shapes, axis.name in _NOT_BY_FRICTION)
-    ]  # fmt: skip
-    groups = [g for g in groups if g.basis.shape[1] > 0]
+    groups = [g for i, axis in enumerate(axes) for g in space.groups(i, axis)]
     if not groups:  # too few stops to follow anything
         return []
     rows = space.rows(residual(table, fit.hypothesis)[:, :, None])[:, :, 0]
-    strength = _strengths(groups, rows.reshape(1, -1))[0]
+    strength = _strengths(groups, rows[None])[0]
     shuffled = _shuffled(table, rows, np.random.default_rng(seed))
     chance = _strengths(groups, shuffled)
     # A group that chance makes strong, by a few wild stops, has to be so much stronger.
@@ -95,22 +96,33 @@ def follow(table: StopTable, fit: Fit, seed: int) -> list[Followed]:
 
 
 def _strengths(groups: list[_Group], residuals: Floats) -> Floats:
-    """(R, groups) −log p of the chi square of each group for R residuals (R, N)."""
-    result = np.empty((len(residuals), len(groups)))
-    for j, group in enumerate(groups):
-        along = residuals @ group.basis
-        result[:, j] = -chi2.logsf(np.einsum("rp,rp->r", along, along), group.basis.shape[1])
-    return result
+    """(R, groups) −log p of the chi square of each group for R residuals (R, S, K + 1)."""
+    chi_square = np.empty((len(residuals), len(groups)))
+    for whole in (True, False):
+        own = [j for j, g in enumerate(groups) if g.whole == whole]
+        if not own:
+            continue
+        rows = residuals if whole else residuals[:, :, :1]
+        bases = np.concatenate([groups[j].basis for j in own], axis=1)
+        along = rows.reshape(len(rows), -1) @ bases
+        begins = np.cumsum([0, *(groups[j].basis.shape[1] for j in own[:-1])])
+        chi_square[:, own] = np.add.reduceat(along**2, begins, axis=1)
+    numbers = np.array([g.basis.shape[1] for g in groups])
+    return -np.asarray(chi2.logsf(chi_square, numbers), np.float64)
 
 
 def _shuffled(table: StopTable, rows: Floats, rng: np.random.Generator) -> Floats:
-    """(R, N) residuals with runs in another order and other signs."""
-    runs = [np.flatnonzero(table.run == r) for r in np.unique(table.run)]
-    draws = np.empty((PERMUTATIONS, rows.size))
-    for k in range(PERMUTATIONS):
-        order = np.concatenate([runs[i] for i in rng.permutation(len(runs))])
-        signs = np.concatenate([np.full(len(r), rng.choice((-1.0, 1.0))) for r in runs])
-        draws[k] = (rows[order] * signs[:, None]).ravel()
+    """(R, S, K + 1) residuals with runs in another order and other signs."""
+    run = np.unique(table.run, return_inverse=True)[1]
+    by_run = np.argsort(run, kind="stable")
+    ordered, run = rows[by_run], run[by_run]
+    draws = np.empty((PERMUTATIONS, *rows.shape))
+    count = int(run[-1]) + 1
+    for draw in draws:
+        place = rng.permutation(count)
+        signs = rng.choice((-1.0, 1.0), count)
+        order = np.argsort(place[run], kind="stable")
+        np.multiply(ordered[order], signs[run][:, None], out=draw)
     return draws
 
 
@@ -125,65 +137,75 @@ class _Space:
         self.flat = self.rows(self.columns).reshape(-1, self.columns.shape[2])
         prior = np.diag(np.sqrt(prior_precision(fit.hypothesis)))
         self.base, _ = np.linalg.qr(np.concatenate((self.flat, prior)))
-        self.count = len(self.flat)
-        self.all = np.arange(self.count)
-        self.between = self.all[:: table.binned.shape[1] + 1]
-        u, s, _ = np.linalg.svd(self.flat[self.between], full_matrices=False)
-        self.base_between = u[:, s > 1e-9 * s[0]]
+        between = self.rows(self.columns)[:, 0]
+        u, size, _ = np.linalg.svd(between, full_matrices=False)
+        self.base_between = u[:, size > 1e-9 * size[0]]
 
     def rows(self, bins: Floats) -> Floats:
         """(S, K + 1, P) of bins (S, K, P)."""
         between, within = self.white.split(self.white.bins @ bins)
         return np.concatenate((between[:, None, :] * self.weight[:, None, None], within), axis=1)
 
-    def groups(self, axis: int, shapes: Floats, whole: bool) -> list[_Group]:
-        """Orthonormal directions of shapes (S, M, p) beyond the fit, by all rows and by friction.
+    def groups(self, number: int, axis: Axis) -> list[_Group]:
+        """All groups of shapes along an axis, by all rows and by frictions alone.
 
         What happens within stops may be far off for reasons of its own, and drown what differs
         from stop to stop.
+
+        Args:
+            number: of the axis, which groups bear.
         """
-        columns = self.table.average @ integral(
-            self.table, self.fit.hypothesis, shapes, np.zeros(shapes.shape[2], np.bool_)
-        )
-        flat = self.rows(columns).reshape(self.count, -1)
+        shapes = shapes_of(axis)
+        ends = np.cumsum([s.shape[2] for s in shapes])
+        rows = self.rows(self._columns(np.concatenate(shapes, axis=2)))
         found = []
-        for base, counted in ((self.base, self.all), (self.base_between, self.between)):
-            own = flat[counted]
-            size = float(np.max(np.einsum("np,np->p", own, own)))
-            u, s, _ = np.linalg.svd(
-                own - base[: len(own)] @ (base[: len(own)].T @ own), full_matrices=False
-            )
-            basis = np.zeros((self.count, int(np.sum(s**2 > LEAST_DIRECTION * max(size, 1e-300)))))
-            basis[counted] = u[:, : basis.shape[1]]
-            found.append(_Group(axis, shapes, columns, basis, counted))
-            if whole:
-                break
+        for whole in (True, False) if axis.name not in _NOT_BY_FRICTION else (True,):
+            base = self.base if whole else self.base_between
+            own = rows.reshape(-1, ends[-1]) if whole else rows[:, 0]
+            size = np.einsum("np,np->p", own, own)
+            beyond = own - base[: len(own)] @ (base[: len(own)].T @ own)
+            for index, (begin, end) in enumerate(zip([0, *ends[:-1]], ends, strict=True)):
+                basis = _orthonormal(beyond[:, begin:end], float(size[begin:end].max()))
+                if basis.shape[1]:
+                    found.append(_Group(number, index, basis, whole))
         return found
+
+    def _columns(self, shapes: Floats) -> Floats:
+        """(S, K, p) fall of the speed by shapes of the force (S, M, p), in bins."""
+        nothing = np.zeros(shapes.shape[2], np.bool_)
+        fall: Floats = self.table.average @ integral(
+            self.table, self.fit.hypothesis, shapes, nothing
+        )
+        return fall
 
     def followed(
         self, axis: Axis, group: _Group, rows: Floats, strength: float, p_value: float
     ) -> Followed:
         """What the best shapes along an axis look like, for rows (S, K + 1) of the residual."""
-        along = group.basis.T @ rows.ravel()
-        flat = self.rows(group.columns).reshape(self.count, -1)
-        wanted = group.basis @ along
-        joint = np.concatenate((flat, self.flat), axis=1)
-        counted = group.counted
-        solution = np.linalg.lstsq(joint[counted], wanted[counted], rcond=1e-9)[0]
-        taken = np.concatenate((group.columns, self.columns), axis=2) @ solution
+        shapes = shapes_of(axis)[group.member]
+        columns = self._columns(shapes)
+        own = self.rows(columns)
+        flat, base = own.reshape(-1, shapes.shape[2]), self.flat
+        seen = rows if group.whole else rows[:, :1]
+        if not group.whole:
+            flat, base = own[:, 0], self.rows(self.columns)[:, 0]
+        along = group.basis.T @ seen.ravel()
+        joint = np.concatenate((flat, base), axis=1)
+        solution = np.linalg.lstsq(joint, group.basis @ along, rcond=1e-9)[0]
+        taken = np.concatenate((columns, self.columns), axis=2) @ solution
         # Shares of the weight slow down: their sign is against that of the speed.
-        share = -(group.shapes @ solution[: flat.shape[1]])
+        share = -(shapes @ solution[: shapes.shape[2]])
         left = residual(self.table, self.fit.hypothesis)
-        own = self._mean_square(left) - self._mean_square(left - taken)
+        removed = self._mean_square(left) - self._mean_square(left - taken)
         chi_square = float(along @ along)
         distance = float(np.sqrt(np.mean(self._distance(taken) ** 2)))
-        if len(counted) < self.count:  # friction alone: its share of what differs between stops
+        if not group.whole:  # friction alone: its share of what differs between stops
             total = float(np.sum(rows[:, 0] ** 2))
-            own = max(chi_square - len(along), 0.0) / total * self._mean_square(left)
+            removed = max(chi_square - len(along), 0.0) / total * self._mean_square(left)
             table = self.table
             off = np.mean(share - np.mean(share), axis=1) * table.held**2
             distance = float(np.sqrt(np.mean((off / (2.0 * GRAVITY * table.pull**2)) ** 2)))
-        return Followed(axis, chi_square, len(along), strength, p_value, share, own, distance)
+        return Followed(axis, chi_square, len(along), strength, p_value, share, removed, distance)
 
     def _distance(self, speed: Floats) -> Floats:
         """(S,) integral of speeds in bins over each stop [m]."""
@@ -195,6 +217,14 @@ class _Space:
     def _mean_square(self, values: Floats) -> float:
         used = self.table.spread > 0.0
         return float(np.mean(values[used] ** 2))
+
+
+def _orthonormal(columns: Floats, size: float) -> Floats:
+    """(N, k) directions of columns (N, p), without those that are small beside a size squared."""
+    squared, vectors = np.linalg.eigh(columns.T @ columns)
+    large = squared > LEAST_DIRECTION * max(size, 1e-300)
+    basis: Floats = columns @ (vectors[:, large] / np.sqrt(squared[large]))
+    return basis
 
 
 def part_of_axis(found: Followed) -> tuple[float, float]:

@@ -13,10 +13,10 @@ import numpy as np
 
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import free_parameters
+from models.discrepancy.model.hypothesis import BASE, free_parameters
 from models.discrepancy.model.prediction import integral
 from models.discrepancy.search import screening
-from models.discrepancy.search.candidates import EffectColumn, finer_patches
+from models.discrepancy.search.candidates import EffectColumn, finer_patches, search_of
 from models.discrepancy.search.refine import Fit, fit_with_scatter, prior_precision, residual
 from models.discrepancy.thresholds import (
     CIRCLE_MOVES,
@@ -26,8 +26,10 @@ from models.discrepancy.thresholds import (
     EDGE_ROUNDS,
     FEWEST_TOUCHED,
     LARGEST_PATCH,
+    PATCH_TURNS,
     PLACE_NODES,
     SMALLEST_PATCH,
+    WORTH_MOVING,
 )
 
 
@@ -140,18 +142,45 @@ class _Between:
         return result
 
 
-def moved_patch(table: StopTable, found: Fit) -> Fit:
-    """The same with its last effect, a patch, where it fits best once others are tried."""
-    h = found.hypothesis
-    patch = h.added[-1]
-    without = replace(
-        found,
-        hypothesis=replace(h, added=h.added[:-1]),
-        jacobian=found.jacobian[:, :, : -len(free_parameters(patch))],
-    )
-    placed = placed_patch(table, without, patch.name, seed=1)
+def moved_patch(table: StopTable, found: Fit, index: int) -> Fit:
+    """The same with one of its effects, a patch, where it fits best once the others are there.
+
+    Args:
+        table: stops. found: with the patch. index: of the patch among its effects.
+    """
+    patch = found.hypothesis.added[index]
+    without = without_effect(found, index)
+    placed = placed_patch(table, without, patch.name, seed=1 + index)
     if placed is None:
         return found
     nearest, strength = placed
     better = fit_with_scatter(table, without.hypothesis.plus(nearest.effect(strength)), found.noise)
     return better if better.deviance < found.deviance else found
+
+
+def settled_patches(table: StopTable, found: Fit) -> Fit:
+    """Each of several patches in turn where it fits best, until none moves any more.
+
+    The first one that was found may have covered more than one place.
+    """
+    count = sum(search_of(e.name).placed for e in found.hypothesis.added)
+    for _ in range(PATCH_TURNS if count > 1 else 0):
+        before, stayed = found.deviance, 0
+        for _ in range(count):
+            added = found.hypothesis.added
+            turn = [i for i, e in enumerate(added) if search_of(e.name).placed][stayed]
+            moved = moved_patch(table, found, turn)
+            stayed += moved is found  # one that moves goes behind all others
+            found = moved
+        if found.deviance > before - WORTH_MOVING:
+            break
+    return found
+
+
+def without_effect(found: Fit, index: int) -> Fit:
+    """The same fit as seen by a search for one of its effects: without it."""
+    added = found.hypothesis.added
+    begin = BASE + sum(len(free_parameters(e)) for e in added[:index])
+    own = np.arange(begin, begin + len(free_parameters(added[index])))
+    rest = replace(found.hypothesis, added=(*added[:index], *added[index + 1 :]))
+    return replace(found, hypothesis=rest, jacobian=np.delete(found.jacobian, own, axis=2))

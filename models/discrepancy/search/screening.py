@@ -13,8 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.arrays import Bools, Floats
+from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.noise import Whitener
-from models.discrepancy.thresholds import CHANCE_SCATTERS, LEAST_COLUMN, OWN_SCATTERS
+from models.discrepancy.search.refine import Fit
+from models.discrepancy.thresholds import (
+    CHANCE_SCATTERS,
+    CHANGED_STOPS,
+    LEAST_COLUMN,
+    OWN_SCATTERS,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +181,27 @@ def chance(sums: Reduced, one_sided: Bools, scatter: float, draws: int, seed: in
         best_cost = np.where(better, cost, best_cost)
         largest = np.where(better, np.max(z, axis=0) ** 2, largest)
     return largest
+
+
+def visible(sums: Reduced, table: StopTable, fit: Fit, columns: Floats, needed: float) -> Floats:
+    """(Q,) change of stops from which each candidate would have been seen [m].
+
+    Args:
+        sums: of the candidates. table: stops. fit: what is believed.
+        columns: (S, M, Q) of the candidates. needed: chi square that chance exceeds too seldom.
+
+    Beyond what new coefficients can do, so large that five logs of six would show it, in the stops
+    that it changes most.
+    """
+    on = sums.at(fit.noise.scatter)
+    left = np.where(on.left > LEAST_COLUMN * on.own, on.left, np.nan)
+    strength = (np.sqrt(needed) + 1.0) / np.sqrt(left)
+    step = table.time[:, 1] - table.time[:, 0]
+    # Distances are linear in the columns: what new coefficients take up comes off afterwards.
+    way = columns.sum(axis=1) * step[:, None]
+    taken = (fit.jacobian.sum(axis=1) * step[:, None]) @ (on.inverse @ on.cross)
+    size = np.sort(np.abs(way - taken), axis=0)[-CHANGED_STOPS] * strength
+    return np.where(np.isfinite(size), size, np.inf)
 
 
 def threshold(largest: Floats, false_alarm: float) -> float:

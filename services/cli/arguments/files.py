@@ -27,6 +27,8 @@ from services.cli.arguments.options import (
     MarginWeight,
     ModelFile,
     PathFile,
+    PracticalLength,
+    PracticalShare,
     Quantile,
     Report,
     Seed,
@@ -350,6 +352,8 @@ def discrepancy(
     map_file: GroundMap = None,
     topics: Topics = None,
     false_alarm: FalseAlarm = 0.005,
+    practical_share: PracticalShare = 0.01,
+    practical_length: PracticalLength = 0.02,
     seed: Seed = 20,
     as_json: AsJson = False,
 ) -> None:
@@ -363,13 +367,18 @@ def discrepancy(
 
     Verdicts: [bold]none[/], [bold]parameter_drift[/], [bold]missing_effect[/], [bold]ambiguous[/]
     (several names fit; what to drive to tell them apart is said), [bold]unidentifiable[/] (the
-    model's own numbers would hide it), [bold]unknown[/] (no name fits; the axis is said).
+    model's own numbers would hide it), [bold]unknown[/] (no name fits; the axis is said),
+    [bold]too_noisy[/] (only effects above a tenth of a stop would have shown). What changes stops
+    by less than --practical-share and --practical-length is told in a note, and has no name.
 
     [bold]Example[/]  slopewise discrepancy drive.csv --model mine.toml --out out/discrepancy
     """
     from services.cli.commands import discrepancy as command
 
-    settings = command.with_settings(false_alarm, seed)
+    settings = command.with_settings(
+        false_alarm=false_alarm, practical_share=practical_share,
+        practical_length=practical_length, seed=seed,
+    )  # fmt: skip
     job = command.DiscrepancyJob(logs, model, map_file, topics, settings)
     result = command.run(job, quiet=as_json)
     written = command.write(result, job, out)

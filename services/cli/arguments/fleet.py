@@ -18,6 +18,8 @@ from services.cli.arguments.options import (
     GroundMap,
     LogFiles,
     ModelFile,
+    PracticalLength,
+    PracticalShare,
     Quantile,
     Seed,
     Smooth,
@@ -154,6 +156,8 @@ class FleetDiscrepancyOptions:
     map_file: GroundMap = None
     topics: Topics = None
     false_alarm: FalseAlarm = 0.005
+    practical_share: PracticalShare = 0.01
+    practical_length: PracticalLength = 0.02
     seed: Seed = 20
     pages: Annotated[
         bool,
@@ -187,7 +191,12 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
         options.by_folder,
         options.map_file,
         options.topics,
-        one.with_settings(options.false_alarm, options.seed),
+        one.with_settings(
+            false_alarm=options.false_alarm,
+            practical_share=options.practical_share,
+            practical_length=options.practical_length,
+            seed=options.seed,
+        ),
         options.pages,
         options.workers,
         options.scheduler,

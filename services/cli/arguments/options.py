@@ -104,6 +104,12 @@ FalseAlarm = Annotated[
     float,
     typer.Option(help="Share of logs without a missing effect that may be said to have one."),
 ]
+PracticalShare = Annotated[
+    float, typer.Option(help="Change of a stop, as a share of it, from which an effect matters.")
+]
+PracticalLength = Annotated[
+    float, typer.Option(metavar="M", help="The same in metres; the larger of both counts.")
+]
 Seed = Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")]
 Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")]
 Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")]

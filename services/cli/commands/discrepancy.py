@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from rich.table import Table
 
 from models.discrepancy.findings import Findings, Gap
 from models.discrepancy.report.evidence import Evidence
+from models.discrepancy.report.words import answers, sure_words
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.workflow import STEPS, investigate_with_evidence
 from models.errors import ParameterError
@@ -105,7 +106,9 @@ def show(result: DiscrepancyResult, console: Console) -> None:
             values = ", ".join(
                 f"{n} = {p.value:.4g} ± {p.std:.2g} {p.unit}" for n, p in e.parameters.items()
             )
-            table.add_row(e.name, values, f"{e.confidence:.0%}", ", ".join(e.alternatives), e.where)
+            table.add_row(
+                e.name, values, sure_words(e.confidence), ", ".join(e.alternatives), e.where
+            )
         console.print(table)
     for gap in (f.gap, f.stop_distance):
         console.print(gap_words(gap))
@@ -113,8 +116,8 @@ def show(result: DiscrepancyResult, console: Console) -> None:
         console.print(
             f"follows {axis.axis}: {axis.share_of_gap:.0%} of what is left, p = {axis.p_value:.2g}"
         )
-    if f.next_experiment.text:
-        console.print(f"next: {f.next_experiment.text}")
+    for question, answer in list(answers(f).items())[1:]:
+        console.print(f"{question}: {answer}")
     for note in f.notes:
         console.print(f"note: {note}", style="yellow")
 
@@ -130,14 +133,14 @@ def gap_words(gap: Gap) -> str:
     return line + f"; {gap.closed:.0%} closed ({gap.ci95[0]:.0%} … {gap.ci95[1]:.0%})"
 
 
-def with_settings(false_alarm: float, seed: int) -> DiscrepancySettings:
-    """Settings of the command line.
+def with_settings(**given: float) -> DiscrepancySettings:
+    """Settings of the command line, by the names of :class:`DiscrepancySettings`.
 
     Raises:
         InputError: names the option.
     """
     try:
-        return replace(DiscrepancySettings(), false_alarm=false_alarm, seed=seed)
+        return DiscrepancySettings(**given)  # type: ignore[arg-type]
     except ParameterError as error:
         raise fault(
             f"--{error.field.replace('_', '-')}", "", f"expected {error.expected}"

@@ -24,10 +24,19 @@ WORLDS = {
     "patch": World(
         effects={"surface_patch": {"delta": -0.1, "x": 20.0, "y": 20.0, "radius": 11.0}}
     ),
+    "places": World(
+        effects={"surface_patch": {"delta": -0.1, "x": 8.0, "y": 8.0, "radius": 7.0}},
+        further_places=((30.0, 28.0, 9.0),),
+    ),
     "step": World(effects={"step_change": {"scale": 0.85, "run": 25}}),
     "pair": World(
         effects={"brake_lag": {"tau": 0.2}, "directional_surface": {"k": 0.04, "direction": 0.6}}
     ),
+    "lag_and_drag": World(
+        effects={"brake_lag": {"tau": 0.2}, "aerodynamic_drag": {"c": 0.06}}, speeds=(2.0, 6.0)
+    ),
+    "build_up": World(effects={"brake_lag": {"tau": 0.03}}, dead_time=0.27, noise=0.01),
+    "noisy": World(noise=0.25, scatter=0.4),
     "waves": World(waves=0.12, grades=(-0.1, 0.1), speeds=(2.0, 4.0), curvature_told=True),
     "crests": World(
         effects={"crest_unloading": {"k": 1.5}},

@@ -22,7 +22,7 @@ Effects = dict[str, dict[str, float]]
 class World:
     """True values. Angles in rad, noise in m/s, scatter as a share of the force.
 
-    The grade waves along each stop.
+    The grade waves along each stop. Further places (x, y, radius) have the surface of the patch.
     """
 
     effects: Effects = field(default_factory=dict)
@@ -39,6 +39,7 @@ class World:
     quantum: float = 0.0
     waves: float = 0.02
     curvature_told: bool = False
+    further_places: tuple[tuple[float, float, float], ...] = ()
     off_library: str = ""
     size: float = 0.0
 
@@ -103,7 +104,9 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
                     wanted += e["cross_slope"]["k"] * abs(roll[i])
                 if "surface_patch" in e:
                     p = e["surface_patch"]
-                    wanted += p["delta"] * (np.hypot(x - p["x"], y - p["y"]) <= p["radius"])
+                    places = ((p["x"], p["y"], p["radius"]), *world.further_places)
+                    there = any(np.hypot(x - px, y - py) <= r for px, py, r in places)
+                    wanted += p["delta"] * there
                 if "directional_surface" in e:
                     p = e["directional_surface"]
                     wanted += p["k"] * np.cos(2.0 * (yaw - p["direction"]))

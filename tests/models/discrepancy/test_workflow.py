@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from models.discrepancy.findings import Findings, Verdict
+from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.workflow import investigate
 from models.errors import ParameterError
 from models.stops.simulation import GroundTrack, simulate_stop
@@ -77,6 +78,74 @@ def test_fade_is_told_from_drag_by_the_heat_of_earlier_stops() -> None:
     assert f.effects[0].name == "brake_fade"
     k = f.effects[0].parameters["k"]
     assert abs(k.value - 0.012) < 4.0 * k.std
+
+
+def test_a_surface_in_two_places_is_named_twice() -> None:
+    columns, runs = log("places", stops=90)
+    f = investigate(columns, runs, BASE)
+    assert f.verdict is Verdict.MISSING_EFFECT
+    assert [e.name for e in f.effects] == ["surface_patch"] * 2
+    truth = WORLDS["places"]
+    first = truth.effects["surface_patch"]
+    for x, y, radius in ((first["x"], first["y"], first["radius"]), *truth.further_places):
+        near = [
+            e for e in f.model.effect
+            if np.hypot(e.parameters["x"] - x, e.parameters["y"] - y) < radius
+        ]  # fmt: skip
+        assert len(near) == 1, (x, y)
+        assert near[0].parameters["delta"] == pytest.approx(first["delta"], abs=0.03)
+
+
+def test_a_lag_and_a_drag_are_told_apart_by_the_traces() -> None:
+    f = investigate(*log("lag_and_drag", stops=90), BASE)
+    assert f.verdict is Verdict.MISSING_EFFECT
+    assert {e.name for e in f.effects} == {"brake_lag", "aerodynamic_drag"}
+    for e in f.effects:
+        for name, value in e.parameters.items():
+            truth = WORLDS["lag_and_drag"].effects[e.name][name]
+            assert abs(value.value - truth) < 4.0 * value.std + 0.1 * truth, (e.name, name)
+
+
+def test_a_build_up_of_milliseconds_is_too_small_for_a_name() -> None:
+    f = found("build_up")
+    assert f.verdict is Verdict.NONE
+    assert f.model.effect == ()
+
+
+def test_a_log_in_which_nothing_could_show_is_too_noisy() -> None:
+    f = found("noisy")
+    assert f.verdict is Verdict.TOO_NOISY
+    assert "would have shown from" in f.summary
+    assert f.effects == ()
+    assert "ten times" in f.next_experiment.text
+
+
+def test_what_is_practical_is_up_to_the_user() -> None:
+    columns, runs = log("cross")
+    coarse = investigate(columns, runs, BASE, settings=DiscrepancySettings(practical_share=0.5))
+    assert coarse.verdict is Verdict.NONE
+    assert any("cross_slope was seen for certain" in note for note in coarse.notes)
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_nothing_is_said_that_makes_stops_held_out_worse(name: str) -> None:
+    f = found(name)
+    assert f.gap.worse <= 1.0
+    assert f.stop_distance.worse <= 1.0
+
+
+def test_the_cost_is_that_of_a_stop_and_the_changes_are_those_of_the_file() -> None:
+    f = found("step")
+    assert f.cost is not None
+    assert f.cost.speed == pytest.approx(3.0)
+    assert f.cost.grade == pytest.approx(np.deg2rad(-10.0))
+    level = GroundTrack.of_grade(f.cost.grade)
+    before = simulate_stop(BASE, level, f.cost.speed).distance - BASE.braking.distance_offset
+    assert f.cost.before == pytest.approx(before, rel=0.03)
+    # Weaker by 15 % of the force, of which the slope takes a good part.
+    assert 1.15 < f.cost.after / f.cost.before < 2.5
+    assert any(change.startswith("step_change added") for change in f.changes)
+    assert found("clean").changes == ()
 
 
 def test_two_effects_are_both_named() -> None:

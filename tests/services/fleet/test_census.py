@@ -51,7 +51,7 @@ def test_words() -> None:
     assert counted(second, 4) == ("", "", "", "1")
     assert [r["vehicle"] for r in by_surprise(ROWS)] == ["c", "d", "a", "b"]
     assert effect_words(ROWS[3]) == "brake_lag 50% or brake_fade"
-    assert effect_words(row("f", "missing_effect", lag(0.9999, 0.2))) == "brake_lag > 99%"
+    assert effect_words(row("f", "missing_effect", lag(0.9999, 0.2))) == "brake_lag more than 99%"
 
 
 def test_of_many_without_an_answer_some_are_told() -> None:

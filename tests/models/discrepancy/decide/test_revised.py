@@ -52,7 +52,7 @@ def test_stops_beyond_their_prediction_make_the_offset_larger() -> None:
     stops = table("step")
     made = decision(Verdict.PARAMETER_DRIFT)
     short = stops.distance - 0.5
-    model, _ = revised(stops, made, short, {}, "")
+    model, _ = revised(stops, made, short, [], "")
     assert model.braking.distance_offset >= 0.5
 
 
@@ -62,7 +62,7 @@ def test_the_longest_rival_is_in_the_offset() -> None:
     fit = made.explanation.fit
     weaker = fit.hypothesis.moved(fit.hypothesis.free - 0.1 * np.eye(BASE_NUMBERS + 1)[3])
     rival = ScoredExplanation(replace(fit, hypothesis=weaker), 1.0)
-    alone = revised(stops, made, stops.distance, {}, "")[0].braking.distance_offset
-    both = revised(stops, replace(made, rivals=(rival,)), stops.distance, {}, "")[0]
+    alone = revised(stops, made, stops.distance, [{}], "")[0].braking.distance_offset
+    both = revised(stops, replace(made, rivals=(rival,)), stops.distance, [{}], "")[0]
     longer = distances(stops, weaker) - distances(stops, fit.hypothesis)
     assert both.braking.distance_offset > max(alone, 0.9 * float(np.quantile(longer, 0.97)))
