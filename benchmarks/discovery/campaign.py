@@ -15,11 +15,13 @@ from typing import Any
 from ..common.jobs import finished
 from . import ambiguity, peer
 from .catalogue import ALL, SetConditions
-from .engine_outcomes import engine_by_effect, engine_metrics
+from .engine_outcomes import engine_metrics
 from .kept import KeptSets
 from .metrics import metrics, record
+from .multibody_outcomes import multibody_metrics
 from .score import SetOutcome
 from .tasks import FinishedSet, SetTask, do, tasks
+from .world_outcomes import by_what
 
 Result = dict[str, Any]
 Advance = Callable[[int], None]
@@ -33,6 +35,7 @@ class SetCounts:
         share: of the whole catalogue, one of each kind at least. most: sets and cases at most.
         conditions: of the sets. engine: share of the engine's sets. cases: of rivals.
         seed: of all sets. minutes: after which no further set is begun.
+        multibody: share of the sealed sets of the multi-body car.
     """
 
     share: float
@@ -42,18 +45,25 @@ class SetCounts:
     cases: int
     seed: int = 1
     minutes: float = float("inf")
+    multibody: float = 0.0
 
 
-FULL = SetCounts(share=1.0, most=10**6, conditions=ALL, engine=1.0, cases=24)
+FULL = SetCounts(share=1.0, most=10**6, conditions=ALL, engine=1.0, cases=24, multibody=0.25)
 QUICK = SetCounts(
-    share=0.01, most=56, conditions=SetConditions(counts=(40, 70)), engine=0.01, cases=2
+    share=0.01,
+    most=68,
+    conditions=SetConditions(counts=(40, 70)),
+    engine=0.01,
+    cases=2,
+    multibody=0.01,
 )
 
 
 def planned(size: SetCounts) -> list[SetTask]:
     """What is to be done, in order."""
     engine = size.engine if with_engine() else 0.0
-    return tasks(size.share, engine, size.cases, size.seed)[: size.most]
+    multibody = size.multibody if with_car() else 0.0
+    return tasks(size.share, engine, size.cases, size.seed, multibody)[: size.most]
 
 
 def with_engine() -> bool:
@@ -61,11 +71,18 @@ def with_engine() -> bool:
     return find_spec("mujoco") is not None
 
 
+def with_car() -> bool:
+    """The multi-body car is installed."""
+    return find_spec("vehiclemodels") is not None
+
+
 def missing() -> list[str]:
     """What could not be measured, in sentences."""
     found = []
     if not with_engine():
         found.append("mujoco is not installed: pip install slopewise[sim]")
+    if not with_car():
+        found.append("commonroad-vehicle-models is not installed: pip install slopewise[sim]")
     if not peer.available():
         found.append("pysindy is not installed: pip install slopewise[bench]")
     return found
@@ -128,8 +145,15 @@ def result_of(done: Sequence[FinishedSet]) -> Result:
     if engine:
         result |= {
             "engine": [record(m) for m in engine_metrics(engine)],
-            "engine_by_effect": engine_by_effect(engine),
+            "engine_by_effect": by_what("engine", engine),
             "engine_outcomes": [asdict(o) for o in engine],
+        }
+    cars = [d.multibody for d in done if d.multibody is not None]
+    if cars:
+        result |= {
+            "multibody": [record(m) for m in multibody_metrics(cars)],
+            "multibody_by_effect": by_what("multibody", cars),
+            "multibody_outcomes": [asdict(o) for o in cars],
         }
     return result
 

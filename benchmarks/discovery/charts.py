@@ -16,6 +16,8 @@ def charts(result: Result) -> list[Any]:
     figures = [_shares("hidden effects", result["metrics"])]
     if "engine" in result:
         figures.append(_shares("in the physics engine", result["engine"]))
+    if "multibody" in result:
+        figures.append(_shares("with the multi-body car", result["multibody"]))
     outcomes = result["outcomes"]
     return [*figures, _closed(outcomes), _by_worth(outcomes)]
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from .catalogue import spread
 from .metrics import Metric, figure, share
+from .world_outcomes import CLEAN, WorldOrder, WorldOutcome
 
 NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
     "heavier body": (("step_change",),),
@@ -25,48 +24,19 @@ NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
 """What each is called in the vocabulary; a wind on a body is also a drag on it."""
 
 
-@dataclass(frozen=True, slots=True)
-class EngineOrder:
-    """One set that is wanted: what is hidden ("" for nothing), and the seed."""
-
-    what: str
-    seed: int
-
-
-@dataclass(frozen=True, slots=True)
-class EngineOutcome:
-    """What was said of one set. See :class:`benchmarks.discovery.score.SetOutcome`."""
-
-    what: str
-    seed: int
-    noise: float
-    scatter: float
-    verdict: str
-    named: tuple[str, ...]
-    right: bool
-    wrong: bool
-    before: float
-    after: float
-    floor: float
-    closed: float | None
-    told: float | None
-    seconds: float
-    text: str
-
-
-def engine_orders(share_of_all: float, seed: int = 1) -> list[EngineOrder]:
+def engine_orders(share_of_all: float, seed: int = 1) -> list[WorldOrder]:
     """Effects and clean sets in random order, each spread evenly over it."""
     rng = np.random.default_rng((7, seed))
     each, clean = max(round(4 * share_of_all), 1), max(round(12 * share_of_all), 1)
     wanted = [name for name in NAMES for _ in range(each)] + [""] * clean
-    found = [EngineOrder(what, int(rng.integers(2**31))) for what in wanted]
+    found = [WorldOrder(what, int(rng.integers(2**31))) for what in wanted]
     return spread(found, lambda order: order.what, rng)
 
 
-def engine_metrics(outcomes: Sequence[EngineOutcome]) -> list[Metric]:
+def engine_metrics(outcomes: Sequence[WorldOutcome]) -> list[Metric]:
     """The table of the engine's sets."""
-    clean = [o for o in outcomes if o.what == "clean"]
-    hidden = [o for o in outcomes if o.what != "clean"]
+    clean = [o for o in outcomes if o.what == CLEAN]
+    hidden = [o for o in outcomes if o.what != CLEAN]
     closed = [o.closed for o in hidden if o.closed is not None]
     return [
         share("right name", ">=", 0.85, [o.right for o in hidden]),
@@ -77,23 +47,3 @@ def engine_metrics(outcomes: Sequence[EngineOutcome]) -> list[Metric]:
         figure("time per 100 stops, median", "<=", 5.0, [o.seconds for o in outcomes], unit="s"),
         share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
     ]
-
-
-def engine_by_effect(outcomes: Sequence[EngineOutcome]) -> list[dict[str, Any]]:
-    """Effect by effect, in the form of :func:`benchmarks.discovery.campaign.by_effect`."""
-    rows = []
-    for what in dict.fromkeys(o.what for o in sorted(outcomes, key=lambda o: o.what)):
-        group = [o for o in outcomes if o.what == what]
-        closed = sorted(o.closed for o in group if o.closed is not None)
-        verdicts: dict[str, int] = {}
-        for o in group:
-            verdicts[o.verdict] = verdicts.get(o.verdict, 0) + 1
-        rows.append(
-            {
-                "kind": "engine", "effect": what, "sets": len(group), "identifiable": len(group),
-                "right": sum(o.right for o in group), "wrong": sum(o.wrong for o in group),
-                "axis": None, "verdicts": verdicts,
-                "closed": closed[len(closed) // 2] if closed else None,
-            }
-        )  # fmt: skip
-    return rows

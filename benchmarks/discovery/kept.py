@@ -14,8 +14,13 @@ _SOURCES = (
     "benchmarks/discovery", "models/discrepancy", "models/calibration", "models/effects",
     "models/laws", "models/stop_logs", "models/stops",
 )  # fmt: skip
-_SHOWING = ("campaign.py", "charts.py", "kept.py", "metrics.py", "tables.py")
+_SHOWING = ("campaign.py", "charts.py", "kept.py", "metrics.py", "multibody_runner.py", "tables.py")
 """What only counts and shows outcomes does not change them."""
+
+
+def sources_of(*origins: str) -> str:
+    """Name of the state of the sources that outcomes come from, and of what else they do."""
+    return digest_of_sources(_SOURCES, _SHOWING, *origins)[:16]
 
 
 class KeptSets:
@@ -27,7 +32,7 @@ class KeptSets:
 
     def __init__(self, folder: Path, conditions: SetConditions) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        name = digest_of_sources(_SOURCES, _SHOWING, repr(conditions))[:16]
+        name = sources_of(repr(conditions))
         self._sets = KeptLines(folder / f"sets-{name}.jsonl")
         self._promises = KeptLines(folder / f"promises-{name}.txt")
 

@@ -11,13 +11,22 @@ from ..common.tables import table_of
 
 Result = dict[str, Any]
 
+_METRICS = (
+    ("metrics", "hidden effects"), ("engine", "in the physics engine"),
+    ("multibody", "with the multi-body car"),
+)  # fmt: skip
+_BY_EFFECT = (
+    ("by_effect", "by effect"), ("engine_by_effect", "in the engine"),
+    ("multibody_by_effect", "with the car"),
+)  # fmt: skip
+
 
 def tables(result: Result) -> Iterator[Table]:
     """What was wanted and reached, then effect by effect, then the other method."""
-    for key, title in (("metrics", "hidden effects"), ("engine", "in the physics engine")):
+    for key, title in _METRICS:
         if key in result:
             yield _metrics(title, result[key])
-    for key, title in (("by_effect", "by effect"), ("engine_by_effect", "in the engine")):
+    for key, title in _BY_EFFECT:
         if key in result:
             yield _by_effect(title, result[key])
     if "ambiguity" in result:

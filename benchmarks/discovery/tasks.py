@@ -6,29 +6,37 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cache
 from multiprocessing import util
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import ambiguity, catalogue, peer
 from .ambiguity import Resolved
 from .catalogue import HiddenSet, Order, SetConditions, spread
-from .engine_outcomes import EngineOrder, EngineOutcome, engine_orders
+from .engine_outcomes import engine_orders
+from .multibody_outcomes import multibody_orders
 from .score import SetOutcome, score
-from .sealed import Inquiry, Seal, SealedLog, seal, tables_of
+from .sealed import Finding, Inquiry, Seal, SealedLog, seal, tables_of
+from .world_outcomes import WorldOrder, WorldOutcome
+
+if TYPE_CHECKING:
+    from .worlds import WorldSet
 
 
 @dataclass(frozen=True, slots=True)
 class SetTask:
-    """One of: a set of the plant, one of the engine, a case of two rivals by its number."""
+    """One of: a set of the plant, of the engine, of the car, a case of rivals by its number."""
 
     plant: Order | None = None
-    engine: EngineOrder | None = None
+    engine: WorldOrder | None = None
     rivals: int | None = None
+    multibody: WorldOrder | None = None
 
     @property
     def world(self) -> str:
         """Which of them it is."""
+        if self.multibody:
+            return "multibody"
         return "plant" if self.plant else "engine" if self.engine else "rivals"
 
 
@@ -38,28 +46,34 @@ class FinishedSet:
 
     Attributes:
         task: that was done. seal: of the truth, promised before anything was asked.
-        plant, engine, rivals: outcome of a task of that kind; rivals may remain None.
+        plant, engine, rivals, multibody: outcome of a task of that kind; rivals may remain None.
         peer: what the other method named, None where it is not installed or not asked.
     """
 
     task: SetTask
     seal: Seal
     plant: SetOutcome | None = None
-    engine: EngineOutcome | None = None
+    engine: WorldOutcome | None = None
     rivals: Resolved | None = None
     peer: tuple[str, ...] | None = None
+    multibody: WorldOutcome | None = None
 
 
-def tasks(share: float, engine: float, cases: int, seed: int = 1) -> list[SetTask]:
+def tasks(
+    share: float, engine: float, cases: int, seed: int = 1, multibody: float = 0.0
+) -> list[SetTask]:
     """All of a benchmark; every first part of it holds a fair share of each family.
 
     Args:
         share: of the plant's catalogue. engine: of the engine's, 0 for none. cases: of rivals.
-        seed: of sets and order.
+        seed: of sets and order. multibody: share of the sealed sets of the car, 0 for none.
     """
     found = [SetTask(plant=order) for order in catalogue.orders(share, seed)]
     if engine > 0.0:
         found += [SetTask(engine=order) for order in engine_orders(engine, seed)]
+    if multibody > 0.0:
+        orders = multibody_orders(multibody, "sealed", seed)
+        found += [SetTask(multibody=order) for order in orders]
     found += [SetTask(rivals=1000 * seed + number) for number in range(cases)]
     return spread(found, lambda task: task.world, np.random.default_rng((5, seed)))
 
@@ -73,6 +87,8 @@ def do(task: SetTask, conditions: SetConditions, promise: Callable[[str], None])
     """
     if task.engine is not None:
         return _in_the_engine(task, task.engine, promise)
+    if task.multibody is not None:
+        return _with_the_car(task, task.multibody, promise)
     if task.rivals is not None:
         case = ambiguity.case(task.rivals)
         sealed = _sealed([] if case is None else truth_of(case), promise)
@@ -86,15 +102,28 @@ def do(task: SetTask, conditions: SetConditions, promise: Callable[[str], None])
     return FinishedSet(task, sealed, plant=score(hidden, finding), peer=other)
 
 
-def _in_the_engine(
-    task: SetTask, order: EngineOrder, promise: Callable[[str], None]
-) -> FinishedSet:
-    from . import engine_sets
+def _in_the_engine(task: SetTask, order: WorldOrder, promise: Callable[[str], None]) -> FinishedSet:
+    from . import engine_sets, worlds
 
-    one = engine_sets.make(order, engine_sets.calibrated())
-    sealed = _sealed(engine_sets.truth_of(one), promise)
-    finding = _inquiry().ask(SealedLog(one.columns, tables_of(one.configured)))
-    return FinishedSet(task, sealed, engine=engine_sets.judge(one, finding))
+    one = worlds.make(engine_sets.ENGINE, order, engine_sets.calibrated)
+    sealed, finding = _asked(one, None, promise)
+    return FinishedSet(task, sealed, engine=worlds.judge(engine_sets.ENGINE, one, finding))
+
+
+def _with_the_car(task: SetTask, order: WorldOrder, promise: Callable[[str], None]) -> FinishedSet:
+    from . import multibody_sets, worlds
+
+    one = worlds.make(multibody_sets.MULTIBODY, order, multibody_sets.calibrated)
+    sealed, finding = _asked(one, multibody_sets.car_table(), promise)
+    outcome = worlds.judge(multibody_sets.MULTIBODY, one, finding)
+    return FinishedSet(task, sealed, multibody=outcome)
+
+
+def _asked(
+    one: WorldSet[Any], vehicle: dict[str, Any] | None, promise: Callable[[str], None]
+) -> tuple[Seal, Finding]:
+    sealed = _sealed(one.truth(), promise)
+    return sealed, _inquiry().ask(SealedLog(one.columns, tables_of(one.configured, vehicle)))
 
 
 def _sealed(truth: Any, promise: Callable[[str], None]) -> Seal:

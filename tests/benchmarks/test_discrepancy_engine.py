@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
-from benchmarks.discovery import engine, engine_outcomes, engine_sets, sealed
+from benchmarks.discovery import engine, engine_outcomes, engine_sets, sealed, worlds
 from benchmarks.discovery.physics import Floats, Stops
 
 G = 9.80665
@@ -93,12 +93,13 @@ def test_sets_of_every_effect_and_their_judgement() -> None:
     assert {o.what for o in orders} == {"", *engine_outcomes.NAMES}
     configured = {"m_m": 0.0, "b_m": -0.06, "m_b": 0.001, "b_b": 0.417, "dead_time": 0.221}
     order = next(o for o in orders if o.what == "weaker brakes")
-    found = engine_sets.make(order, configured, 24)
+    found = worlds.make(engine_sets.ENGINE, order, lambda _: configured, 24)
     assert len(np.unique(found.columns["run"])) == len(found.stops.speed)
     run, factor = float(found.nature.payload_run), found.nature.repair
     share = 0.417 / (0.417 + 0.0) * factor
     named = {"name": "step_change", "parameters": {}, "confidence": 1.0, "alternatives": []}
-    right = engine_sets.judge(
+    right = worlds.judge(
+        engine_sets.ENGINE,
         found,
         sealed.Finding(
             "missing_effect", (named,), braking=configured,

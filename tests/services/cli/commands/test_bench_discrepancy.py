@@ -16,7 +16,8 @@ from services.cli.commands import bench
 def test_both_worlds_are_asked_and_written_down(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(campaign, "QUICK", replace(campaign.QUICK, share=0.0, engine=0.0, cases=1))
+    few = replace(campaign.QUICK, share=0.0, engine=0.0, cases=1, multibody=0.0)
+    monkeypatch.setattr(campaign, "QUICK", few)
     figures, page = tmp_path / "figures.json", tmp_path / "page.html"
     out = tmp_path / "kept"
     bench.discrepancy(quick=True, json_file=figures, plot=page, out=out, sets=3)

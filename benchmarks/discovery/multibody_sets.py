@@ -1,0 +1,163 @@
+"""Sets of the multi-body car: what is drawn for each effect, and how strong that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from . import worlds
+from .designs import FIELD, draw
+from .multibody import SHARPEST, CarNature, drive
+from .multibody_outcomes import NAMES
+from .physics import Stops
+from .plant import GRAVITY
+from .vehicle_models import CAR
+from .world_outcomes import WorldOrder
+
+EAGER = -0.4
+"""Assist [1/rad] of brakes that press so much harder downhill that grip can end there alone."""
+
+SHARES = {"small": 0.04, "medium": 0.10, "large": 0.25}
+"""Of the braking force on level ground, where an effect is felt most."""
+
+_KNOTS = (0.03, 0.06, 0.12, 0.30)
+SIZES: dict[str, tuple[float, float, float, float]] = {
+    "heavier body": (34.4, 71.0, 152.0, 480.0),
+    "weaker brakes": (0.031, 0.062, 0.124, 0.31),
+    "air": (6.0, 11.9, 23.4, 55.0),
+    "wind": (1.1, 2.15, 4.2, 9.6),
+    "fading pads": (0.0366, 0.0731, 0.1455, 0.36),
+    "slippery area": (0.446, 0.431, 0.402, 0.314),
+    "two slippery areas": (0.446, 0.431, 0.402, 0.314),
+    "viscous driveline": (0.67, 1.31, 2.55, 5.8),
+    "slow hydraulics": (0.025, 0.042, 0.07, 0.15),
+    "glazing pads": (0.0377, 0.0753, 0.15, 0.376),
+    "locking wheels": (0.509, 0.4895, 0.462, 0.381),
+    "furrows": (0.0247, 0.0492, 0.098, 0.256),
+}
+"""Figures of each effect at these shares, by :func:`strength_of` in sets like those drawn here.
+
+Hydraulics are slower than that: what the dead time takes up of a lag is no effect."""
+
+_MARGIN = 230.0  # [m] between the middle of a slippery area and the field's edge
+_RADIUS = 200.0  # [m]
+_FELT = 3.0  # [m/s] stops from less than that say little of distances
+
+
+def car_table() -> dict[str, Any]:
+    """The vehicle's table of the model file that goes with the car's logs."""
+    base = CAR.a + CAR.b
+    return {
+        "mass": CAR.m, "wheelbase": base, "track_width": 0.5 * (CAR.T_f + CAR.T_r),
+        "cg_x": (CAR.m_s * CAR.b + CAR.m_uf * base) / CAR.m, "cg_z": CAR.h_cg,
+        "wheel_radius": CAR.R_w, "drive": "ackermann", "max_wheel_speed": 7.0,
+        "max_drive_force": 5000.0, "max_drive_power": 20000.0,
+    }  # fmt: skip
+
+
+def calibrated(nature: CarNature) -> dict[str, float]:
+    """Coefficients and dead time of such a car before anything happened to it."""
+    return dict(_calibrated(nature.assist))
+
+
+@cache
+def _calibrated(assist: float) -> dict[str, float]:
+    return worlds.calibrated(MULTIBODY, CarNature(assist=assist))
+
+
+def _scene(count: int, scatter: float, rng: np.random.Generator) -> Stops:
+    """A car does not turn on the spot."""
+    stops = draw("mixed", count, scatter, rng)
+    bend = np.clip(stops.curvature, -SHARPEST, SHARPEST)
+    return stops._replace(curvature=bend, roll=0.6 * stops.roll)
+
+
+@dataclass(frozen=True, slots=True)
+class Circumstances:
+    """What an effect needs beside its strength.
+
+    Attributes:
+        run: from which on. towards: heading [rad]. places: middles of areas [m].
+        lasts: of the session [s].
+    """
+
+    run: int
+    towards: float
+    places: tuple[tuple[float, float], tuple[float, float]]
+    lasts: float
+
+
+def circumstances(stops: Stops, rng: np.random.Generator) -> Circumstances:
+    """As chance has them in these stops."""
+    run = round(len(stops.speed) * rng.uniform(0.35, 0.65))
+    towards = float(rng.uniform(-np.pi, np.pi))
+    x, y, across = (float(rng.uniform(_MARGIN, FIELD[k] - _MARGIN)) for k in (0, 1, 1))
+    apart = (x + 0.5 * FIELD[0]) % FIELD[0]
+    other = (float(np.clip(apart, _MARGIN, FIELD[0] - _MARGIN)), across)
+    return Circumstances(run, towards, ((x, y), other), float(stops.clock[-1]))
+
+
+def hidden(what: str, size: float, where: Circumstances) -> CarNature:
+    """A car with one effect.
+
+    Args:
+        what: one of :data:`.multibody_outcomes.NAMES`, "" for none. where: the circumstances.
+        size: of the effect, in the unit of its figure in :data:`SIZES`.
+    """
+    areas = tuple((x, y, _RADIUS, size) for x, y in where.places)
+    changes: dict[str, dict[str, Any]] = {
+        "": {},
+        "heavier body": {"payload": size, "payload_run": where.run},
+        "weaker brakes": {"repair": 1.0 - size, "payload_run": where.run},
+        "air": {"air": size},
+        "wind": {"air": size, "wind": 7.0, "wind_from": where.towards},
+        "fading pads": {"fading": size},
+        "slippery area": {"slippery": areas[:1]},
+        "two slippery areas": {"slippery": areas},
+        "viscous driveline": {"driveline": size},
+        "slow hydraulics": {"build_up": size},
+        "glazing pads": {"glazing": size / where.lasts},
+        "locking wheels": {"friction": size, "assist": EAGER},
+        "furrows": {"furrows": size, "furrows_along": where.towards},
+    }
+    return replace(CarNature(), **changes[what])
+
+
+def _nature(order: WorldOrder, stops: Stops, rng: np.random.Generator) -> CarNature:
+    vary, eager = float(rng.uniform(0.85, 1.15)), bool(rng.random() < 0.5)
+    where = circumstances(stops, rng)
+    if not order.what:
+        return CarNature(assist=EAGER if eager else CarNature().assist)
+    share = SHARES[order.strength] * vary
+    return hidden(order.what, float(np.interp(share, _KNOTS, SIZES[order.what])), where)
+
+
+def strength_of(nature: CarNature, stops: Stops) -> float:
+    """Share of the braking force on level ground that is gone where the effect is felt most.
+
+    The 95th percentile over stops from 3 m/s at least, driven with and without it, of what their
+    mean deceleration differs by; furrows are held against a field of the same resistance in all
+    directions.
+    """
+    even = CarNature().resistance + 0.5 * nature.furrows
+    plain = CarNature(assist=nature.assist, resistance=even)
+    v = stops.speed[stops.speed >= _FELT]
+    told = plain.delay + stops.delay[stops.speed >= _FELT] + 2.0 * plain.build_up
+    with_it, without = (
+        0.5 * v**2 / (drive(one, stops).distance[stops.speed >= _FELT] - v * told)
+        for one in (nature, plain)
+    )
+    return float(np.quantile(np.abs(with_it - without), 0.95) / (GRAVITY * plain.brake))
+
+
+MULTIBODY = worlds.World(drive, _scene, _nature, NAMES)
+"""The world as all that asks about it knows it."""
+
+
+if __name__ == "__main__":
+    from .multibody_runner import main
+
+    main()
