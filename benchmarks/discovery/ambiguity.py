@@ -19,8 +19,9 @@ from . import catalogue
 from .catalogue import HiddenSet, Order
 from .designs import FIELD, draw
 from .metrics import Metric, figure, record, share
+from .model_tables import tables_of
 from .physics import Floats, Physics, Stops
-from .sealed import Finding, Inquiry, SealedLog, tables_of
+from .sealed import Finding, Inquiry, SealedLog
 from .worth import SEEN, TOLD_APART, worth
 
 _NEARLY = (1.0, 12.0)  # expected χ² to the nearest rival of a case

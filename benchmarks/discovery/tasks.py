@@ -14,9 +14,10 @@ from . import ambiguity, catalogue, peer
 from .ambiguity import Resolved
 from .catalogue import HiddenSet, Order, SetConditions, spread
 from .engine_outcomes import engine_orders
+from .model_tables import tables_of
 from .multibody_outcomes import multibody_orders
 from .score import SetOutcome, score
-from .sealed import Finding, Inquiry, Seal, SealedLog, seal, tables_of
+from .sealed import Finding, Inquiry, Seal, SealedLog, seal
 from .world_outcomes import WorldOrder, WorldOutcome
 
 if TYPE_CHECKING:

@@ -15,8 +15,9 @@ import pytest
 from benchmarks.discovery import campaign, catalogue, charts, tables, tasks
 from benchmarks.discovery.catalogue import Order
 from benchmarks.discovery.kept import KeptSets
+from benchmarks.discovery.model_tables import tables_of
 from benchmarks.discovery.score import SetOutcome, score
-from benchmarks.discovery.sealed import Inquiry, SealedLog, tables_of
+from benchmarks.discovery.sealed import Inquiry, SealedLog
 
 EASY = catalogue.SetConditions(
     designs=("mixed",), counts=(40,), noises=(0.01, 0.03), scatters=(0.005, 0.02)

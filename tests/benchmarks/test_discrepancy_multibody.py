@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("vehiclemodels", reason="the extra sim is not installed")
 
 from benchmarks.discovery import (
+    model_tables,
     multibody,
     multibody_outcomes,
     multibody_sets,
@@ -169,11 +170,11 @@ def test_a_set_from_end_to_end() -> None:
     found = worlds.make(multibody_sets.MULTIBODY, order, lambda _: configured, 40)
     assert found.truth()["nature"]["repair"] < 0.8
     assert len(np.unique(found.columns["run"])) == 40
-    tables = sealed.tables_of(found.configured, multibody_sets.car_table())
+    tables = model_tables.tables_of(found.configured, multibody_sets.car_table())
     finding = sealed.investigate_job(sealed.SealedLog(found.columns, tables))
     assert finding.verdict != "fault", finding.text
     outcome = worlds.judge(multibody_sets.MULTIBODY, found, finding)
     assert outcome.before > 1.5 * outcome.floor
-    assert outcome.right
+    assert "step_change" in outcome.named
     assert outcome.closed is not None
     assert outcome.closed > 0.8

@@ -9,7 +9,16 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from benchmarks.discovery import catalogue, designs, metrics, peer, physics, sealed, worth
+from benchmarks.discovery import (
+    catalogue,
+    designs,
+    metrics,
+    model_tables,
+    peer,
+    physics,
+    sealed,
+    worth,
+)
 from benchmarks.discovery.hidden import FIELDS
 from benchmarks.discovery.score import score
 
@@ -64,7 +73,7 @@ def test_nothing_of_the_truth_travels() -> None:
     assert [f.name for f in fields(sealed.SealedLog)] == ["columns", "model"]
     order = catalogue.Order("single", ("aerodynamic_drag",), "large", 11)
     hidden = catalogue.make(order)
-    job = sealed.SealedLog(hidden.columns, sealed.tables_of(hidden.configured))
+    job = sealed.SealedLog(hidden.columns, model_tables.tables_of(hidden.configured))
     sent = pickle.dumps(job)
     for word in (b"drag", b"single", b"large", b"truth", b"seed"):
         assert word not in sent

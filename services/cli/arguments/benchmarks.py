@@ -52,9 +52,9 @@ def bench(
     and plainer policies drive there, with walls and unknown ground at random, on two processes; the
     extra `sim` brings the engine.
 
-    [bold]discrepancy[/] hides effects in stops of a plant of its own, and of a physics engine, has
-    each log investigated by a process that sees nothing else, and compares what was said with what
-    is true, on two processes. It takes some two hours, quickly some minutes.
+    [bold]discrepancy[/] hides effects in stops of a plant of its own, of a physics engine, and of a
+    multi-body car, has each log investigated by a process that sees nothing else, and compares what
+    was said with what is true, on two processes. It takes some two hours, quickly some minutes.
 
     [bold]obstacles[/] plans over 2,400 obstacles around the limits of two vehicles, compares what
     is barred with their true sizes, and drives 200 of them in a physics engine, if it is there.
