@@ -50,7 +50,6 @@ def multibody_orders(share_of_all: float, half: str = "sealed", seed: int = 1) -
         WorldOrder(what, 2 * int(rng.integers(2**30)) + odd, strength)
         for what, strength in _wanted(share_of_all)
     ]
-
     return spread(found, lambda order: order.what, rng)
 
 
@@ -72,12 +71,8 @@ def multibody_metrics(outcomes: Sequence[WorldOutcome]) -> list[Metric]:
     return [
         share("right name, medium and large", ">=", 0.90, [o.right for o in marked]),
         share("right name, small", ">=", 0.75, [o.right for o in small]),
-        share(
-            "right name, or it and the build-up that is there, all",
-            "",
-            0.0,
-            [o.right or _beside_build_up(o) for o in hidden],
-        ),
+        share("right name, or it and the build-up that is there, all", "", 0.0,
+              [o.right or _beside_build_up(o) for o in hidden]),
         share("wrong name given with confidence", "<=", 0.01, [o.wrong for o in hidden]),
         share("a name on clean sets", "<=", 0.0, [o.verdict == "missing_effect" for o in clean]),
         share("nothing found on clean sets", "", 0.0, [o.verdict == "none" for o in clean]),

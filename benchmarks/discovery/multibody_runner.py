@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,16 +34,19 @@ class KeptOutcome(msgspec.Struct):
     done: FinishedSet | None = None
 
 
-def run(half: str, share: float, file: Path, console: Console) -> list[WorldOutcome]:
+def run(
+    half: str, share: float, file: Path, console: Console, only: Collection[str] = ()
+) -> list[WorldOutcome]:
     """All sets of a share of a half, in this process and the one that investigates.
 
     Args:
         half, share: see :func:`.multibody_outcomes.multibody_orders`.
         file: JSON lines; what is in it by the same sources is not made again.
-        console: for the progress.
+        console: for the progress. only: these effects, all and clean sets if empty.
     """
     kept, sources = KeptLines(file), sources_of(repr(ALL))
-    wanted = [SetTask(multibody=order) for order in multibody_orders(share, half)]
+    orders = multibody_orders(share, half)
+    wanted = [SetTask(multibody=order) for order in orders if not only or order.what in only]
     known = _found(kept, sources)
 
     def put(line: KeptOutcome) -> None:
@@ -120,6 +123,7 @@ def main() -> None:
     parser.add_argument("--half", choices=HALVES, default=HALVES[0])
     parser.add_argument("--share", type=float, default=0.2, help="of 180 sets and 60 clean ones")
     parser.add_argument("--out", type=Path, metavar="FILE.jsonl")
+    parser.add_argument("--only", nargs="+", default=(), choices=NAMES, metavar="EFFECT")
     parser.add_argument("--strengths", action="store_true", help="measure these instead")
     arguments = parser.parse_args()
     console = Console()
@@ -129,4 +133,5 @@ def main() -> None:
         return
     if arguments.out is None:
         parser.error("--out FILE.jsonl is missing")
-    show(run(arguments.half, arguments.share, arguments.out, console), console)
+    outcomes = run(arguments.half, arguments.share, arguments.out, console, arguments.only)
+    show(outcomes, console)

@@ -30,8 +30,8 @@ SIZES: dict[str, tuple[float, float, float, float]] = {
     "air": (6.0, 11.9, 23.4, 55.0),
     "wind": (1.1, 2.15, 4.2, 9.6),
     "fading pads": (0.0366, 0.0731, 0.1455, 0.36),
-    "slippery area": (0.446, 0.431, 0.402, 0.314),
-    "two slippery areas": (0.446, 0.431, 0.402, 0.314),
+    "slippery area": (0.423, 0.407, 0.379, 0.301),
+    "two slippery areas": (0.423, 0.407, 0.379, 0.301),
     "viscous driveline": (0.67, 1.31, 2.55, 5.8),
     "slow hydraulics": (0.025, 0.042, 0.07, 0.15),
     "glazing pads": (0.0377, 0.0753, 0.15, 0.376),
@@ -139,18 +139,22 @@ def strength_of(nature: CarNature, stops: Stops) -> float:
     """Share of the braking force on level ground that is gone where the effect is felt most.
 
     The 95th percentile over stops from 3 m/s at least, driven with and without it, of what their
-    mean deceleration differs by; furrows are held against a field of the same resistance in all
-    directions.
+    mean deceleration differs by; in slippery areas the median over the stops in them. Furrows are
+    held against a field of the same resistance in all directions.
     """
+    met, rank = stops.speed >= _FELT, 0.95
+    if nature.slippery:
+        x, y, radius, _ = np.array(nature.slippery).T
+        away = np.hypot(stops.x[:, None] - x, stops.y[:, None] - y)
+        met, rank = met & np.any(away <= radius, axis=1), 0.5
     even = CarNature().resistance + 0.5 * nature.furrows
     plain = CarNature(assist=nature.assist, resistance=even)
-    v = stops.speed[stops.speed >= _FELT]
-    told = plain.delay + stops.delay[stops.speed >= _FELT] + 2.0 * plain.build_up
+    v = stops.speed[met]
+    told = plain.delay + stops.delay[met] + 2.0 * plain.build_up
     with_it, without = (
-        0.5 * v**2 / (drive(one, stops).distance[stops.speed >= _FELT] - v * told)
-        for one in (nature, plain)
+        0.5 * v**2 / (drive(one, stops).distance[met] - v * told) for one in (nature, plain)
     )
-    return float(np.quantile(np.abs(with_it - without), 0.95) / (GRAVITY * plain.brake))
+    return float(np.quantile(np.abs(with_it - without), rank) / (GRAVITY * plain.brake))
 
 
 MULTIBODY = worlds.World(drive, _scene, _nature, NAMES)

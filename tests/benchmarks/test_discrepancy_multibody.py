@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import ast
+import io
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 pytest.importorskip("vehiclemodels", reason="the extra sim is not installed")
 
@@ -14,6 +17,7 @@ from benchmarks.discovery import (
     model_tables,
     multibody,
     multibody_outcomes,
+    multibody_runner,
     multibody_sets,
     sealed,
     vehicle_models,
@@ -21,6 +25,8 @@ from benchmarks.discovery import (
 )
 from benchmarks.discovery.multibody import CarNature, drive
 from benchmarks.discovery.physics import Floats, Stops
+from benchmarks.discovery.tasks import FinishedSet, SetTask
+from benchmarks.discovery.world_outcomes import WorldOutcome
 
 G = 9.80665
 CAR = vehicle_models.CAR
@@ -158,6 +164,39 @@ def test_orders_hold_every_effect_and_halves_share_no_seed() -> None:
     assert {(o.what, o.strength) for o in few if o.what} == {
         (what, "medium") for what in multibody_outcomes.NAMES
     }
+
+
+def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+
+    def fake(task: SetTask, _: object, promise: Callable[[str], None]) -> FinishedSet:
+        assert task.multibody is not None
+        order = task.multibody
+        made.append(order.what)
+        promise("digest")
+        outcome = WorldOutcome(
+            order.what or "clean", order.seed, 0.01, 0.02, "missing_effect",
+            ("surface_patch", "brake_lag"), False, True, 0.2, 0.1, 0.05, 0.67, None, 1.0, "",
+            order.strength,
+        )  # fmt: skip
+        return FinishedSet(task, sealed.Seal("", "", ""), multibody=outcome)
+
+    monkeypatch.setattr(multibody_runner, "do", fake)
+    screen = Console(file=io.StringIO(), width=200)
+    file = tmp_path / "outcomes.jsonl"
+    areas = ("slippery area", "two slippery areas")
+    first = multibody_runner.run("tuning", 0.01, file, screen, areas)
+    assert sorted(made) == sorted(areas)
+    # The last line is cut off by an interruption.
+    file.write_bytes(file.read_bytes()[:-5])
+    again = multibody_runner.run("tuning", 0.01, file, screen, areas)
+    assert again == first
+    assert len(made) == 3
+    multibody_runner.show(again, screen)
+    named = {m.what: m for m in multibody_outcomes.multibody_metrics(again)}
+    assert named["right name, medium and large"].hits == 0
+    assert named["right name, or it and the build-up that is there, all"].hits == 2
+    assert named["wrong name given with confidence"].hits == 2
 
 
 def test_a_set_from_end_to_end() -> None:
