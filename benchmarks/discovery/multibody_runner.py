@@ -75,7 +75,7 @@ def _found(kept: KeptLines, sources: str) -> dict[SetTask, FinishedSet]:
     return found
 
 
-def strengths(console: Console, count: int = 40) -> None:
+def strengths(console: Console, count: int = 70) -> None:
     """Measure how strong the effects of each strength are, on one set of ``count`` stops each."""
     from .multibody_sets import MULTIBODY, strength_of
 

@@ -140,7 +140,7 @@ def strength_of(nature: CarNature, stops: Stops) -> float:
 
     The 95th percentile over stops from 3 m/s at least, driven with and without it, of what their
     mean deceleration differs by; in slippery areas the median over the stops in them. Furrows are
-    held against a field of the same resistance in all directions.
+    held against a field of the same resistance in all directions. 0 where no stop meets it.
     """
     met, rank = stops.speed >= _FELT, 0.95
     if nature.slippery:
@@ -149,6 +149,8 @@ def strength_of(nature: CarNature, stops: Stops) -> float:
         met, rank = met & np.any(away <= radius, axis=1), 0.5
     even = CarNature().resistance + 0.5 * nature.furrows
     plain = CarNature(assist=nature.assist, resistance=even)
+    if not np.any(met):
+        return 0.0
     v = stops.speed[met]
     told = plain.delay + stops.delay[met] + 2.0 * plain.build_up
     with_it, without = (
