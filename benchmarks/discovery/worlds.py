@@ -133,6 +133,9 @@ def _fresh(world: World[N], one: WorldSet[N], finding: Finding) -> tuple[float, 
         friction = 1.0 + one.scatter * rng.standard_normal(FRESH)
         delay = 0.006 * rng.standard_normal(FRESH)
         twins.append(world.drive(nature, stops._replace(friction=friction, delay=delay)))
+    # What holds a vehicle back while it is driven lets it come a little slower than it was told.
+    command = int(np.searchsorted(twins[0].time, 0.0))
+    even = even._replace(speed=0.5 * (twins[0].speed[:, command] + twins[1].speed[:, command]))
     time = twins[0].time[twins[0].time >= 0.0]
     real = [twin.speed[:, twin.time >= 0.0] for twin in twins]
     rolling = (real[0] > _ROLLING) & (real[1] > _ROLLING)

@@ -152,6 +152,12 @@ DERIVATIVE_STEP: Annotated[
     float, Row("scale", _COMPUTATION, "step of derivatives, of a parameter's scale")
 ] = 1e-3
 NOISE_PASSES: Annotated[int, Row("1", _COMPUTATION, "fits and noises in turn")] = 2
+BUILD_UPS: Annotated[
+    tuple[float, ...], Row("s", _USUAL, "time constants from which a build-up is fitted")
+] = (0.02, 0.1)
+BUILD_UP_SEEN: Annotated[
+    float, Row("chi square", _THEORY, "gain from which a build-up of the brakes is fitted along")
+] = 2.0
 OSCILLATES: Annotated[
     float, Row("chi square", _SETS, "smaller: weak drags are taken for an oscillating body")
 ] = 40.0
@@ -198,8 +204,8 @@ SLIDING_QUANTILE: Annotated[
     float, Row("1", _SETS, "of the force: where a friction cap is tried that nearly all stops meet")
 ] = 0.6
 LEAST_LAG: Annotated[
-    float, Row("s", _SETS, "smaller: shorter lags are named, and more that are none")
-] = 0.02
+    float, Row("s", _USUAL, "lag from which it has a name; shorter ones end in a tenth of a second")
+] = 0.036
 LAG_BLURS: Annotated[float, Row("std", _SETS, "the same, in standard deviations of the onset")] = (
     2.5
 )
@@ -331,6 +337,9 @@ ONE_SIDED_WIND: Annotated[
 WILD_SCATTER: Annotated[
     float, Row("1", _RECORDINGS, "scatter of the force from which a doubt is said")
 ] = 0.12
+BEYOND_DOUBT: Annotated[
+    float, Row("chi square", _SETS, "from which an effect is no other value of a coefficient")
+] = 60.0
 CHANGED_STOPS: Annotated[
     int, Row("1", _USUAL, "stops that an effect has to change by a practical size to matter")
 ] = 3

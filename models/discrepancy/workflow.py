@@ -21,6 +21,7 @@ from models.discrepancy.decide.gap import compared
 from models.discrepancy.decide.revised import revised
 from models.discrepancy.decide.verdict import Decision, decide
 from models.discrepancy.findings import Experiment, Findings, Verdict
+from models.discrepancy.model.hypothesis import builds_up
 from models.discrepancy.model.noise import Noise
 from models.discrepancy.report import experiment
 from models.discrepancy.report.cost import changes, cost_of
@@ -29,7 +30,7 @@ from models.discrepancy.report.summary import located_axes, named_effects, summa
 from models.discrepancy.search.extent import extents
 from models.discrepancy.search.identify import Identified, ScoredExplanation, identify, rescued
 from models.discrepancy.search.locate import WITHIN, Followed, follow
-from models.discrepancy.search.refine import as_output, fit_base, start_of
+from models.discrepancy.search.refine import as_output, fit_base, start_of, with_build_up
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.thresholds import WILD_SCATTER
 from models.parameters import Model
@@ -82,12 +83,15 @@ def investigate_with_evidence(
     table, notes = prepare(columns, runs, model, ground, wanted)
     advance(1)
     base = fit_base(table, start_of(table, model))
+    beside = with_build_up(table, base)
     advance(1)
-    found = identify(table, base, wanted)
+    found = identify(table, beside, wanted)
     advance(1)
     found, left, output = _with_what_is_left(table, found, wanted)
-    located = follow(table, base, wanted.seed) if found.best.names else left
+    located = follow(table, beside, wanted.seed) if found.best.names else left
     decision = decide(table, base, found, left, located, wanted)
+    if any(builds_up(decision.explanation.fit.hypothesis.added[i]) for i in decision.named):
+        located = follow(table, base, wanted.seed)
     advance(1)
     floor = found.best.fit.noise  # what was found and is not named is no noise either
     gaps = compared(table, base, decision.explanation.fit, floor, wanted)

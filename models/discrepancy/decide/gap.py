@@ -90,7 +90,7 @@ def compared(
     configured = Hypothesis.configured(best.hypothesis.model)
     before = speed_errors(table, configured), distances(table, configured)
     refit = held_out(table, parts, base)
-    after = held_out(table, parts, best) if best.hypothesis.added else refit
+    after = refit if best is base else held_out(table, parts, best)
     draws = np.random.default_rng(settings.seed).integers(
         0, len(table), (settings.resamples, len(table))
     )

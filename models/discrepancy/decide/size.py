@@ -13,12 +13,11 @@ import numpy as np
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import distances
-from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.brakes import lag_of
+from models.discrepancy.model.hypothesis import Hypothesis, builds_up
 from models.discrepancy.search.refine import Fit, as_output, fit_either_way
 from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import CHANGED_STOPS
-from models.effects.effect_law import Enters
-from models.effects.registry import LAWS
+from models.discrepancy.thresholds import BEYOND_DOUBT, CHANGED_STOPS, LAG_BLURS, LEAST_LAG
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +28,12 @@ class ChangeOfStops:
         length: of the third stop of those that they disagree most about, or of all stops as a root
             mean square [m].
         practical: the same as a multiple of what matters in each stop; below 1 nothing does.
+        gain: chi square that tells them apart, where it was worked out.
     """
 
     length: float
     practical: float
+    gain: float = np.inf
 
 
 def practical_lengths(distance: Floats, settings: DiscrepancySettings) -> Floats:
@@ -45,40 +46,59 @@ def change_between(
 ) -> ChangeOfStops:
     """Of the stops of a log, by one hypothesis and by another."""
     off = np.abs(distances(table, one) - distances(table, other))
-    least = practical_lengths(table.distance, settings)
-    return ChangeOfStops(
-        float(np.sort(off)[-CHANGED_STOPS]), float(np.sort(off / least)[-CHANGED_STOPS])
-    )
+    return _largest(off, practical_lengths(table.distance, settings))
 
 
 def sizes_of(
     table: StopTable, found: Fit, settings: DiscrepancySettings
 ) -> tuple[ChangeOfStops, ...]:
-    """What each effect of an explanation changes, the others and the coefficients as they are.
+    """What each effect of an explanation changes.
 
-    A build-up of the brakes is there in every vehicle and every stop, and dead time and
-    coefficients know of it: what counts is what they cannot take up, on the whole.
+    Where the log tells it from other numbers of everything else beyond doubt, that is its own share
+    of a stop; else what they cannot take up.
+
+    A build-up of the brakes is there in every vehicle and every stop: what counts is what it
+    changes on the whole, and only where it takes longer than usual.
 
     Args:
         table: stops. found: with its effects. settings: what matters.
     """
     added = found.hypothesis.added
+    if not added:
+        return ()
+    output = as_output(table, found)
+    here = fit_either_way(output, found.hypothesis, found.noise, rounds=1)
+    ends, least = distances(table, found.hypothesis), practical_lengths(table.distance, settings)
     sizes = []
     for i, effect in enumerate(added):
         rest = replace(found.hypothesis, added=(*added[:i], *added[i + 1 :]))
-        if LAWS[effect.name].enters is Enters.LAG:
-            rest = fit_either_way(as_output(table, found), rest, found.noise, rounds=1).hypothesis
-            sizes.append(_usual_change(table, found.hypothesis, rest, settings))
-        else:
-            sizes.append(change_between(table, found.hypothesis, rest, settings))
+        without = fit_either_way(output, rest, found.noise, rounds=1)
+        off = np.abs(ends - distances(table, without.hypothesis))
+        gain = without.deviance - here.deviance
+        if gain > BEYOND_DOUBT:
+            off = np.abs(ends - distances(table, rest))
+        size = _largest(off, least)
+        if builds_up(effect):
+            size = _on_the_whole(np.abs(ends - distances(table, without.hypothesis)), least)
+            if lag_of(found.hypothesis) < _usual_build_up(table, found):
+                size = replace(size, practical=0.0)
+        sizes.append(replace(size, gain=gain))
     return tuple(sizes)
 
 
-def _usual_change(
-    table: StopTable, one: Hypothesis, other: Hypothesis, settings: DiscrepancySettings
-) -> ChangeOfStops:
-    off = distances(table, one) - distances(table, other)
-    least = practical_lengths(table.distance, settings)
+def _largest(off: Floats, least: Floats) -> ChangeOfStops:
+    return ChangeOfStops(
+        float(np.sort(off)[-CHANGED_STOPS]), float(np.sort(off / least)[-CHANGED_STOPS])
+    )
+
+
+def _on_the_whole(off: Floats, least: Floats) -> ChangeOfStops:
     return ChangeOfStops(
         float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean((off / least) ** 2)))
     )
+
+
+def _usual_build_up(table: StopTable, found: Fit) -> float:
+    """Lag up to which it is none worth a name [s]: scatter of the onset rounds the knee as well."""
+    blur = np.hypot(found.noise.dead_time_std, table.sample / np.sqrt(12.0))
+    return max(LEAST_LAG, LAG_BLURS * float(blur))

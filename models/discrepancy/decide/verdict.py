@@ -23,7 +23,7 @@ from models.discrepancy.decide.size import (
     sizes_of,
 )
 from models.discrepancy.findings import Verdict
-from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.hypothesis import Hypothesis, builds_up
 from models.discrepancy.search.absorbed import Absorbed, absorbed_explanations
 from models.discrepancy.search.identify import Identified, ScoredExplanation, holds
 from models.discrepancy.search.locate import WITHIN, Followed
@@ -81,17 +81,17 @@ class Decision:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the effects that are named, in the order in which they were found."""
-        return tuple(self.explanation.fit.hypothesis.names[i] for i in self.named)
+        return tuple(self.explanation.fit.hypothesis.added[i].name for i in self.named)
 
 
 def decide(
-    table: StopTable, base: Fit, found: Identified, left: list[Followed],
+    table: StopTable, plain: Fit, found: Identified, left: list[Followed],
     located: list[Followed], settings: DiscrepancySettings,
 ) -> Decision:  # fmt: skip
     """One word for the log.
 
     Args:
-        table: stops. base: refitted model. found: outcome of the search.
+        table: stops. plain: refitted model, without any nuisance. found: outcome of the search.
         left: axes that its best explanation still disagrees along, the most telling first.
         located: axes that the refitted model disagrees along.
         settings: how sure to be.
@@ -99,8 +99,17 @@ def decide(
     sure = [f for f in left if f.p_value < settings.structure]
     large = _large(table, sure, settings)
     trace = _said_of(sure[0]) if sure and not large else ()
+    nothing = replace(found, best=ScoredExplanation(plain, found.best.score))
     if not found.best.names:
-        return _without_names(table, base, found, large, trace, settings)
+        sizes = sizes_of(table, found.best.fit, settings)
+        notes = (*_too_small(found.best, sizes), *trace)
+        if large or not any(size.practical >= 1.0 for size in sizes):
+            return _without_names(table, plain, nothing, large, notes, settings)
+        sure_of = _confidences(found.best, found, sizes, settings)
+        return Decision(
+            Verdict.MISSING_EFFECT, found.best, confidence=sure_of, notes=notes, sizes=sizes,
+            visible=found.visible,
+        )  # fmt: skip
     best, others = found.best, found.others
     # Where the model's own shape is a little wrong, likelihoods differ by that for no reason.
     doubt = max(settings.rival, BELIEVED_SHARE * sure[0].chi_square) if sure else settings.rival
@@ -108,11 +117,10 @@ def decide(
     if plainer is not None:
         others = (best, *(e for e in others if e.names != plainer.names))
         best = plainer
-    refitted = next((e for e in others if not e.names), _far(base))
-    nothing = replace(found, best=ScoredExplanation(base, refitted.score))
+    refitted = next((e for e in others if not e.names), _far(plain))
     if weak(table, best, refitted, located):
-        plain = [f for f in located if f.p_value < settings.structure]
-        return _without_names(table, base, nothing, _large(table, plain, settings), (), settings)
+        seen = [f for f in located if f.p_value < settings.structure]
+        return _without_names(table, plain, nothing, _large(table, seen, settings), (), settings)
     others = tuple(e for e in others if not _unusually_small(e))
     near = [
         e for e in others
@@ -124,22 +132,23 @@ def decide(
     sizes = sizes_of(table, best.fit, settings)
     small = _too_small(best, sizes)
     if all(size.practical < 1.0 for size in sizes):
-        return _without_names(table, base, nothing, large, (*small, *trace), settings)
-    doubted = _doubted(table, base, best, others, left, located, settings)
+        return _without_names(table, plain, nothing, large, (*small, *trace), settings)
+    doubted = _doubted(table, plain, best, others, left, located, settings)
     if doubted is not None:
         words, axis = doubted
-        return Decision(Verdict.UNKNOWN, refitted, axis=axis, notes=(words, *small))
+        return Decision(Verdict.UNKNOWN, nothing.best, axis=axis, notes=(words, *small))
     said = _said_of(sure[0]) if sure else ()
     made = Decision(
         Verdict.MISSING_EFFECT, best, axis=sure[0] if sure else None, notes=(*small, *said),
         sizes=sizes, visible=found.visible,
     )  # fmt: skip
+    mattering = Counter(name for name in made.names if name in best.names)
     rivals = tuple(
         e for e in others
         if e.names and (e.score < best.score + doubt or not _leads(best, e, settings))
-        and not Counter(made.names) <= Counter(e.names) and not holds(best.names, e.names)
+        and not mattering <= Counter(e.names) and not holds(best.names, e.names)
     )  # fmt: skip
-    confidence = _confidences(best, found, settings)
+    confidence = _confidences(best, found, sizes, settings)
     verdict = Verdict.AMBIGUOUS if rivals else Verdict.MISSING_EFFECT
     return replace(made, verdict=verdict, rivals=rivals, confidence=confidence)
 
@@ -149,7 +158,7 @@ def _too_small(best: ScoredExplanation, sizes: Sequence[ChangeOfStops]) -> tuple
     return tuple(
         f"{name} was seen for certain and changes stops by no more than "
         f"{1000.0 * size.length:.0f} mm: fitted along, too small to be named"
-        for name, size in zip(best.fit.hypothesis.names, sizes, strict=True)
+        for name, size in zip((e.name for e in best.fit.hypothesis.added), sizes, strict=True)
         if size.practical < 1.0
     )
 
@@ -282,23 +291,27 @@ def _stability(
 
 
 def _confidences(
-    best: ScoredExplanation, found: Identified, settings: DiscrepancySettings
-) -> tuple[float, ...]:
+    best: ScoredExplanation, found: Identified, sizes: Sequence[ChangeOfStops],
+    settings: DiscrepancySettings,
+) -> tuple[float, ...]:  # fmt: skip
     """Of each effect of an explanation: how sure its name is.
 
     The posterior weight of all explanations that hold the name, among those tried, or if that is
-    less, the share of resampled logs in which the best of them leads the best of those without.
+    less, the share of resampled logs in which the best of them leads the best of those without. A
+    build-up is weighed against none.
     """
     everything = (best, *found.others)
     weight = np.exp(-0.5 * np.clip([e.score - best.score for e in everything], 0.0, 200.0))
     result = []
-    names = best.fit.hypothesis.names
-    for i, name in enumerate(names):
-        often = names[: i + 1].count(name)
-        has = np.array([e.names.count(name) >= often for e in everything])
+    added = best.fit.hypothesis.added
+    for i, (effect, size) in enumerate(zip(added, sizes, strict=True)):
+        often = sum(e.name == effect.name for e in added[: i + 1])
+        has = np.array([e.names.count(effect.name) >= often for e in everything])
         posterior = float(np.sum(weight[has]) / np.sum(weight))
         without = [e for e, yes in zip(everything, has, strict=True) if not yes]
         rival = min(without, key=lambda e: e.score, default=None)
+        if builds_up(effect):
+            posterior, rival = 1.0 / (1.0 + np.exp(-0.5 * np.clip(size.gain, -200.0, 200.0))), None
         stable = 1.0 if rival is None else _stability(best, rival, settings)
         # Of so many draws, none that says otherwise does not mean never.
         result.append(min(posterior, stable, 1.0 - 0.5 / (settings.resamples + 1)))

@@ -14,6 +14,7 @@ import numpy as np
 from models.arrays import Floats
 from models.calibration.force_fit import NAMES
 from models.discrepancy.model.body_oscillation import OSCILLATION
+from models.effects.effect_law import Enters
 from models.effects.registry import LAWS
 from models.parameters import Effect, Model
 
@@ -22,6 +23,11 @@ LAWFUL = len(NAMES) + 1
 
 BASE = LAWFUL + OSCILLATION
 """Numbers before those of the effects: the law's, then the oscillation of the body."""
+
+
+def builds_up(effect: Effect) -> bool:
+    """Whether it is the build-up of the brakes: fitted beside everything else, as a nuisance."""
+    return LAWS[effect.name].enters is Enters.LAG
 
 
 def free_parameters(effect: Effect) -> tuple[str, ...]:
@@ -57,8 +63,8 @@ class Hypothesis:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the effects added."""
-        return tuple(effect.name for effect in self.added)
+        """Names of the effects added, but for a build-up of the brakes, which all vehicles have."""
+        return tuple(effect.name for effect in self.added if not builds_up(effect))
 
     def plus(self, effect: Effect) -> Hypothesis:
         """With one more effect."""

@@ -37,7 +37,7 @@ def named_effects(
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     named = []
     k = BASE
-    own = set(decision.explanation.names)
+    own = set(decision.names)
     each = zip(fit.hypothesis.added, decision.confidence, widths, strict=True)
     for i, (effect, confidence, places) in enumerate(each):
         law = LAWS[effect.name].parameters

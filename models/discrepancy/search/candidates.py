@@ -74,7 +74,12 @@ def candidates(table: StopTable, hypothesis: Hypothesis) -> tuple[list[EffectCol
     columns: list[Floats] = []
     for name, law in LAWS.items():
         alone = name in taken and (law.once or is_cap(name))
-        if law.search is None or alone or not law.channels <= table.logged:
+        if (
+            law.search is None
+            or alone
+            or law.enters is Enters.LAG
+            or not law.channels <= table.logged
+        ):
             continue
         for inner, share in law.search.columns(seen):
             found.append(EffectColumn(name, inner))

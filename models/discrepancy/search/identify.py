@@ -19,8 +19,6 @@ import numpy as np
 
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.brakes import lag_of
-from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.noise import Noise
 from models.discrepancy.search import screening
 from models.discrepancy.search.candidates import (
@@ -49,8 +47,6 @@ from models.discrepancy.thresholds import (
     BEAM,
     BEAM_WIDTH,
     FURTHER_PRICE,
-    LAG_BLURS,
-    LEAST_LAG,
     LENIENT_ALARM,
     NAMES_REFITTED,
     SLIDING_QUANTILE,
@@ -238,7 +234,7 @@ def _extended(
             continue
         fits = [_refined(table, fit, found[i], float(scored.strength[i])) for i in members]
         best = min(fits, key=lambda f: f.deviance)
-        if (hidden and fit.deviance - best.deviance < needed) or _too_quick(table, best):
+        if hidden and fit.deviance - best.deviance < needed:
             continue
         gain = (*parent.gained, float(strength[members[0]]))
         children.append(
@@ -253,20 +249,6 @@ def _room_for(name: str, names: tuple[str, ...], settings: DiscrepancySettings) 
         places = sum(search_of(own).placed for own in names)
         return search_of(name).placed and places < settings.most_patches
     return len(set(names)) < settings.most_effects
-
-
-def _too_quick(table: StopTable, found: Fit) -> bool:
-    """A lag that is no longer than the onset is uncertain: scatter of the dead time alone rounds
-    the knee.
-
-    Without the lag the dead time seems to scatter more than it does, because a rounded knee is seen
-    the later the harder a stop brakes.
-    """
-    lag = lag_of(found.hypothesis)
-    if lag <= 0.0:
-        return False
-    blur = np.hypot(noise_of(table, found).dead_time_std, table.sample / np.sqrt(12.0))
-    return lag < max(LEAST_LAG, LAG_BLURS * float(blur))
 
 
 def rescued(
@@ -331,8 +313,3 @@ def _refined(table: StopTable, fit: Fit, candidate: EffectColumn, strength: floa
     if candidate.search.placed and fit.deviance - best.deviance > WORTH_MOVING:
         best = moved_patch(table, best, len(best.hypothesis.added) - 1)
     return best
-
-
-def base_of(hypothesis: Hypothesis) -> Hypothesis:
-    """Without the effects that were added."""
-    return replace(hypothesis, added=())

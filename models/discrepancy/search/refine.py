@@ -25,6 +25,8 @@ from models.discrepancy.model.prediction import (
     wanted_force,
 )
 from models.discrepancy.thresholds import (
+    BUILD_UP_SEEN,
+    BUILD_UPS,
     DERIVATIVE_STEP,
     FIT_BENT,
     FIT_DONE,
@@ -38,7 +40,7 @@ from models.discrepancy.thresholds import (
 )
 from models.effects.effect_law import Enters
 from models.effects.registry import LAWS
-from models.parameters import Model
+from models.parameters import Effect, Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,6 +318,25 @@ def fit_base(table: StopTable, start: Hypothesis) -> Fit:
     plain = fit_with_noise(table, start)
     oscillating = fit_with_noise(table, replace(plain.hypothesis, oscillates=True), plain.noise)
     return oscillating if oscillating.deviance < plain.deviance - OSCILLATES else plain
+
+
+def with_build_up(table: StopTable, found: Fit) -> Fit:
+    """The same with a first-order build-up of the brakes, if it leaves a trace.
+
+    No brake bites at once. What it takes is mostly a later onset; the rest would be called a drag,
+    a lag or a pattern along the time since onset in every log that is measured well.
+    """
+    lags = [name for name, law in LAWS.items() if law.enters is Enters.LAG]
+    if any(e.name in lags for e in (*found.hypothesis.model.effect, *found.hypothesis.added)):
+        return found
+    best = found
+    for tau in BUILD_UPS:
+        own = Effect(name=lags[0], parameters={"tau": tau})
+        later = replace(found.hypothesis, dead_time=max(found.hypothesis.dead_time - tau, 0.0))
+        best = min(
+            best, fit_with_noise(table, later.plus(own), found.noise), key=lambda f: f.deviance
+        )
+    return best if best.deviance < found.deviance - BUILD_UP_SEEN else found
 
 
 def noise_of(table: StopTable, found: Fit) -> Noise:
