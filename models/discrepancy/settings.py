@@ -26,8 +26,8 @@ class DiscrepancySettings:
         most_patches: surfaces in one place among them, which may be further ones.
         practical_share, practical_length: change of a stop, as a share of it and [m], of which the
             larger has to be reached by whatever is named.
-        noisy_share: share of a stop. Where every effect would have to change stops by more than
-            that to be seen, nothing that was found says nothing.
+        noisy_share: share of a stop. Where half of all effects would have to change stops by more
+            than that to be seen, nothing that was found says nothing.
         bootstraps: logs simulated without an effect to find the threshold.
         resamples: draws of stops for stability and confidence intervals.
         folds: parts of the log, each predicted by what the others taught.

@@ -120,6 +120,12 @@ OSCILLATION_KNOTS: Annotated[
 USUAL_OSCILLATION: Annotated[
     float, Row("m/s", _RECORDINGS, "prior std of that curve: larger hides more of a lag or drag")
 ] = 0.006
+QUICK_BUILD_UP: Annotated[
+    float, Row("s", _USUAL, "lag from which the curve lasts longer and may be larger")
+] = 0.08
+OTHER_SHAPE: Annotated[
+    float, Row("m/s²", _THEORY, "prior std by lag: two equal lags against one differ by as much")
+] = 0.4
 USUAL_PULL: Annotated[
     float, Row("1", _USUAL, "share of the weight at which the body rocks by that much")
 ] = 0.45
@@ -152,9 +158,9 @@ DERIVATIVE_STEP: Annotated[
     float, Row("scale", _COMPUTATION, "step of derivatives, of a parameter's scale")
 ] = 1e-3
 NOISE_PASSES: Annotated[int, Row("1", _COMPUTATION, "fits and noises in turn")] = 2
-BUILD_UPS: Annotated[
-    tuple[float, ...], Row("s", _USUAL, "time constants from which a build-up is fitted")
-] = (0.02, 0.1)
+FIRST_BUILD_UP: Annotated[
+    float, Row("s", _USUAL, "time constant from which a build-up is fitted")
+] = 0.04
 BUILD_UP_SEEN: Annotated[
     float, Row("chi square", _THEORY, "gain from which a build-up of the brakes is fitted along")
 ] = 2.0
@@ -339,7 +345,7 @@ WILD_SCATTER: Annotated[
 ] = 0.12
 BEYOND_DOUBT: Annotated[
     float, Row("chi square", _SETS, "from which an effect is no other value of a coefficient")
-] = 60.0
+] = 100.0
 CHANGED_STOPS: Annotated[
     int, Row("1", _USUAL, "stops that an effect has to change by a practical size to matter")
 ] = 3
@@ -369,6 +375,9 @@ LOCATED: Annotated[float, Row("1", _THEORY, "p-value up to which an axis is list
 PICTURED_SPEED: Annotated[float, Row("m/s", _USUAL, "of the stop that a cost is told for")] = 3.0
 PICTURED_GRADE: Annotated[float, Row("rad", _USUAL, "the same, 10° down")] = np.deg2rad(-10.0)
 PICTURED_HEADINGS: Annotated[int, Row("1", _COMPUTATION, "headings of which the worst counts")] = 12
+MOST_SURE: Annotated[
+    float, Row("1", _THEORY, "more than that is not said: nobody knows better what else there is")
+] = 0.99
 MOST_REPEATS: Annotated[int, Row("1", _USUAL, "times that anybody drives a proposed design")] = 5
 PROPOSED_STOPS: Annotated[int, Row("1", _SETS, "stops of a proposed design")] = 6
 PROPOSED_PAUSES: Annotated[

@@ -229,7 +229,7 @@ def _without_names(
         words = "coefficients have moved for certain, and stops change by no more than"
         notes = (*notes, f"{words} {1000.0 * moved.length:.0f} mm by it: the model stays")
     least = settings.noisy_share * float(np.median(table.distance))
-    noisy = bool(seen) and min(seen.values()) > least
+    noisy = bool(seen) and float(np.median(list(seen.values()))) > least
     verdict = Verdict.TOO_NOISY if noisy else Verdict.NONE
     return Decision(verdict, found.best, notes=notes, visible=seen)
 

@@ -4,6 +4,9 @@ A body on springs pitches at the onset and rocks until it lies still, and a spee
 rocks along by a centimetre or two per second, in all stops alike, the more the harder they brake.
 Left to itself that would look like something missing along the time since onset. It is fitted along
 as a curve in the first tenths of a second, small by a prior, and is no part of the model.
+
+Brakes that build up slowly do so in many shapes. The curve lasts as long as they take, and may be
+as large as two shapes differ: which one it is stays open, and the build-up has its name.
 """
 
 from __future__ import annotations
@@ -12,15 +15,35 @@ import numpy as np
 
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.thresholds import OSCILLATION_KNOTS, USUAL_PULL
+from models.discrepancy.thresholds import (
+    OSCILLATION_KNOTS,
+    OTHER_SHAPE,
+    QUICK_BUILD_UP,
+    USUAL_OSCILLATION,
+    USUAL_PULL,
+)
+
+
+def oscillation_size(lag: float) -> float:
+    """Standard deviation of each number of the curve before any data [m/s].
+
+    Args:
+        lag: time constant of the build-up [s].
+    """
+    return USUAL_OSCILLATION + OTHER_SHAPE * max(lag - QUICK_BUILD_UP, 0.0)
+
 
 OSCILLATION = len(OSCILLATION_KNOTS) - 2
 """Numbers of the curve."""
 
 
-def oscillation_columns(table: StopTable, dead_time: float) -> Floats:
-    """(S, M, OSCILLATION) change of the fall of speed with each number of the curve [1]."""
-    since = table.time - dead_time
+def oscillation_columns(table: StopTable, dead_time: float, lag: float = 0.0) -> Floats:
+    """(S, M, OSCILLATION) change of the fall of speed with each number of the curve [1].
+
+    Args:
+        table: stops. dead_time: until the onset [s]. lag: time constant of the build-up [s].
+    """
+    since = (table.time - dead_time) / max(1.0, lag / QUICK_BUILD_UP)
     rows = np.eye(len(OSCILLATION_KNOTS))[1:-1]
     hats = np.stack(
         [np.interp(since, OSCILLATION_KNOTS, row, left=0.0, right=0.0) for row in rows], axis=2

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from models.discrepancy.findings import Findings, StopCost, Verdict
+from models.discrepancy.thresholds import MOST_SURE
 from models.effects.registry import LAWS
-
-MOST_SURE = 0.99
-"""No more than that is said: what chance and the library leave out is not known better."""
 
 
 def sure_words(confidence: float) -> str:

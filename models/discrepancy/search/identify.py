@@ -41,6 +41,7 @@ from models.discrepancy.search.refine import (
     fit_with_scatter,
     noise_of,
     prior_precision,
+    with_build_up,
 )
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.thresholds import (
@@ -149,6 +150,8 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
         best = ordered[0]
         deep = [e for e in ordered if len(e.names) == level + 1]
         beam = [e for e in deep[:BEAM] if e.score < best.score + BEAM_WIDTH]
+    known = _with_build_up(table, known, best)
+    best = min(known.values(), key=lambda e: e.score)
     others = sorted((e for e in known.values() if e.names != best.names), key=lambda e: e.score)
     settled = settled_patches(as_output(table, best.fit), best.fit)
     if settled is not best.fit:
@@ -168,6 +171,26 @@ def _again(
         output = as_output(table, e.fit)
         found = fit_either_way(output, e.fit.hypothesis, noise, rounds=1)
         result[names] = replace(e, fit=found, score=score(found, len(table)))
+    return result
+
+
+def _with_build_up(
+    table: StopTable, known: dict[tuple[str, ...], ScoredExplanation], best: ScoredExplanation
+) -> dict[tuple[str, ...], ScoredExplanation]:
+    """All near explanations with a build-up of the brakes, where an effect had hidden it."""
+    if not best.names:
+        return known
+    output = as_output(table, best.fit)
+    built = with_build_up(output, best.fit, best.fit.noise)
+    if built is best.fit:
+        return known
+    result = {}
+    for names, e in known.items():
+        near = not names or e.score < best.score + BEAM_WIDTH
+        found = with_build_up(output, e.fit, best.fit.noise) if near else e.fit
+        result[names] = (
+            e if found is e.fit else replace(e, fit=found, score=score(found, len(table)))
+        )
     return result
 
 

@@ -15,7 +15,12 @@ from models.arrays import Floats
 from models.calibration.force_fit import WEAK_PRIOR
 from models.discrepancy.data.stop_ground import ground_of
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.body_oscillation import OSCILLATION, oscillation_columns
+from models.discrepancy.model.body_oscillation import (
+    OSCILLATION,
+    oscillation_columns,
+    oscillation_size,
+)
+from models.discrepancy.model.brakes import lag_of
 from models.discrepancy.model.hypothesis import BASE, LAWFUL, Hypothesis
 from models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
 from models.discrepancy.model.prediction import (
@@ -26,8 +31,8 @@ from models.discrepancy.model.prediction import (
 )
 from models.discrepancy.thresholds import (
     BUILD_UP_SEEN,
-    BUILD_UPS,
     DERIVATIVE_STEP,
+    FIRST_BUILD_UP,
     FIT_BENT,
     FIT_DONE,
     FIT_PASSES,
@@ -36,7 +41,7 @@ from models.discrepancy.thresholds import (
     MOST_WIDER,
     NOISE_PASSES,
     OSCILLATES,
-    USUAL_OSCILLATION,
+    QUICK_BUILD_UP,
 )
 from models.effects.effect_law import Enters
 from models.effects.registry import LAWS
@@ -86,7 +91,7 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     base = _observed(table, hypothesis)
     oscillation = np.zeros((*table.time.shape, OSCILLATION))
     if hypothesis.oscillates:
-        oscillation = oscillation_columns(table, hypothesis.dead_time)
+        oscillation = oscillation_columns(table, hypothesis.dead_time, lag_of(hypothesis))
     columns = [_by_shifts(table, hypothesis)]
     for i in (LAWFUL - 1, *range(BASE, len(free))):
         step = DERIVATIVE_STEP * scales[i]
@@ -113,9 +118,8 @@ def _observed(table: StopTable, hypothesis: Hypothesis) -> Floats:
     fall = predict(table, hypothesis)
     if not hypothesis.oscillates:
         return fall
-    result: Floats = (
-        fall + oscillation_columns(table, hypothesis.dead_time) @ hypothesis.oscillation
-    )
+    curve = oscillation_columns(table, hypothesis.dead_time, lag_of(hypothesis))
+    result: Floats = fall + curve @ hypothesis.oscillation
     return result
 
 
@@ -124,7 +128,7 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
     own = np.zeros(len(hypothesis.free))
     own[:4] = 1.0 / np.square(WEAK_PRIOR)
     own[4] = 1.0
-    own[LAWFUL:BASE] = 1.0 / USUAL_OSCILLATION**2
+    own[LAWFUL:BASE] = 1.0 / oscillation_size(lag_of(hypothesis)) ** 2
     return own
 
 
@@ -320,8 +324,8 @@ def fit_base(table: StopTable, start: Hypothesis) -> Fit:
     return oscillating if oscillating.deviance < plain.deviance - OSCILLATES else plain
 
 
-def with_build_up(table: StopTable, found: Fit) -> Fit:
-    """The same with a first-order build-up of the brakes, if it leaves a trace.
+def with_build_up(table: StopTable, found: Fit, noise: Noise | None = None) -> Fit:
+    """The same with a build-up of the brakes, if it leaves a trace.
 
     No brake bites at once. What it takes is mostly a later onset; the rest would be called a drag,
     a lag or a pattern along the time since onset in every log that is measured well.
@@ -329,14 +333,17 @@ def with_build_up(table: StopTable, found: Fit) -> Fit:
     lags = [name for name, law in LAWS.items() if law.enters is Enters.LAG]
     if any(e.name in lags for e in (*found.hypothesis.model.effect, *found.hypothesis.added)):
         return found
-    best = found
-    for tau in BUILD_UPS:
-        own = Effect(name=lags[0], parameters={"tau": tau})
-        later = replace(found.hypothesis, dead_time=max(found.hypothesis.dead_time - tau, 0.0))
-        best = min(
-            best, fit_with_noise(table, later.plus(own), found.noise), key=lambda f: f.deviance
-        )
-    return best if best.deviance < found.deviance - BUILD_UP_SEEN else found
+    refit = fit_with_noise if noise is None else fit_with_scatter
+    own = Effect(name=lags[0], parameters={"tau": FIRST_BUILD_UP})
+    onset = max(found.hypothesis.dead_time - FIRST_BUILD_UP, 0.0)
+    built = replace(found.hypothesis, dead_time=onset).plus(own)
+    best = refit(table, built, noise or found.noise)
+    if best.deviance >= found.deviance - BUILD_UP_SEEN:
+        return found
+    if best.hypothesis.oscillates or lag_of(best.hypothesis) < QUICK_BUILD_UP:
+        return best
+    shaped = refit(table, replace(best.hypothesis, oscillates=True), noise or best.noise)
+    return shaped if shaped.deviance < best.deviance - OSCILLATES else best
 
 
 def noise_of(table: StopTable, found: Fit) -> Noise:

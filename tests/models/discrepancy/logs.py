@@ -36,7 +36,7 @@ WORLDS = {
         effects={"brake_lag": {"tau": 0.2}, "aerodynamic_drag": {"c": 0.06}}, speeds=(2.0, 6.0)
     ),
     "build_up": World(effects={"brake_lag": {"tau": 0.03}}, dead_time=0.27, noise=0.01),
-    "noisy": World(noise=0.25, scatter=0.4),
+    "noisy": World(noise=0.2, scatter=0.3, grades=(-0.05, 0.05)),
     "waves": World(waves=0.12, grades=(-0.1, 0.1), speeds=(2.0, 4.0), curvature_told=True),
     "crests": World(
         effects={"crest_unloading": {"k": 1.5}},

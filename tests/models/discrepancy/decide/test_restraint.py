@@ -23,6 +23,7 @@ NUMBERS = {
     "aerodynamic_drag": {"c": 0.02},
     "brake_lag": {"tau": 0.1},
     "cross_slope": {"k": 0.1},
+    "viscous_resistance": {"c": 0.02},
     "headwind": {"c": 0.01, "wind": 4.0, "direction": 0.4},
 }
 
@@ -50,8 +51,10 @@ def seen(axis: str, p_value: float) -> Any:
 
 def test_two_effects_along_one_axis_are_no_name() -> None:
     stops = table("clean")
-    both = restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "brake_lag"))
-    assert both == ["aerodynamic_drag", "brake_lag"]
+    both = restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "viscous_resistance"))
+    assert both == ["aerodynamic_drag", "viscous_resistance"]
+    # A build-up is fitted beside everything, and is no second effect.
+    assert restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "brake_lag")) == []
     assert restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "cross_slope")) == []
 
 
