@@ -368,8 +368,8 @@ def discrepancy(
     Verdicts: [bold]none[/], [bold]parameter_drift[/], [bold]missing_effect[/], [bold]ambiguous[/]
     (several names fit; what to drive to tell them apart is said), [bold]unidentifiable[/] (the
     model's own numbers would hide it), [bold]unknown[/] (no name fits; the axis is said),
-    [bold]too_noisy[/] (most effects would have shown only above a tenth of a stop). What changes stops
-    by less than --practical-share and --practical-length is told in a note, and has no name.
+    [bold]too_noisy[/] (most effects would have shown only above a tenth of a stop). What changes
+    stops by less than --practical-share and --practical-length is told in a note, without a name.
 
     [bold]Example[/]  slopewise discrepancy drive.csv --model mine.toml --out out/discrepancy
     """
