@@ -346,6 +346,9 @@ WILD_SCATTER: Annotated[
 BEYOND_DOUBT: Annotated[
     float, Row("chi square", _SETS, "from which an effect is no other value of a coefficient")
 ] = 100.0
+PLAIN_BUILD_UP: Annotated[
+    float, Row("chi square", _THEORY, "from which a build-up without a name stays in the model")
+] = 12.0
 CHANGED_STOPS: Annotated[
     int, Row("1", _USUAL, "stops that an effect has to change by a practical size to matter")
 ] = 3

@@ -38,7 +38,7 @@ class ChangeOfStops:
 
 def practical_lengths(distance: Floats, settings: DiscrepancySettings) -> Floats:
     """(S,) change of each stop from which one matters [m]."""
-    return np.maximum(settings.practical_share * distance, settings.practical_length)
+    return np.maximum(settings.practical_share * distance, settings.practical_length) + 1e-9
 
 
 def change_between(

@@ -7,6 +7,7 @@ physically usual; else the log has shown that something is there, and no more.
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,7 +28,7 @@ from models.discrepancy.model.hypothesis import Hypothesis, builds_up
 from models.discrepancy.search.absorbed import Absorbed, absorbed_explanations
 from models.discrepancy.search.identify import Identified, ScoredExplanation, holds
 from models.discrepancy.search.locate import WITHIN, Followed
-from models.discrepancy.search.refine import Fit, fit, residual
+from models.discrepancy.search.refine import Fit, as_output, fit, fit_either_way, residual
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.thresholds import (
     AT_BOUND,
@@ -35,6 +36,7 @@ from models.discrepancy.thresholds import (
     BELIEVED_SHARE,
     LEFT_SHARE,
     P_DRIFT,
+    PLAIN_BUILD_UP,
     STABLE_SHARE,
 )
 from models.effects.registry import LAWS
@@ -101,15 +103,7 @@ def decide(
     trace = _said_of(sure[0]) if sure and not large else ()
     nothing = replace(found, best=ScoredExplanation(plain, found.best.score))
     if not found.best.names:
-        sizes = sizes_of(table, found.best.fit, settings)
-        notes = (*_too_small(found.best, sizes), *trace)
-        if large or not any(size.practical >= 1.0 for size in sizes):
-            return _without_names(table, plain, nothing, large, notes, settings)
-        sure_of = _confidences(found.best, found, sizes, settings)
-        return Decision(
-            Verdict.MISSING_EFFECT, found.best, confidence=sure_of, notes=notes, sizes=sizes,
-            visible=found.visible,
-        )  # fmt: skip
+        return _with_build_up_alone(table, found.best, nothing, large, trace, settings)
     best, others = found.best, found.others
     # Where the model's own shape is a little wrong, likelihoods differ by that for no reason.
     doubt = max(settings.rival, BELIEVED_SHARE * sure[0].chi_square) if sure else settings.rival
@@ -120,7 +114,8 @@ def decide(
     refitted = next((e for e in others if not e.names), _far(plain))
     if weak(table, best, refitted, located):
         seen = [f for f in located if f.p_value < settings.structure]
-        return _without_names(table, plain, nothing, _large(table, seen, settings), (), settings)
+        patterns = _large(table, seen, settings)
+        return _with_build_up_alone(table, refitted, nothing, patterns, (), settings)
     others = tuple(e for e in others if not _unusually_small(e))
     near = [
         e for e in others
@@ -138,6 +133,7 @@ def decide(
         words, axis = doubted
         return Decision(Verdict.UNKNOWN, nothing.best, axis=axis, notes=(words, *small))
     said = _said_of(sure[0]) if sure else ()
+    best, sizes = _without_the_small(table, best, sizes)
     made = Decision(
         Verdict.MISSING_EFFECT, best, axis=sure[0] if sure else None, notes=(*small, *said),
         sizes=sizes, visible=found.visible,
@@ -153,11 +149,27 @@ def decide(
     return replace(made, verdict=verdict, rivals=rivals, confidence=confidence)
 
 
+def _without_the_small(
+    table: StopTable, best: ScoredExplanation, sizes: Sequence[ChangeOfStops]
+) -> tuple[ScoredExplanation, tuple[ChangeOfStops, ...]]:
+    """An explanation that is left with what matters, and a build-up that the log shows plainly."""
+    hypothesis = best.fit.hypothesis
+    kept = [
+        size.practical >= 1.0 or (builds_up(effect) and size.gain > PLAIN_BUILD_UP)
+        for effect, size in zip(hypothesis.added, sizes, strict=True)
+    ]
+    if all(kept):
+        return best, tuple(sizes)
+    rest = replace(hypothesis, added=tuple(itertools.compress(hypothesis.added, kept)))
+    fit = fit_either_way(as_output(table, best.fit), rest, best.fit.noise, rounds=1)
+    return replace(best, fit=fit), tuple(itertools.compress(sizes, kept))
+
+
 def _too_small(best: ScoredExplanation, sizes: Sequence[ChangeOfStops]) -> tuple[str, ...]:
     """What was seen and does not matter, in sentences."""
     return tuple(
         f"{name} was seen for certain and changes stops by no more than "
-        f"{1000.0 * size.length:.0f} mm: fitted along, too small to be named"
+        f"{1000.0 * size.length:.0f} mm: too small to be named"
         for name, size in zip((e.name for e in best.fit.hypothesis.added), sizes, strict=True)
         if size.practical < 1.0
     )
@@ -209,6 +221,27 @@ def _said_of(left: Followed) -> tuple[str, ...]:
 def _far(base: Fit) -> ScoredExplanation:
     """The base where it fell so far behind that its score is not known any more."""
     return ScoredExplanation(base, float("inf"))
+
+
+def _with_build_up_alone(
+    table: StopTable, refitted: ScoredExplanation, nothing: Identified, large: list[Followed],
+    notes: tuple[str, ...], settings: DiscrepancySettings,
+) -> Decision:  # fmt: skip
+    """Where no effect is believed: the build-up of the brakes, if that matters, else no name.
+
+    Args:
+        table: stops. refitted: coefficients, with the build-up if there is one.
+        nothing: outcome of the search, with coefficients alone in the place of its best.
+        large: patterns that are left. notes: so far. settings: how sure to be.
+    """
+    sizes = sizes_of(table, refitted.fit, settings)
+    notes = (*_too_small(refitted, sizes), *notes)
+    if large or not any(size.practical >= 1.0 for size in sizes):
+        return _without_names(table, nothing.best.fit, nothing, large, notes, settings)
+    return Decision(
+        Verdict.MISSING_EFFECT, refitted, notes=notes, sizes=sizes, visible=nothing.visible,
+        confidence=_confidences(refitted, nothing, sizes, settings),
+    )  # fmt: skip
 
 
 def _without_names(
