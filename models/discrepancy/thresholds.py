@@ -392,6 +392,9 @@ WARMING_STOPS: Annotated[
 TELLS_APART: Annotated[
     float, Row("chi square", _SETS, "larger: proposed designs are repeated more often")
 ] = 12.0
+WORTH_DRIVING: Annotated[
+    float, Row("1", _USUAL, "of its std, to which a number has to shrink for stops to be proposed")
+] = 0.9
 SHEET_NODES: Annotated[int, Row("1", _COMPUTATION, "grid times of a proposed stop")] = 61
 SHEET_BINS: Annotated[int, Row("1", _COMPUTATION, "bins of a proposed stop")] = 20
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from models.discrepancy.findings import Findings, Gap, LocatedAxis, NamedEffect, Verdict
 from models.discrepancy.report.evidence import Evidence
-from models.discrepancy.report.words import answers, sure_words
+from models.discrepancy.report.words import answers, closed_words, sure_words
 from models.effects.registry import LAWS
 from services.io.access import write_atomic
 from services.report.discrepancy_pictures import pictures
@@ -95,8 +95,7 @@ def _metres(gap: Gap) -> str:
 def _closed(gap: Gap) -> str:
     if gap.closed is None or gap.ci95 is None:
         return "The gap is too near its floor for a percentage."
-    low, high = gap.ci95
-    return f"{gap.closed:.0%} of the closable gap is closed ({low:.0%} … {high:.0%})."
+    return f"Of the closable gap {closed_words(gap)}."
 
 
 def _effects(effects: tuple[NamedEffect, ...]) -> str:

@@ -32,6 +32,7 @@ from models.discrepancy.thresholds import (
     SHEET_NODES,
     TELLS_APART,
     WARMING_STOPS,
+    WORTH_DRIVING,
 )
 from models.effects.registry import LAWS
 from models.quantity import GRAVITY
@@ -84,6 +85,8 @@ def sharpening(table: StopTable, best: Fit) -> Experiment:
     after = np.sqrt(np.diag(np.linalg.pinv(information, hermitian=True))[own])
     stops = tuple(plans[i] for i in chosen)
     shrink = float(np.max(after / np.maximum(before, 1e-300)))
+    if shrink > WORTH_DRIVING:
+        return Experiment("", stops)
     text = f"to sharpen the numbers by a factor of {1.0 / max(shrink, 1e-3):.1f}, drive "
     return Experiment(text + _words(stops), stops, 1)
 

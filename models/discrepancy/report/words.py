@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.discrepancy.findings import Findings, StopCost, Verdict
+from models.discrepancy.findings import Findings, Gap, StopCost, Verdict
 from models.discrepancy.thresholds import MOST_SURE
 from models.effects.registry import LAWS
 
@@ -12,6 +12,14 @@ from models.effects.registry import LAWS
 def sure_words(confidence: float) -> str:
     """Nothing is quite certain."""
     return f"more than {MOST_SURE:.0%}" if confidence > MOST_SURE else f"{confidence:.0%}"
+
+
+def closed_words(gap: Gap) -> str:
+    """How much of a gap is closed; nothing is ever quite closed."""
+    if gap.closed is None or gap.ci95 is None:
+        return "too near the floor for a percentage"
+    low, high = (f"{min(end, MOST_SURE):.0%}" for end in gap.ci95)
+    return f"{sure_words(gap.closed)} closed ({low} … {high})"
 
 
 def cost_words(cost: StopCost) -> str:

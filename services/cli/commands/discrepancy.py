@@ -13,7 +13,7 @@ from rich.table import Table
 
 from models.discrepancy.findings import Findings, Gap
 from models.discrepancy.report.evidence import Evidence
-from models.discrepancy.report.words import answers, sure_words
+from models.discrepancy.report.words import answers, closed_words, sure_words
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.workflow import STEPS, investigate_with_evidence
 from models.errors import ParameterError
@@ -104,7 +104,8 @@ def show(result: DiscrepancyResult, console: Console) -> None:
             table.add_column(title)
         for e in f.effects:
             values = ", ".join(
-                f"{n} = {p.value:.4g} ± {p.std:.2g} {p.unit}" for n, p in e.parameters.items()
+                f"{n} = {p.value:.4g} ± {p.std:.2g} {'' if p.unit == '1' else p.unit}".rstrip()
+                for n, p in e.parameters.items()
             )
             table.add_row(
                 e.name, values, sure_words(e.confidence), ", ".join(e.alternatives), e.where
@@ -124,13 +125,10 @@ def show(result: DiscrepancyResult, console: Console) -> None:
 
 def gap_words(gap: Gap) -> str:
     """One line: before, after, floor, and how much is closed."""
-    line = (
+    return (
         f"{gap.metric}: {gap.before:.3f} {gap.unit} as configured, {gap.refit:.3f} refitted, "
-        f"{gap.after:.3f} with what was found, floor {gap.noise_floor:.3f}"
+        f"{gap.after:.3f} with what was found, floor {gap.noise_floor:.3f}; {closed_words(gap)}"
     )
-    if gap.closed is None or gap.ci95 is None:
-        return line + "; too near the floor for a percentage"
-    return line + f"; {gap.closed:.0%} closed ({gap.ci95[0]:.0%} … {gap.ci95[1]:.0%})"
 
 
 def with_settings(**given: float) -> DiscrepancySettings:
