@@ -343,8 +343,8 @@ ONE_SIDED_WIND: Annotated[
 WILD_SCATTER: Annotated[
     float, Row("1", _RECORDINGS, "scatter of the force from which a doubt is said")
 ] = 0.12
-BEYOND_DOUBT: Annotated[
-    float, Row("chi square", _SETS, "from which an effect is no other value of a coefficient")
+MOTION_BEYOND_DOUBT: Annotated[
+    float, Row("chi square", _SETS, "from which a term of motion is no error of the base's shape")
 ] = 100.0
 PLAIN_BUILD_UP: Annotated[
     float, Row("chi square", _THEORY, "from which a build-up without a name stays in the model")

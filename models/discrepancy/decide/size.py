@@ -17,7 +17,15 @@ from models.discrepancy.model.brakes import lag_of
 from models.discrepancy.model.hypothesis import Hypothesis, builds_up
 from models.discrepancy.search.refine import Fit, as_output, fit_either_way
 from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import BEYOND_DOUBT, CHANGED_STOPS, LAG_BLURS, LEAST_LAG
+from models.discrepancy.thresholds import (
+    CHANGED_STOPS,
+    LAG_BLURS,
+    LEAST_LAG,
+    MOTION_BEYOND_DOUBT,
+    PLAIN_EVIDENCE,
+)
+from models.effects.effect_law import Enters
+from models.effects.registry import LAWS
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +63,8 @@ def sizes_of(
     """What each effect of an explanation changes.
 
     Where the log tells it from other numbers of everything else beyond doubt, that is its own share
-    of a stop; else what they cannot take up.
+    of a stop; else what they cannot take up. As the speed falls the base's own shape is a little
+    wrong in every vehicle: terms of motion need more.
 
     A build-up of the brakes is there in every vehicle and every stop: what counts is what it
     changes on the whole, and only where it takes longer than usual.
@@ -75,7 +84,8 @@ def sizes_of(
         without = fit_either_way(output, rest, found.noise, rounds=1)
         off = np.abs(ends - distances(table, without.hypothesis))
         gain = without.deviance - here.deviance
-        if gain > BEYOND_DOUBT:
+        in_motion = LAWS[effect.name].enters is Enters.MOTION
+        if gain > (MOTION_BEYOND_DOUBT if in_motion else PLAIN_EVIDENCE):
             off = np.abs(ends - distances(table, rest))
         size = _largest(off, least)
         if builds_up(effect):
