@@ -87,8 +87,14 @@ def physics_of(finding: Finding, base: Physics) -> Physics:
 
 def with_effects(physics: Physics, effects: Iterable[tuple[str, dict[str, float]]]) -> Physics:
     """A world with named effects in it."""
+    seen: dict[str, int] = {}
     for name, parameters in effects:
+        seen[name] = seen.get(name, 0) + 1
         fields = FIELDS[name]
-        changed = {fields[key]: float(value) for key, value in parameters.items()}
+        again = "" if seen[name] == 1 else f"_{seen[name]}"  # a surface in several places
+        changed = {
+            fields[key].replace("patch", f"patch{again}"): float(value)
+            for key, value in parameters.items()
+        }
         physics = physics._replace(**changed)
     return physics

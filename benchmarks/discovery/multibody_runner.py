@@ -35,17 +35,18 @@ class KeptOutcome(msgspec.Struct):
 
 
 def run(
-    half: str, share: float, file: Path, console: Console, only: Collection[str] = ()
-) -> list[WorldOutcome]:
+    half: str, share: float, file: Path, console: Console, only: Collection[str] = (),
+    seed: int = 1,
+) -> list[WorldOutcome]:  # fmt: skip
     """All sets of a share of a half, in this process and the one that investigates.
 
     Args:
-        half, share: see :func:`.multibody_outcomes.multibody_orders`.
+        half, share, seed: see :func:`.multibody_outcomes.multibody_orders`.
         file: JSON lines; what is in it by the same sources is not made again.
         console: for the progress. only: these effects, all and clean sets if empty.
     """
     kept, sources = KeptLines(file), sources_of(repr(ALL))
-    orders = multibody_orders(share, half)
+    orders = multibody_orders(share, half, seed)
     wanted = [SetTask(multibody=order) for order in orders if not only or order.what in only]
     known = _found(kept, sources)
 
@@ -122,6 +123,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--half", choices=HALVES, default=HALVES[0])
     parser.add_argument("--share", type=float, default=0.2, help="of 180 sets and 60 clean ones")
+    parser.add_argument("--seed", type=int, default=1, help="of the choice of sets")
     parser.add_argument("--out", type=Path, metavar="FILE.jsonl")
     parser.add_argument("--only", nargs="+", default=(), choices=NAMES, metavar="EFFECT")
     parser.add_argument("--strengths", action="store_true", help="measure these instead")
@@ -133,5 +135,7 @@ def main() -> None:
         return
     if arguments.out is None:
         parser.error("--out FILE.jsonl is missing")
-    outcomes = run(arguments.half, arguments.share, arguments.out, console, arguments.only)
+    outcomes = run(
+        arguments.half, arguments.share, arguments.out, console, arguments.only, arguments.seed
+    )
     show(outcomes, console)

@@ -22,7 +22,8 @@ class Physics(NamedTuple):
         friction: F_b/W ≤ friction cos θ cos φ, a share of the load on the ground.
         asymmetry, nonlinearity, cross_slope: F_b/W += k max(θ, 0), k θ|θ|, k |φ|.
         turning: a += g k |yaw rate|.
-        patch, patch_x, patch_y, patch_radius: F_b/W += patch inside a circle.
+        patch, patch_x, patch_y, patch_radius: F_b/W += patch inside a circle; patch_2 … patch_4
+            likewise.
         furrow, furrow_direction: F_b/W += k cos 2(yaw − direction).
         step_scale, step_delta, step_run: from that run on F_b/W × scale + delta.
         drift: F_b/W += k t.
@@ -55,6 +56,18 @@ class Physics(NamedTuple):
     patch_x: float = 0.0
     patch_y: float = 0.0
     patch_radius: float = 1.0
+    patch_2: float = 0.0
+    patch_2_x: float = 0.0
+    patch_2_y: float = 0.0
+    patch_2_radius: float = 1.0
+    patch_3: float = 0.0
+    patch_3_x: float = 0.0
+    patch_3_y: float = 0.0
+    patch_3_radius: float = 1.0
+    patch_4: float = 0.0
+    patch_4_x: float = 0.0
+    patch_4_y: float = 0.0
+    patch_4_radius: float = 1.0
     furrow: float = 0.0
     furrow_direction: float = 0.0
     step_scale: float = 1.0

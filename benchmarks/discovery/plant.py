@@ -119,6 +119,14 @@ def _moment(stops: Stops, i: int, onset: float, since: float, speed: float, s: f
 
 
 @njit(cache=True)
+def _patched(patch: float, x: float, y: float, radius: float, now: StopMoment) -> float:
+    """What a circle adds to F_b/W."""
+    if patch != 0.0 and (now.x - x) ** 2 + (now.y - y) ** 2 <= radius**2:
+        return patch
+    return 0.0
+
+
+@njit(cache=True)
 def _wanted(p: Physics, run: int, v_i: float, now: StopMoment) -> float:
     """F_b/W before build-up, heat and friction."""
     grade, yaw = now.grade, now.yaw
@@ -127,8 +135,10 @@ def _wanted(p: Physics, run: int, v_i: float, now: StopMoment) -> float:
         force = force * p.step_scale + p.step_delta
     force += p.asymmetry * max(grade, 0.0) + p.nonlinearity * grade * abs(grade)
     force += p.cross_slope * abs(now.roll) + p.drift * now.clock + p.ambient * now.ambient
-    if p.patch != 0.0 and (now.x - p.patch_x) ** 2 + (now.y - p.patch_y) ** 2 <= p.patch_radius**2:
-        force += p.patch
+    force += _patched(p.patch, p.patch_x, p.patch_y, p.patch_radius, now)
+    force += _patched(p.patch_2, p.patch_2_x, p.patch_2_y, p.patch_2_radius, now)
+    force += _patched(p.patch_3, p.patch_3_x, p.patch_3_y, p.patch_3_radius, now)
+    force += _patched(p.patch_4, p.patch_4_x, p.patch_4_y, p.patch_4_radius, now)
     force += p.furrow * math.cos(2.0 * (yaw - p.furrow_direction))
     if p.ripple != 0.0:
         force += p.ripple * math.sin(2.0 * math.pi * now.x / p.ripple_length)
