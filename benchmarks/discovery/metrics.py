@@ -114,6 +114,7 @@ def metrics(outcomes: Sequence[SetOutcome]) -> list[Metric]:
         share("95 % intervals of parameters cover", "in", (0.92, 0.97), covered),
         figure("time per 100 stops, median", "<=", 5.0, seconds, unit="s"),
         figure("time per 100 stops, worst", "<=", 20.0, seconds, np.max, "s"),
+        share("stops held out made worse", "<=", 0.0, [o.worse > 1.0 for o in outcomes]),
         share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
     ]  # fmt: skip
 

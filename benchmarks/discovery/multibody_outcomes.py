@@ -78,6 +78,7 @@ def multibody_metrics(outcomes: Sequence[WorldOutcome]) -> list[Metric]:
         share("nothing found on clean sets", "", 0.0, [o.verdict == "none" for o in clean]),
         figure("closable gap closed, fresh stops, median", ">=", 0.90, closed, unit="share"),
         figure("time per 100 stops, median", "<=", 5.0, [o.seconds for o in outcomes], unit="s"),
+        share("stops held out made worse", "<=", 0.0, [o.worse > 1.0 for o in outcomes]),
         share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
     ]  # fmt: skip
 

@@ -56,6 +56,7 @@ class SetOutcome:
         located: the strongest axis; axis_right: it is one of the effect's.
         covered: per parameter of a rightly named effect, whether its 95 % interval holds the truth.
         closing: on fresh stops. told: the workflow's own share. seconds: per 100 stops.
+        worse: see :class:`.sealed.Finding`.
     """
 
     kind: str
@@ -82,6 +83,7 @@ class SetOutcome:
     told: float | None
     seconds: float
     text: str
+    worse: float = 0.0
 
     def record(self) -> dict[str, Any]:
         """For JSON."""
@@ -104,6 +106,7 @@ def score(hidden: HiddenSet, finding: Finding) -> SetOutcome:
         finding.located[0][0] if finding.located else "", axis in wanted,
         _covered(hidden.hidden, finding) if sure else {}, closing(hidden, finding),
         finding.closed, finding.seconds * 100.0 / max(len(hidden.stops.speed), 1), finding.text,
+        finding.worse,
     )  # fmt: skip
 
 

@@ -47,6 +47,8 @@ class Finding:
         design: stops proposed next, a dict each. repeats: how often the whole of them.
         seconds: of processor time that it took. stops: that it used.
         text: what it says, or of the fault.
+        worse: by how many standard errors stops held out are predicted worse by what was found
+            than by new coefficients, in speed or distance, whichever is more.
     """
 
     verdict: str
@@ -60,6 +62,7 @@ class Finding:
     seconds: float = 0.0
     stops: int = 0
     text: str = ""
+    worse: float = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -152,6 +155,7 @@ def investigate_job(job: SealedLog) -> Finding:
         time.process_time() - begun,
         found.stops,
         f"{found.summary} {' '.join(found.notes)}".strip(),
+        float(max(found.gap.worse, found.stop_distance.worse)),
     )
 
 

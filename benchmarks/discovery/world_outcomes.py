@@ -38,6 +38,7 @@ class WorldOutcome:
     seconds: float
     text: str
     strength: str = ""
+    worse: float = 0.0
 
 
 def by_what(kind: str, outcomes: Sequence[WorldOutcome]) -> list[dict[str, Any]]:

@@ -107,6 +107,7 @@ def judge(world: World[N], one: WorldSet[N], finding: Finding) -> WorldOutcome:
         order.what or CLEAN, order.seed, one.noise, one.scatter, finding.verdict, finding.names,
         right, wrong, before, after, floor, closed, finding.closed,
         finding.seconds * 100.0 / len(one.stops.speed), finding.text, order.strength,
+        finding.worse,
     )  # fmt: skip
 
 
