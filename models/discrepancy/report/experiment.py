@@ -86,7 +86,8 @@ def sharpening(table: StopTable, best: Fit) -> Experiment:
     stops = tuple(plans[i] for i in chosen)
     shrink = float(np.max(after / np.maximum(before, 1e-300)))
     if shrink > WORTH_DRIVING:
-        return Experiment("", stops)
+        words = f"nothing is needed: {PROPOSED_STOPS} more stops would not make the numbers surer"
+        return Experiment(words, stops, 1)
     text = f"to sharpen the numbers by a factor of {1.0 / max(shrink, 1e-3):.1f}, drive "
     return Experiment(text + _words(stops), stops, 1)
 
