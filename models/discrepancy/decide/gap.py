@@ -166,7 +166,7 @@ def gap_of(metric: str, unit: str, errors: Sequence[Floats], draws: Ints) -> Gap
 
 def _standard_errors(more: Floats) -> float:
     """Of the mean of differences (S,) of stops; 0 where none differs."""
-    error = float(np.std(more, ddof=1)) / np.sqrt(len(more))
+    error = float(np.std(more, ddof=1) / np.sqrt(len(more)))
     return float(np.mean(more)) / error if error > 0.0 else 0.0
 
 

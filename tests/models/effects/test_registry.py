@@ -17,6 +17,7 @@ from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.prediction import predict
 from models.discrepancy.search.axes import axes_of
 from models.discrepancy.search.candidates import EffectColumn, candidates
+from models.discrepancy.search.refine import fit_base, start_of, with_build_up
 from models.effects.effect_law import CHANNELS, EffectLaw, Enters, Place
 from models.effects.registry import LAWS, MOTION_LAWS, motion, motion_deceleration, validate
 from models.parameters import Effect
@@ -137,6 +138,12 @@ def test_logs_are_searched_for_it_or_it_says_why_not(name: str, law: EffectLaw) 
     assert set(search.shows_along) <= {a.name for a in axes_of(table("crests"), _base())}
     library, columns = candidates(table("crests"), _base())
     own = [i for i, c in enumerate(library) if c.name == name]
+    if law.enters is Enters.LAG:  # no candidate: fitted beside every explanation
+        lagging = table("lag")
+        built = with_build_up(lagging, fit_base(lagging, start_of(lagging, BASE)))
+        assert own == []
+        assert [e.name for e in built.hypothesis.added] == [name]
+        return
     assert own
     assert search.placed == ({"x", "y", "radius"} <= set(library[own[0]].inner))
     assert np.all(np.isfinite(columns[:, :, own]))
