@@ -9,11 +9,14 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 _BENCHMARKS = Path(__file__).resolve().parents[1]
 
@@ -55,6 +58,14 @@ class KeptLines:
     def lines(self) -> list[bytes]:
         """All of them; the last one may be cut off by an interruption."""
         return self.file.read_bytes().split(b"\n") if self.file.exists() else []
+
+    def decoded(self, kind: type[T]) -> Iterator[T]:
+        """What they hold; a line that an interruption cut off holds nothing."""
+        import msgspec
+
+        for line in self.lines():
+            with suppress(msgspec.DecodeError):
+                yield msgspec.json.decode(line, type=kind)
 
     def append(self, line: bytes) -> None:
         """Add a line, with its own end or beginning."""

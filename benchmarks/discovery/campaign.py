@@ -17,7 +17,7 @@ from . import ambiguity, peer
 from .catalogue import ALL, SetConditions
 from .engine_outcomes import engine_metrics
 from .kept import KeptSets
-from .metrics import metrics, record
+from .metrics import effect_row, metrics, record
 from .multibody_outcomes import multibody_metrics
 from .score import SetOutcome
 from .tasks import FinishedSet, SetTask, do, tasks
@@ -167,16 +167,6 @@ def by_effect(outcomes: Sequence[SetOutcome]) -> list[Result]:
     rows = []
     for (kind, names), group in sorted(groups.items()):
         known = [o for o in group if o.identifiable]
-        closed = sorted(c for o in known if (c := o.closing.share) is not None)
-        verdicts: dict[str, int] = {}
-        for o in known or group:
-            verdicts[o.verdict] = verdicts.get(o.verdict, 0) + 1
-        rows.append(
-            {
-                "kind": kind, "effect": names, "sets": len(group), "identifiable": len(known),
-                "right": sum(o.right for o in known), "wrong": sum(o.wrong for o in group),
-                "axis": sum(o.axis_right for o in known), "verdicts": verdicts,
-                "closed": closed[len(closed) // 2] if closed else None,
-            }
-        )  # fmt: skip
+        closed, axis = [o.closing.share for o in known], sum(o.axis_right for o in known)
+        rows.append(effect_row(kind, names, group, known, closed, axis))
     return rows

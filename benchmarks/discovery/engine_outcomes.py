@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from .catalogue import spread
-from .metrics import Metric, figure, share
-from .world_outcomes import CLEAN, WorldOrder, WorldOutcome
+from .metrics import Metric, share
+from .world_outcomes import CLEAN, WorldOrder, WorldOutcome, common_metrics
 
 NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
     "heavier body": (("step_change",),),
@@ -37,14 +37,10 @@ def engine_metrics(outcomes: Sequence[WorldOutcome]) -> list[Metric]:
     """The table of the engine's sets."""
     clean = [o for o in outcomes if o.what == CLEAN]
     hidden = [o for o in outcomes if o.what != CLEAN]
-    closed = [o.closed for o in hidden if o.closed is not None]
     return [
         share("right name", ">=", 0.85, [o.right for o in hidden]),
         share("wrong name given with confidence", "<=", 0.01, [o.wrong for o in hidden]),
         share("a name on clean sets", "<=", 0.0, [o.verdict == "missing_effect" for o in clean]),
         share("something unknown on clean sets", "", 0.0, [o.verdict == "unknown" for o in clean]),
-        figure("closable gap closed, fresh stops, median", ">=", 0.80, closed, unit="share"),
-        figure("time per 100 stops, median", "<=", 5.0, [o.seconds for o in outcomes], unit="s"),
-        share("stops held out made worse", "<=", 0.0, [o.worse > 1.0 for o in outcomes]),
-        share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
+        *common_metrics(outcomes, 0.80),
     ]

@@ -43,14 +43,7 @@ class KeptSets:
 
     def find(self) -> dict[SetTask, FinishedSet]:
         """All that was done; a last line that an interruption cut off is none."""
-        found = {}
-        for line in self._sets.lines():
-            try:
-                done = msgspec.json.decode(line, type=FinishedSet)
-            except msgspec.DecodeError:
-                continue  # cut off: that set is done again
-            found[done.task] = done
-        return found
+        return {done.task: done for done in self._sets.decoded(FinishedSet)}
 
     def put(self, done: FinishedSet) -> None:
         """Append one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -129,3 +130,22 @@ def record(metric: Metric) -> dict[str, Any]:
     """For JSON."""
     names = ("what", "relation", "wanted", "reached", "low", "high", "hits", "of", "unit")
     return {name: getattr(metric, name) for name in names} | {"passed": metric.passed}
+
+
+def effect_row(
+    kind: str, effect: str, group: Sequence[Any], known: Sequence[Any],
+    closed: Sequence[float | None], axis: int | None,
+) -> dict[str, Any]:  # fmt: skip
+    """One effect in a table: sets, identifiable ones, right and wrong names, gap closed.
+
+    Args:
+        kind, effect: of the sets. group: their outcomes. known: of the identifiable ones.
+        closed: their share of the gap, None without one. axis: right axes among them, if asked.
+    """
+    shares = sorted(share for share in closed if share is not None)
+    return {
+        "kind": kind, "effect": effect, "sets": len(group), "identifiable": len(known),
+        "right": sum(o.right for o in known), "wrong": sum(o.wrong for o in group),
+        "axis": axis, "verdicts": dict(Counter(o.verdict for o in known or group)),
+        "closed": shares[len(shares) // 2] if shares else None,
+    }  # fmt: skip

@@ -8,8 +8,8 @@ from itertools import cycle, islice
 import numpy as np
 
 from .catalogue import spread
-from .metrics import Metric, figure, share
-from .world_outcomes import CLEAN, STRENGTHS, WorldOrder, WorldOutcome
+from .metrics import Metric, share
+from .world_outcomes import CLEAN, STRENGTHS, WorldOrder, WorldOutcome, common_metrics
 
 NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
     "heavier body": (("step_change",),),
@@ -67,7 +67,6 @@ def multibody_metrics(outcomes: Sequence[WorldOutcome]) -> list[Metric]:
     hidden = [o for o in outcomes if o.what != CLEAN]
     marked = [o for o in hidden if o.strength != "small"]
     small = [o for o in hidden if o.strength == "small"]
-    closed = [o.closed for o in hidden if o.closed is not None]
     return [
         share("right name, medium and large", ">=", 0.90, [o.right for o in marked]),
         share("right name, small", ">=", 0.75, [o.right for o in small]),
@@ -76,10 +75,7 @@ def multibody_metrics(outcomes: Sequence[WorldOutcome]) -> list[Metric]:
         share("wrong name given with confidence", "<=", 0.01, [o.wrong for o in hidden]),
         share("a name on clean sets", "<=", 0.0, [o.verdict == "missing_effect" for o in clean]),
         share("nothing found on clean sets", "", 0.0, [o.verdict == "none" for o in clean]),
-        figure("closable gap closed, fresh stops, median", ">=", 0.90, closed, unit="share"),
-        figure("time per 100 stops, median", "<=", 5.0, [o.seconds for o in outcomes], unit="s"),
-        share("stops held out made worse", "<=", 0.0, [o.worse > 1.0 for o in outcomes]),
-        share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
+        *common_metrics(outcomes, 0.90),
     ]  # fmt: skip
 
 

@@ -65,15 +65,8 @@ def run(
 
 
 def _found(kept: KeptLines, sources: str) -> dict[SetTask, FinishedSet]:
-    found = {}
-    for line in kept.lines():
-        try:
-            one = msgspec.json.decode(line, type=KeptOutcome)
-        except msgspec.DecodeError:
-            continue  # empty, or cut off: that set is done again
-        if one.sources == sources and one.done is not None:
-            found[one.done.task] = one.done
-    return found
+    own = (one.done for one in kept.decoded(KeptOutcome) if one.sources == sources)
+    return {done.task: done for done in own if done is not None}
 
 
 def strengths(console: Console, count: int = 70) -> None:

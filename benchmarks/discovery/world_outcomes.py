@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from .metrics import Metric, effect_row, figure, share
+
 CLEAN = "clean"
 
 
@@ -46,22 +48,28 @@ def by_what(kind: str, outcomes: Sequence[WorldOutcome]) -> list[dict[str, Any]]
     groups: dict[tuple[str, str], list[WorldOutcome]] = {}
     for o in sorted(outcomes, key=lambda o: (o.what, STRENGTHS.index(o.strength))):
         groups.setdefault((o.what, o.strength), []).append(o)
-    rows = []
-    for (what, strength), group in groups.items():
-        closed = sorted(o.closed for o in group if o.closed is not None)
-        verdicts: dict[str, int] = {}
-        for o in group:
-            verdicts[o.verdict] = verdicts.get(o.verdict, 0) + 1
-        rows.append(
-            {
-                "kind": kind, "effect": ", ".join(filter(None, (what, strength))),
-                "sets": len(group), "identifiable": len(group),
-                "right": sum(o.right for o in group), "wrong": sum(o.wrong for o in group),
-                "axis": None, "verdicts": verdicts,
-                "closed": closed[len(closed) // 2] if closed else None,
-            }
-        )  # fmt: skip
-    return rows
+    return [
+        effect_row(
+            kind, ", ".join(filter(None, (what, strength))), group, group,
+            [o.closed for o in group], None,
+        )
+        for (what, strength), group in groups.items()
+    ]  # fmt: skip
+
+
+def common_metrics(outcomes: Sequence[WorldOutcome], closing: float) -> list[Metric]:
+    """What every world of physics is asked, beside how many names are right.
+
+    Args:
+        outcomes: of its sets. closing: share of the closable gap that is wanted in the median.
+    """
+    closed = [o.closed for o in outcomes if o.what != CLEAN and o.closed is not None]
+    return [
+        figure("closable gap closed, fresh stops, median", ">=", closing, closed, unit="share"),
+        figure("time per 100 stops, median", "<=", 5.0, [o.seconds for o in outcomes], unit="s"),
+        share("stops held out made worse", "<=", 0.0, [o.worse > 1.0 for o in outcomes]),
+        share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
+    ]
 
 
 STRENGTHS = ("", "small", "medium", "large")

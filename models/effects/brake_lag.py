@@ -5,15 +5,10 @@ Source: Braking Sec. 5.2 names the build-up; a first order is the least that has
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from models.arrays import Elementwise, Floats
-from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
-from models.effects.stops_seen import StopsSeen
-
-_LAGS = (0.02, 0.04, 0.07, 0.11, 0.17, 0.26, 0.4)  # [s] of the search
+from models.arrays import Elementwise
+from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter
 
 
 def missing_share(since: Elementwise, tau: Elementwise) -> Elementwise:
@@ -23,11 +18,6 @@ def missing_share(since: Elementwise, tau: Elementwise) -> Elementwise:
         since: time t since the onset, or since the force was last looked at [s]. tau: [s], > 0.
     """
     return np.exp(-since / tau)
-
-
-def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
-    for tau in _LAGS:
-        yield {"tau": tau}, -stops.built * missing_share(stops.since, tau) * stops.passes
 
 
 EFFECT = EffectLaw(
@@ -41,7 +31,7 @@ EFFECT = EffectLaw(
     },
     axis="time_since_onset",
     experiment="log the brake pressure, or the speed at 100 Hz, around the onset",
-    search=Search(columns=_columns, strength="tau", one_sided=True, whole=True, shape="speed"),
+    unsearched="fitted beside every explanation, because no brake bites at once",
     once=True,
     only_takes=lambda _: True,
 )

@@ -16,7 +16,7 @@ class StopsSeen:
     """S stops at M times each; zero where a log lacks the channel.
 
     Attributes:
-        speed: (S, M) measured [m/s]. since: (S, M) since the onset, not below 0 [s].
+        speed: (S, M) measured [m/s].
         grade, roll, yaw: (S, M) [rad]. yaw_rate: (S, M) [rad/s]. x, y: (S, M) [m].
         vertical_curvature: (S, M) change of grade along the ground [1/m].
         clock: (S,) of the stop command since the session began [s]. run: (S,) its number.
@@ -27,7 +27,6 @@ class StopsSeen:
     """
 
     speed: Floats
-    since: Floats
     grade: Floats
     roll: Floats
     yaw: Floats

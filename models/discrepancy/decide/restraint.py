@@ -8,7 +8,7 @@ import numpy as np
 
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.size import change_between
-from models.discrepancy.search.candidates import search_of
+from models.discrepancy.search.candidates import is_placed, search_of
 from models.discrepancy.search.identify import ScoredExplanation, holds
 from models.discrepancy.search.locate import WITHIN, Followed, follow
 from models.discrepancy.settings import DiscrepancySettings
@@ -43,7 +43,7 @@ def weak(
     if refitted.names or margin > PLAIN_EVIDENCE:
         return False
     unseen = [n for n in best.names if not _seen(search_of(n), located)]
-    patches = [e for e in best.fit.hypothesis.added if search_of(e.name).placed]
+    patches = [e for e in best.fit.hypothesis.added if is_placed(e)]
     few = any(_stops_inside(table, patch) < FEWEST_IN_PATCH for patch in patches)
     return margin < HARDLY or few or (len(best.names) == 1 and bool(unseen))
 

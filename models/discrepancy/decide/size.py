@@ -82,16 +82,16 @@ def sizes_of(
     for i, effect in enumerate(added):
         rest = replace(found.hypothesis, added=(*added[:i], *added[i + 1 :]))
         without = fit_either_way(output, rest, found.noise, rounds=1)
-        off = np.abs(ends - distances(table, without.hypothesis))
         gain = without.deviance - here.deviance
         in_motion = LAWS[effect.name].enters is Enters.MOTION
-        if gain > (MOTION_BEYOND_DOUBT if in_motion else PLAIN_EVIDENCE):
-            off = np.abs(ends - distances(table, rest))
-        size = _largest(off, least)
+        own = gain > (MOTION_BEYOND_DOUBT if in_motion else PLAIN_EVIDENCE)
         if builds_up(effect):
             size = _on_the_whole(np.abs(ends - distances(table, without.hypothesis)), least)
             if lag_of(found.hypothesis) < _usual_build_up(table, found):
                 size = replace(size, practical=0.0)
+        else:
+            other = rest if own else without.hypothesis
+            size = _largest(np.abs(ends - distances(table, other)), least)
         sizes.append(replace(size, gain=gain))
     return tuple(sizes)
 

@@ -127,7 +127,7 @@ def decide(
     sizes = sizes_of(table, best.fit, settings)
     small = _too_small(best, sizes)
     if all(size.practical < 1.0 for size in sizes):
-        return _without_names(table, plain, nothing, large, (*small, *trace), settings)
+        return _without_names(table, nothing, large, (*small, *trace), settings)
     doubted = _doubted(table, plain, best, others, left, located, settings)
     if doubted is not None:
         words, axis = doubted
@@ -237,7 +237,7 @@ def _with_build_up_alone(
     sizes = sizes_of(table, refitted.fit, settings)
     notes = (*_too_small(refitted, sizes), *notes)
     if large or not any(size.practical >= 1.0 for size in sizes):
-        return _without_names(table, nothing.best.fit, nothing, large, notes, settings)
+        return _without_names(table, nothing, large, notes, settings)
     return Decision(
         Verdict.MISSING_EFFECT, refitted, notes=notes, sizes=sizes, visible=nothing.visible,
         confidence=_confidences(refitted, nothing, sizes, settings),
@@ -245,26 +245,26 @@ def _with_build_up_alone(
 
 
 def _without_names(
-    table: StopTable, base: Fit, found: Identified, large: list[Followed], notes: tuple[str, ...],
+    table: StopTable, nothing: Identified, large: list[Followed], notes: tuple[str, ...],
     settings: DiscrepancySettings,
 ) -> Decision:  # fmt: skip
     if large:
-        return Decision(Verdict.UNKNOWN, found.best, axis=large[0], notes=notes)
-    seen = found.visible
+        return Decision(Verdict.UNKNOWN, nothing.best, axis=large[0], notes=notes)
+    base, seen = nothing.best.fit, nothing.visible
     configured = Hypothesis.configured(base.hypothesis.model)
     moved = change_between(table, configured, base.hypothesis, settings)
     sure = drifted(table, base)
     if sure and moved.practical >= 1.0:
-        absorbed = absorbed_explanations(table, base, found.absorbed)
+        absorbed = absorbed_explanations(table, base, nothing.absorbed)
         verdict = Verdict.UNIDENTIFIABLE if absorbed else Verdict.PARAMETER_DRIFT
-        return Decision(verdict, found.best, absorbed=absorbed, notes=notes, visible=seen)
+        return Decision(verdict, nothing.best, absorbed=absorbed, notes=notes, visible=seen)
     if sure:
         words = "coefficients have moved for certain, and stops change by no more than"
         notes = (*notes, f"{words} {1000.0 * moved.length:.0f} mm by it: the model stays")
     least = settings.noisy_share * float(np.median(table.distance))
     noisy = bool(seen) and float(np.median(list(seen.values()))) > least
     verdict = Verdict.TOO_NOISY if noisy else Verdict.NONE
-    return Decision(verdict, found.best, notes=notes, visible=seen)
+    return Decision(verdict, nothing.best, notes=notes, visible=seen)
 
 
 def drifted(table: StopTable, base: Fit) -> bool:

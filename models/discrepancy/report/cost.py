@@ -12,7 +12,7 @@ from models.discrepancy.decide.gap import distances
 from models.discrepancy.findings import PlannedStop, StopCost
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.report.experiment import sheet_of
-from models.discrepancy.search.candidates import search_of
+from models.discrepancy.search.candidates import is_placed
 from models.discrepancy.search.refine import Fit
 from models.discrepancy.thresholds import PICTURED_GRADE, PICTURED_HEADINGS, PICTURED_SPEED
 from models.parameters import Braking, Model
@@ -33,7 +33,7 @@ def cost_of(table: StopTable, found: Fit, *, as_it_was: bool) -> StopCost:
     grade = float(np.clip(PICTURED_GRADE, *grades))
     turning = "yaw" in table.logged
     headings = np.linspace(0.0, 2.0 * np.pi, PICTURED_HEADINGS, endpoint=False)
-    patches = [e.parameters for e in found.hypothesis.added if search_of(e.name).placed]
+    patches = [e.parameters for e in found.hypothesis.added if is_placed(e)]
     places = [(float(np.mean(table.x)), float(np.mean(table.y)))]
     places += [(p["x"], p["y"]) for p in patches]
     plans = [

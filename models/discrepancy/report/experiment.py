@@ -22,7 +22,7 @@ from models.discrepancy.findings import Experiment, PlannedStop
 from models.discrepancy.model.hypothesis import BASE
 from models.discrepancy.model.noise import Whitener, whitener
 from models.discrepancy.model.prediction import predict
-from models.discrepancy.search.candidates import search_of
+from models.discrepancy.search.candidates import is_placed, search_of
 from models.discrepancy.search.refine import Fit, jacobian
 from models.discrepancy.thresholds import (
     MOST_REPEATS,
@@ -156,7 +156,7 @@ def _choices(table: StopTable, best: Fit) -> dict[str, tuple[float | None, ...]]
         choices["roll"] = (0.0, float(np.quantile(np.abs(table.roll), 0.95)))
     if "yaw_rate" in table.logged and float(np.quantile(np.abs(table.yaw_rate), 0.95)) > 0.05:
         choices["yaw_rate"] = (0.0, float(np.quantile(np.abs(table.yaw_rate), 0.95)))
-    patch = next((e for e in best.hypothesis.added if search_of(e.name).placed), None)
+    patch = next((e for e in best.hypothesis.added if is_placed(e)), None)
     if patch is not None:
         inside = patch.parameters["x"]
         choices["x"] = (inside, inside + 2.0 * patch.parameters["radius"])

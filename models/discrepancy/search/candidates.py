@@ -55,6 +55,12 @@ def search_of(name: str) -> Search:
     return found
 
 
+def is_placed(effect: Effect) -> bool:
+    """Whether it acts in one place, which is found by trying."""
+    how = LAWS[effect.name].search
+    return how is not None and how.placed
+
+
 def is_cap(name: str) -> bool:
     """Whether an effect caps the force: it shows less in what it takes than in stops that no longer
     differ.
@@ -74,12 +80,7 @@ def candidates(table: StopTable, hypothesis: Hypothesis) -> tuple[list[EffectCol
     columns: list[Floats] = []
     for name, law in LAWS.items():
         alone = name in taken and (law.once or is_cap(name))
-        if (
-            law.search is None
-            or alone
-            or law.enters is Enters.LAG
-            or not law.channels <= table.logged
-        ):
+        if law.search is None or alone or not law.channels <= table.logged:
             continue
         for inner, share in law.search.columns(seen):
             found.append(EffectColumn(name, inner))
@@ -98,7 +99,6 @@ def _seen(table: StopTable, hypothesis: Hypothesis) -> StopsSeen:
 
     return StopsSeen(
         speed=table.speed,
-        since=np.maximum(table.time - hypothesis.dead_time, 0.0),
         grade=table.grade,
         roll=table.roll,
         yaw=table.yaw,

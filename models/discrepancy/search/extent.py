@@ -16,8 +16,8 @@ from models.discrepancy.search.candidates import (
     EffectColumn,
     candidates,
     finer_patches,
+    is_placed,
     patch_column,
-    search_of,
 )
 from models.discrepancy.search.patches import left_of, without_effect
 from models.discrepancy.search.refine import Fit, prior_precision
@@ -43,7 +43,7 @@ def extents(table: StopTable, found: Fit) -> list[dict[str, float]]:
     """
     widths = []
     for index, effect in enumerate(found.hypothesis.added):
-        if search_of(effect.name).placed:
+        if is_placed(effect):
             widths.append(_of_patch(table, found, index, effect))
         elif LAWS[effect.name].enters is Enters.LASTING:
             widths.append(_of_change(table, found, index, effect))

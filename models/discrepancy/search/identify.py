@@ -64,13 +64,10 @@ class ScoredExplanation:
 
     Attributes:
         fit: at their best. score: lower is better.
-        gained: chi square that each effect brought when it joined. needed: that chance would bring.
     """
 
     fit: Fit
     score: float
-    gained: tuple[float, ...] = ()
-    needed: tuple[float, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -84,7 +81,6 @@ class Identified:
 
     Attributes:
         best: none or several effects. others: further explanations, best first.
-        largest: chi square of the strongest candidate beyond `best`, and its threshold.
         absorbed: share of each effect's column that the base takes up, by name.
         visible: change of a stop beyond new coefficients from which each effect would have been
             seen in this log [m], see :func:`models.discrepancy.search.screening.visible`.
@@ -92,7 +88,6 @@ class Identified:
 
     best: ScoredExplanation
     others: tuple[ScoredExplanation, ...]
-    largest: tuple[float, float]
     absorbed: dict[str, float]
     visible: dict[str, float]
 
@@ -127,14 +122,11 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
     best = beam[0]
     absorbed: dict[str, float] = {}
     visible: dict[str, float] = {}
-    largest = (0.0, np.inf)
     for level in range(settings.most_effects + settings.most_patches):
         children: list[ScoredExplanation] = []
         for parent in beam:
             extended = _extended(table, parent, settings)
             absorbed, visible = absorbed or extended.absorbed, visible or extended.visible
-            if parent.names == best.names:
-                largest = extended.strongest
             children += extended.children
         children = [c for c in children if c.names not in known]
         if not children:
@@ -156,7 +148,7 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
     settled = settled_patches(as_output(table, best.fit), best.fit)
     if settled is not best.fit:
         best = replace(best, fit=settled, score=score(settled, len(table)))
-    return Identified(best, tuple(others), largest, absorbed, visible)
+    return Identified(best, tuple(others), absorbed, visible)
 
 
 def _again(
@@ -184,13 +176,11 @@ def _with_build_up(
     built = with_build_up(output, best.fit, best.fit.noise)
     if built is best.fit:
         return known
-    result = {}
+    result = known | {best.names: ScoredExplanation(built, score(built, len(table)))}
     for names, e in known.items():
-        near = not names or e.score < best.score + BEAM_WIDTH
-        found = with_build_up(output, e.fit, best.fit.noise) if near else e.fit
-        result[names] = (
-            e if found is e.fit else replace(e, fit=found, score=score(found, len(table)))
-        )
+        if e is not best and (not names or e.score < best.score + BEAM_WIDTH):
+            found = with_build_up(output, e.fit, best.fit.noise)
+            result[names] = ScoredExplanation(found, score(found, len(table)))
     return result
 
 
@@ -210,15 +200,14 @@ def _with_one_less(
     found = {}
     for names, rest in missing.items():
         refit = fit_either_way(output, rest, best.fit.noise, rounds=1)
-        found[names] = ScoredExplanation(refit, score(refit, len(table)), best.gained, best.needed)
+        found[names] = ScoredExplanation(refit, score(refit, len(table)))
     return found
 
 
 class _Extended(NamedTuple):
-    """Children of an explanation, its strongest candidate beside chance, and what the log shows."""
+    """Children of an explanation, and what the log shows."""
 
     children: list[ScoredExplanation]
-    strongest: tuple[float, float]
     absorbed: dict[str, float]
     visible: dict[str, float]
 
@@ -235,7 +224,7 @@ def _extended(
         sums, one_sided, fit.noise.scatter, settings.bootstraps, settings.seed
     )
     needed = screening.threshold(chances, settings.false_alarm)
-    strongest = (float(max(strength.max(), able.max())), needed)
+    strongest = float(max(strength.max(), able.max()))
     shares: dict[str, float] = {}
     for c, share in zip(found, scored.absorbed, strict=True):
         shares[c.name] = min(shares.get(c.name, 1.0), float(share))
@@ -244,7 +233,7 @@ def _extended(
         sizes = screening.visible(sums, table, fit, columns, needed)
         for c, size in zip(found, sizes, strict=True):
             visible[c.name] = min(visible.get(c.name, np.inf), float(size))
-    floor = max(needed, WORTH_REFITTING * strongest[0])
+    floor = max(needed, WORTH_REFITTING * strongest)
     children = []
     for name, members in _leaders(found, strength):
         # A friction cap shows less in what it takes than in stops that no longer differ.
@@ -253,17 +242,14 @@ def _extended(
             continue
         if not _room_for(name, fit.hypothesis.names, settings):
             continue
-        if strongest[0] < needed and not hidden:
+        if strongest < needed and not hidden:
             continue
         fits = [_refined(table, fit, found[i], float(scored.strength[i])) for i in members]
         best = min(fits, key=lambda f: f.deviance)
         if hidden and fit.deviance - best.deviance < needed:
             continue
-        gain = (*parent.gained, float(strength[members[0]]))
-        children.append(
-            ScoredExplanation(best, score(best, len(table)), gain, (*parent.needed, needed))
-        )
-    return _Extended(children, strongest, shares, visible)
+        children.append(ScoredExplanation(best, score(best, len(table))))
+    return _Extended(children, shares, visible)
 
 
 def _room_for(name: str, names: tuple[str, ...], settings: DiscrepancySettings) -> bool:

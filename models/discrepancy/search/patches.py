@@ -16,7 +16,7 @@ from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import BASE, free_parameters
 from models.discrepancy.model.prediction import integral
 from models.discrepancy.search import screening
-from models.discrepancy.search.candidates import EffectColumn, finer_patches, search_of
+from models.discrepancy.search.candidates import EffectColumn, finer_patches, is_placed
 from models.discrepancy.search.refine import Fit, fit_with_scatter, prior_precision, residual
 from models.discrepancy.thresholds import (
     CIRCLE_MOVES,
@@ -163,12 +163,12 @@ def settled_patches(table: StopTable, found: Fit) -> Fit:
 
     The first one that was found may have covered more than one place.
     """
-    count = sum(search_of(e.name).placed for e in found.hypothesis.added)
+    count = sum(map(is_placed, found.hypothesis.added))
     for _ in range(PATCH_TURNS if count > 1 else 0):
         before, stayed = found.deviance, 0
         for _ in range(count):
             added = found.hypothesis.added
-            turn = [i for i, e in enumerate(added) if search_of(e.name).placed][stayed]
+            turn = [i for i, e in enumerate(added) if is_placed(e)][stayed]
             moved = moved_patch(table, found, turn)
             stayed += moved is found  # one that moves goes behind all others
             found = moved

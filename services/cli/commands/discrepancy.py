@@ -131,14 +131,19 @@ def gap_words(gap: Gap) -> str:
     )
 
 
-def with_settings(**given: float) -> DiscrepancySettings:
-    """Settings of the command line, by the names of :class:`DiscrepancySettings`.
+def with_settings(
+    *, false_alarm: float, practical_share: float, practical_length: float, seed: int
+) -> DiscrepancySettings:
+    """Settings of the command line.
 
     Raises:
         InputError: names the option.
     """
     try:
-        return DiscrepancySettings(**given)  # type: ignore[arg-type]
+        return DiscrepancySettings(
+            false_alarm=false_alarm, practical_share=practical_share,
+            practical_length=practical_length, seed=seed,
+        )  # fmt: skip
     except ParameterError as error:
         raise fault(
             f"--{error.field.replace('_', '-')}", "", f"expected {error.expected}"

@@ -138,12 +138,6 @@ def test_logs_are_searched_for_it_or_it_says_why_not(name: str, law: EffectLaw) 
     assert set(search.shows_along) <= {a.name for a in axes_of(table("crests"), _base())}
     library, columns = candidates(table("crests"), _base())
     own = [i for i, c in enumerate(library) if c.name == name]
-    if law.enters is Enters.LAG:  # no candidate: fitted beside every explanation
-        lagging = table("lag")
-        built = with_build_up(lagging, fit_base(lagging, start_of(lagging, BASE)))
-        assert own == []
-        assert [e.name for e in built.hypothesis.added] == [name]
-        return
     assert own
     assert search.placed == ({"x", "y", "radius"} <= set(library[own[0]].inner))
     assert np.all(np.isfinite(columns[:, :, own]))
@@ -153,6 +147,15 @@ def test_logs_are_searched_for_it_or_it_says_why_not(name: str, law: EffectLaw) 
     assert set(law.parameters) - set(effect.parameters) <= {
         key for key, p in law.parameters.items() if p.default is not None
     }
+
+
+def test_a_build_up_is_no_candidate_but_fitted_beside() -> None:
+    lagging = table("lag")
+    library, _ = candidates(table("crests"), _base())
+    built = with_build_up(lagging, fit_base(lagging, start_of(lagging, BASE)))
+    (added,) = built.hypothesis.added
+    assert LAWS[added.name].enters is Enters.LAG
+    assert added.name not in {c.name for c in library}
 
 
 def _base() -> Hypothesis:
