@@ -20,7 +20,8 @@ class Blocks(NamedTuple):
         above, below: how far facets of cells stick out of the plane, up and down (>= 0).
         hidden: 1 where some cell is unknown.
         facets: (rows of cells, columns of cells, 4) height of each cell, NaN where unknown, its
-            rise to the east and to the north over a cell, and nothing: a cell is read at once.
+            rise to the east and to the north over a cell, and nothing: a cell is read at once. The
+            outermost cells are unknown, so that whoever looks beyond may take them instead.
         level: height of the map that all heights here are above [m].
     """
 
@@ -62,6 +63,8 @@ def blocks_of(
     out = Blocks(top, low, middle, east, north, above, below, hidden, facets, level)
     _tilt(part, facets)
     _gather(cells, out)
+    for edge in (facets[0], facets[-1], facets[:, 0], facets[:, -1]):
+        edge[:, 0] = np.nan
     return out
 
 

@@ -37,11 +37,13 @@ class Scratch(NamedTuple):
 
     Attributes:
         profile: (2, many) ground under a wheel, and the path of its centre.
+        rim: (2 n + 1,) how far the rim of a wheel lies above its lowest point [m].
         contact: (4,) heights of the wheels [m].
         around: (4, 2) slopes of the ground around the wheels, along their way and to the left.
     """
 
     profile: Floats
+    rim: Floats
     contact: Floats
     around: Floats
 
@@ -49,7 +51,10 @@ class Scratch(NamedTuple):
 def scratch_for(sizes: SweptSizes, spacing: float) -> Scratch:
     """Room for poses at most so far apart [m]."""
     samples = math.ceil((sizes.wheel_look + spacing) / sizes.stride) + 8
-    return Scratch(np.empty((2, samples)), np.empty(4), np.empty((4, 2)))
+    strides = int(sizes.radius / sizes.stride)
+    away = sizes.stride * np.arange(-strides, strides + 1)
+    rim = sizes.radius - np.sqrt(sizes.radius**2 - away**2)
+    return Scratch(np.empty((2, samples)), rim, np.empty(4), np.empty((4, 2)))
 
 
 class Swept(NamedTuple):
@@ -86,9 +91,7 @@ def pose_met(
         for wheel in range(4):
             ahead, aside = wheel_at(wheel, sizes)
             if sizes.fine:
-                contact[wheel] = standing_height(
-                    facets, pose, ahead, aside, sizes, scratch.profile[0]
-                )
+                contact[wheel] = standing_height(facets, pose, ahead, aside, sizes, scratch.rim)
             else:
                 contact[wheel] = resting_height(ground, pose, ahead, aside)
     else:
@@ -143,11 +146,11 @@ def sweep(
         if sizes.fine:
             # The rear wheels roll where the front ones did, but for the first of the way.
             rear = paths.rows.station[k].min() < 2.5 * sizes.half_length
-            for wheel in range(4 if rear else 2):
-                ahead, aside = wheel_at(wheel, sizes)
+            for axle in range(2 if rear else 1):
+                ahead, aside = wheel_at(2 * axle, sizes)
                 some += wheel_looks(
                     paths.x[k], paths.y[k], paths.rows.heading_x[k], paths.rows.heading_y[k],
-                    ahead, aside, screen, np.uint8(WHEEL << wheel), open_yet, looks,
+                    ahead, aside, screen, np.uint8(WHEEL << 2 * axle), open_yet, looks,
                 )  # fmt: skip
         if some == 0:
             continue

@@ -10,14 +10,15 @@ from models.arrays import Floats, Singles
 from planner.ground.elevation_map import height_at
 from planner.kernels.compiled import inlined
 from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_path import NO_GROUND, Ground, Pose, drop_of_rim, place
+from planner.swept.wheel_path import NO_GROUND, Ground, Pose, place
 
 
 class Facets(NamedTuple):
     """Part of a map for compiled code.
 
     Attributes:
-        cells: (rows, columns, 4) as of :class:`planner.swept.blocks.Blocks`.
+        cells: (rows, columns, 4) as of :class:`planner.swept.blocks.Blocks`; the outermost are
+            unknown.
         origin_x, origin_y: centre of cell [0, 0] [m]. per_metre: cells in a metre.
         level: height of the map that theirs are above [m].
     """
@@ -59,50 +60,72 @@ def tyre_profile(
         profile: filled in from first to end, :data:`NO_GROUND` where nothing is known.
     """
     begin, aside, lean = line.begin, line.aside, line.lean
-    cells = ground.cells
-    rows, columns, _ = cells.shape
-    along_u = pose.heading_x * ground.per_metre
-    along_v = pose.heading_y * ground.per_metre
-    # Half a cell on: the whole part is the cell, and no coordinate inside is below 0.
-    middle_u = (pose.x - ground.origin_x) * ground.per_metre + begin * along_u + 0.5
-    middle_v = (pose.y - ground.origin_y) * ground.per_metre + begin * along_v + 0.5
-    step_u, step_v = sizes.stride * along_u, sizes.stride * along_v
     for n in range(first, end):
         profile[n] = NO_GROUND
     for tyre in range(sizes.tyres):
         off = sizes.half_tyre * (2.0 * tyre / (sizes.tyres - 1) - 1.0)
-        across, leaned = aside + off, lean * off
-        start_u, start_v = middle_u - across * along_v, middle_v + across * along_u
+        run, leaned = _run(ground, pose, begin, aside + off, sizes.stride), lean * off
         for n in range(first, end):
-            u, v = start_u + n * step_u, start_v + n * step_v
-            if not (u >= 0.0 and v >= 0.0 and u < columns and v < rows):
-                continue
-            j, i = int(u), int(v)
-            row, column = np.uint64(i), np.uint64(j)
-            height = cells[row, column, 0] + cells[row, column, 1] * (u - 0.5 - j)
-            height += cells[row, column, 2] * (v - 0.5 - i) - leaned
+            height = _facet_height(ground, run, n) - leaned
             # A branch would be guessed wrong half of the time. Unknown cells count for none.
             profile[n] = max(profile[n], height if height == height else NO_GROUND)
 
 
+class _Run(NamedTuple):
+    """Samples along a straight line: cell of the first one, its place in it, cells a sample."""
+
+    row: np.int32
+    column: np.int32
+    u: np.float32
+    v: np.float32
+    step_u: np.float32
+    step_v: np.float32
+
+
+@inlined
+def _run(ground: Facets, pose: Pose, begin: float, aside: float, stride: float) -> _Run:
+    """Samples from a point ahead and to the left of a pose on, so far apart [m]."""
+    x, y = place(pose, begin, aside)
+    u, v = (x - ground.origin_x) * ground.per_metre, (y - ground.origin_y) * ground.per_metre
+    column, row = np.rint(u), np.rint(v)
+    return _Run(
+        np.int32(row), np.int32(column), np.float32(u - column), np.float32(v - row),
+        np.float32(stride * pose.heading_x * ground.per_metre),
+        np.float32(stride * pose.heading_y * ground.per_metre),
+    )  # fmt: skip
+
+
+@inlined
+def _facet_height(ground: Facets, run: _Run, n: int) -> float:
+    """Height of the facet under sample n [m], NaN where it is unknown; off the map all is."""
+    cells, sample = ground.cells, np.float32(np.int32(n))
+    u, v = run.u + sample * run.step_u, run.v + sample * run.step_v
+    j, i = np.rint(u), np.rint(v)
+    column = min(max(np.int32(j) + run.column, np.int32(0)), np.int32(cells.shape[1] - 1))
+    row = min(max(np.int32(i) + run.row, np.int32(0)), np.int32(cells.shape[0] - 1))
+    r, c = np.uint64(row), np.uint64(column)
+    return float(cells[r, c, 0] + cells[r, c, 1] * (u - j) + cells[r, c, 2] * (v - i))
+
+
 @inlined
 def standing_height(
-    ground: Facets, pose: Pose, ahead: float, aside: float, sizes: SweptSizes, profile: Floats
+    ground: Facets, pose: Pose, ahead: float, aside: float, sizes: SweptSizes, rim: Floats
 ) -> float:
     """Height of the lowest point of a wheel that stands on its rim [m], NaN where all is unknown.
 
     Args:
         ground: of the map around the pose. pose: of the vehicle.
         ahead, aside: of the wheel, from the pose [m]. sizes: of the vehicle.
-        profile: room for samples.
+        rim: (2 n + 1,) how far it lies above its lowest point, ``sizes.stride`` apart [m].
     """
-    strides = int(sizes.radius / sizes.stride)
-    line = TyreLine(ahead - strides * sizes.stride, aside, 0.0)
-    tyre_profile(ground, pose, line, 0, 2 * strides + 1, sizes, profile)
+    begin = ahead - (rim.shape[0] // 2) * sizes.stride
     highest = NO_GROUND
-    for n in range(2 * strides + 1):
-        height = profile[n] - drop_of_rim(sizes.radius, (n - strides) * sizes.stride)
-        highest = max(highest, height)
+    for tyre in range(sizes.tyres):
+        off = sizes.half_tyre * (2.0 * tyre / (sizes.tyres - 1) - 1.0)
+        run = _run(ground, pose, begin, aside + off, sizes.stride)
+        for n in range(rim.shape[0]):
+            height = _facet_height(ground, run, n) - rim[n]
+            highest = max(highest, height if height == height else NO_GROUND)
     return float(highest + ground.level if highest > 0.5 * NO_GROUND else np.nan)
 
 
