@@ -31,8 +31,13 @@ class Driving(NamedTuple):
     driven: Driven
 
 
-def driven(outcome: Outcome, model: Model) -> Driving | None:
-    """Drive a case; None if there is no plan for its ground even without the obstacle."""
+def driven(outcome: Outcome, model: Model, built: Model) -> Driving | None:
+    """Drive a case; None if there is no plan for its ground even without the obstacle.
+
+    Args:
+        outcome: of the case. model: that plans are made with. built: that the engine's vehicle is
+            built from.
+    """
     case, planner = outcome.case, CandidatePlanner(model)
     path = path_of(case, model.vehicle)
     (plan,) = planner.plan(map_of(case, model.vehicle), [path])
@@ -41,11 +46,11 @@ def driven(outcome: Outcome, model: Model) -> Driving | None:
         (plan,) = planner.plan(map_of(case, model.vehicle, empty=True), [path])
         if plan.status is not Status.OK:
             return None
-    return Driving(outcome, passed, drive(case.block, case.slope, model, plan))
+    return Driving(outcome, passed, drive(case.block, case.slope, built, plan))
 
 
 def drives(
-    found: list[Outcome], models: Mapping[str, Model], wanted: int,
+    found: list[Outcome], models: Mapping[str, Model], built: Mapping[str, Model], wanted: int,
     progress: Callable[[int], None] | None,
 ) -> list[Driving]:  # fmt: skip
     """Half of them of plans that are ok, half of ways that are barred, in turn as they come."""
@@ -57,7 +62,8 @@ def drives(
         for outcome in some:
             if done == wanted // 2:
                 break
-            driving = driven(outcome, models[outcome.case.vehicle])
+            name = outcome.case.vehicle
+            driving = driven(outcome, models[name], built[name])
             if driving is None:
                 continue
             done += 1

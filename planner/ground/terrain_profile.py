@@ -56,8 +56,8 @@ class TerrainProfile:
         known: all ground under path and wheels is known.
         surfaces: bits of the terrain classes under path and wheels.
         height_std: error of the map's heights against each other [m], one number.
-        twist: how far one wheel is below or above the plane of the others [m], float32; NaN where
-            unknown.
+        twist: how far the front left wheel or the one across from it is above the plane of the
+            others [m], float32; NaN where unknown.
         front: (N, 2, M) ground under the front wheels, left and right, above that under the middle
             of the first station [m], float32; what is unknown repeats the last known, or 0.
     """
@@ -304,7 +304,7 @@ def _tilt(
         rise = (front_left[j] + front_right[j] - rear_left[j] - rear_right[j]) * per_length
         lean = (front_left[j] + rear_left[j] - front_right[j] - rear_right[j]) * per_width
         inside = k <= last[j]
-        twist[j] = np.float32(abs(front_left[j] - front_right[j] - rear_left[j] + rear_right[j]))
+        twist[j] = np.float32(front_left[j] - front_right[j] - rear_left[j] + rear_right[j])
         seen = np.isfinite(rise) & np.isfinite(lean) & np.isfinite(centre[j]) & inside
         known[j] = seen
         unseen = z_before[j] if k > 0 else np.nan

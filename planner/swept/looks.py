@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from models.arrays import Bools, Bytes, Floats, Singles
@@ -16,10 +18,6 @@ TWIST, WHEEL, WHEELS = 8, 16, 240
 """More bits than the screen has: the wheels' own heights ask for a closer look; the front left
 wheel may meet a step, and from there on the others; any wheel may."""
 
-_TWIST_SHOWN = 0.55
-"""Share of the wheels' travel by which interpolated heights have to twist for a closer look: wheels
-feel a ridge before and after they are on it, so two may where one of them stands on it."""
-
 
 @row_pass
 def _flat_block(screen: Screen, x: float, y: float) -> np.uint64:
@@ -33,52 +31,78 @@ def _flat_block(screen: Screen, x: float, y: float) -> np.uint64:
 
 @row_pass
 def looks_at(
-    x: Floats, y: Floats, screen: Screen, open_yet: Bytes, known: Bools, twist: Singles,
-    travel: np.float32, looks: Bytes,
-) -> int:  # fmt: skip
-    """What each pose of a row has to be looked at for; the number of those that have to be.
+    x: Floats, y: Floats, screen: Screen, open_yet: Bytes, known: Bools, looks: Bytes
+) -> int:
+    """What each pose of a row has to be looked at for; more than 0 if any has to be.
 
     Ground that is unknown under the wheels ends a candidate as a bar does: ``open_yet`` keeps the
     bits of those that go on.
     """
     flat = screen.bits.reshape(screen.bits.size)
-    most = np.float32(_TWIST_SHOWN) * travel
     some = 0
     for j in range(x.shape[0]):
         block = _flat_block(screen, x[j], y[j])
-        hanging = np.uint8(TWIST) if twist[j] > most else np.uint8(0)
         goes_on = open_yet[j] & (np.uint8(255) if known[j] else np.uint8(0))
         open_yet[j] = goes_on
-        look = (flat[block] | hanging) & goes_on
+        look = flat[block] & goes_on
         looks[j] = look
         some += look
     return some
 
 
+class PoseRow(NamedTuple):
+    """(M,) poses of a row, and how far the ground under the wheels' middles twists [m]."""
+
+    x: Floats
+    y: Floats
+    heading_x: Floats
+    heading_y: Floats
+    twist: Singles
+
+
 @row_pass
 def wheel_looks(
-    x: Floats, y: Floats, heading_x: Floats, heading_y: Floats, ahead: float, aside: float,
-    screen: Screen, left: np.uint8, open_yet: Bytes, looks: Bytes,
-) -> int:  # fmt: skip
-    """Add the bits of an axle's wheels to the looks of a row where they may meet a step.
+    row: PoseRow, screen: Screen, sizes: SweptSizes, rear: np.uint8, open_yet: Bytes, looks: Bytes
+) -> int:
+    """Add what the wheels of a row have to be looked at for; more than 0 if any has to be.
+
+    A wheel stands as high as the ground under its middle, or higher by its lift. One
+    wheel is taken to be higher by all of it: of two wheels across from each other that stand on
+    what their middles miss, the one on less is not looked for.
 
     Args:
-        x, y, heading_x, heading_y: (M,) poses.
-        ahead, aside: of the left wheel, from the middle of the wheelbase [m].
-        screen: of the map. left: bit of the left wheel; that of the right one is the next.
+        row: poses. screen: of the map. sizes: of the vehicle.
+        rear: 255 where the rear wheels roll on ground that the front ones have not seen, else 0.
         open_yet: (M,) candidates that go on. looks: (M,) in and out.
-
-    Returns:
-        0 if there is none.
     """
-    flat = screen.steps.reshape(screen.steps.size)
+    flat, cleared = screen.relief.reshape(screen.relief.size), screen.cleared
+    lift = screen.lift.reshape(screen.lift.size)
+    length, width = sizes.half_length, sizes.half_width
+    x, y, heading_x, heading_y, twist = row.x, row.y, row.heading_x, row.heading_y, row.twist
+    travel, none = np.float32(sizes.wheel_travel), np.uint8(0)
     some = 0
     for j in range(x.shape[0]):
-        axle_x, axle_y = x[j] + ahead * heading_x[j], y[j] + ahead * heading_y[j]
-        east, north = aside * heading_y[j], aside * heading_x[j]
-        at_left = flat[_flat_block(screen, axle_x - east, axle_y + north)]
-        at_right = flat[_flat_block(screen, axle_x + east, axle_y - north)]
-        look = (at_left * left + at_right * (left + left)) & open_yet[j]
+        along_x, along_y = length * heading_x[j], length * heading_y[j]
+        left_x, left_y = -width * heading_y[j], width * heading_x[j]
+        front_x, front_y, rear_x, rear_y = (
+            x[j] + along_x,
+            y[j] + along_y,
+            x[j] - along_x,
+            y[j] - along_y,
+        )
+        a = _flat_block(screen, front_x + left_x, front_y + left_y)
+        b = _flat_block(screen, front_x - left_x, front_y - left_y)
+        c = _flat_block(screen, rear_x + left_x, rear_y + left_y)
+        d = _flat_block(screen, rear_x - left_x, rear_y - left_y)
+        hangs = (twist[j] + max(lift[a], lift[d]) > travel) | (
+            max(lift[b], lift[c]) - twist[j] > travel
+        )
+        met = np.uint8(TWIST) if hangs else none
+        met |= np.uint8(WHEEL) if flat[a] > cleared else none
+        met |= np.uint8(WHEEL << 1) if flat[b] > cleared else none
+        behind = np.uint8(WHEEL << 2) if flat[c] > cleared else none
+        behind |= np.uint8(WHEEL << 3) if flat[d] > cleared else none
+        look = (met | (behind & rear)) & open_yet[j]
         looks[j] |= look
         some += look
     return some

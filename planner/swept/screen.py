@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bytes, Singles
+from models.arrays import Bytes, Ints, Singles
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import kernel
 from planner.swept.blocks import Blocks, blocks_of, smoothed
@@ -24,7 +24,7 @@ from planner.swept.screen_reach import ScreenBounds, ScreenOffsets, bounds_of, c
 from planner.swept.sizes import SweptSizes
 from planner.swept.surfaces import FacetRow, Surface, bend, felt, fit, range_of, stood_on, warp
 from planner.swept.tyre_profile import Facets
-from planner.swept.verdicts import judge_body, judge_steps, nearest, unseen
+from planner.swept.verdicts import judge_body, judge_relief, nearest, unseen
 
 
 class Screen(NamedTuple):
@@ -32,7 +32,9 @@ class Screen(NamedTuple):
 
     Attributes:
         bits: (rows, columns) what poses with their middle in a block may meet.
-        steps: (rows, columns) 1 where a wheel in the block may meet a step.
+        relief: (rows, columns) how far a wheel may climb or fall around the block, beyond the slope
+            there [m]; inf where nobody knows. cleared: so much is no step [m].
+        lift: (rows, columns) how far it may stand above the ground under its middle [m], likewise.
         east, north: (rows, columns) slope of the ground around a wheel in the block [1].
         seen: (rows, columns) distance from any point of a block within which all is known [m], at
             most the reach of the body.
@@ -41,13 +43,15 @@ class Screen(NamedTuple):
     """
 
     bits: Bytes
-    steps: Bytes
+    relief: Singles
+    lift: Singles
     east: Singles
     north: Singles
     seen: Singles
     origin_x: float
     origin_y: float
     per_metre: float
+    cleared: np.float32
     facets: Facets
 
 
@@ -73,19 +77,38 @@ def screen_of(
         elevation_map.elevation, first_row, first_column, cells,
         (rows + 2 * pad, columns + 2 * pad),
     )  # fmt: skip
-    bits, steps = np.empty((2, rows, columns), np.uint8)
-    east, north, seen = np.empty((3, rows, columns), np.float32)
+    bits = np.empty((rows, columns), np.uint8)
+    relief, lift, east, north, seen = np.empty((5, rows, columns), np.float32)
     x, y = elevation_map.origin
     facets = Facets(
         blocks.facets, x + first_column * resolution, y + first_row * resolution, 1.0 / resolution,
         blocks.level,
     )  # fmt: skip
     out = Screen(
-        bits, steps, east, north, seen, x + (window[2] - 0.5) * resolution,
-        y + (window[0] - 0.5) * resolution, 1.0 / (cells * resolution), facets,
+        bits, relief, lift, east, north, seen, x + (window[2] - 0.5) * resolution,
+        y + (window[0] - 0.5) * resolution, 1.0 / (cells * resolution),
+        bounds.cleared, facets,
     )  # fmt: skip
     _look_around(blocks, pad, offsets, bounds, sizes.reach, out)
     return out
+
+
+@kernel
+def _feel(
+    i: int, pad: int, blocks: Blocks, offsets: Ints, rim: Singles, edge: np.float32, s: Surface,
+    highest: Singles,
+) -> None:  # fmt: skip
+    """What a wheel feels around each block of row i, its rim taken off."""
+    columns = highest.shape[0]
+    for n in range(offsets.shape[0]):
+        k, j = i + offsets[n, 0], pad + offsets[n, 1]
+        x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
+        end = j + columns
+        row = FacetRow(
+            blocks.middle[k, j:end], blocks.above[k, j:end], blocks.east[k, j:end],
+            blocks.north[k, j:end],
+        )  # fmt: skip
+        felt(row, x, y, edge, rim[n], s, highest)
 
 
 @kernel
@@ -96,9 +119,10 @@ def _look_around(
     """Judge every block by the ground around it; arguments as of :func:`screen_of`."""
     rows, columns = out.bits.shape
     mean = smoothed(blocks.middle, bounds.fit + 1)
-    room = np.empty((10, columns), np.float32)
+    room = np.empty((13, columns), np.float32)
     s = Surface(
         room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8], room[9],
+        room[10], room[11], room[12],
     )  # fmt: skip
     m, edge = bounds.fit, bounds.edge
     west, east = slice(pad - m, pad - m + columns), slice(pad + m, pad + m + columns)
@@ -119,18 +143,17 @@ def _look_around(
                 blocks.top[k, j : j + columns], blocks.low[k, j : j + columns], x, y, s,
                 s.highest, s.lowest,
             )  # fmt: skip
-        room[8], room[9] = -np.float32(np.inf), np.float32(np.inf)
-        for n in range(offsets.near.shape[0]):
-            k, j = i + offsets.near[n, 0], pad + offsets.near[n, 1]
+        room[8], room[9], room[10] = -np.float32(np.inf), np.float32(np.inf), -np.float32(np.inf)
+        room[11], room[12] = np.float32(np.inf), -np.float32(np.inf)
+        for n in range(9):
+            k, j = i + n // 3 - 1, pad + n % 3 - 1
             x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
-            end = j + columns
-            felt(
-                FacetRow(
-                    blocks.middle[k, j:end], blocks.above[k, j:end], blocks.east[k, j:end],
-                    blocks.north[k, j:end],
-                ),
-                x, y, edge, offsets.rim[n], s,
+            range_of(
+                blocks.top[k, j : j + columns], blocks.low[k, j : j + columns], x, y, s, s.roof,
+                s.floor,
             )  # fmt: skip
+        _feel(i, pad, blocks, offsets.near, offsets.rim, edge, s, s.near)
+        _feel(i, pad, blocks, offsets.under, offsets.arch, edge, s, s.under)
         for n in range(offsets.base.shape[0]):
             k, j = i + offsets.base[n, 0], pad + offsets.base[n, 1]
             x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
@@ -144,9 +167,9 @@ def _look_around(
             )  # fmt: skip
         judge_body(s, bounds, out.bits[r])
         out.east[r], out.north[r] = s.east, s.north
-        judge_steps(s, bounds, out.steps[r])
+        judge_relief(s, bounds, out.relief[r], out.lift[r])
         if offsets.near.shape[0] == 0:
-            out.steps[r] = 0
+            out.relief[r], out.lift[r] = np.float32(0.0), np.float32(0.0)
         seen = out.seen[r]
         seen[:] = np.float32(reach)
         for n in range(offsets.hidden.shape[0]):

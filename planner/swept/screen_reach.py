@@ -61,6 +61,7 @@ class ScreenOffsets(NamedTuple):
         body: that body and wheels reach.
         base: in which a wheel's climb or fall may begin or end.
         near, rim: that a wheel feels when it climbs; how far its rim is above them at least.
+        under, arch: that a wheel feels where it stands; likewise.
         hidden, distance: within reach of the body; how far they are at least.
     """
 
@@ -68,6 +69,8 @@ class ScreenOffsets(NamedTuple):
     base: Ints
     near: Ints
     rim: Singles
+    under: Ints
+    arch: Singles
     hidden: Ints
     distance: Singles
 
@@ -80,6 +83,12 @@ def _around(reach: float, edge: float) -> Floats:
     order = np.argsort(distance, kind="stable")
     inside = order[distance[order] <= reach]
     found: Floats = np.column_stack([row, column, distance])[inside]
+    return found
+
+
+def _drop(radius: float, away: Floats) -> Singles:
+    """How far the rim of a wheel lies above its lowest point [m], so far from it."""
+    found: Singles = (radius - np.sqrt(radius**2 - away**2)).astype(np.float32)
     return found
 
 
@@ -100,15 +109,15 @@ def offsets_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenOffset
     gap = edge * np.hypot(*np.maximum(np.abs(around[:, :2].T) - 1.0, 0.0))
     along = np.sqrt(np.maximum(gap**2 - sizes.half_tyre**2, 0.0))
     away = np.maximum(along - swept, 0.0)
-    near, away = around[away < sizes.radius], away[away < sizes.radius]
+    felt, stands = away < sizes.radius, along < sizes.radius
     hidden = _around(sizes.reach + 2.0 * half, edge)
 
     def steps(of: Floats) -> Ints:
         return np.ascontiguousarray(of[:, :2]).astype(np.int64)
 
     return ScreenOffsets(
-        steps(_around(body, edge)), steps(around[gap < swept]), steps(near),
-        (sizes.radius - np.sqrt(sizes.radius**2 - away**2)).astype(np.float32),
+        steps(_around(body, edge)), steps(around[gap < swept]), steps(around[felt]),
+        _drop(sizes.radius, away[felt]), steps(around[stands]), _drop(sizes.radius, along[stands]),
         steps(hidden), (hidden[:, 2] - 2.0 * half).astype(np.float32),
     )  # fmt: skip
 

@@ -17,7 +17,9 @@ class Surface(NamedTuple):
     Attributes:
         level, east, north, bend_x, bend_y, warp: coefficients, for lengths in [m].
         highest, lowest: of what is left within reach of the body.
-        near, base: highest that a wheel feels, its rim taken off; lowest that it stands on.
+        near, base: highest that a wheel feels on its way, its rim taken off; lowest that it stands
+            on. under: highest that a wheel feels where it stands, likewise.
+        floor, roof: lowest and highest of the cells in this and the next blocks.
     """
 
     level: Singles
@@ -30,6 +32,9 @@ class Surface(NamedTuple):
     lowest: Singles
     near: Singles
     base: Singles
+    under: Singles
+    floor: Singles
+    roof: Singles
 
 
 class FacetRow(NamedTuple):
@@ -117,14 +122,15 @@ def range_of(
 
 @row_pass
 def felt(
-    row: FacetRow, x: np.float32, y: np.float32, edge: np.float32, rim: np.float32, s: Surface
+    row: FacetRow, x: np.float32, y: np.float32, edge: np.float32, rim: np.float32, s: Surface,
+    highest: Singles,
 ) -> None:  # fmt: skip
     """Highest of what is left in a block, its facets against the slope of the surface there."""
     middle, off, east, north = row.middle, row.off, row.east, row.north
     for j in range(middle.shape[0]):
         level, tilt = _height(s, j, x, y), _tilt(s, j, east[j], north[j], x, y, edge)
-        felt, most = middle[j] + off[j] + tilt - level - rim, s.near[j]
-        s.near[j] = (felt if felt > most else most) + PLUS_ZERO
+        felt, most = middle[j] + off[j] + tilt - level - rim, highest[j]
+        highest[j] = (felt if felt > most else most) + PLUS_ZERO
 
 
 @row_pass

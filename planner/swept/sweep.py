@@ -12,7 +12,15 @@ from planner.ground.terrain_profile import TerrainRows
 from planner.kernels.compiled import inlined, kernel
 from planner.swept.body_sweep import body_met
 from planner.swept.findings import Finding, Kind
-from planner.swept.looks import TWIST, WHEEL, WHEELS, looked_closer, looks_at, wheel_looks
+from planner.swept.looks import (
+    TWIST,
+    WHEEL,
+    WHEELS,
+    PoseRow,
+    looked_closer,
+    looks_at,
+    wheel_looks,
+)
 from planner.swept.screen import Screen
 from planner.swept.sizes import SweptSizes
 from planner.swept.tyre_profile import Facets, resting_height, standing_height
@@ -139,19 +147,14 @@ def sweep(
     looked = 0
     code[:] = 0
     for k in range(1, stations):
-        some = looks_at(
-            paths.x[k], paths.y[k], screen, open_yet, paths.rows.known[k], twist[k],
-            np.float32(sizes.wheel_travel), looks,
-        )  # fmt: skip
+        some = looks_at(paths.x[k], paths.y[k], screen, open_yet, paths.rows.known[k], looks)
         if sizes.fine:
             # The rear wheels roll where the front ones did, but for the first of the way.
-            rear = paths.rows.station[k].min() < 2.5 * sizes.half_length
-            for axle in range(2 if rear else 1):
-                ahead, aside = wheel_at(2 * axle, sizes)
-                some += wheel_looks(
-                    paths.x[k], paths.y[k], paths.rows.heading_x[k], paths.rows.heading_y[k],
-                    ahead, aside, screen, np.uint8(WHEEL << 2 * axle), open_yet, looks,
-                )  # fmt: skip
+            rear = np.uint8(255 if paths.rows.station[k].min() < 2.5 * sizes.half_length else 0)
+            row = PoseRow(
+                paths.x[k], paths.y[k], paths.rows.heading_x[k], paths.rows.heading_y[k], twist[k]
+            )
+            some += wheel_looks(row, screen, sizes, rear, open_yet, looks)
         if some == 0:
             continue
         for j in range(candidates):

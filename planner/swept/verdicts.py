@@ -38,21 +38,25 @@ def judge_body(s: Surface, b: ScreenBounds, bits: Bytes) -> None:
 
 
 @row_pass
-def judge_steps(s: Surface, b: ScreenBounds, steps: Bytes) -> None:
-    """The highest climb of a wheel around a block, beyond the slope there, against a step's."""
+def judge_relief(s: Surface, b: ScreenBounds, relief: Singles, lift: Singles) -> None:
+    """How far a wheel around a block may climb, and how far it may stand above the ground under its
+    middle, beyond the slope there; inf where unknown.
+    """
     half, one = np.float32(0.5), np.float32(1.0)
-    for j in range(steps.shape[0]):
+    for j in range(relief.shape[0]):
         bowl = half * (s.bend_x[j] + s.bend_y[j])
         across = half * (s.bend_x[j] - s.bend_y[j])
         bend = abs(bowl) + np.sqrt(across * across + s.warp[j] * s.warp[j])
         slope = np.sqrt(s.east[j] * s.east[j] + s.north[j] * s.north[j]) + b.near * bend
         # On a slope a wheel touches the ground a little uphill.
-        lift = b.radius * (np.sqrt(one + slope * slope) - one)
+        uphill = b.radius * (np.sqrt(one + slope * slope) - one)
         # The surface bends within a block, here and there, and on the way to the climb.
-        bent = bend * (half * b.edge * b.edge + b.chord * b.apart)
-        rise = s.near[j] - s.base[j] + lift + bent
-        clear = (s.near[j] >= s.base[j]) & (rise <= b.cleared)
-        steps[j] = 0 if clear else 1
+        bends = half * bend * b.edge * b.edge
+        rise = s.near[j] - s.base[j] + uphill + bends + bend * b.chord * b.apart
+        relief[j] = rise if s.near[j] >= s.base[j] else np.float32(np.inf)
+        # Its middle stands between cells, not on their facets; heights count at a block's middle.
+        stands = s.under[j] - s.floor[j] + slope * b.corner + bends
+        lift[j] = stands if s.under[j] >= s.floor[j] else np.float32(np.inf)
 
 
 @row_pass

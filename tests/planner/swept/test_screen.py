@@ -29,7 +29,8 @@ MODELS = (model_of(ATV), model_of(tables_with(**SMALL)))
 def all_suspect(screen: Screen) -> Screen:
     return screen._replace(
         bits=np.full_like(screen.bits, UNSEEN | BODY),
-        steps=np.ones_like(screen.steps),
+        relief=np.full_like(screen.relief, np.inf),
+        lift=np.full_like(screen.lift, np.inf),
         seen=np.zeros_like(screen.seen),
     )
 
@@ -136,6 +137,6 @@ def test_a_rock_makes_its_surroundings_suspect(resolution: float) -> None:
         return int(blocks[int(row * screen.per_metre), int(column * screen.per_metre)])
 
     assert there(screen.bits, 8.5) & BODY
-    assert there(screen.steps, 8.6)
+    assert there(screen.relief > screen.cleared, 8.6)
     assert not there(screen.bits, 4.0)
-    assert not there(screen.steps, 4.0)
+    assert not there(screen.relief > screen.cleared, 4.0)
