@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,9 +31,18 @@ def read_model(path: Path) -> Model:
 
 def write_model(model: Model, path: Path) -> None:
     """Write a model, all or nothing; :func:`read_model` gives the same model again."""
+    write_atomic(path, _written(model))
+
+
+def model_sha256(model: Model) -> str:
+    """SHA-256 of the file that :func:`write_model` writes of a model, as `sha256sum` tells it."""
+    return hashlib.sha256(_written(model)).hexdigest()
+
+
+def _written(model: Model) -> bytes:
     import tomli_w
 
-    write_atomic(path, tomli_w.dumps(model_to_dict(model)).encode())
+    return tomli_w.dumps(model_to_dict(model)).encode()
 
 
 def model_from_dict(data: object, source: str) -> Model:

@@ -112,6 +112,12 @@ PracticalLength = Annotated[
 ]
 Seed = Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")]
 Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")]
+Sheet = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="sheet.pdf", help="Write the brake sheet, one page to file: .pdf or .html."
+    ),
+]
 Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
 
