@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from models.effects import registry
 from models.errors import ParameterError
 from models.parameters import Model
@@ -112,8 +114,10 @@ def _plain(value: Any) -> Any:
         return table
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, tuple):
+    if isinstance(value, tuple | list):
         return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     if isinstance(value, float):
         return float(value)  # numpy's float64 is one, too
     return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
 from io import StringIO
@@ -32,6 +33,17 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> command.PlanJob:
 @pytest.fixture(scope="module")
 def result(job: command.PlanJob) -> command.PlanResult:
     return command.run(job, quiet=True)
+
+
+def test_plans_say_what_they_were_made_from(
+    job: command.PlanJob, result: command.PlanResult
+) -> None:
+    told = plan_view.as_json(result)["made_from"]
+    for name, path in (("map", job.map_file), ("model", find_model("atv"))):
+        assert told[f"{name}_id"] == path.name
+        assert told[f"{name}_hash"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert 0.0 <= told["map_age"] < 600.0
+    assert "made_from" not in plan_view.as_json(replace(result, made_from=None))
 
 
 def test_the_best_candidate_is_explained(result: command.PlanResult) -> None:
