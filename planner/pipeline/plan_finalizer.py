@@ -116,7 +116,7 @@ class PlanFinalizer:
             limiting=column.limiting(speed_sq, accel, smoothed),
             stop_distance=judged.verdict.stop_distance, clear_distance=column.clear,
             rear_load=judged.verdict.rear_load, side_load=judged.verdict.side_load,
-            obstacle=column.obstacle,
+            obstacle=column.obstacle, momentum=column.momentum,
         )  # fmt: skip
 
     def _smooth(

@@ -80,7 +80,9 @@ def as_json(result: PlanResult) -> dict[str, Any]:
         "seconds": result.seconds,
         **({} if result.made_from is None else {"made_from": _made_from(result.made_from)}),
         "notes": list(result.notes),
-        "plans": [{**summary(plan), "columns": _columns(plan)} for plan in result.plans],
+        "plans": [
+            {**summary(plan), **_momentum(plan), "columns": _columns(plan)} for plan in result.plans
+        ],
         **explained,
         **judged,
     }
@@ -96,6 +98,20 @@ def _made_from(files: MadeFrom) -> dict[str, Any]:
         "model_id": files.model_file.name,
         "model_hash": sha256_of(files.model_file),
     }
+
+
+def _momentum(plan: SpeedPlan) -> dict[str, Any]:
+    """What a hill takes that thrust alone cannot climb; empty where none ends the plan."""
+    found = plan.momentum
+    if found is None:
+        return {}
+    needed = found.least_speed > 0.0
+    told = {
+        "station": found.station, "speed": found.speed, "until": found.until,
+        "allowed": found.allowed, "stations": plan.station[needed].tolist(),
+        "least_speed": found.least_speed[needed].tolist(),
+    }  # fmt: skip
+    return {"momentum": told}
 
 
 def _columns(plan: SpeedPlan) -> dict[str, Any]:
