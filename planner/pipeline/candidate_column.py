@@ -26,7 +26,7 @@ class CandidateColumn:
     """N stations of candidate j, contiguous and without padding; arrays are (N,).
 
     Attributes:
-        model, scalars: vehicle, braking, limits; and its numbers.
+        model, scalars: vehicle, braking, limits; and its numbers. solver: that smooths first.
         fixed_prefix: (h,) v² of the first h >= 1 stations, which no profile changes [m²/s²].
         track: geometry and braking as the judge takes them; even: the same with the whole of the
             braking force; x, y, z: positions [m].
@@ -52,7 +52,7 @@ class CandidateColumn:
                 heading.
         """
         profile, ground, bounds = solved.profile, solved.ground, solved.bounds
-        self.model, self.scalars = solved.model, solved.scalars
+        self.model, self.scalars, self.solver = solved.model, solved.scalars, solved.solver
         self.fixed_prefix = fixed_prefix
         self.track = track_of(profile, ground, j, solved.speed_limit, first)
         self.even = track_of(profile, bounds.even_ground, j, solved.speed_limit, first)

@@ -35,6 +35,7 @@ from services.cli.arguments.options import (
     SettledSpeed,
     Sheet,
     Smooth,
+    Solving,
     Spacing,
     StartSpeed,
     Topics,
@@ -60,6 +61,7 @@ class PlanOptions:
         bool, typer.Option("--explain", help="Say what the best candidate loses to each bound.")
     ] = False
     smooth: Smooth = True
+    solver: Solving = "interior_point"
     horizon_penalty: HorizonPenalty = None
     margin_weight: MarginWeight = None
     margin_enough: MarginEnough = None
@@ -99,6 +101,7 @@ def plan(options: PlanOptions) -> None:
 
     settings = command.settings_of(
         options.smooth,
+        solver=options.solver,
         spacing=options.spacing,
         horizon_penalty=options.horizon_penalty,
         margin_weight=options.margin_weight,

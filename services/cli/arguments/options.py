@@ -75,6 +75,14 @@ Quantile = Annotated[
         metavar="Q", help="Survive this share of what the model leaves open; 0.5 is its mean."
     ),
 ]
+Solving = Annotated[
+    str,
+    typer.Option(
+        "--solver",
+        metavar="NAME",
+        help="Who limits jerk: interior_point, osqp, or ipopt (exact, slow). All are judged.",
+    ),
+]
 Smooth = Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")]
 GroundMap = Annotated[
     Path | None,

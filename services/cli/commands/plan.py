@@ -214,7 +214,7 @@ def uncertainty_at(quantile: float) -> Uncertainty:
         raise InputError("--quantile", "", f"expected {error.expected}") from None
 
 
-def settings_of(smooth: bool, **given: float | None) -> PlannerSettings:
+def settings_of(smooth: bool, **given: Any) -> PlannerSettings:
     """Settings by their names; what is None keeps its default.
 
     Raises:
