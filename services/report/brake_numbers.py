@@ -27,8 +27,8 @@ from planner.ground.uncertainty import Uncertainty
 _HEADINGS = 16
 _STEEPEST = np.deg2rad(45.0)
 _FINE = np.deg2rad(0.05)
-_LEAST = 1e-3
-"""Of the weight: less than that stops nothing."""
+_LEAST = 0.01
+"""Of the weight: less than that, net of the slope, is called no stop."""
 
 
 @dataclass(frozen=True, slots=True)

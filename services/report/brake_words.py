@@ -12,8 +12,8 @@ from services.report.brake_numbers import BrakeNumbers, SteepestSlope
 from services.report.brake_rules import short_from
 from services.report.brake_table import DistanceTable, shown_distances
 
-_SURFACES = 3
-"""Other surfaces that are told."""
+_SURFACES, _NAME = 2, 14
+"""Other surfaces that are told, and letters of their names."""
 
 _LEVEL = np.deg2rad(0.1)
 
@@ -87,13 +87,17 @@ def _other_surfaces(numbers: BrakeNumbers, speed: float) -> dict[str, str]:
     """The longest stop of the sheet on other surfaces of the model, the worst first."""
     b = numbers.model.braking
     down = b.grade_range[0]
-    own = {n for n, table in b.terrain.items() if not table.state_of} - {numbers.surface}
+    own = {n for n, table in b.terrain.items() if table.state_of is None} - {numbers.surface}
     longest = {
         n: replace(numbers, surface=n).allowed_distance(min(speed, b.on(n).speed_range[1]), down)
         for n in own
     }
     worst = sorted(longest, key=lambda n: -longest[n])[:_SURFACES]
-    return {f"on {name}": f"{metres(longest[name])} m for the longest stop below" for name in worst}
+    told = (
+        f"{name[:_NAME]} {metres(longest[name])}" + (" m" if math.isfinite(longest[name]) else "")
+        for name in worst
+    )
+    return {"longest stop on others": ", ".join(told)} if worst else {}
 
 
 def slope_rows(numbers: BrakeNumbers) -> dict[str, str]:
