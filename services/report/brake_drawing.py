@@ -49,9 +49,9 @@ def draw(
     )  # fmt: skip
     _rows(figure, _LEFT, 0.905, "Brakes", brake_rows(numbers, table))
     _rows(figure, _MIDDLE, 0.905, "Slopes and evidence", {**slope_rows(numbers), **facts})
-    _head(figure, _LEFT, 0.735, f"Stopping distance, m: at the {survive} with offset / mean")
-    _distances(figure, 0.722, table)
-    below = 0.722 - _LINE * (len(table.speeds) + 2.2)
+    _head(figure, _LEFT, 0.727, f"Stopping distance, m: at the {survive} with offset / mean")
+    _distances(figure, 0.714, table)
+    below = 0.714 - _LINE * (len(table.speeds) + 2.2)
     _head(figure, _LEFT, below, "Against rules that know no slope")
     figure.text(
         _LEFT, below - 0.009, danger(numbers, table), fontsize=7.8, va="top", color=_BAD
