@@ -45,6 +45,24 @@ class Obstacle:
 
 
 @dataclass(frozen=True, slots=True)
+class Momentum:
+    """What it takes to get over a hill that thrust alone cannot climb; no plan counts on it.
+
+    Attributes:
+        station: the last one that thrust can climb [m]. speed: least one there [m/s].
+        until: station from which thrust does again; the last one known where it never does [m].
+        allowed: limits of model and path would let it be so fast.
+        least_speed: (N,) least speed at each station of the path, 0 where any will do [m/s].
+    """
+
+    station: float
+    speed: float
+    until: float
+    allowed: bool
+    least_speed: Floats
+
+
+@dataclass(frozen=True, slots=True)
 class SpeedPlan:
     """Speed along one candidate of N stations; every array is (N,) and SI.
 
@@ -64,6 +82,7 @@ class SpeedPlan:
         clear_distance: station before which every stop ends [m], one number.
         rear_load, side_load: least loads on that stop as shares of their level static load.
         obstacle: that ends the clear distance, None where something else does.
+        momentum: that a hill would take which ends the clear distance, None where none does.
     """
 
     candidate: str
@@ -86,6 +105,7 @@ class SpeedPlan:
     rear_load: Floats
     side_load: Floats
     obstacle: Obstacle | None = None
+    momentum: Momentum | None = None
 
     @property
     def travel_time(self) -> float:

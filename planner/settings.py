@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
+from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
+
+Solver = Literal["interior_point", "osqp", "ipopt"]
+"""Who smooths: an interior-point method along the stations, OSQP, or IPOPT on the exact program."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannerSettings:
-    """Resolution of plans, and weights of the ranking."""
+    """Resolution of plans, weights of the ranking, and who smooths them."""
 
     spacing: float = quantity(
         "m", "Distance between stations; at most one cell of the map.", default=0.25, above=0.0
     )
     smooth: bool = True
+    solver: Solver = "interior_point"
     horizon_penalty: float = quantity(
         "s/m",
         "Ranking: time charged for each metre of path not reached.",
@@ -32,6 +38,9 @@ class PlannerSettings:
 
     def __post_init__(self) -> None:
         validate_quantities(self)
+        if self.solver not in get_args(Solver):
+            words = f"one of {', '.join(get_args(Solver))}, got {self.solver!r}"
+            raise ParameterError("solver", words)
 
     def spacing_on(self, resolution: float) -> float:
         """Spacing on a map: a wheel sees two cells abreast, and steps over none even in a turn."""

@@ -16,6 +16,7 @@ from planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from planner.profile.reference import JerkLimitedReference, time_optimal_problem
 from planner.profile.smoothing import SmoothingProblem, smooth
 from planner.profile.time_optimal import ProfileProblem, profile_problem, time_optimal_profile
+from planner.settings import Solver
 from planner.verify.judge import check
 from planner.verify.track import track_of
 
@@ -93,8 +94,10 @@ def jerk_limited(scene: Scene, tasks: Sequence[PeerTask], rounds: int) -> list[R
         program = JerkLimitedReference(len(problem.speed_sq_max))
         return lambda: program.solve(problem).speed_sq
 
-    peers = {
+    peers: dict[str, Callable[[SmoothingProblem], Callable[[], Floats | None]]] = {
         "planner": smoother_of,
+        'planner, solver = "osqp"': partial(smoother_of, first="osqp"),
+        'planner, solver = "ipopt"': partial(smoother_of, first="ipopt"),
         "OSQP": quadratic.osqp,
         "PIQP": quadratic.piqp,
         "Clarabel": quadratic.clarabel,
@@ -119,9 +122,11 @@ def smoothing_problem(scene: Scene, task: PeerTask) -> SmoothingProblem:
     )
 
 
-def smoother_of(problem: SmoothingProblem) -> Callable[[], Floats | None]:
-    """The planner's smoothing."""
-    return lambda: smooth(problem).speed_sq
+def smoother_of(
+    problem: SmoothingProblem, first: Solver = "interior_point"
+) -> Callable[[], Floats | None]:
+    """The planner's smoothing, by the solver of its settings."""
+    return lambda: smooth(problem, first).speed_sq
 
 
 def smooth_answer(problem: SmoothingProblem, speed_sq: Floats) -> Answer:

@@ -134,7 +134,7 @@ class WhatIf:
             clear=behind_the_front(assumptions.clear, self._vehicle),
             speed_limit=self._limit if assumptions.path_limits else None,
             hazards=swept_hazards(self._map, profile, as_large, lifted=lifted),
-            holds_anywhere=assumptions.holds_anywhere,
+            holds_anywhere=assumptions.holds_anywhere, settings=self._settings,
         )  # fmt: skip
         return finished(solved, 0, self._name, smooth=self._settings.smooth and assumptions.smooth)
 

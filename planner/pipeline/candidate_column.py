@@ -6,14 +6,17 @@ column belongs to one plan.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from models.arrays import Floats, Ints
 from models.quantity import GRAVITY
 from planner.limiting import Limiting
 from planner.pipeline import labels
+from planner.pipeline.momentum import momentum_over
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from planner.plan import Obstacle
+from planner.plan import Momentum, Obstacle
 from planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from planner.verify.judge import Judgement, check
 from planner.verify.track import track_of
@@ -23,7 +26,7 @@ class CandidateColumn:
     """N stations of candidate j, contiguous and without padding; arrays are (N,).
 
     Attributes:
-        model, scalars: vehicle, braking, limits; and its numbers.
+        model, scalars: vehicle, braking, limits; and its numbers. solver: that smooths first.
         fixed_prefix: (h,) v² of the first h >= 1 stations, which no profile changes [m²/s²].
         track: geometry and braking as the judge takes them; even: the same with the whole of the
             braking force; x, y, z: positions [m].
@@ -49,7 +52,7 @@ class CandidateColumn:
                 heading.
         """
         profile, ground, bounds = solved.profile, solved.ground, solved.bounds
-        self.model, self.scalars = solved.model, solved.scalars
+        self.model, self.scalars, self.solver = solved.model, solved.scalars, solved.solver
         self.fixed_prefix = fixed_prefix
         self.track = track_of(profile, ground, j, solved.speed_limit, first)
         self.even = track_of(profile, bounds.even_ground, j, solved.speed_limit, first)
@@ -82,6 +85,25 @@ class CandidateColumn:
         j, first = self._index
         met = self._hazards.obstacle(j, first + self.barrier_station)
         return met if met is not None and met.bound is self.barrier else None
+
+    @cached_property
+    def momentum(self) -> Momentum | None:
+        """What a hill takes that ends the clear distance because thrust alone cannot climb it.
+
+        None also where ground beyond it is unknown, or steeper than the model was trained on.
+        """
+        k = self.barrier_station
+        if self.barrier is not Limiting.TRACTION or k >= len(self.track.station):
+            return None
+        braking = self.model.braking
+        low, high = braking.grade_range
+        drivable = self.known & (self.track.grade >= low) & (self.track.grade <= high)
+        ends = np.flatnonzero(~(self.known if braking.extrapolate else drivable)[k:])
+        reach = k + int(ends[0]) if len(ends) else len(self.track.station)
+        found = momentum_over(self.track, max(k - 1, 0), reach, self.scalars)
+        # Where the hill goes on into the unknown nobody can tell.
+        ends_there = found is not None and found.until >= self.track.station[reach - 1]
+        return None if ends_there and len(ends) else found
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Judgement:
         """Exact constraints of a profile (N,); see :func:`planner.verify.judge.check`."""

@@ -17,10 +17,12 @@ from planner.pipeline.standing import standing, stands_early
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from planner.plan import SpeedPlan, Status, motion_of
 from planner.profile.smoothing import SmoothingProblem, smooth
+from planner.settings import Solver
 from planner.verify.judge import Judgement
 
 _REPAIRS = 12
 _REPAIR_SHARE = 0.96
+_USUAL: Solver = "interior_point"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +118,7 @@ class PlanFinalizer:
             limiting=column.limiting(speed_sq, accel, smoothed),
             stop_distance=judged.verdict.stop_distance, clear_distance=column.clear,
             rear_load=judged.verdict.rear_load, side_load=judged.verdict.side_load,
-            obstacle=column.obstacle,
+            obstacle=column.obstacle, momentum=column.momentum,
         )  # fmt: skip
 
     def _smooth(
@@ -128,19 +130,20 @@ class PlanFinalizer:
         column = self.column
         begin = len(column.fixed_prefix) - 1
         accel_max, decel_max = column.segment_limits(speed_sq)
-        result = smooth(
-            SmoothingProblem(
-                np.diff(column.track.station[begin:]), speed_sq[begin:], accel_max[begin:],
-                decel_max[begin:], column.model.limits.jerk, start_accel,
-            )
+        problem = SmoothingProblem(
+            np.diff(column.track.station[begin:]), speed_sq[begin:], accel_max[begin:],
+            decel_max[begin:], column.model.limits.jerk, start_accel,
         )  # fmt: skip
-        if result.speed_sq is None:
-            return None, None, result.reason
-        answer = np.concatenate((column.fixed_prefix[:-1], result.speed_sq))
-        verdict = column.judge(answer)
-        if not verdict.valid:
-            return None, None, "the judge found a breach"
-        return answer, verdict, ""
+        # Where the judge objects to the answer of the one that was wanted, the usual one is asked.
+        for solver in dict.fromkeys((column.solver, _USUAL)):
+            result = smooth(problem, solver)
+            if result.speed_sq is None:
+                return None, None, result.reason
+            answer = np.concatenate((column.fixed_prefix[:-1], result.speed_sq))
+            verdict = column.judge(answer)
+            if verdict.valid:
+                return answer, verdict, ""
+        return None, None, "the judge found a breach"
 
     def _repair(self, speed_sq: Floats) -> tuple[Floats, Judgement, str]:
         """Lower the bound where the judge objects; at last slow the whole plan down."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from models.arrays import Floats
@@ -98,10 +100,25 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
             needed = column.demand[k] * vehicle.mass * GRAVITY
             return (
                 f"grade {grade:.1f}° at {station:.2f} m needs {needed:.0f} N of thrust, "
-                f"the drive has {vehicle.max_drive_force:.0f} N"
+                f"the drive has {vehicle.max_drive_force:.0f} N{_by_momentum(column)}"
             )
         case _:
             return f"the brakes do not hold on grade {grade:.1f}° at {station:.2f} m"
+
+
+def _by_momentum(column: CandidateColumn) -> str:
+    """What else would get over a hill that thrust alone cannot climb."""
+    found = column.momentum
+    if found is None:
+        return ": thrust alone cannot climb it"
+    last = float(column.track.station[-1])
+    where = f"past {found.until:.2f} m" if found.until < last else "to the end of the path"
+    speed = math.ceil(100.0 * found.speed) / 100.0
+    limits = "which no plan counts on" if found.allowed else "more than the limits of speed allow"
+    return (
+        f": thrust alone cannot climb it; as far as thrust goes it takes {speed:.2f} m/s at "
+        f"{found.station:.2f} m to get {where}, {limits}"
+    )
 
 
 def _side_is_light(column: CandidateColumn, k: int) -> bool:

@@ -20,7 +20,7 @@ from planner.ground.uncertainty import Uncertainty
 from planner.kernels.limits import PlanningLimits, planning_limits
 from planner.path import PathBatch
 from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
-from planner.settings import PlannerSettings
+from planner.settings import PlannerSettings, Solver
 from planner.swept.hazards import Hazards, nothing_looked_for, swept_hazards
 
 _ROUNDING = 1e-9
@@ -40,6 +40,7 @@ class TimeOptimalBatch:
         reachable_start_sq: (M,) highest v² at the start that service braking can bring down.
         cost: (M,) travel time plus the charge for what is not reached [s].
         hazards: what body and wheels meet.
+        solver: that smooths what is emitted.
     """
 
     model: Model
@@ -53,6 +54,7 @@ class TimeOptimalBatch:
     reachable_start_sq: Floats
     cost: Floats
     hazards: Hazards
+    solver: Solver = "interior_point"
 
     @property
     def reachable(self) -> Bools:
@@ -84,7 +86,7 @@ def time_optimal_batch(
         model: vehicle, braking, limits.
         start_speed: speed at the first station, one for all or (M,) [m/s].
         clear: station up to which the vehicle may come, one for all or (M,) [m].
-        settings: weights of the ranking.
+        settings: weights of the ranking, and who smooths.
         conditions: of the moment.
         uncertainty: what the plans are to survive; then ``model`` is its cautious one already.
     """
@@ -139,8 +141,8 @@ def solve(
     speed_sq, reachable = time_optimal_profile(
         profile_problem(profile, ground, bounds, scalars, start_sq)
     )
-    penalty = (settings or PlannerSettings()).horizon_penalty
-    cost = travel_cost(profile.station, speed_sq, penalty)
+    settings = settings or PlannerSettings()
+    cost = travel_cost(profile.station, speed_sq, settings.horizon_penalty)
     return TimeOptimalBatch(
         model,
         scalars,
@@ -153,4 +155,5 @@ def solve(
         reachable,
         cost,
         hazards or nothing_looked_for(),
+        settings.solver,
     )

@@ -5,13 +5,16 @@ stations: the time-optimal one has exactly the discrete constraints of
 :mod:`planner.profile.time_optimal`; the jerk-limited one has the exact constraints that
 :mod:`planner.profile.smoothing` replaces by tangents. A program is built once for a number of
 stations and solved for any candidate of that length. It
-takes milliseconds to seconds and may stop at a local optimum: for tests and benchmarks only.
+takes milliseconds to seconds and may stop at a local optimum: for tests, benchmarks, and plans
+that have the time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 import casadi as ca
@@ -20,7 +23,7 @@ import numpy as np
 from models.arrays import Bools, Floats
 from models.quantity import GRAVITY
 from planner.plan import motion_of
-from planner.profile.smoothing import SmoothingProblem
+from planner.profile.smoothing_problem import SmoothingProblem
 from planner.profile.time_optimal import ProfileProblem
 
 _STANDSTILL = 1e-9
@@ -30,6 +33,12 @@ _SLOWEST_GUESS = 0.05
 """Where the solver may start at the slowest [m/s]: at rest the time has no derivative."""
 
 _FREE = np.inf
+
+_STATIONS_MORE = 32
+"""Programs that are kept are for multiples of so many stations."""
+
+_ONE_AT_A_TIME = Lock()
+"""A solver of CasADi has one memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +173,31 @@ class JerkLimitedReference:
         upper = np.concatenate((on_segments, on_segments, between, between))
         station = np.concatenate(([0.0], np.cumsum(problem.ds)))
         return _solve(self._solver, station, bound, parameters, upper, fixed_start=True)
+
+
+def jerk_limited_of_any_length(problem: SmoothingProblem) -> Reference:
+    """The jerk-limited optimum of a candidate, by a program kept for the next of about its length.
+
+    Stations of rest fill the candidate up; several threads wait for one another.
+    """
+    n = len(problem.speed_sq_max)
+    more = -n % _STATIONS_MORE
+    ds, accel, decel = (
+        np.pad(a, (0, more), constant_values=1.0)
+        for a in (problem.ds, problem.accel_max, problem.decel_max)
+    )
+    filled = replace(
+        problem, ds=ds, accel_max=accel, decel_max=decel,
+        speed_sq_max=np.pad(problem.speed_sq_max, (0, more)),
+    )  # fmt: skip
+    with _ONE_AT_A_TIME:
+        found = _kept_program(n + more).solve(filled)
+    return found if found.speed_sq is None else replace(found, speed_sq=found.speed_sq[:n])
+
+
+@lru_cache(maxsize=8)
+def _kept_program(stations: int) -> JerkLimitedReference:
+    return JerkLimitedReference(stations)
 
 
 def _time_optimal_solver(stations: int, max_iterations: int) -> Any:

@@ -4,12 +4,14 @@ The fastest profile is, within hundredths of a percent, the one nearest to the t
 from below, which is a quadratic program. Its one nonlinear constraint, the time in which the
 acceleration changes, stands there as its tangent (see :mod:`planner.profile.smoothing_program`):
 the program's set lies inside the exact one, so what it returns may be driven. An interior-point
-method along the stations solves it; where that fails OSQP is asked. An answer depends on nothing
-that was solved before.
+method along the stations solves it; where that fails OSQP is asked. Either can be asked first by a
+setting, as can IPOPT, which solves the exact program. An answer depends on nothing that was solved
+before.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +20,9 @@ from models.arrays import Floats
 from planner.kernels.compiled import kernel
 from planner.profile.banded_nearest import nearest, room
 from planner.profile.osqp_nearest import nearest_by_osqp
-from planner.profile.smoothing_program import FEWEST, REST, program, reachable
+from planner.profile.smoothing_problem import SmoothingProblem as SmoothingProblem
+from planner.profile.smoothing_program import FEWEST, REST, TIGHTER, program, reachable
+from planner.settings import Solver
 
 _Numbers = tuple[Floats, Floats, Floats, Floats, float, float]
 """Of a problem: its attributes in their order, NaN for an acceleration that does not matter."""
@@ -27,26 +31,6 @@ _LINEARISATIONS = 4
 
 _WORTH = 0.05
 """Share of the distance to the time-optimal profile for which tangents are taken anew."""
-
-
-@dataclass(frozen=True, slots=True)
-class SmoothingProblem:
-    """One candidate; N stations.
-
-    Attributes:
-        ds: (N − 1,) segment lengths [m], > 0.
-        speed_sq_max: (N,) bound [m²/s²]; the time-optimal profile, above which nothing is feasible.
-        accel_max, decel_max: (N − 1,) [m/s²], >= 0, each valid for every v² up to the bound.
-        jerk: [m/s³].
-        start_accel: acceleration before the first segment [m/s²], None if it does not matter.
-    """
-
-    ds: Floats
-    speed_sq_max: Floats
-    accel_max: Floats
-    decel_max: Floats
-    jerk: float
-    start_accel: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +48,13 @@ class Smoothed:
     reason: str = ""
 
 
-def smooth(problem: SmoothingProblem) -> Smoothed:
-    """Solve one candidate of N stations; that there is no answer is told, not raised."""
+def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoothed:
+    """Solve one candidate of N stations; that there is no answer is told, not raised.
+
+    Args:
+        problem: of the candidate.
+        first: who is asked first; where it fails, the others are, IPOPT only if it is the first.
+    """
     top = problem.speed_sq_max
     moving = top > REST
     answer = np.zeros(len(top))
@@ -74,7 +63,12 @@ def smooth(problem: SmoothingProblem) -> Smoothed:
     # Of the stations of rest at the end only the first takes part.
     part = _first_stations(problem, int(np.flatnonzero(moving)[-1]) + 2)
     used = 0
-    for solver in (_along_stations, _by_osqp):
+    orders: dict[str, tuple[Callable[..., int], ...]] = {
+        "interior_point": (_along_stations, _by_osqp),
+        "osqp": (_by_osqp, _along_stations),
+        "ipopt": (_by_ipopt, _along_stations, _by_osqp),
+    }
+    for solver in orders[first]:
         speed_sq = np.empty(len(part[1]))
         iterations = solver(*part, speed_sq)
         used += abs(iterations)
@@ -143,3 +137,21 @@ def _by_osqp(
     around = reachable(ds, top, jerk, start_accel)
     fixed, start, rows, limit = program(ds, top, accel_max, decel_max, jerk, start_accel, around)
     return nearest_by_osqp(top, fixed, start, rows, limit, speed_sq, np.empty(len(limit)))
+
+
+def _by_ipopt(
+    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
+    start_accel: float, speed_sq: Floats,
+) -> int:  # fmt: skip
+    """The exact program by CasADi and IPOPT, tightened as the others are; much slower."""
+    from planner.profile.reference import jerk_limited_of_any_length
+
+    before = None if np.isnan(start_accel) else start_accel
+    accel, decel = (np.maximum(most - TIGHTER, 0.0) for most in (accel_max, decel_max))
+    problem = SmoothingProblem(ds, top, accel, decel, jerk * (1.0 - TIGHTER), before)
+    found = jerk_limited_of_any_length(problem)
+    used = max(found.iterations, 1)
+    if found.speed_sq is None:
+        return -used
+    speed_sq[:] = found.speed_sq
+    return used

@@ -65,7 +65,9 @@ class Service:
             InputError: a file named in the settings cannot be used.
         """
         self.config = config
-        self.maps = MapStore(read_map(Path(config.map)) if config.map else None)
+        self.maps = MapStore(
+            read_map(Path(config.map)) if config.map else None, Path(config.map).name
+        )
         prior = read_model(find_model(config.model))
         self.plans = PlanService(config, ParametersInUse(prior))
         self.parameters = ParameterService(

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from models.effects import registry
 from models.errors import ParameterError
@@ -30,9 +33,18 @@ def read_model(path: Path) -> Model:
 
 def write_model(model: Model, path: Path) -> None:
     """Write a model, all or nothing; :func:`read_model` gives the same model again."""
+    write_atomic(path, _written(model))
+
+
+def model_sha256(model: Model) -> str:
+    """SHA-256 of the file that :func:`write_model` writes of a model, as `sha256sum` tells it."""
+    return hashlib.sha256(_written(model)).hexdigest()
+
+
+def _written(model: Model) -> bytes:
     import tomli_w
 
-    write_atomic(path, tomli_w.dumps(model_to_dict(model)).encode())
+    return tomli_w.dumps(model_to_dict(model)).encode()
 
 
 def model_from_dict(data: object, source: str) -> Model:
@@ -102,8 +114,10 @@ def _plain(value: Any) -> Any:
         return table
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, tuple):
+    if isinstance(value, tuple | list):
         return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     if isinstance(value, float):
         return float(value)  # numpy's float64 is one, too
     return value

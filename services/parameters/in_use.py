@@ -11,7 +11,7 @@ from functools import lru_cache
 from models.parameters import Model
 from models.vehicle import Vehicle
 from planner.ground.uncertainty import Uncertainty
-from services.io.model_file import vehicle_to_dict
+from services.io.model_file import model_sha256, vehicle_to_dict
 from services.wire import messages
 
 
@@ -25,6 +25,7 @@ class ParametersInUse:
         serial: grows also when the same version is to be planned with otherwise, as it grows older.
         uncertainty: that plans have to survive; None: that of the settings.
         flags: what is not as it should be, in words.
+        model_hash: of the model; worked out here, so that no reply has to wait for it.
     """
 
     model: Model
@@ -33,6 +34,10 @@ class ParametersInUse:
     serial: int = 0
     uncertainty: Uncertainty | None = None
     flags: tuple[str, ...] = ()
+    model_hash: str = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "model_hash", model_sha256(self.model))
 
     @property
     def identity(self) -> tuple[int, int]:
@@ -43,8 +48,9 @@ class ParametersInUse:
         """As replies and status tell it."""
         age = time.monotonic() - self.at
         return messages.Parameters(
-            version=self.version, name=self.model.name, fingerprint=fingerprint(self.model), age=age
-        )
+            version=self.version, name=self.model.name, fingerprint=fingerprint(self.model),
+            age=age, model_hash=self.model_hash,
+        )  # fmt: skip
 
 
 def slowed(parameters: ParametersInUse, speed: float, reason: str) -> ParametersInUse:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import threading
 import time
 import zlib
@@ -40,6 +42,8 @@ class KnownGround:
         incomplete: an update got lost since the last whole map.
         delay: how much longer than the quickest one its last update was on its way [s].
         notices: sources that count otherwise than they did, or whose clock is not to be believed.
+        id: who told of it last, with the number of the update. digest: SHA-256 of the cells; with
+            each patch of the digest so far and the cells of the patch.
     """
 
     elevation_map: ElevationMap
@@ -48,6 +52,8 @@ class KnownGround:
     incomplete: bool = False
     delay: float = 0.0
     notices: Notices = field(default_factory=Notices)
+    id: str = ""
+    digest: str = ""
 
     def age(self) -> float:
         """Since the ground was seen, as far as clocks here and there can tell [s]."""
@@ -75,15 +81,18 @@ class MapStore:
         restarts: sources that began to count anew.
     """
 
-    def __init__(self, elevation_map: ElevationMap | None = None) -> None:
-        """Begin with a map, or with none."""
+    def __init__(self, elevation_map: ElevationMap | None = None, name: str = "") -> None:
+        """Begin with a map of that name, or with none."""
         self.ground: KnownGround | None = None
         self.restarts = 0
         self._notices = Notices(_TOLD_FOR)
         self._sources: OrderedDict[tuple[str, str], _Source] = OrderedDict()
         self._lock = threading.Lock()
         if elevation_map is not None:
-            self.ground = KnownGround(elevation_map, 1, time.monotonic(), notices=self._notices)
+            self.ground = KnownGround(
+                elevation_map, 1, time.monotonic(), notices=self._notices, id=name,
+                digest=_digest(elevation_map),
+            )  # fmt: skip
 
     def take(self, update: MapUpdate, source: str, arrived: float | None = None) -> bool:
         """Take up an update; False if it is one that was seen already, or older.
@@ -118,7 +127,17 @@ class MapStore:
             incomplete = update.patch and (lost or (known is not None and known.incomplete))
             version = 1 if known is None else known.version + 1
             delay = 0.0 if update.time is None else self._delay(one, update.source, lead)
-            self.ground = KnownGround(elevation_map, version, at, incomplete, delay, self._notices)
+            before = known.digest if known is not None and update.patch else ""
+            self.ground = KnownGround(
+                elevation_map,
+                version,
+                at,
+                incomplete,
+                delay,
+                self._notices,
+                _id_of(update),
+                _digest(update if update.patch else elevation_map, before),
+            )
             one.count.take(update.sequence, content)
             if order is not Order.NEW:
                 self.restarts += 1
@@ -180,6 +199,29 @@ class MapStore:
             classes[cells] = _classes(update)
         std = max(known.height_std, update.height_std or 0.0)
         return replace(known, elevation=elevation, terrain_class=classes, height_std=std)
+
+
+def _id_of(update: MapUpdate) -> str:
+    start = f"/{update.instance}" if update.instance else ""
+    return f"{update.source}{start}#{update.sequence}"
+
+
+def _digest(cells: ElevationMap | MapUpdate, before: str = "") -> str:
+    """SHA-256 of cells, and of what was known before where they are a patch."""
+    names = list(cells.class_names or ())
+    head = (
+        before,
+        cells.elevation.shape,
+        cells.resolution,
+        list(cells.origin),
+        names,
+        cells.height_std,
+    )
+    digest = hashlib.sha256(json.dumps(head).encode())
+    digest.update(np.ascontiguousarray(cells.elevation, np.float64).data)
+    if cells.terrain_class is not None:
+        digest.update(np.ascontiguousarray(cells.terrain_class, np.int64).data)
+    return digest.hexdigest()
 
 
 def _whole(update: MapUpdate) -> ElevationMap:

@@ -245,6 +245,8 @@ class PlanService:
             parameters=parameters.message(),
             map_version=0 if ground is None else ground.version,
             map_age=None if ground is None else ground.age(),
+            map_id="" if ground is None else ground.id,
+            map_hash="" if ground is None else ground.digest,
             command=WireCommand(
                 speed=command.speed,
                 accel=command.accel,

@@ -78,12 +78,14 @@ class Parameters(Message, frozen=True):
     Attributes:
         version: grows with every change. name: of the model. fingerprint: of the vehicle.
         age: since they were taken up [s].
+        model_hash: SHA-256 of the model file that would hold them, as `sha256sum` tells it.
     """
 
     version: int
     name: str
     fingerprint: str
     age: float
+    model_hash: str = ""
 
 
 class WireCommand(Message, frozen=True):
@@ -168,6 +170,8 @@ class PlanReply(Message, frozen=True):
         status, reason: those of the chosen plan, or `busy`, or `error`; then there are no plans.
         service, sequence: who answers, and to which question.
         parameters, map_version, map_age: what the plans were made from; age in s.
+        map_id: who sent the ground last, with its number. map_hash: SHA-256 of a whole map's cells,
+            and with each patch of the hash so far and the cells of the patch.
         command: what to do now; None if this answer is none.
         chosen: name of the candidate to drive, None where there is nothing to drive along.
         kept: the plan driven so far is driven on as it is.
@@ -190,6 +194,8 @@ class PlanReply(Message, frozen=True):
     plans: list[Plan] = []
     flags: list[str] = []
     seconds: dict[str, float] = {}
+    map_id: str = ""
+    map_hash: str = ""
 
 
 class MapUpdate(Message, frozen=True):

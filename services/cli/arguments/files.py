@@ -33,7 +33,9 @@ from services.cli.arguments.options import (
     Report,
     Seed,
     SettledSpeed,
+    Sheet,
     Smooth,
+    Solving,
     Spacing,
     StartSpeed,
     Topics,
@@ -59,6 +61,7 @@ class PlanOptions:
         bool, typer.Option("--explain", help="Say what the best candidate loses to each bound.")
     ] = False
     smooth: Smooth = True
+    solver: Solving = "interior_point"
     horizon_penalty: HorizonPenalty = None
     margin_weight: MarginWeight = None
     margin_enough: MarginEnough = None
@@ -98,6 +101,7 @@ def plan(options: PlanOptions) -> None:
 
     settings = command.settings_of(
         options.smooth,
+        solver=options.solver,
         spacing=options.spacing,
         horizon_penalty=options.horizon_penalty,
         margin_weight=options.margin_weight,
@@ -189,6 +193,7 @@ class CalibrateOptions:
         None
     )
     report: Report = None
+    sheet: Sheet = None
     map_file: GroundMap = None
     topics: Topics = None
     coverage: Coverage = 0.999
@@ -209,19 +214,28 @@ def calibrate(options: CalibrateOptions) -> None:
     constant. Suspect stretches are left out and named. Named effects of the model stay in force.
     Status 3: the result is written, but of no use, and why is said. --stops has a row for every
     stop that was found, with the reason where it was left out, also where the command refuses.
+    --sheet tells on one page, from the learned model at --coverage, how far stops go by speed and
+    grade, which slopes the brakes hold, and how that compares with rules that know no slope.
 
     [bold]Example[/]  slopewise calibrate drive.csv --model atv --out mine.toml --report stops.html
     """
     from services.cli.commands import calibrate as command
 
+    if options.sheet is not None:
+        from services.cli.commands import calibrate_sheet as sheet
+
+        sheet.check_sheet(options.sheet)
     result = command.run(options, quiet=options.as_json)
     if options.out is not None:
         command.write_learned_model(result, options.out)
+    if options.sheet is not None:
+        result = sheet.with_sheet(result, options, options.sheet)
     if options.stops is not None:
         command.write_stops(result, options.stops)
     if options.report is not None:
         command.write_page(result, options, options.report)
-    say(options.as_json, command, result, options.out, options.stops, options.report)
+    files = options.out, options.stops, options.report, options.sheet
+    say(options.as_json, command, result, *files)
     if result.calibration.objections:
         raise typer.Exit(OF_NO_USE)
 

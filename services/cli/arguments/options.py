@@ -75,6 +75,14 @@ Quantile = Annotated[
         metavar="Q", help="Survive this share of what the model leaves open; 0.5 is its mean."
     ),
 ]
+Solving = Annotated[
+    str,
+    typer.Option(
+        "--solver",
+        metavar="NAME",
+        help="Who limits jerk: interior_point, osqp, or ipopt (exact, slow). All are judged.",
+    ),
+]
 Smooth = Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")]
 GroundMap = Annotated[
     Path | None,
@@ -112,6 +120,12 @@ PracticalLength = Annotated[
 ]
 Seed = Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")]
 Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page to look at.")]
+Sheet = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="sheet.pdf", help="Write the brake sheet, one page to file: .pdf or .html."
+    ),
+]
 Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
 

@@ -29,18 +29,21 @@ from services.io.logs.log_source import grade_by_map, names_of, read_logs, refus
 from services.io.logs.speed_unit import refuse_too_fast, refuse_unit
 from services.io.model_file import find_model, read_model, write_model
 from services.io.table import write_csv
+from services.report.brake_numbers import BrakeNumbers
+from services.report.brake_words import as_json as sheet_json
 
 _LISTED = 20
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrateResult:
-    """What was learned, the model with it, and the log it was learned from."""
+    """What was learned, the model with it, and the log it was learned from; the brake sheet."""
 
     calibration: Calibration
     model: Model
     log: DriveLog
     seconds: float
+    sheet: BrakeNumbers | None = None
 
 
 def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
@@ -195,6 +198,7 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
         "warnings": list(c.warnings),
         "objections": list(c.objections),
         "seconds": result.seconds,
+        **({} if result.sheet is None else {"sheet": sheet_json(result.sheet)}),
     }  # fmt: skip
 
 

@@ -57,8 +57,16 @@ class PlanJob:
 
 
 @dataclass(frozen=True, slots=True)
+class MadeFrom:
+    """Files of map and model, as they were found."""
+
+    map_file: Path
+    model_file: Path
+
+
+@dataclass(frozen=True, slots=True)
 class PlanResult:
-    """Plans best first, and what they were made from."""
+    """Plans best first, and what they were made from; `made_from`: the files, if there are any."""
 
     plans: list[SpeedPlan]
     elevation_map: ElevationMap
@@ -68,6 +76,7 @@ class PlanResult:
     explanation: Explanation | None = None
     check: CheckResult | None = None
     assumed: tuple[str, ...] = ()
+    made_from: MadeFrom | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -86,7 +95,8 @@ def run(job: PlanJob, *, quiet: bool = False) -> PlanResult:
     Raises:
         InputError: names file and field.
     """
-    model = read_model(find_model(job.model_file))
+    model_file = find_model(job.model_file)
+    model = read_model(model_file)
     topics = _topics(job)
     paths = read_paths(job.path_file, topics, frame_of(job.map_file, topics))
     info = map_info(job.map_file, topics)
@@ -94,7 +104,8 @@ def run(job: PlanJob, *, quiet: bool = False) -> PlanResult:
     margin = footprint_margin(model.vehicle, info)
     elevation_map = read_map(job.map_file, around=_around(paths, margin), topics=topics)
     result = plan_on(elevation_map, paths, model, job, source=str(job.path_file), quiet=quiet)
-    return dataclasses.replace(result, assumed=assumptions(job.map_file))
+    made_from = MadeFrom(job.map_file, model_file)
+    return dataclasses.replace(result, assumed=assumptions(job.map_file), made_from=made_from)
 
 
 def plan_on(
@@ -203,7 +214,7 @@ def uncertainty_at(quantile: float) -> Uncertainty:
         raise InputError("--quantile", "", f"expected {error.expected}") from None
 
 
-def settings_of(smooth: bool, **given: float | None) -> PlannerSettings:
+def settings_of(smooth: bool, **given: Any) -> PlannerSettings:
     """Settings by their names; what is None keeps its default.
 
     Raises:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan, Status
 from services.cli.commands import check_view, explain_view
-from services.cli.commands.plan import PlanJob, PlanResult
+from services.cli.commands.plan import MadeFrom, PlanJob, PlanResult
+from services.io.digest import sha256_of
 from services.io.plan_file import driven, summary
 
 STATUS_STYLE = {
@@ -76,11 +78,40 @@ def as_json(result: PlanResult) -> dict[str, Any]:
         "model": result.model.name,
         "admissible": result.admissible,
         "seconds": result.seconds,
+        **({} if result.made_from is None else {"made_from": _made_from(result.made_from)}),
         "notes": list(result.notes),
-        "plans": [{**summary(plan), "columns": _columns(plan)} for plan in result.plans],
+        "plans": [
+            {**summary(plan), **_momentum(plan), "columns": _columns(plan)} for plan in result.plans
+        ],
         **explained,
         **judged,
     }
+
+
+def _made_from(files: MadeFrom) -> dict[str, Any]:
+    """By what files the plans are found to have been made years later; ages in seconds."""
+    return {
+        "slopewise": metadata.version("slopewise"),
+        "map_id": files.map_file.name,
+        "map_age": max(time.time() - files.map_file.stat().st_mtime, 0.0),
+        "map_hash": sha256_of(files.map_file),
+        "model_id": files.model_file.name,
+        "model_hash": sha256_of(files.model_file),
+    }
+
+
+def _momentum(plan: SpeedPlan) -> dict[str, Any]:
+    """What a hill takes that thrust alone cannot climb; empty where none ends the plan."""
+    found = plan.momentum
+    if found is None:
+        return {}
+    needed = found.least_speed > 0.0
+    told = {
+        "station": found.station, "speed": found.speed, "until": found.until,
+        "allowed": found.allowed, "stations": plan.station[needed].tolist(),
+        "least_speed": found.least_speed[needed].tolist(),
+    }  # fmt: skip
+    return {"momentum": told}
 
 
 def _columns(plan: SpeedPlan) -> dict[str, Any]:

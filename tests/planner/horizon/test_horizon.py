@@ -495,8 +495,8 @@ def test_a_solver_that_answers_nonsense_is_overruled_by_the_judge(
 ) -> None:
     real = plan_finalizer.smooth
 
-    def wild(problem: Any) -> Any:
-        found = real(problem)
+    def wild(problem: Any, solver: Any) -> Any:
+        found = real(problem, solver)
         return replace(found, speed_sq=None if found.speed_sq is None else 1.5 * found.speed_sq)
 
     drive = moving()

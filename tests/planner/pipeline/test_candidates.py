@@ -255,12 +255,12 @@ def test_an_undrivable_candidate_does_not_spoil_its_neighbours() -> None:
 # -------------------------------------------------------------------------------- fallbacks
 
 
-def lazy(problem: SmoothingProblem) -> Smoothed:
+def lazy(problem: SmoothingProblem, _: str) -> Smoothed:
     """Never gets there."""
     return dataclasses.replace(smooth(problem), speed_sq=None, reason="too late")
 
 
-def reckless(problem: SmoothingProblem) -> Smoothed:
+def reckless(problem: SmoothingProblem, _: str) -> Smoothed:
     """Returns something faster than anything allowed."""
     return dataclasses.replace(smooth(problem), speed_sq=4.0 * problem.speed_sq_max)
 
@@ -279,6 +279,35 @@ def test_a_failed_smoother_degrades_the_plan_but_not_its_safety(
     rough = plan_one(ATV, ground, straight(25.0), PlannerSettings(smooth=False))
     np.testing.assert_array_equal(plan.speed, rough.speed)
     assert plan.admissible
+
+
+@pytest.mark.parametrize("solver", ["osqp", "ipopt"])
+def test_plans_of_another_solver_are_judged_as_safe_and_as_fast(solver: Any) -> None:
+    ground = ground_map(hills)
+    usual = plan_one(ATV, ground, straight(25.0))
+    plan = plan_one(ATV, ground, straight(25.0), PlannerSettings(solver=solver))
+    assert plan.status is Status.OK
+    assert_sound(plan, ATV, jerk=True)
+    assert not np.array_equal(plan.speed, usual.speed)
+    assert plan.travel_time == pytest.approx(usual.travel_time, rel=0.02)
+
+
+def test_where_the_judge_objects_to_the_wanted_solver_the_usual_one_is_asked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def too_fast(problem: SmoothingProblem, solver: str) -> Smoothed:
+        return reckless(problem, solver) if solver == "osqp" else smooth(problem)
+
+    monkeypatch.setattr(plan_finalizer, "smooth", too_fast)
+    ground = ground_map(hills)
+    plan = plan_one(ATV, ground, straight(25.0), PlannerSettings(solver="osqp"))
+    assert plan.status is Status.OK
+    np.testing.assert_array_equal(plan.speed, plan_one(ATV, ground, straight(25.0)).speed)
+
+
+def test_a_solver_that_there_is_none_of_is_refused() -> None:
+    with pytest.raises(ParameterError, match="interior_point, osqp, ipopt"):
+        PlannerSettings(solver="simplex")  # type: ignore[arg-type]
 
 
 def test_without_smoothing_plans_are_faster_rougher_and_as_safe() -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from planner.profile import smoothing
 from planner.profile.smoothing import SmoothingProblem, smooth
+from planner.settings import Solver
 from tests.planner.profile.test_time_optimal import Road, road
 
 TOLERANCE = 1e-6
@@ -261,3 +264,60 @@ def test_standing_candidates_stand() -> None:
     result = smooth(p)
     assert result.speed_sq is not None
     assert np.all(result.speed_sq == 0.0)
+
+
+# ------------------------------------------------------------------------------ who is asked first
+
+SOLVERS: tuple[Solver, ...] = get_args(Solver)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("seed", [0, 3, 6])
+def test_whoever_is_asked_first_is_exact_and_as_fast(solver: Solver, seed: int) -> None:
+    p = problem_of(wavy(seed), 2.0, 0.3 if seed % 2 == 0 else None)
+    result = smooth(p, solver)
+    assert result.speed_sq is not None
+    assert_exact(p, result.speed_sq)
+    assert travel_time(result.speed_sq, p.ds) <= optimum(p) * 1.02
+
+
+def test_each_solver_is_asked_and_gives_an_answer_of_its_own() -> None:
+    p = problem_of(wavy(5), 2.0)
+    answers = [smooth(p, solver) for solver in SOLVERS]
+    assert len({a.iterations for a in answers}) == len(SOLVERS)
+    exact = answers[SOLVERS.index("ipopt")]
+    assert exact.speed_sq is not None
+    assert travel_time(exact.speed_sq, p.ds) <= optimum(p) * 1.001
+
+
+@pytest.mark.parametrize(
+    ("solver", "name"), [("osqp", "_by_osqp"), ("ipopt", "_by_ipopt")], ids=["osqp", "ipopt"]
+)
+def test_where_the_wanted_solver_fails_the_usual_one_answers(
+    solver: Solver, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    p = problem_of(wavy(5), 2.0)
+    monkeypatch.setattr(smoothing, name, lambda *_: -7)
+    usual, result = smooth(p), smooth(p, solver)
+    assert usual.speed_sq is not None
+    assert result.speed_sq is not None
+    np.testing.assert_array_equal(result.speed_sq, usual.speed_sq)
+    assert result.iterations == usual.iterations + 7
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_where_nothing_is_feasible_each_says_so(solver: Solver) -> None:
+    r = road(41, 0.25, bound=np.linspace(2.0, 0.5, 41), start=2.0)
+    assert smooth(problem_of(r, 0.5, start_accel=5.0), solver).speed_sq is None
+
+
+@pytest.mark.parametrize("n", [2, 3, 31, 33])
+def test_ipopt_takes_candidates_of_any_length(n: int) -> None:
+    p = SmoothingProblem(
+        np.full(n - 1, 0.25), np.append(np.full(n - 1, 0.2), 0.0), np.ones(n - 1), np.ones(n - 1),
+        4.0,
+    )  # fmt: skip
+    result = smooth(p, "ipopt")
+    assert result.speed_sq is not None
+    assert result.speed_sq.shape == (n,)
+    assert_exact(p, result.speed_sq)

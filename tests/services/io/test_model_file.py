@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import hashlib
 import os
 import re
 import shutil
@@ -21,9 +22,11 @@ from models.errors import InputError
 from models.parameters import Braking, Effect, Limits, Model, Terrain
 from models.surface_braking import SurfaceBraking, UphillBraking
 from models.vehicle import Vehicle
+from services.io.digest import sha256_of
 from services.io.model_file import (
     find_model,
     model_from_dict,
+    model_sha256,
     model_to_dict,
     read_model,
     shipped_models,
@@ -354,6 +357,32 @@ def test_shipped_vehicles_are_found_after_an_installation(tmp_path: Path) -> Non
     )  # fmt: skip
     place = tmp_path / "slopewise" / "configs" / "vehicles" / "ugv.toml"
     assert done.stdout.split() == ["ugv", str(place), "light"]
+
+
+def test_the_digest_of_a_model_is_that_of_its_file(tmp_path: Path) -> None:
+    model = read_model(find_model("atv"))
+    write_model(model, tmp_path / "m.toml")
+    digest = hashlib.sha256((tmp_path / "m.toml").read_bytes()).hexdigest()
+    assert model_sha256(model) == digest == sha256_of(tmp_path / "m.toml")
+    rows = [list(row) for row in model.braking.covariance or ()]
+    for same in (rows, np.array(rows)):
+        braking = dataclasses.replace(model.braking, covariance=same)  # type: ignore[arg-type]
+        assert model_sha256(dataclasses.replace(model, braking=braking)) == digest
+    slower = dataclasses.replace(model, limits=dataclasses.replace(model.limits, speed=1.0))
+    assert model_sha256(slower) != digest
+
+
+def test_the_digest_of_a_folder_is_that_of_its_files(tmp_path: Path) -> None:
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "b.mcap").write_bytes(b"two")
+    (tmp_path / "bag" / "a.yaml").write_bytes(b"one")
+    lines = "".join(
+        f"{hashlib.sha256(c).hexdigest()}  {n}\n"
+        for n, c in (("a.yaml", b"one"), ("b.mcap", b"two"))
+    )
+    assert sha256_of(tmp_path / "bag") == hashlib.sha256(lines.encode()).hexdigest()
+    with pytest.raises(InputError):
+        sha256_of(tmp_path / "none")
 
 
 def test_writing_is_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

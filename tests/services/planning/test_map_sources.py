@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from planner.ground.elevation_map import ElevationMap
 from services.planning.map_store import MapStore
 from services.wire.messages import MapUpdate
 
@@ -38,6 +39,34 @@ def test_a_mapper_that_counts_from_one_again_is_heard_and_flagged_at_once() -> N
     assert flags(store) == ["maps of mapper: the source counts anew"]
     assert store.restarts == 1
     assert store.take(update(4, 4.0), "map")
+
+
+def test_the_ground_is_told_by_sender_and_digest() -> None:
+    """The same cells have the same digest, whoever sends them; each patch makes another one."""
+    one, other = MapStore(), MapStore()
+
+    def told(store: MapStore, *change: object, **more: object) -> tuple[str, str]:
+        assert store.take(update(*change, **more), "map")  # type: ignore[arg-type]
+        assert store.ground is not None
+        return store.ground.id, store.ground.digest
+
+    whole = told(one, 7, 1.0, instance="a")
+    assert whole[0] == "mapper/a#7"
+    same = told(other, 1, 1.0)
+    assert same == ("mapper#1", whole[1])
+    patch = {"patch": True, "elevation": np.full((2, 2), 1.0)}
+    patched = told(one, 8, instance="a", **patch)
+    assert patched[1] != whole[1]
+    assert told(one, 9, instance="a", **patch)[1] != patched[1]
+    assert told(other, 2, **patch)[1] == patched[1]
+    assert told(other, 3, 1.0)[1] == whole[1]
+    ground = ElevationMap(
+        elevation=np.full((20, 20), 1.0), resolution=0.5, origin=(0.0, 0.0),
+        height_std=other.ground.elevation_map.height_std,  # type: ignore[union-attr]
+    )  # fmt: skip
+    begun = MapStore(ground, "hill.tif").ground
+    assert begun is not None
+    assert (begun.id, begun.digest) == ("hill.tif", whole[1])
 
 
 def test_one_huge_sequence_does_not_freeze_the_map() -> None:

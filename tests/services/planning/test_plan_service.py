@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +13,7 @@ import zenoh
 
 from models.errors import InputError
 from services.client import PlanClient
+from services.io.model_file import find_model, model_sha256, read_model
 from services.planning.map_store import MapStore
 from services.wire import codec
 from services.wire.codec import Format
@@ -109,6 +111,10 @@ def test_many_candidates_in_one_question(
     assert reply.map_version == version
     assert reply.parameters is not None
     assert reply.parameters.version == 1
+    assert reply.parameters.model_hash == model_sha256(read_model(find_model("atv")))
+    assert reply.map_id.startswith("test-")
+    assert reply.map_id.endswith("#1")
+    assert re.fullmatch("[0-9a-f]{64}", reply.map_hash)
     assert {"queued", "decode", "planner"} <= set(reply.seconds)
     for plan in reply.plans:
         speed, station = plan.column("speed"), plan.column("station")

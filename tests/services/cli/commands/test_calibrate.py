@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+import hashlib
 import json
 import sys
 from pathlib import Path
@@ -13,9 +15,9 @@ import pytest
 from models.errors import InputError
 from planner.ground.elevation_map import ElevationMap
 from services.cli.arguments.files import CalibrateOptions
-from services.cli.commands import calibrate
+from services.cli.commands import calibrate, calibrate_sheet
 from services.io.maps.map_file import write_map_npz
-from services.io.model_file import read_model
+from services.io.model_file import find_model, read_model
 from services.io.table import write_csv
 from tests.models.calibration.plant import Plant, drive
 from tests.services.command_line import here, one_line_of, slopewise
@@ -77,6 +79,46 @@ def test_the_command_writes_model_stops_and_page(file: Path, tmp_path: Path) -> 
     assert html.count("data:image/svg+xml") == 4
     assert "24 of 24 stops" in html
     assert "http" not in html.split("<body>")[1].replace("http-equiv", "")
+
+
+def test_the_brake_sheet_is_one_page_and_names_what_it_was_made_from(
+    file: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("matplotlib", reason="the report extra is not installed")
+    out, pdf, html = (tmp_path / n for n in ("m.toml", "sheet.pdf", "sheet.html"))
+    for sheet in (pdf, html):
+        words = "calibrate", file, "--model", "atv", "--out", out, "--sheet", sheet, "--json"
+        result = slopewise(*words)
+        assert result.returncode == 0, result.stderr
+    assert pdf.read_bytes().startswith(b"%PDF")
+    assert pdf.read_bytes().count(b"/Type /Page ") == 1
+    assert html.read_text().count("data:image/svg+xml") == 1
+    assert "both are unsafe there" in html.read_text()
+    told = json.loads(result.stdout)["sheet"]
+    assert told["quantile"] == 0.999
+    allowed, mean = np.array(told["allowed_distance"]), np.array(told["mean_distance"])
+    assert allowed.shape == (len(told["speeds"]), len(told["grades"]))
+    assert (allowed > mean).all()
+    assert (np.diff(allowed, axis=1) < 0.0).all()
+    assert told["brake_ratio"]["at_rest"]["least"] < told["brake_ratio"]["at_rest"]["mean"]
+    assert told["rule_short_below_grade"] == pytest.approx(0.0, abs=2e-3)
+
+
+def test_the_trace_of_a_sheet_is_what_sha256sum_says(file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "m.toml"
+    command = job(file, out=out)
+    result = calibrate.run(command, quiet=True)
+    calibrate.write_learned_model(result, out)
+    lines = "\n".join(calibrate_sheet.trace_of(result, command))
+    for path in (file, out, find_model("atv")):
+        assert f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}" in lines
+    many = dataclasses.replace(command, logs=[file] * 8)
+    assert "of all, 2 more" in "\n".join(calibrate_sheet.trace_of(result, many))
+
+
+def test_a_sheet_of_another_ending_is_refused_at_once(file: Path, tmp_path: Path) -> None:
+    words = "calibrate", file, "--model", "atv", "--sheet", tmp_path / "sheet.docx"
+    one_line_of(here(*words), "sheet.docx", ".html or .pdf")
 
 
 def test_json_holds_everything_for_machines(file: Path) -> None:

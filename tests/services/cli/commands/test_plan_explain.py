@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
 from io import StringIO
@@ -32,6 +33,36 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> command.PlanJob:
 @pytest.fixture(scope="module")
 def result(job: command.PlanJob) -> command.PlanResult:
     return command.run(job, quiet=True)
+
+
+def test_plans_say_what_they_were_made_from(
+    job: command.PlanJob, result: command.PlanResult
+) -> None:
+    told = plan_view.as_json(result)["made_from"]
+    for name, path in (("map", job.map_file), ("model", find_model("atv"))):
+        assert told[f"{name}_id"] == path.name
+        assert told[f"{name}_hash"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert 0.0 <= told["map_age"] < 600.0
+    assert "made_from" not in plan_view.as_json(replace(result, made_from=None))
+
+
+@pytest.mark.parametrize("solver", ["osqp", "ipopt"])
+def test_plans_may_be_smoothed_by_another_solver(
+    job: command.PlanJob, result: command.PlanResult, solver: str
+) -> None:
+    settings = command.settings_of(True, solver=solver)
+    other = command.run(replace(job, settings=settings, explain=False), quiet=True)
+    usual = {plan.candidate: plan for plan in result.plans}
+    for plan in other.plans:
+        assert plan.status is usual[plan.candidate].status
+        assert plan.travel_time == pytest.approx(usual[plan.candidate].travel_time, rel=0.02)
+    assert command.checked(other, None, 12.0, quiet=True).check.valid  # type: ignore[union-attr]
+
+
+def test_a_solver_that_there_is_none_of_is_an_error_of_the_option() -> None:
+    with pytest.raises(InputError, match="--solver") as error:
+        command.settings_of(True, solver="simplex")
+    assert "ipopt" in str(error.value)
 
 
 def test_the_best_candidate_is_explained(result: command.PlanResult) -> None:

@@ -1,0 +1,97 @@
+"""The brake sheet as a page: models of all kinds are drawn, and what it says is what there is."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.errors import InputError
+from models.parameters import Effect, Model
+from models.surface_braking import SurfaceBraking
+from planner.ground.uncertainty import Uncertainty
+from services.io.model_file import find_model, read_model
+from services.report.brake_numbers import BrakeNumbers
+from services.report.brake_sheet import write_sheet
+from services.report.brake_table import shown_distances
+from services.report.brake_words import as_json, brake_rows, danger, explained, slope_rows
+
+pytest.importorskip("matplotlib", reason="the report extra is not installed")
+
+
+def of(**of_braking: object) -> BrakeNumbers:
+    model = read_model(find_model("atv"))
+    braking = dataclasses.replace(model.braking, **of_braking)
+    return BrakeNumbers(dataclasses.replace(model, braking=braking), Uncertainty())
+
+
+def with_effects(model: Model) -> Model:
+    lag = Effect(name="brake_lag", parameters={"tau": 0.2})
+    wind = Effect(name="headwind", parameters={"c": 0.01, "wind": 5.0, "direction": 1.0})
+    return dataclasses.replace(model, effect=(lag, wind))
+
+
+KINDS = {
+    "as shipped": of(),
+    "brakes that do not hold the steepest descent": of(b_b=0.25, m_b=0.0, b_m=0.1, m_m=0.0),
+    "trained on level ground only": of(grade_range=(-0.005, 0.005)),
+    "trained uphill only": of(grade_range=(0.02, 0.2)),
+    "nearly one speed": of(speed_range=(2.0, 2.02)),
+    "surfaces and a weaker state": of(terrain={
+        "<sand>": SurfaceBraking(b_b=0.3), "ice": SurfaceBraking(b_b=0.16, m_b=0.0),
+        "worn": SurfaceBraking(b_b=0.35, state_of=""),
+    }),
+    "effects": BrakeNumbers(with_effects(read_model(find_model("atv"))), Uncertainty()),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_model_has_a_sheet(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "sheet.pdf"
+    write_sheet(path, KINDS[kind], {"stops": "<b>24</b>"}, "log 0123  a.csv")
+    assert path.read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("ending", ["pdf", "html"])
+def test_the_same_model_has_the_same_sheet(ending: str, tmp_path: Path) -> None:
+    first, second = (tmp_path / f"{name}.{ending}" for name in ("first", "second"))
+    for path in (first, second):
+        write_sheet(path, KINDS["nearly one speed"], {}, "log 0123  <b>a.csv</b>")
+    assert first.read_bytes() == second.read_bytes()
+    assert b"<b>a.csv" not in first.read_bytes()
+
+
+def test_a_stop_that_does_not_end_is_told_and_drawn_as_none() -> None:
+    weak = KINDS["brakes that do not hold the steepest descent"]
+    table = shown_distances(weak)
+    assert np.isinf(table.allowed[-1, 0])
+    assert "does not end" in danger(weak, table)
+    told = as_json(weak)
+    assert told["allowed_distance"][-1][0] is None
+    assert told["slopes"]["stops_downhill"]["claimed"] < 0.26
+    assert "+" not in slope_rows(weak)["stops uphill, downhill"].split(", ")[1]
+
+
+def test_where_nothing_is_trained_downhill_no_danger_is_claimed() -> None:
+    numbers = KINDS["trained uphill only"]
+    table = shown_distances(numbers)
+    assert danger(numbers, table).startswith("On the trained grades no stop is longer")
+    assert "on no trained grade" in explained(numbers, table)
+
+
+def test_the_weaker_state_counts_and_other_surfaces_are_told_the_worst_first() -> None:
+    numbers = KINDS["surfaces and a weaker state"]
+    assert numbers.least_force(2.0, 0.0) < of().least_force(2.0, 0.0) - 0.04
+    rows = brake_rows(numbers, shown_distances(numbers))
+    ice, sand = rows["longest stop on others"].split(", ")
+    assert ice == "ice –"
+    assert sand.startswith("<sand> ")
+    assert float(sand.split()[1]) > 4.0
+    assert "longest stop on others" not in brake_rows(of(), shown_distances(of()))
+
+
+def test_another_ending_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"\.html or \.pdf"):
+        write_sheet(tmp_path / "sheet.png", of(), {}, "")
