@@ -36,6 +36,7 @@ class Usability(Enum):
     REVERSED = "reversed: told to drive backwards"
     TURNING = "turning while it braked"
     PARTIAL = "brakes applied in part only"
+    COASTED = "coasted: told to stand, with the brakes left at 0"
     SPARSE = "too few samples while it braked"
     SUSPECT = "suspect samples"
 
@@ -225,7 +226,10 @@ class _Search:
             mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
             if mean > s.turn_rate:
                 return Usability.TURNING, f"mean yaw rate {mean:.2f} rad/s"
-        level, held_on = application(self._brake(braking), s.uneven)
+        brake = self._brake(braking)
+        if brake is not None and np.isfinite(brake).any() and not np.nansum(np.abs(brake)) > 0.0:
+            return Usability.COASTED, "brake application of 0 until it stood"
+        level, held_on = application(brake, s.uneven)
         if level < s.full_brake and not (s.partial and held_on):
             words = "" if held_on else ", and not held there"
             return Usability.PARTIAL, f"brakes applied to {level:.0%}{words}"

@@ -37,7 +37,8 @@ def application(brake: Floats | None, uneven: float) -> tuple[float, bool]:
     """Application of the brakes during a stop, and whether it is held; full where nothing is told.
 
     Args:
-        brake: (n,) 0 … 1, NaN or 0 where it is not told. uneven: how far from the median [1].
+        brake: (n,) 0 … 1, NaN where it is not told, 0 where it is yet to come.
+        uneven: how far from the median [1].
     """
     if brake is None:
         return 1.0, True

@@ -15,6 +15,7 @@ from services.cli.arguments.options import (
     VIOLATIONS,
     AsJson,
     ClearDistance,
+    Columns,
     Coverage,
     FalseAlarm,
     GroundMap,
@@ -191,6 +192,7 @@ class CalibrateOptions:
     report: Report = None
     map_file: GroundMap = None
     topics: Topics = None
+    columns: Columns = ""
     coverage: Coverage = 0.999
     least_speed: LeastSpeed = 0.3
     longest: LongestStop = 30.0
@@ -232,6 +234,7 @@ def coverage(
     model: ModelFile,
     map_file: GroundMap = None,
     topics: Topics = None,
+    columns: Columns = "",
     quantile: Quantile = 0.999,
     as_json: AsJson = False,
 ) -> None:
@@ -245,7 +248,7 @@ def coverage(
     """
     from services.cli.commands import coverage as command
 
-    job = command.CoverageJob(logs, model, map_file, topics, quantile)
+    job = command.CoverageJob(logs, model, map_file, topics, quantile, columns)
     result = command.run(job, quiet=as_json)
     say(as_json, command, result)
     if not result.covers:
@@ -279,6 +282,7 @@ class TerrainOptions:
     ] = None
     adapt: Annotated[bool, typer.Option(help="Let classes follow, and new ones arise.")] = False
     topics: Topics = None
+    columns: Columns = ""
     as_json: AsJson = False
 
 
@@ -303,6 +307,7 @@ def terrain(options: TerrainOptions) -> None:
         options.adapt,
         options.learn is not None,
         options.topics,
+        options.columns,
     )
     result = command.run(job, quiet=options.as_json)
     if options.out is not None:
@@ -324,6 +329,8 @@ def simulate(
         Path | None,
         typer.Option(metavar="sim.csv", help="Write run,t,v_measured,v_simulated,residual."),
     ] = None,
+    topics: Topics = None,
+    columns: Columns = "",
     as_json: AsJson = False,
 ) -> None:
     """Replay the stops of a drive log through the model.
@@ -335,7 +342,7 @@ def simulate(
     """
     from services.cli.commands import simulate as command
 
-    result = command.run(logs, model, quiet=as_json)
+    result = command.run(logs, model, topics, columns, quiet=as_json)
     if out is not None:
         command.write(result, out)
     say(as_json, command, result, out)
@@ -351,6 +358,7 @@ def discrepancy(
     ],
     map_file: GroundMap = None,
     topics: Topics = None,
+    columns: Columns = "",
     false_alarm: FalseAlarm = 0.005,
     practical_share: PracticalShare = 0.01,
     practical_length: PracticalLength = 0.02,
@@ -379,7 +387,7 @@ def discrepancy(
         false_alarm=false_alarm, practical_share=practical_share,
         practical_length=practical_length, seed=seed,
     )  # fmt: skip
-    job = command.DiscrepancyJob(logs, model, map_file, topics, settings)
+    job = command.DiscrepancyJob(logs, model, map_file, topics, settings, columns)
     result = command.run(job, quiet=as_json)
     written = command.write(result, job, out)
     say(as_json, command, result, *written)

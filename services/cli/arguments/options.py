@@ -100,6 +100,13 @@ Topics = Annotated[
     Path | None,
     typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
 ]
+Columns = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME=COLUMN:UNIT,…",
+        help="Columns of tables with other names or units: speed=v:km/h,grade=slope:deg.",
+    ),
+]
 FalseAlarm = Annotated[
     float,
     typer.Option(help="Share of logs without a missing effect that may be said to have one."),

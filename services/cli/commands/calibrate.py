@@ -53,7 +53,7 @@ def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
     settings = _settings(job)
     model = read_model(find_model(job.model))
     with progress_bar("calibrating", 4, quiet=quiet) as advance:
-        log = read_logs(job.logs, job.topics)
+        log = read_logs(job.logs, job.topics, job.columns)
         advance(1)
         refuse_wrong_units(log)
         refuse_too_fast(log, model)

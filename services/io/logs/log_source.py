@@ -10,6 +10,7 @@ from models.stop_logs import unit_suspects
 from models.vehicle import Vehicle
 from services.io.access import fault
 from services.io.bags.recording import is_bag
+from services.io.logs.column_names import OPTION, parse_names
 from services.io.logs.drive_log import DriveLog, read_drive_log
 
 _NEEDED = ("v", "v_cmd", "pitch")
@@ -17,12 +18,13 @@ _SHOWN = 3
 """Files that a sentence names."""
 
 
-def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
+def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = "") -> DriveLog:
     """One log out of tables, or out of recordings.
 
     Args:
         paths: all tables, or all recordings.
-        topics: topic mapping of the recordings.
+        topics: topic mapping of the recordings. names: of columns in tables, see
+            :mod:`services.io.logs.column_names`.
 
     Raises:
         InputError: names file and field; also if tables and recordings are mixed.
@@ -31,7 +33,9 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
     if not bags:
         if topics is not None:
             raise fault(topics, "", "expected recordings with a topic mapping, got tables only")
-        return read_drive_log(paths)
+        return read_drive_log(paths, parse_names(names))
+    if names:
+        raise fault(OPTION, "", "expected tables, recordings have a topic mapping: --topics")
     if len(bags) < len(paths):
         other = next(path for path in paths if path not in bags)
         raise fault(other, "", "expected recordings only, got a table among them")

@@ -54,6 +54,7 @@ def test_a_sensor_that_never_reads_zero_settles() -> None:
         ({"v_cmd": np.where(T < -1e-9, 2.0, -1.0)}, Usability.REVERSED),
         ({"yaw_rate": np.full(len(T), 0.6)}, Usability.TURNING),
         ({"brake": np.where(T < -1e-9, 0.0, 0.5)}, Usability.PARTIAL),
+        ({"brake": np.zeros(len(T))}, Usability.COASTED),
         ({"v": speed(deceleration=40.0)}, Usability.SPARSE),
     ],
 )
