@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -16,8 +17,11 @@ from services.cli.arguments.options import (
     AsJson,
     ClearDistance,
     Columns,
+    CommandStep,
     Coverage,
     FalseAlarm,
+    FewestSamples,
+    FullBrake,
     GroundMap,
     HorizonPenalty,
     LeastSpeed,
@@ -31,6 +35,7 @@ from services.cli.arguments.options import (
     PracticalLength,
     PracticalShare,
     Quantile,
+    Ramp,
     Report,
     Seed,
     SettledSpeed,
@@ -92,8 +97,6 @@ def plan(options: PlanOptions) -> None:
 
     [bold]Example[/]  slopewise plan hill.tif paths.csv --model atv --speed 2 --report plan.html
     """
-    import math
-
     from services.cli.commands import plan as command
     from services.cli.commands import plan_view as view
 
@@ -160,8 +163,6 @@ def check(options: CheckOptions) -> None:
 
     [bold]Example[/]  slopewise check plan.csv --map hill.tif --model atv --clear 20
     """
-    import math
-
     from services.cli.commands import check as command
     from services.cli.commands import check_view as view
 
@@ -194,10 +195,14 @@ class CalibrateOptions:
     topics: Topics = None
     columns: Columns = ""
     coverage: Coverage = 0.999
-    least_speed: LeastSpeed = 0.3
-    longest: LongestStop = 30.0
+    least_speed: LeastSpeed = None
+    longest: LongestStop = math.inf
     settled_speed: SettledSpeed = 0.03
     turn_rate: TurnRate = 0.35
+    ramp: Ramp = 0.15
+    step: CommandStep = 0.7
+    full_brake: FullBrake = 0.9
+    fewest: FewestSamples = 6
     as_json: AsJson = False
 
 
@@ -210,7 +215,8 @@ def calibrate(options: CalibrateOptions) -> None:
     together, and learns how they scatter: margins of force and dead time, and what is left as a
     constant. Suspect stretches are left out and named. Named effects of the model stay in force.
     Status 3: the result is written, but of no use, and why is said. --stops has a row for every
-    stop that was found, with the reason where it was left out, also where the command refuses.
+    stop that was found, with the reason where it was left out; it and --report are written also
+    where the command refuses.
 
     [bold]Example[/]  slopewise calibrate drive.csv --model atv --out mine.toml --report stops.html
     """
