@@ -23,7 +23,6 @@ from models.calibration.brake_levels import BrakeLevels, at_full_level, tells_le
 from models.calibration.brake_states import WeakerState
 from models.calibration.effects_in_force import measured_beside
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
-from models.calibration.hull import extrapolated_corners
 from models.calibration.plausible import objections
 from models.calibration.speed_error import SpeedError, speed_error
 from models.calibration.stop_margins import Margins
@@ -215,6 +214,7 @@ def _values(surface: SurfaceFit) -> dict[str, Any]:
     return _coefficients(surface.fit.coefficients, surface.margins) | {
         "distance_offset": surface.distance_offset, "time_offset": surface.time_offset,
         "speed_range": surface.speed_range, "grade_range": surface.grade_range,
+        "speed_by_grade": surface.speed_by_grade,
         "dead_time_std": surface.margins.dead_time,
     }  # fmt: skip
 
@@ -268,15 +268,15 @@ def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
 
 def _corners(base: SurfaceFit) -> list[str]:
     """Corners of the trained rectangle that the stops do not reach, in a sentence."""
-    kept = [r for r in base.records if r.kept]
-    corners = extrapolated_corners(
-        np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept]), base.fit
-    )
+    corners = base.corners
     told = ", ".join(
         f"{c.speed:.1f} m/s at {np.rad2deg(c.grade):+.0f}° (force {c.force:.2f} ± {c.std:.2f})"
         for c in corners
     )
-    return [f"no stop was near {told}: there the model extrapolates"] if corners else []
+    if not corners:
+        return []
+    held = "" if base.speed_by_grade is None else ", and plans are no faster than what was driven"
+    return [f"no stop was near {told}: there the model extrapolates{held}"]
 
 
 def _asymmetry(base: SurfaceFit) -> Asymmetry | None:
