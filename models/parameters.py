@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
+from models import speed_by_grade
 from models.errors import ParameterError
 from models.quantity import (
     Matrix,
@@ -35,6 +36,8 @@ class Braking:
         grade_range: likewise the grades [rad], uphill positive.
         roll_range: likewise the rolls [rad], left side up positive; left out, as far to either side
             as the steeper end of ``grade_range``.
+        speed_by_grade: corners (grade [rad], highest speed [m/s]) of what was driven, concave over
+            the grade; left out, every speed of ``speed_range`` was driven on every grade.
         covariance: of m_m, b_m, m_b, b_b, in their units; left out, they count as exact.
         drive_in_dead_time: what the drive does between stop command and onset: the speed is held,
             or the drive is cut and the vehicle rolls; of either, the longer stop counts.
@@ -54,6 +57,7 @@ class Braking:
     speed_range: tuple[float, float]
     grade_range: tuple[float, float]
     roll_range: tuple[float, float] | None = None
+    speed_by_grade: Matrix | None = None
     covariance: Matrix | None = None
     force_std: float = quantity(
         "1", "Scatter of F_b/W from stop to stop that the model leaves.", default=0.0, at_least=0.0
@@ -97,6 +101,7 @@ class Braking:
         validate_range("grade_range", self.grade_range)
         if self.roll_range is not None:
             validate_range("roll_range", self.roll_range)
+        speed_by_grade.validate("speed_by_grade", self.speed_by_grade)
         if self.speed_range[0] < 0.0:
             raise ParameterError("speed_range", f"speeds >= 0, got {self.speed_range[0]:g}")
         validate_covariance("covariance", self.covariance, 4)

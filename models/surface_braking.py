@@ -26,6 +26,7 @@ class SurfaceBraking:
 
     Attributes:
         covariance, speed_range, grade_range, roll_range, uphill: See [braking].
+        speed_by_grade: likewise; that of ``[braking]`` does not hold beside ranges of its own.
         class_id: number by which a map calls the surface; left out, its place among the tables,
             counted from 1.
         state_of: the surface of which this is no ground of its own but a state of the brakes that
@@ -47,6 +48,7 @@ class SurfaceBraking:
     speed_range: tuple[float, float] | None = None
     grade_range: tuple[float, float] | None = None
     roll_range: tuple[float, float] | None = None
+    speed_by_grade: Matrix | None = None
     sliding_friction: float | None = quantity("1", "See [braking].", default=None, above=0.0)
     uphill: UphillBraking | None = None
     class_id: int | None = None
@@ -60,4 +62,7 @@ class SurfaceBraking:
         """What differs, by the keys of ``[braking]``."""
         values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         del values["class_id"], values["state_of"]
-        return {name: value for name, value in values.items() if value is not None}
+        given = {name: value for name, value in values.items() if value is not None}
+        if "speed_range" in given or "grade_range" in given:
+            given.setdefault("speed_by_grade", None)
+        return given

@@ -48,10 +48,14 @@ def read_paths(file: File) -> list[CandidatePath]:
     return path_file.read_paths(Path(file))
 
 
-def read_drive_log(*files: File) -> DriveLog:
+def read_drive_log(*files: File, columns: str = "") -> DriveLog:
     """One drive log out of tables (CSV, Parquet), or out of ROS 2 recordings.
+
+    Args:
+        files: tables or recordings.
+        columns: of tables that have other names or units, such as ``"speed=v:km/h"``.
 
     Raises:
         InputError: names file, row and column; also if tables and recordings are mixed.
     """
-    return read_logs([Path(file) for file in files])
+    return read_logs([Path(file) for file in files], names=columns)

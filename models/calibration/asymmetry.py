@@ -1,7 +1,7 @@
 """Do the brakes answer to slopes uphill as they do downhill?
 
 The braking model has one slope coefficient for both ways. Where stops show another one uphill, it
-leaves the difference as scatter, and whoever reads the result should know.
+leaves the difference as scatter: then uphill gets coefficients of its own (:mod:`.uphill`).
 
 F_b/W = (m_m v_i + b_m) θ + (m_b v_i + b_b) + k max(θ, 0). Source: Braking Sec. 2, which names
 coefficients of their own for uphill and downhill as an extension.
@@ -34,6 +34,10 @@ class Asymmetry:
     def clear(self) -> bool:
         """It is no chance."""
         return abs(self.value) > _SURE * self.std
+
+    def times(self, factor: float) -> Asymmetry:
+        """That of brakes that are a factor as strong."""
+        return Asymmetry(factor * self.value, factor * self.std)
 
 
 def asymmetry(

@@ -19,6 +19,7 @@ from models.arrays import Floats
 from models.calibration.effects_in_force import measured_beside
 from models.calibration.stop_margins import normal_width
 from models.calibration.stopping import stopping_distance
+from models.calibration.uphill import extra_force
 from models.parameters import Braking, Model
 from models.stop_logs.find_stops import StopWindow
 from models.stop_logs.measured_log import measure_stops
@@ -95,9 +96,12 @@ def allowed_distance(braking: Braking, record: StopRecord, quantile: float) -> f
         margin = np.zeros((4, 4)) if on.covariance is None else np.array(on.covariance)
         margin = margin + on.force_scatter**2 * np.outer(own, own)
         margin[3, 3] += on.force_std**2
+        held = record.samples.window.held_speed
+        more = extra_force(on, max(held, on.speed_range[0]), record.path[1])
         distance = stopping_distance(
-            record.samples.window.held_speed, on.dead_time + width * on.dead_time_std,
+            held, on.dead_time + width * on.dead_time_std,
             record.at_level(own), *record.path, (record.applied * width) ** 2 * margin,
+            None if more is None else record.applied * more,
         )  # fmt: skip
         worst = max(worst, distance + on.distance_offset + record.by_effects)
     return worst

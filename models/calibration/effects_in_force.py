@@ -30,13 +30,16 @@ from models.stop_logs.onset import Knee, fit_knee
 from models.stop_logs.stop_record import StopRecord
 from models.stops.simulation import GroundTrack, SimulatedStop, simulate_stop
 
-_PASSES = 3
+_PASSES = 4
 _AFTER = 0.2  # [s] that a simulated stop goes on standing
 _CLEAR = 0.02  # [1] by which the force is moved to see whether the stop shows it
 _HIDDEN = 0.3  # share of a change of force that a stop shows, from which it tells nothing
 _NO_WORD = 1.0  # [1] standard deviation of a force that is hidden
 _LARGEST_STEP = 0.2  # [1]
 _LEAST = 0.01  # [1] of a force
+_LEAST_STEP = 1e-3  # [1] of a force, from which two tries tell the steepness
+_STEEPNESS = 0.25, 1.25
+_LEAST_VAR = 1e-8  # [s²] of an onset
 
 
 def measured_beside(
@@ -52,8 +55,15 @@ def measured_beside(
         return measured
     tracks = [_track(record, columns) for record in measured.records]
     force = np.array([r.force_ratio for r in measured.records])
-    dead = measured.dead_time.value
+    common = measured.dead_time
+    dead = common.value
     shift = np.zeros(len(force))
+    seen: list[list[tuple[float, float]]] = [[] for _ in measured.records]
+    # The dead time is the mean that :mod:`models.stop_logs.dead_time` takes.
+    weight = np.array([
+        1.0 / (r.noise**2 * float(r.knee.covariance[1, 1]) + common.between_stops**2 + _LEAST_VAR)
+        for r in measured.records
+    ])  # fmt: skip
     extra, shown = np.zeros(len(force)), np.ones(len(force))
     for last in (False,) * _PASSES + (True,):
         heat = _Heat(model)
@@ -70,10 +80,13 @@ def measured_beside(
                 more = _simulated(model, record, track, float(force[i]) + _CLEAR, dead, warm)[1]
                 shown[i] = 0.0 if more is None else (more.force_ratio - knee.force_ratio) / _CLEAR
             else:
-                wanted = record.force_ratio - knee.force_ratio
+                # Each force was measured with its onset pulled towards the common one.
+                pulled = measured.by_dead_time[i] * (common.value - knee.onset_time)
+                seen[i].append((float(force[i]), knee.force_ratio + pulled))
+                wanted = (record.force_ratio - seen[i][-1][1]) / _steepness(seen[i])
                 force[i] = max(force[i] + np.clip(wanted, -_LARGEST_STEP, _LARGEST_STEP), _LEAST)
         if not last:
-            dead = max(measured.dead_time.value - float(np.mean(shift)), 0.0)
+            dead = max(common.value - float(np.average(shift, weights=weight)), 0.0)
     records = tuple(
         dataclasses.replace(
             r, force_ratio=float(f), onset_shift=float(s), by_effects=float(e),
@@ -87,6 +100,19 @@ def measured_beside(
     return dataclasses.replace(
         measured, records=records, dead_time=dataclasses.replace(measured.dead_time, value=dead)
     )
+
+
+def _steepness(seen: list[tuple[float, float]]) -> float:
+    """What a stop shows of a change of its force [1], by the last two that were tried.
+
+    A short stop ends before brakes that build up slowly have done so: it shows a part only.
+    """
+    if len(seen) < 2:
+        return 1.0
+    (before, shown_before), (now, shown_now) = seen[-2:]
+    if abs(now - before) < _LEAST_STEP:
+        return 1.0
+    return float(np.clip((shown_now - shown_before) / (now - before), *_STEEPNESS))
 
 
 class _Heat:
@@ -151,7 +177,7 @@ def _simulated(
     along = np.interp(np.maximum(time, 0.0), stop.time, stop.station)
     grade = np.interp(along, track.station, track.grade)
     slope = model.braking.m_m * held + model.braking.b_m
-    return stop, fit_knee(time, speed, grade, end, slope)
+    return stop, fit_knee(time, speed, grade, end, slope, record.knee.held_weight)
 
 
 def _coefficients(

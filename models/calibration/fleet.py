@@ -227,7 +227,8 @@ def _surface(
         )
     stops = MeasuredStops(speed, grade, force, np.array([s.left for _, s in pairs]), over)
     time_offset = offset_for(settings.coverage, short[np.isfinite(short)])
-    ranges = {
+    ranges: dict[str, Any] = {
+        "speed_by_grade": None,
         "speed_range": (float(speed[fit.kept].min()), float(speed[fit.kept].max())),
         "grade_range": (float(grade[fit.kept].min()) - _PAD, float(grade[fit.kept].max()) + _PAD),
     }

@@ -1,8 +1,9 @@
-"""Which corners of the trained rectangle no stop was near: there the coefficients extrapolate.
+"""What was driven: which corners of the trained rectangle no stop was near, and the hull of stops.
 
 Stops fill a region of speeds and grades, often a slanted one: slow downhill, fast on the level. The
-model file states a rectangle around it. Its corners outside the hull of what was driven are named;
-the covariance of the coefficients, which plans take at their quantile, grows there by itself.
+model file states a rectangle around it. Its corners outside the hull of what was driven are named.
+Where such a corner is a fast one, the hull is written as well: plans are no faster on a grade than
+it. Inside of it the covariance of the coefficients, which plans take at their quantile, speaks.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ from scipy.spatial import ConvexHull, QhullError
 
 from models.arrays import Floats
 from models.calibration.force_fit import ForceFit
+from models.quantity import Matrix
 
 _NEAR = 0.25  # of both ranges: so far beyond the hull still counts as driven
+_COUNTS = 0.1  # of both ranges: so far around a stop counts as driven
+_MOST = 8  # corners of the hull that are written
 
 
 class Corner(NamedTuple):
@@ -48,6 +52,59 @@ def extrapolated_corners(speed: Floats, grade: Floats, fit: ForceFit) -> tuple[C
             force, std = float(fit.force_ratio(*here)[0]), float(fit.force_std(*here)[0])
             found.append(Corner(low[i], span[j], force, std))
     return tuple(found)
+
+
+def speed_by_grade(
+    speed: Floats, grade: Floats, speed_range: tuple[float, float],
+    grade_range: tuple[float, float], corners: tuple[Corner, ...],
+) -> Matrix | None:  # fmt: skip
+    """Highest speeds driven, by grade: corners (grade [rad], speed [m/s]), concave.
+
+    A stop counts for a tenth of both ranges around it. Of the hull's corners those that matter
+    least are left out, which makes it smaller.
+
+    Args:
+        speed, grade: (n,) of stops [m/s], [rad]. speed_range, grade_range: of the model file.
+        corners: of the rectangle that no stop was near.
+
+    Returns:
+        None where every fast corner was driven.
+    """
+    middle = 0.5 * sum(speed_range)
+    if not any(corner.speed > middle for corner in corners):
+        return None
+    reach = _COUNTS * (grade_range[1] - grade_range[0])
+    fast = np.minimum(speed + _COUNTS * (speed_range[1] - speed_range[0]), speed_range[1])
+    ends = np.concatenate((grade - reach, grade + reach))
+    points = np.column_stack((np.clip(ends, *grade_range), np.concatenate((fast, fast))))
+    chain = _upper_chain(points)
+    # The ends of the ranges are the ends of the hull, so that nothing is left open between them.
+    chain[0], chain[-1] = (grade_range[0], chain[0][1]), (grade_range[1], chain[-1][1])
+    while len(chain) > _MOST:
+        lost = [_area(*chain[i : i + 3]) for i in range(len(chain) - 2)]
+        del chain[1 + int(np.argmin(lost))]
+    return tuple((float(theta), float(v)) for theta, v in _upper_chain(np.array(chain)))
+
+
+def _upper_chain(points: Floats) -> list[tuple[float, float]]:
+    """Upper side of the convex hull of points (n, 2), by the first coordinate (Andrew 1979)."""
+    highest: dict[float, float] = {}
+    for x, y in points.tolist():
+        highest[x] = max(y, highest.get(x, y))
+    chain: list[tuple[float, float]] = []
+    for point in sorted(highest.items()):
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) >= 0.0:
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _area(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return 0.5 * abs(_turn(a, b, c))
 
 
 def _range(values: Floats) -> tuple[float, float]:

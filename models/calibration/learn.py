@@ -14,16 +14,15 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import Floats
-from models.calibration.asymmetry import Asymmetry, asymmetry
+from models.calibration.asymmetry import Asymmetry
 from models.calibration.brake_levels import BrakeLevels, at_full_level, tells_levels
 from models.calibration.brake_states import WeakerState
 from models.calibration.effects_in_force import measured_beside
-from models.calibration.force_fit import NAMES, WEAK_PRIOR
-from models.calibration.hull import extrapolated_corners
+from models.calibration.force_fit import NAMES
+from models.calibration.notes import clear_asymmetry, notes
 from models.calibration.plausible import objections
 from models.calibration.speed_error import SpeedError, speed_error
 from models.calibration.stop_margins import Margins
@@ -35,6 +34,7 @@ from models.calibration.surface_fit import (
     fit_surfaces,
     state_margins,
 )
+from models.calibration.uphill import beside_uphill
 from models.parameters import Braking, Model
 from models.stop_logs.dead_time import DeadTime
 from models.stop_logs.drive_quality import Suspect, usable
@@ -43,7 +43,7 @@ from models.stop_logs.ground_grade import Dive
 from models.stop_logs.measure import Measured, Slope
 from models.stop_logs.measured_log import MeasuredLog, measure_stops
 from models.stop_logs.mount_offset import Mount
-from models.surface_braking import SurfaceBraking
+from models.surface_braking import SurfaceBraking, UphillBraking
 
 _FIRST_STATE = 2_000_000
 """Numbers of states, which no map knows."""
@@ -119,10 +119,14 @@ def learn(
     rolling = 0.0 if beside is None else beside.terrain.rolling_while_braking
     measured, levels = at_full_level(measured, known, rolling)
     surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
-    warnings += _warnings(surfaces[0], mount, known)
+    uneven = None if levels is not None else clear_asymmetry(surfaces[0], beside)
+    if uneven is not None:
+        measured = beside_uphill(measured, uneven.value, known)
+        surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
+    warnings += notes(surfaces[0], mount, known, uneven)
     good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
     driven = speed_error(columns, runs, good)
-    braking = _braking(known, surfaces, measured.dead_time)
+    braking = _braking(known, surfaces, measured.dead_time, uneven)
     if driven is not None:
         braking = dataclasses.replace(braking, speed_error=driven.value)
     if levels is not None:
@@ -175,8 +179,10 @@ def measure_log(
     )  # fmt: skip
 
 
-def _braking(known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime) -> Braking:
-    base, *own = (_values(s) for s in surfaces)
+def _braking(
+    known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime, uneven: Asymmetry | None
+) -> Braking:
+    base, *own = (_values(s, uneven) for s in surfaces)
     speed_low, speed_high = base["speed_range"]
     base["speed_range"] = (speed_low, max(speed_high, speed_low + 1e-3))
     tables = dict(known.terrain)
@@ -191,10 +197,12 @@ def _braking(known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime) -> 
     for surface in surfaces:
         if surface.state is not None:
             tables[state_name(surface.name, tables)] = SurfaceBraking(
-                class_id=number, state_of=surface.name, **_state_values(surface, surface.state)
+                class_id=number,
+                state_of=surface.name,
+                **_state_values(surface, surface.state, uneven),
             )
             number += 1
-    return dataclasses.replace(known, dead_time=dead.value, uphill=None, terrain=tables, **base)
+    return dataclasses.replace(known, dead_time=dead.value, terrain=tables, **base)
 
 
 def state_name(surface: str, taken: Container[str]) -> str:
@@ -205,83 +213,34 @@ def state_name(surface: str, taken: Container[str]) -> str:
     return name
 
 
-def _state_values(surface: SurfaceFit, state: WeakerState) -> dict[str, Any]:
+def _state_values(
+    surface: SurfaceFit, state: WeakerState, uneven: Asymmetry | None
+) -> dict[str, Any]:
     weaker = state_margins(surface.margins, state, surface.fit.coefficients)
-    values = _coefficients(state.ratio * surface.fit.coefficients, weaker)
-    return values | {k: v for k, v in _values(surface).items() if k not in values}
+    scaled = None if uneven is None else uneven.times(state.ratio)
+    values = _coefficients(state.ratio * surface.fit.coefficients, weaker, scaled)
+    return values | {k: v for k, v in _values(surface, uneven).items() if k not in values}
 
 
-def _values(surface: SurfaceFit) -> dict[str, Any]:
-    return _coefficients(surface.fit.coefficients, surface.margins) | {
+def _values(surface: SurfaceFit, uneven: Asymmetry | None) -> dict[str, Any]:
+    return _coefficients(surface.fit.coefficients, surface.margins, uneven) | {
         "distance_offset": surface.distance_offset, "time_offset": surface.time_offset,
         "speed_range": surface.speed_range, "grade_range": surface.grade_range,
+        "speed_by_grade": surface.speed_by_grade,
         "dead_time_std": surface.margins.dead_time,
     }  # fmt: skip
 
 
-def _coefficients(values: Floats, margins: Margins) -> dict[str, Any]:
+def _coefficients(values: Floats, margins: Margins, uneven: Asymmetry | None) -> dict[str, Any]:
     covariance = 0.5 * (margins.covariance + margins.covariance.T)
+    uphill = None
+    if uneven is not None:
+        # What is not known of the change counts both ways: the file has one matrix for them.
+        covariance[1, 1] += uneven.std**2
+        uphill = UphillBraking(m_m=float(values[0]), b_m=float(values[1]) + uneven.value)
     return {
+        "uphill": uphill,
         **dict(zip(NAMES, (float(c) for c in values), strict=True)),
         "covariance": tuple(tuple(float(c) for c in row) for row in covariance),
         "force_std": margins.force.absolute, "force_scatter": margins.force.relative,
     }  # fmt: skip
-
-
-def _warnings(base: SurfaceFit, mount: Mount, known: Braking) -> list[str]:
-    said = []
-    if not mount.known and base.records[0].samples.grade is None:
-        shift = float(np.deg2rad(1.0) * (1.0 + base.fit.coefficients[1]))
-        said.append(
-            "mount offset of the pitch sensor cannot be told from this log (it takes a map, "
-            f"heights, or ground driven both ways): each degree would shift b_b by {shift:.4f}; "
-            "the covariance allows for half a degree as a standard deviation"
-        )
-    if known.uphill is not None:
-        said.append(
-            "coefficients of their own for uphill were dropped: one slope is fitted for both ways"
-        )
-    if (uneven := _asymmetry(base)) is not None and uneven.clear:
-        said.append(
-            f"uphill the slope coefficient differs by {uneven.value:+.2f} ± {uneven.std:.2f}: one "
-            "for both ways leaves that as scatter; slopewise discrepancy adds it to the model"
-        )
-    weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
-    if weak:
-        said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
-    said += _corners(base)
-    out = [r for r in base.records if not r.kept and not r.in_weaker_state]
-    if out:
-        worst = max(r.samples.distance - r.predicted_distance for r in out)
-        said.append(
-            f"{len(out)} of {len(base.records)} stops fit no other: the coefficients do not rest "
-            f"on them, the margins do; the longest was {worst:+.2f} m beyond its prediction"
-        )
-    if base.state is not None:
-        said.append(
-            f"{int(base.state.members.sum())} of {len(base.records)} stops braked with "
-            f"{base.state.ratio:.0%} of the force of the others: kept as a state of its own; as "
-            "nobody can foresee it, plans take the worse of the two"
-        )
-    return said
-
-
-def _corners(base: SurfaceFit) -> list[str]:
-    """Corners of the trained rectangle that the stops do not reach, in a sentence."""
-    kept = [r for r in base.records if r.kept]
-    corners = extrapolated_corners(
-        np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept]), base.fit
-    )
-    told = ", ".join(
-        f"{c.speed:.1f} m/s at {np.rad2deg(c.grade):+.0f}° (force {c.force:.2f} ± {c.std:.2f})"
-        for c in corners
-    )
-    return [f"no stop was near {told}: there the model extrapolates"] if corners else []
-
-
-def _asymmetry(base: SurfaceFit) -> Asymmetry | None:
-    kept = [r for r in base.records if r.kept]
-    return asymmetry(
-        np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept]),
-        np.array([r.force_ratio for r in kept]), np.array([r.force_std for r in kept]), WEAK_PRIOR,
-    )  # fmt: skip

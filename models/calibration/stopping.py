@@ -24,7 +24,7 @@ _FARTHEST = 500.0  # [m] a vehicle that rolls that far does not stop
 
 def stopping_distance(
     speed: float, dead_time: float, coefficients: Floats, station: Floats, grade: Floats,
-    margin: Floats | None = None,
+    margin: Floats | None = None, extra: Floats | None = None,
 ) -> float:  # fmt: skip
     """Distance from stop command to standstill, without offset [m]; inf if it does not stop.
 
@@ -33,6 +33,7 @@ def stopping_distance(
         dead_time: [s]. coefficients: (4,) m_m, b_m, m_b, b_b.
         station: (n,) from the stop command on, not decreasing [m]; grade: (n,) there [rad]. Beyond
             the last station its grade goes on.
+        extra: (n,) F_b/W at the stations that the coefficients do not have.
         margin: (4, 4) matrix S; the force is lower by √(φᵀ S φ), φ = (v θ, θ, v, 1).
     """
     held = speed * dead_time
@@ -42,6 +43,8 @@ def stopping_distance(
         s = np.linspace(held, reach, max(int((reach - held) / _STEP), 20) + 1)
         theta = np.interp(s, station, grade)
         force = braking.force_ratio(theta, speed, *coefficients)
+        if extra is not None:
+            force = force + np.interp(s, station, extra)
         if margin is not None:
             phi = design(np.full_like(theta, speed), theta)
             force = force - np.sqrt(np.einsum("ni,ij,nj->n", phi, margin, phi))

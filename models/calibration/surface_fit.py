@@ -23,6 +23,7 @@ from models.calibration.force_fit import (
     fit_two_stages,
     with_mount,
 )
+from models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
 from models.calibration.margins import FEWEST_STOPS as FEWEST_MEASURED
 from models.calibration.margins import offset_for
 from models.calibration.stop_margins import (
@@ -39,6 +40,7 @@ from models.calibration.stop_margins import (
 from models.calibration.stopping import stopping_distance, stopping_time
 from models.errors import ParameterError
 from models.parameters import Braking
+from models.quantity import Matrix
 from models.stop_logs.find_stops import StopSettings
 from models.stop_logs.measure import Measured
 from models.stop_logs.mount_offset import Mount
@@ -94,6 +96,20 @@ class SurfaceFit:
     speed_range: tuple[float, float]
     grade_range: tuple[float, float]
     two_stages: Floats | None
+
+    @property
+    def corners(self) -> tuple[Corner, ...]:
+        """Corners of the trained rectangle that no stop was near."""
+        return extrapolated_corners(*self._driven(), self.fit)
+
+    @property
+    def speed_by_grade(self) -> Matrix | None:
+        """Highest speeds driven by grade, where a fast corner was not."""
+        return speed_by_grade(*self._driven(), self.speed_range, self.grade_range, self.corners)
+
+    def _driven(self) -> tuple[Floats, Floats]:
+        kept = [r for r in self.records if r.kept]
+        return np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept])
 
 
 def fit_records(records: Sequence[StopRecord], measured: Measured, known: Braking) -> ForceFit:

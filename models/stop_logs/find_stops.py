@@ -20,10 +20,16 @@ from numpy.typing import NDArray
 
 from models.arrays import Bools, Floats
 from models.errors import ParameterError
-from models.stop_logs.stop_channels import application, settled_speed
+from models.stop_logs.speed_floor import speed_floor
+from models.stop_logs.stop_channels import application
 
 TOLD = 0.01
 """A command of at most this is the stop command [m/s]."""
+
+_MOST_SETTLED = 0.4, 0.12
+"""Standstill is below this share of the held speed, and below this speed [m/s], however noisy."""
+
+_SOON = 1.0  # [s] after it has settled, a speed that reads 0 at rest does
 
 
 class Usability(Enum):
@@ -36,6 +42,8 @@ class Usability(Enum):
     REVERSED = "reversed: told to drive backwards"
     TURNING = "turning while it braked"
     PARTIAL = "brakes applied in part only"
+    SLOW = "slower than the least speed"
+    COASTED = "coasted: told to stand, with the brakes left at 0"
     SPARSE = "too few samples while it braked"
     SUSPECT = "suspect samples"
 
@@ -45,7 +53,8 @@ class StopSettings:
     """What counts as a stop. Times in s, speeds in m/s.
 
     Attributes:
-        least_speed: slower vehicles have nothing to stop.
+        least_speed: slower vehicles have nothing to stop; None takes what the log's own noise
+            leaves.
         held_for: before the command, over which the speed is averaged.
         before, after: how much of the log around a stop belongs to it.
         ramp: a command that came down over a longer time than that is no step.
@@ -60,7 +69,7 @@ class StopSettings:
         uneven: how far an application may be from its median and still be held [1].
     """
 
-    least_speed: float = 0.3
+    least_speed: float | None = None
     held_for: float = 0.2
     before: float = 1.0
     after: float = 1.5
@@ -69,7 +78,7 @@ class StopSettings:
     turn_rate: float = 0.35
     full_brake: float = 0.9
     fewest: int = 6
-    longest: float = 30.0
+    longest: float = np.inf
     settled: float = 0.3
     settled_speed: float = 0.03
     partial: bool = False
@@ -78,9 +87,18 @@ class StopSettings:
     def __post_init__(self) -> None:
         for name in ("least_speed", "longest", "settled_speed", "turn_rate"):
             value = getattr(self, name)
-            if not value > 0.0 or (value == np.inf and name != "turn_rate"):
+            if value is None:
+                continue
+            if not value > 0.0 or (value == np.inf and name not in ("turn_rate", "longest")):
                 raise ParameterError(name, f"a finite number > 0, got {value:g}")
-        if not self.settled_speed < self.least_speed:
+        for name, least in (("ramp", 0.0), ("fewest", 3)):
+            if not least <= getattr(self, name) < np.inf:
+                words = f"a finite number >= {least:g}, got {getattr(self, name):g}"
+                raise ParameterError(name, words)
+        for name in ("step", "full_brake"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ParameterError(name, f"a share 0 … 1, got {getattr(self, name):g}")
+        if self.least_speed is not None and not self.settled_speed < self.least_speed:
             words = f"less than the least speed of {self.least_speed:g} m/s"
             raise ParameterError("settled_speed", f"{words}, got {self.settled_speed:g}")
 
@@ -147,9 +165,7 @@ class _Search:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
         self.part, self.good, self.settings = part, good, settings
         self.told = self.v_cmd <= TOLD
-        self.settled_speed = settled_speed(
-            self.t, self.v, self.told, good, settings.settled_speed, settings.least_speed
-        )
+        self.floor = speed_floor(self.t, self.v, np.abs(self.v_cmd) <= TOLD, good)
 
     def windows(self) -> list[StopWindow]:
         starts = np.flatnonzero(self.told & ~np.concatenate(([True], self.told[:-1])))
@@ -158,9 +174,17 @@ class _Search:
             before = self._samples(self.t[i] - self.settings.held_for, i + 1)
             rolling = self.v[before][self.good[before]]
             held = float(np.mean(rolling)) if len(rolling) else 0.0
-            if held >= self.settings.least_speed:
+            least = self.settings.least_speed
+            slowest = max(self.floor.slowest, self.settings.settled_speed)
+            if held >= (slowest if least is None else min(least, slowest)):
                 found.append(self._window(i, held))
         return found
+
+    def _settled_speed(self, held: float) -> float:
+        """Speed that counts as standstill after a held one: what is read at rest [m/s]."""
+        least = self.settings.settled_speed
+        share, most = _MOST_SETTLED
+        return min(max(self.floor.standing, least), max(min(share * held, most), least))
 
     def _samples(self, since: float, stop: int) -> slice:
         return slice(int(np.searchsorted(self.t, since - 1e-9)), stop)
@@ -173,7 +197,7 @@ class _Search:
         again = np.flatnonzero(~self.told[i:])
         released = i + int(again[0]) if len(again) else len(self.t)
         last = int(np.searchsorted(self.t, self.t[i] + s.longest, side="right"))
-        standstill = self._standstill(i, min(last, len(self.t)))
+        standstill = self._standstill(i, min(last, len(self.t)), held)
         if standstill is None:
             verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
             end = min(released, last)
@@ -189,18 +213,22 @@ class _Search:
             application(self._brake(slice(i, standstill + 1)), s.uneven)[0],
         )  # fmt: skip
 
-    def _standstill(self, i: int, stop: int) -> int | None:
-        """First sample at zero or below, or the first of a settled stretch."""
+    def _standstill(self, i: int, stop: int, held: float) -> int | None:
+        """First sample at zero or below; the first of a settled stretch that meets no zero soon."""
         v, good = self.v[i:stop], self.good[i:stop]
         crossed = np.flatnonzero(good & (v <= 0.0))
-        slow = good & (v <= self.settled_speed)
+        settled = self._settled_speed(held)
+        # Noise that reaches down to zero by itself tells standstill better than its own height.
+        soon = _SOON if settled > self.settings.settled_speed else 0.0
+        slow = good & (v <= settled)
         edges = np.flatnonzero(np.diff(np.concatenate(([0], slow.astype(np.int8), [0]))))
-        candidates = [int(crossed[0])] if len(crossed) else []
+        first = int(crossed[0]) if len(crossed) else None
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             if self.t[i + b - 1] - self.t[i + a] >= self.settings.settled:
-                candidates.append(int(a))
+                if first is None or self.t[i + first] - self.t[i + a] > soon:
+                    first = int(a)
                 break
-        return i + min(candidates) if candidates else None
+        return None if first is None else i + first
 
     def _brake(self, braking: slice) -> Floats | None:
         return self.part["brake"][braking] if "brake" in self.part else None
@@ -208,6 +236,8 @@ class _Search:
     def _verdict(self, begin: int, i: int, standstill: int, held: float) -> tuple[Usability, str]:
         s = self.settings
         braking = slice(i, standstill + 1)
+        if s.least_speed is not None and held < s.least_speed:
+            return Usability.SLOW, f"{held:.2f} m/s, below the least speed of {s.least_speed:g} m/s"
         near = self._samples(self.t[i] - 0.5 * s.before, standstill + 1)
         if not self.good[near].all():
             return Usability.SUSPECT, f"{int((~self.good[near]).sum())} suspect samples"
@@ -225,7 +255,10 @@ class _Search:
             mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
             if mean > s.turn_rate:
                 return Usability.TURNING, f"mean yaw rate {mean:.2f} rad/s"
-        level, held_on = application(self._brake(braking), s.uneven)
+        brake = self._brake(braking)
+        if brake is not None and np.isfinite(brake).any() and not np.nansum(np.abs(brake)) > 0.0:
+            return Usability.COASTED, "brake application of 0 until it stood"
+        level, held_on = application(brake, s.uneven)
         if level < s.full_brake and not (s.partial and held_on):
             words = "" if held_on else ", and not held there"
             return Usability.PARTIAL, f"brakes applied to {level:.0%}{words}"

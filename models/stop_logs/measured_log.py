@@ -25,6 +25,11 @@ from models.stop_logs.mount_of_log import mount_of_log
 from models.stop_logs.mount_offset import Mount
 from models.stop_logs.stop_record import cut
 
+_A_STOP = (
+    "a stop begins where v_cmd goes to 0 while the vehicle rolls, and ends, under brakes, where it "
+    "stands"
+)
+
 Believed = Callable[[Measured, Mount], tuple[Mount, Slope] | None]
 """From the first measurement and the mount that the log tells: mount and slope coefficient to
 measure with once more, None to leave it at the first."""
@@ -103,6 +108,8 @@ def too_few(fewest: int, count: int, windows: Sequence[StopWindow]) -> str:
 
 def _why(words: str, windows: Sequence[StopWindow], suspects: Sequence[Suspect]) -> str:
     unusable = Counter(w.verdict for w in windows if w.verdict is not Usability.USABLE)
+    if len(windows) == unusable[Usability.COASTED]:
+        words += f"; {_A_STOP}"
     if unusable:
         words += "; " + ", ".join(f"{n} {v.name.lower()}" for v, n in unusable.most_common())
     for s in suspects[:2]:

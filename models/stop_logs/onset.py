@@ -40,7 +40,7 @@ class Knee:
         rms: of the residuals [m/s]. correlation: of each residual with the one before.
         samples: number of them. mean_grade: time average of θ from onset to standstill [rad].
         creep: change of the held speed before the onset [m/s²]. creep_variance: its variance for a
-            speed noise of 1 m/s.
+            speed noise of 1 m/s. held_weight: it was fitted with [s²].
     """
 
     onset_speed: float
@@ -53,6 +53,7 @@ class Knee:
     mean_grade: float
     creep: float
     creep_variance: float
+    held_weight: float = HELD
 
 
 def fit_knee(
@@ -207,5 +208,5 @@ def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, standstill_time
     return Knee(
         speed, onset, force, covariance[np.ix_(order, order)], float(np.sqrt(sum_sq / freedom)),
         correlation, len(t), float(pull.mean_grade(onset, standstill_time)), creep,
-        float(covariance[1, 1]),
+        float(covariance[1, 1]), pull.held,
     )  # fmt: skip

@@ -38,6 +38,8 @@ def trained_for(model: Model, *, grades: bool = False, speeds: bool = False) -> 
 
     def changes(speed_range: tuple[float, float]) -> dict[str, Any]:
         out: dict[str, Any] = {"grade_range": _ANY_GRADE} if grades else {}
+        if grades or speeds:
+            out["speed_by_grade"] = None
         if speeds:
             out["speed_range"] = (speed_range[0], max(speed_range[1], model.limits.speed))
         return out

@@ -20,6 +20,7 @@ from models.parameters import Model
 from models.quantity import GRAVITY
 from planner.ground.force_margins import capped, frictions_on, ground_terms, widened
 from planner.ground.forces import Forces, on_many_surfaces, on_one_surface
+from planner.ground.hull_speed import hold_below
 from planner.ground.surface_cache import surface_cache_of
 from planner.ground.surface_table import surface_bits
 from planner.ground.terrain_profile import TerrainProfile
@@ -62,7 +63,7 @@ class BrakingGround:
         upper_slope, upper_intercept: of the upper bound of F_b/W [s/m], [1].
         dead_time: from stop command to onset [s].
         slowest: speed below which the coefficients no longer change [m/s].
-        fastest: highest trained speed [m/s].
+        fastest: highest trained speed, on that grade where the model has a hull [m/s].
         trained: the grade lies in the trained range, or extrapolation is allowed.
         distance_offset: (M,) safety offset added to every stop [m].
         push: what motion terms take away from planned braking, <= 0, as a share of the weight;
@@ -128,6 +129,8 @@ def ground_along(
         forces = on_one_surface(profile.grade, profile.sin_roll, table[0], margin)
     else:
         forces = on_many_surfaces(profile.grade, profile.sin_roll, bits, table, margin)
+    if known.hull is not None:
+        hold_below(forces.fastest, profile.grade, bits, known.hull)
     motion = known.motion._replace(heat=now.brake_heat)
     push = None
     if model.effect:

@@ -14,6 +14,7 @@ from models.arrays import Floats, Ints
 from models.effects import registry
 from models.parameters import Model
 from planner.ground.force_margins import margins
+from planner.ground.hull_speed import hull_lines
 from planner.ground.surface_table import FRICTION, SLOWEST, surface_table
 from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import read_only
@@ -30,6 +31,7 @@ class SurfaceCache:
         class_bits: for each class of the map the bits of the surfaces that it may be.
         margins: (S, 4, 4) as of :func:`planner.ground.force_margins.margins`; None where all are
             zero.
+        hull: (S, K, 2) as of :func:`planner.ground.hull_speed.hull_lines`, None without one.
         motion: terms that act on the motion itself, without friction, brakes cold.
         slides: friction caps the force of some surface.
         closed_form: nothing acts on the motion, and all surfaces have one slowest speed.
@@ -38,6 +40,7 @@ class SurfaceCache:
     table: Floats
     class_bits: Ints
     margins: Floats | None
+    hull: Floats | None
     motion: registry.MotionTerms
     slides: bool
     closed_form: bool
@@ -71,6 +74,7 @@ def _gather(
         read_only(table),
         read_only(class_bits),
         doubt if doubt is not None and doubt.any() else None,
+        hull_lines(len(table), model),
         motion,
         bool(np.isfinite(table[:, FRICTION]).any()),
         motion == registry.NO_MOTION and bool(np.ptp(table[:, SLOWEST]) == 0.0),

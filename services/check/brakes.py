@@ -32,7 +32,7 @@ class Brakes(NamedTuple):
         doubt: (R, 3, M) what the model leaves open of it, squared: the coefficients of v², 2 v and
             1 with v the speed at onset.
         slowest: (R, 1) speeds below which the force no longer changes [m/s].
-        fastest: (M,) highest trained speed of them all [m/s].
+        fastest: (M,) highest trained speed of them all, on that grade where it is told [m/s].
         extra: (M,) ground terms [1].
         friction: (M,) least μ of them all, :data:`NO_LIMIT` where unknown.
         dead_time: (M,) longest of them all [s].
@@ -108,7 +108,7 @@ def brakes_along(
         spare=np.where(outside > 0.0, margin, 0.0),
         doubt=np.array([width**2 * scale**2 * _doubt_of(t, ground.grade) for t in tables]),
         slowest=np.array([[t.speed_range[0]] for t in tables]),
-        fastest=worst([t.speed_range[1] for t in tables], least=True),
+        fastest=np.where(on, _fastest(tables, ground.grade), np.inf).min(axis=0),
         extra=np.broadcast_to(registry.ground_term(model.effect, place), ground.grade.shape),
         friction=worst(friction.tolist(), least=True),
         dead_time=worst([t.dead_time + width * t.dead_time_std for t in tables]),
@@ -116,6 +116,18 @@ def brakes_along(
         steeper=np.where(on, outside, 0.0).max(axis=0),
         leaning=np.where(on, rolled, 0.0).max(axis=0),
     )
+
+
+def _fastest(tables: list[Braking], grade: Floats) -> Floats:
+    """(R, M) highest speed that each surface was driven at, on the grade where that is told."""
+    rows = []
+    for table in tables:
+        own = np.full(len(grade), table.speed_range[1])
+        if table.speed_by_grade is not None and not table.extrapolate:
+            corners = np.array(table.speed_by_grade)
+            own = np.minimum(own, np.interp(grade, corners[:, 0], corners[:, 1]))
+        rows.append(own)
+    return np.array(rows)
 
 
 def _force_of(table: Braking, model: Model, grade: Floats, scale: float) -> tuple[Floats, Floats]:

@@ -33,7 +33,7 @@ _OF_SURFACE = {
     *_FORCE, "dead_time", "distance_offset", "time_offset", "speed_range", "grade_range",
     "roll_range", "covariance", "force_std", "dead_time_std", "speed_error", "drive_in_dead_time",
     "sliding_friction", "level", "uphill", "extrapolate", "extrapolation_margin", "class_id",
-    "force_scatter", "dead_band", "saturation", "state_of",
+    "force_scatter", "dead_band", "saturation", "state_of", "speed_by_grade",
 }  # fmt: skip
 _LIMITS = ("speed", "accel", "decel", "lateral_accel", "min_load")
 

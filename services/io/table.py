@@ -42,23 +42,33 @@ class Table:
         """An InputError at a cell; ``index`` counts the rows from 0."""
         return fault(self.source, f"row {self.rows[index]}, column {column}", expected)
 
-    def require(self, columns: Iterable[str]) -> None:
-        """Raise InputError unless all these columns are there, and at least one row."""
-        for name in columns:
-            if name not in self.columns:
-                raise fault(self.source, f"column {name}", self._missing(name))
+    def require(self, columns: Iterable[str], why: str = "") -> None:
+        """Raise InputError unless all these columns are there, and at least one row.
+
+        Args:
+            columns: their names. why: they are needed, for the error message.
+        """
+        missing = [name for name in columns if name not in self.columns]
+        if missing:
+            field = ", ".join(f"column {name}" for name in missing)
+            words = self._missing(missing)
+            raise fault(self.source, field, f"{words}; {why}" if why else words)
         if not len(self.rows):
             raise fault(self.source, "row 2", "expected at least one row, got the header only")
 
-    def _missing(self, name: str) -> str:
+    def _missing(self, names: Sequence[str]) -> str:
         header = list(self.columns)
-        found = f"missing column, got the header {','.join(header)}"
-        close = difflib.get_close_matches(name, [column.lower() for column in header], n=1)
+        several = len(names) > 1
+        found = f"missing column{'s' if several else ''}, got the header {','.join(header)}"
         if len(header) == 1 and any(mark in header[0] for mark in ";\t "):
             return f"{found}; expected commas between columns"
         if all(_is_number(column) for column in header):
             return f"{found}; expected names in the first row"
-        return f"{found}; is it {close[0]}?" if close else found
+        lower = {column.lower(): column for column in header}
+        for name in names:
+            if close := difflib.get_close_matches(name, lower, n=1):
+                found += f"; is {name if several else 'it'} {lower[close[0]]}?"
+        return found
 
     def text(self, column: str) -> list[str]:
         """Cells as text; whole numbers without a decimal point."""

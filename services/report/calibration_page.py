@@ -67,7 +67,7 @@ def render_report(
             number_row(Usability[name.upper()].value, [str(count)])
             for name, count in calibration.verdicts.items()
         ),
-        "suspects": _suspects(calibration.suspects, clock),
+        "suspects": suspect_rows(calibration.suspects, clock),
         **pictures(calibration),
     }
     return page(
@@ -105,7 +105,8 @@ def _shared(calibration: Calibration) -> dict[str, str]:
     }
 
 
-def _suspects(suspects: Sequence[Suspect], clock: Mapping[int, float]) -> str:
+def suspect_rows(suspects: Sequence[Suspect], clock: Mapping[int, float]) -> str:
+    """A section that names stretches that were left out; nothing if there are none."""
     if not suspects:
         return ""
     listed = "".join(number_row(f"{clock[s.start]:.2f} s", [s.reason]) for s in suspects[:_LISTED])

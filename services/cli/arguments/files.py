@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -15,8 +16,12 @@ from services.cli.arguments.options import (
     VIOLATIONS,
     AsJson,
     ClearDistance,
+    Columns,
+    CommandStep,
     Coverage,
     FalseAlarm,
+    FewestSamples,
+    FullBrake,
     GroundMap,
     HorizonPenalty,
     LeastSpeed,
@@ -30,6 +35,7 @@ from services.cli.arguments.options import (
     PracticalLength,
     PracticalShare,
     Quantile,
+    Ramp,
     Report,
     Seed,
     SettledSpeed,
@@ -94,8 +100,6 @@ def plan(options: PlanOptions) -> None:
 
     [bold]Example[/]  slopewise plan hill.tif paths.csv --model atv --speed 2 --report plan.html
     """
-    import math
-
     from services.cli.commands import plan as command
     from services.cli.commands import plan_view as view
 
@@ -163,8 +167,6 @@ def check(options: CheckOptions) -> None:
 
     [bold]Example[/]  slopewise check plan.csv --map hill.tif --model atv --clear 20
     """
-    import math
-
     from services.cli.commands import check as command
     from services.cli.commands import check_view as view
 
@@ -196,11 +198,16 @@ class CalibrateOptions:
     sheet: Sheet = None
     map_file: GroundMap = None
     topics: Topics = None
+    columns: Columns = ""
     coverage: Coverage = 0.999
-    least_speed: LeastSpeed = 0.3
-    longest: LongestStop = 30.0
+    least_speed: LeastSpeed = None
+    longest: LongestStop = math.inf
     settled_speed: SettledSpeed = 0.03
     turn_rate: TurnRate = 0.35
+    ramp: Ramp = 0.15
+    step: CommandStep = 0.7
+    full_brake: FullBrake = 0.9
+    fewest: FewestSamples = 6
     as_json: AsJson = False
 
 
@@ -213,9 +220,10 @@ def calibrate(options: CalibrateOptions) -> None:
     together, and learns how they scatter: margins of force and dead time, and what is left as a
     constant. Suspect stretches are left out and named. Named effects of the model stay in force.
     Status 3: the result is written, but of no use, and why is said. --stops has a row for every
-    stop that was found, with the reason where it was left out, also where the command refuses.
-    --sheet tells on one page, from the learned model at --coverage, how far stops go by speed and
-    grade, which slopes the brakes hold, and how that compares with rules that know no slope.
+    stop that was found, with the reason where it was left out; it and --report are written also
+    where the command refuses. --sheet tells on one page, from the learned model at --coverage, how
+    far stops go by speed and grade, which slopes the brakes hold, and how that compares with rules
+    that know no slope.
 
     [bold]Example[/]  slopewise calibrate drive.csv --model atv --out mine.toml --report stops.html
     """
@@ -246,6 +254,7 @@ def coverage(
     model: ModelFile,
     map_file: GroundMap = None,
     topics: Topics = None,
+    columns: Columns = "",
     quantile: Quantile = 0.999,
     as_json: AsJson = False,
 ) -> None:
@@ -259,7 +268,7 @@ def coverage(
     """
     from services.cli.commands import coverage as command
 
-    job = command.CoverageJob(logs, model, map_file, topics, quantile)
+    job = command.CoverageJob(logs, model, map_file, topics, quantile, columns)
     result = command.run(job, quiet=as_json)
     say(as_json, command, result)
     if not result.covers:
@@ -293,6 +302,7 @@ class TerrainOptions:
     ] = None
     adapt: Annotated[bool, typer.Option(help="Let classes follow, and new ones arise.")] = False
     topics: Topics = None
+    columns: Columns = ""
     as_json: AsJson = False
 
 
@@ -317,6 +327,7 @@ def terrain(options: TerrainOptions) -> None:
         options.adapt,
         options.learn is not None,
         options.topics,
+        options.columns,
     )
     result = command.run(job, quiet=options.as_json)
     if options.out is not None:
@@ -338,6 +349,8 @@ def simulate(
         Path | None,
         typer.Option(metavar="sim.csv", help="Write run,t,v_measured,v_simulated,residual."),
     ] = None,
+    topics: Topics = None,
+    columns: Columns = "",
     as_json: AsJson = False,
 ) -> None:
     """Replay the stops of a drive log through the model.
@@ -349,7 +362,7 @@ def simulate(
     """
     from services.cli.commands import simulate as command
 
-    result = command.run(logs, model, quiet=as_json)
+    result = command.run(logs, model, topics, columns, quiet=as_json)
     if out is not None:
         command.write(result, out)
     say(as_json, command, result, out)
@@ -365,6 +378,7 @@ def discrepancy(
     ],
     map_file: GroundMap = None,
     topics: Topics = None,
+    columns: Columns = "",
     false_alarm: FalseAlarm = 0.005,
     practical_share: PracticalShare = 0.01,
     practical_length: PracticalLength = 0.02,
@@ -393,7 +407,7 @@ def discrepancy(
         false_alarm=false_alarm, practical_share=practical_share,
         practical_length=practical_length, seed=seed,
     )  # fmt: skip
-    job = command.DiscrepancyJob(logs, model, map_file, topics, settings)
+    job = command.DiscrepancyJob(logs, model, map_file, topics, settings, columns)
     result = command.run(job, quiet=as_json)
     written = command.write(result, job, out)
     say(as_json, command, result, *written)

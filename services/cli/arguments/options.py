@@ -92,10 +92,26 @@ Coverage = Annotated[
     float, typer.Option(help="Share of stops like those of the log that margins have to cover.")
 ]
 LeastSpeed = Annotated[
-    float, typer.Option(metavar="M/S", help="Slower vehicles have nothing to stop.")
+    float | None,
+    typer.Option(
+        metavar="M/S",
+        help="Slower vehicles have nothing to stop; what the log's noise hides if left out.",
+    ),
 ]
 LongestStop = Annotated[
     float, typer.Option(metavar="SECONDS", help="Later standstills are not of this stop.")
+]
+Ramp = Annotated[
+    float, typer.Option(metavar="SECONDS", help="A command that comes down over longer is a ramp.")
+]
+CommandStep = Annotated[
+    float, typer.Option("--step", metavar="SHARE", help="Of the speed that a command has to drop.")
+]
+FullBrake = Annotated[
+    float, typer.Option(metavar="SHARE", help="Application from which brakes count as full.")
+]
+FewestSamples = Annotated[
+    int, typer.Option("--fewest", help="Samples between onset and standstill of a stop.")
 ]
 SettledSpeed = Annotated[
     float,
@@ -107,6 +123,13 @@ TurnRate = Annotated[
 Topics = Annotated[
     Path | None,
     typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
+]
+Columns = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME=COLUMN:UNIT,…",
+        help="Columns of tables with other names or units: speed=v:km/h,grade=slope:deg.",
+    ),
 ]
 FalseAlarm = Annotated[
     float,

@@ -16,6 +16,7 @@ from services.cli.arguments.options import (
     VIOLATIONS,
     AsJson,
     ClearDistance,
+    Columns,
     Connect,
     LogFiles,
     Namespace,
@@ -280,6 +281,7 @@ class ReplayOptions:
         float, typer.Option(metavar="X", help="Seconds of the log in a second; inf: all it can.")
     ] = 1.0
     topics: Topics = None
+    columns: Columns = ""
     timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For each answer.")] = 5.0
     zenoh_file: ZenohFile = ""
     as_json: AsJson = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -15,12 +16,12 @@ from rich.table import Table
 
 from models.calibration.learn import Calibration, learn, with_learned
 from models.calibration.surface_fit import CalibrationSettings
-from models.errors import ParameterError
+from models.errors import InputError, ParameterError
 from models.parameters import Model
-from models.stop_logs.drive_quality import find_suspects, usable
-from models.stop_logs.find_stops import StopSettings, find_stops
+from models.stop_logs.find_stops import StopSettings
 from models.stop_logs.stop_record import StopRecord
 from services.cli.arguments.files import CalibrateOptions
+from services.cli.commands.calibration_refused import leave
 from services.cli.commands.calibration_rows import ROWS, speed_words, surface_json
 from services.cli.screen import progress_bar
 from services.io.access import fault
@@ -56,33 +57,43 @@ def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
     settings = _settings(job)
     model = read_model(find_model(job.model))
     with progress_bar("calibrating", 4, quiet=quiet) as advance:
-        log = read_logs(job.logs, job.topics)
-        advance(1)
-        refuse_wrong_units(log)
-        refuse_too_fast(log, model)
-        ground = grade_by_map(log, job.map_file, model.vehicle)
+        log = read_logs(job.logs, job.topics, job.columns)
         advance(1)
         try:
-            learned = learn(
-                log.columns, log.runs, model.braking, ground=ground, settings=settings, beside=model
-            )
-            advance(1)
-            grades = np.array([r.grade for s in learned.surfaces for r in s.records])
-            refuse_unit(learned.braking, model.braking, grades, names_of(job.logs))
-            better = with_learned(model, learned)
-        except ParameterError as error:
-            if job.stops is not None:
-                _write_refused(log, settings, job.stops)
-            raise fault(names_of(job.logs), error.field, f"expected {error.expected}") from None
+            learned, better = _learned(job, model, log, settings, advance)
+        except (InputError, ParameterError) as error:
+            if isinstance(error, ParameterError):
+                words = f"expected {error.expected}"
+                error = fault(names_of(job.logs), error.field, words)
+            leave(log, settings.stops, job, error)
+            raise error from None
         advance(1)
     return CalibrateResult(learned, better, log, time.perf_counter() - begin)
+
+
+def _learned(
+    job: CalibrateOptions, model: Model, log: DriveLog, settings: CalibrationSettings,
+    advance: Callable[[int], None],
+) -> tuple[Calibration, Model]:  # fmt: skip
+    refuse_wrong_units(log)
+    refuse_too_fast(log, model)
+    ground = grade_by_map(log, job.map_file, model.vehicle)
+    advance(1)
+    learned = learn(
+        log.columns, log.runs, model.braking, ground=ground, settings=settings, beside=model
+    )
+    advance(1)
+    grades = np.array([r.grade for s in learned.surfaces for r in s.records])
+    refuse_unit(learned.braking, model.braking, grades, names_of(job.logs))
+    return learned, with_learned(model, learned)
 
 
 def _settings(job: CalibrateOptions) -> CalibrationSettings:
     try:
         stops = StopSettings(
             partial=True, least_speed=job.least_speed, longest=job.longest,
-            settled_speed=job.settled_speed, turn_rate=job.turn_rate,
+            settled_speed=job.settled_speed, turn_rate=job.turn_rate, ramp=job.ramp,
+            step=job.step, full_brake=job.full_brake, fewest=job.fewest,
         )  # fmt: skip
         return CalibrationSettings(coverage=job.coverage, stops=stops)
     except ParameterError as error:
@@ -93,21 +104,6 @@ def _settings(job: CalibrateOptions) -> CalibrationSettings:
 def write_learned_model(result: CalibrateResult, path: Path) -> None:
     """The model file with what was learned, all or nothing."""
     write_model(result.model, path)
-
-
-def _write_refused(log: DriveLog, settings: CalibrationSettings, path: Path) -> None:
-    """What was found, and why it was not enough: a row a stop."""
-    good = usable(len(log.columns["t"]), find_suspects(log.columns, log.runs), ["v", "v_cmd"])
-    windows = [w for run in log.runs for w in find_stops(log.columns, run, good, settings.stops)]
-    at = [w.command for w in windows]
-    columns: dict[str, Any] = {
-        "run": [str(log.columns["run"][i]) for i in at],
-        "t": np.array([log.columns["t"][i] for i in at], np.float64),
-        "verdict": [w.verdict.name.lower() for w in windows],
-        "reason": [w.reason or w.verdict.value for w in windows],
-        "speed": np.array([w.held_speed for w in windows], np.float64),
-    }
-    write_csv(columns, path)
 
 
 def write_stops(result: CalibrateResult, path: Path) -> None:

@@ -33,6 +33,7 @@ class CoverageJob:
     map_file: Path | None
     topics: Path | None
     quantile: float
+    columns: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,7 @@ def run(job: CoverageJob, *, quiet: bool = False) -> CoverageResult:
         raise fault("--quantile", "", f"expected a share in [0.5, 0.9999], got {job.quantile:g}")
     model = read_model(find_model(job.model))
     with progress_bar("holding stops against the model", 2, quiet=quiet) as advance:
-        log = read_logs(job.logs, job.topics)
+        log = read_logs(job.logs, job.topics, job.columns)
         refuse_wrong_units(log)
         ground = grade_by_map(log, job.map_file, model.vehicle)
         advance(1)

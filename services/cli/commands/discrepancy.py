@@ -33,6 +33,7 @@ class DiscrepancyJob:
         logs: drive logs or ROS 2 bags. model_file: the model to hold against them.
         map_file: elevation map that the logs' x, y lie on, if there is one.
         topics: topic mapping of the bags. settings: how sure to be.
+        columns: of tables that have other names or units.
     """
 
     logs: list[Path]
@@ -40,6 +41,7 @@ class DiscrepancyJob:
     map_file: Path | None = None
     topics: Path | None = None
     settings: DiscrepancySettings | None = None
+    columns: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +61,7 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
     """
     model = read_model(find_model(job.model_file))
     with progress_bar("comparing", STEPS + 1, quiet=quiet) as advance:
-        log = read_logs(job.logs, job.topics)
+        log = read_logs(job.logs, job.topics, job.columns)
         ground = grade_by_map(log, job.map_file, model.vehicle)
         advance(1)
         try:

@@ -62,7 +62,7 @@ def run(job: ReplayOptions, *, quiet: bool = False) -> ReplayResult:
     """
     if not job.speed_up > 0.0:
         raise InputError("--speed-up", "", f"expected a factor > 0, got {job.speed_up:g}")
-    log = read_logs(job.logs, job.topics)
+    log = read_logs(job.logs, job.topics, job.columns)
     with client_session(job.connect, job.zenoh_file) as session:
         service = _Service(session, job.namespace, job.timeout)
         before = service.parameters()

@@ -14,7 +14,8 @@ from rich.table import Table
 from models.parameters import Model
 from models.stops.simulation import RunChannels, replay, stop_commands
 from services.cli.screen import progress_bar
-from services.io.logs.drive_log import DriveLog, read_drive_log
+from services.io.logs.drive_log import DriveLog
+from services.io.logs.log_source import read_logs
 from services.io.model_file import find_model, read_model
 from services.io.table import write_csv
 
@@ -47,14 +48,21 @@ class SimulateResult:
     runs: list[RunSummary]
 
 
-def run(logs: list[Path], model_file: str, *, quiet: bool = False) -> SimulateResult:
+def run(
+    logs: list[Path], model_file: str, topics: Path | None = None, names: str = "",
+    *, quiet: bool = False,
+) -> SimulateResult:  # fmt: skip
     """Replay logs.
+
+    Args:
+        logs: tables or recordings. model_file: the model. topics: mapping of the recordings.
+        names: of columns in tables that call them otherwise.
 
     Raises:
         InputError: names file, row and column.
     """
     model = read_model(find_model(model_file))
-    log = read_drive_log(logs)
+    log = read_logs(logs, topics, names)
     simulated = np.empty_like(log.columns["v"])
     summaries = []
     with progress_bar("simulating", len(log.runs), quiet=quiet) as advance:

@@ -43,6 +43,7 @@ class TerrainJob:
         adapt: classes go on learning, and new ones arise.
         learn: classes are wanted afterwards; without labels in the log they have to arise.
         topics: topic mapping of ROS 2 recordings.
+        columns: of tables that have other names or units.
     """
 
     logs: list[Path]
@@ -51,6 +52,7 @@ class TerrainJob:
     adapt: bool = False
     learn: bool = False
     topics: Path | None = None
+    columns: str = ""
 
 
 def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
@@ -63,7 +65,7 @@ def run(job: TerrainJob, *, quiet: bool = False) -> TerrainResult:
     model = read_model(model_path)
     _check_vehicle(model, str(model_path))
     terrains, signatures = _terrains(job, model)
-    log = read_logs(job.logs, job.topics)
+    log = read_logs(job.logs, job.topics, job.columns)
     _check_channels(log)
     begin = time.perf_counter()
     rates = rates_of(log)

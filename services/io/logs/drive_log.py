@@ -2,7 +2,8 @@
 
 `t` [s] on one clock over the whole log, `v` and `v_cmd` [m/s], angles [rad] after REP-103 (pitch
 nose-down positive), `yaw_rate` [rad/s], `x`, `y` [m], `v_left`, `v_right` [m/s] at the rims,
-currents [A], `brake` 0..1. Further numeric columns are kept.
+currents [A], `brake` 0..1. Further numeric columns are kept. Without a column `run` a file is one.
+Other names and units: :mod:`services.io.logs.column_names`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.io.access import fault
+from services.io.logs.column_names import Naming, renamed, text_columns
 from services.io.parquet_table import read_parquet
 from services.io.table import Table, read_csv
 
@@ -27,6 +29,11 @@ OPTIONAL = {
     "v_left": "m/s", "v_right": "m/s", "current_left": "A", "current_right": "A", "brake": "1",
 }  # fmt: skip
 _TEXT = ("run", "terrain")
+_FURTHER = {"vertical_curvature": "1/m"}  # what replays read beside
+_A_STOP = (
+    "a stop is where v_cmd goes to 0 while the vehicle rolls; coast-downs, without a command, say "
+    "nothing of the brakes"
+)
 _LARGEST = {"pitch": math.pi / 2, "roll": math.pi}
 
 
@@ -53,17 +60,20 @@ class DriveLog:
         return tuple(name for name in self.columns if name not in known)
 
 
-def read_drive_log(paths: Sequence[Path]) -> DriveLog:
+def read_drive_log(paths: Sequence[Path], names: Sequence[Naming] = ()) -> DriveLog:
     """One log out of one or several files, in the order given.
 
     Columns that only some of the files have are NaN (`terrain`: empty) in the others.
+
+    Args:
+        paths: the files. names: of columns that the files call otherwise.
 
     Raises:
         InputError: names the row and column. Parquet rows count from 1.
     """
     if not paths:
         raise fault("drive log", "", "expected at least one file, got none")
-    return log_of_tables([_read_table(path) for path in paths])
+    return log_of_tables([_read_table(path, names) for path in paths])
 
 
 def log_of_tables(tables: Sequence[Table]) -> DriveLog:
@@ -93,14 +103,19 @@ def _nothing(name: str, columns: dict[str, NDArray[Any]]) -> NDArray[Any]:
     return np.full(count, "") if name in _TEXT else np.full(count, np.nan)
 
 
-def _read_table(path: Path) -> Table:
+def _read_table(path: Path, names: Sequence[Naming]) -> Table:
     parquet = path.suffix.lower() in (".parquet", ".pq")
-    return read_parquet(path) if parquet else read_csv(path, _TEXT)
+    table = read_parquet(path) if parquet else read_csv(path, (*_TEXT, *text_columns(names)))
+    if not names:
+        return table
+    return renamed(table, names, {**REQUIRED, **OPTIONAL, **_FURTHER}, REQUIRED)
 
 
 def _columns_of(table: Table) -> tuple[dict[str, NDArray[Any]], list[slice]]:
-    table.require(("run", *REQUIRED))
+    table.require(REQUIRED, "" if "v_cmd" in table.columns else _A_STOP)
     columns: dict[str, NDArray[Any]] = {}
+    if "run" not in table.columns:
+        columns["run"] = np.full(len(table.rows), Path(table.source).stem)
     for name in table.columns:
         if name in _TEXT:
             columns[name] = np.array(table.text(name))

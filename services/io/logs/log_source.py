@@ -10,19 +10,24 @@ from models.stop_logs import unit_suspects
 from models.vehicle import Vehicle
 from services.io.access import fault
 from services.io.bags.recording import is_bag
+from services.io.logs.column_names import OPTION, parse_names
 from services.io.logs.drive_log import DriveLog, read_drive_log
 
 _NEEDED = ("v", "v_cmd", "pitch")
+_FEW = 0.25
+"""Share of the runs that may look as if they were in another unit, and are left out."""
+
 _SHOWN = 3
 """Files that a sentence names."""
 
 
-def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
+def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = "") -> DriveLog:
     """One log out of tables, or out of recordings.
 
     Args:
         paths: all tables, or all recordings.
-        topics: topic mapping of the recordings.
+        topics: topic mapping of the recordings. names: of columns in tables, see
+            :mod:`services.io.logs.column_names`.
 
     Raises:
         InputError: names file and field; also if tables and recordings are mixed.
@@ -31,7 +36,9 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
     if not bags:
         if topics is not None:
             raise fault(topics, "", "expected recordings with a topic mapping, got tables only")
-        return read_drive_log(paths)
+        return read_drive_log(paths, parse_names(names))
+    if names:
+        raise fault(OPTION, "", "expected tables, recordings have a topic mapping: --topics")
     if len(bags) < len(paths):
         other = next(path for path in paths if path not in bags)
         raise fault(other, "", "expected recordings only, got a table among them")
@@ -56,9 +63,18 @@ def names_of(logs: Sequence[Path]) -> str:
 
 
 def refuse_wrong_units(log: DriveLog) -> None:
-    """A channel that everything rests on and that fits another unit is an error, not a stretch."""
+    """A channel that everything rests on and that fits another unit is an error, not a stretch.
+
+    One run of several that looks so, such as of a vehicle that stands while its positions wander,
+    is left out with its reason, and the others are learned from.
+    """
+    found: dict[str, list[tuple[str, str]]] = {}
     for run, source in zip(log.runs, log.sources, strict=True):
         part = {n: v[run] for n, v in log.columns.items() if v.dtype.kind == "f"}
         for channel, reason in unit_suspects.find(part):
             if channel in _NEEDED:
-                raise fault(source, f"column {channel}", reason)
+                found.setdefault(channel, []).append((source, reason))
+    for channel, told in found.items():
+        if len(told) > _FEW * len(log.runs):
+            source, reason = told[0]
+            raise fault(source, f"column {channel}", reason)

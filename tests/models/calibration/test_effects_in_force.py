@@ -10,8 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from models.calibration.coverage import covered
+from models.calibration.force_fit import NAMES
 from models.calibration.learn import learn
+from models.discrepancy.workflow import investigate
 from models.parameters import Effect, Model
+from models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.models_for_tests import BASE
 
 G = 9.80665
@@ -99,6 +102,38 @@ def test_calibrating_again_changes_nothing(hidden: dict[str, float], model: Mode
     twice = learn(columns, runs, model.braking, ground=ground)
     assert abs(twice.braking.level_force(2.5) / middle - 1.0) > 0.02
     assert covered(columns, runs, replace(model, braking=again.braking), ground=ground).covers()
+
+
+@pytest.mark.parametrize("seed", [2, 11])
+def test_what_discrepancy_finds_stays_when_it_is_calibrated_again(seed: int) -> None:
+    """Calibrate, discrepancy, calibrate, calibrate: a fixed point, also where brakes build up."""
+    columns, runs, ground = log(48, seed, lag=0.3)
+    plain = learn(columns, runs, BASE.braking, ground=ground, beside=BASE)
+    model = investigate(columns, runs, replace(BASE, braking=plain.braking), ground=ground).model
+    assert [e.name for e in model.effect] == ["brake_lag"]
+    for most in (1.0, 0.1):
+        found = learn(columns, runs, model.braking, ground=ground, beside=model)
+        before, after = (
+            np.array([getattr(b, n) for n in NAMES]) for b in (model.braking, found.braking)
+        )
+        std = np.sqrt(np.diag(found.surfaces[0].fit.covariance))
+        assert np.all(np.abs(after - before) < most * std)
+        again = replace(model, braking=found.braking)
+        ways = np.array([
+            [ahead(m, r.samples.window.held_speed, r.grade) for m in (model, again)]
+            for r in found.surfaces[0].records
+        ])  # fmt: skip
+        assert np.max(np.abs(ways[:, 1] - ways[:, 0])) < 0.02 * most
+        model = again
+    assert np.all(np.abs(after - TRUE) < 3.0 * std)
+
+
+def ahead(model: Model, speed: float, grade: float) -> float:
+    """Distance of a simulated stop on an even slope [m]."""
+    station = np.linspace(0.0, 40.0, 5)
+    level = np.zeros(5)
+    track = GroundTrack(station, level + grade, level, level, level, level, level, None)
+    return simulate_stop(model, track, speed).distance
 
 
 def test_a_friction_that_caps_the_force_says_nothing_of_the_coefficients() -> None:

@@ -2,10 +2,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from models.calibration.force_fit import ForceFit, fit_force
-from models.calibration.hull import extrapolated_corners
+from models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
 from models.calibration.learn import learn
+from models.speed_by_grade import highest_speed
 from tests.models.calibration.plant import Plant, drive
 from tests.models.models_for_tests import BASE
 
@@ -47,5 +49,42 @@ def test_corners_are_named(slanted: bool) -> None:
         runs = [*runs, *(slice(n + r.start, n + r.stop) for r in more)]
     else:
         log, runs, _ = drive(Plant(), 60, 3)
-    said = [w for w in learn(log, runs, BASE.braking).warnings if "no stop was near" in w]
+    learned = learn(log, runs, BASE.braking)
+    said = [w for w in learned.warnings if "no stop was near" in w]
     assert bool(said) is slanted
+    hull = learned.braking.speed_by_grade
+    assert (hull is not None) is slanted
+    if hull is not None:
+        assert "plans are no faster than what was driven" in said[0]
+        records = [r for r in learned.surfaces[0].records if r.kept]
+        speed, grade = (
+            np.array([getattr(r, n) for r in records]) for n in ("onset_speed", "grade")
+        )
+        assert np.all(speed <= highest_speed(hull, grade) + 0.05)
+        # Fast downhill nobody drove; fast uphill somebody did.
+        slow, fast = highest_speed(hull, np.array([-0.2, 0.15]))
+        assert slow < 0.7 * learned.braking.speed_range[1]
+        assert fast == pytest.approx(learned.braking.speed_range[1], abs=0.05)
+
+
+def test_a_hull_of_few_corners_is_inside_of_that_of_all() -> None:
+    rng = np.random.default_rng(5)
+    grade = rng.uniform(-0.25, 0.25, 4000)
+    speed = rng.uniform(0.5, 1.0, 4000) * (4.0 - 30.0 * grade**2 - 3.0 * np.maximum(-grade, 0.0))
+    fit = fitted(speed, grade)
+    ends = (float(speed.min()), float(speed.max())), (float(grade.min()), float(grade.max()))
+    corners = (*extrapolated_corners(speed, grade, fit), Corner(4.0, -0.25, 0.4, 0.1))
+    hull = speed_by_grade(speed, grade, *ends, corners)
+    assert hull is not None
+    assert 2 <= len(hull) <= 8
+    faces = ConvexHull(np.column_stack((grade, speed))).equations
+    at = np.linspace(*ends[1], 200)
+    most = np.array([
+        min((-f[2] - f[0] * g) / f[1] for f in faces if f[1] > 1e-9) for g in at
+    ])  # fmt: skip
+    reach = 0.1 * (ends[0][1] - ends[0][0]), 0.1 * (ends[1][1] - ends[1][0])
+    around = np.max(
+        [np.interp(at + d, at, most) for d in np.linspace(-reach[1], reach[1], 41)], axis=0
+    )
+    assert np.all(highest_speed(hull, at) <= around + reach[0] + 1e-3)
+    assert np.all(highest_speed(hull, at) >= most - 0.15)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from models.calibration.coverage import covered
 from models.calibration.learn import Calibration, learn
 from models.calibration.surface_fit import CalibrationSettings
 from models.errors import ParameterError
@@ -188,9 +189,29 @@ def test_a_mount_that_cannot_be_told_is_said_and_paid_for() -> None:
     assert np.all(allowed(blind.braking, fresh) > allowed(both.braking, fresh))
 
 
-def test_other_brakes_uphill_are_said() -> None:
-    said = learn(*drive(Plant(uphill=0.25), 60, 4)[:2], KNOWN).warnings
-    assert any("uphill" in words and "+0.2" in words for words in said)
+@pytest.mark.parametrize("change", [0.25, -0.3])
+def test_other_brakes_uphill_get_coefficients_of_their_own(
+    change: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plant = Plant(uphill=change)
+    log, runs, _ = drive(plant, 60, 4)
+    fresh = drive(plant, 60, 5)[:2]
+    learned = learn(log, runs, KNOWN)
+    assert any("uphill" in words and f"{change:+.1f}" in words for words in learned.warnings)
+    up = learned.braking.uphill
+    assert up is not None
+    assert up.m_m == learned.braking.m_m
+    assert up.b_m - learned.braking.b_m == pytest.approx(change, abs=0.08)
+    assert learned.braking.b_m == pytest.approx(plant.b_m, abs=0.1)
+    monkeypatch.setattr("models.calibration.learn.clear_asymmetry", lambda *_: None)
+    alike = learn(log, runs, KNOWN)
+    assert alike.braking.uphill is None
+    own, one = (covered(*fresh, replace(BASE, braking=c.braking)) for c in (learned, alike))
+    assert own.covers()
+    assert np.mean(own.excess) < np.mean(one.excess)
+
+
+def test_brakes_alike_uphill_are_not_said_to_differ() -> None:
     assert not any("uphill" in w for w in learn(*drive(Plant(), 60, 4)[:2], KNOWN).warnings)
 
 

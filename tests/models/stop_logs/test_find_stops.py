@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs.find_stops import StopWindow, Usability, find_stops
+from models.stop_logs.find_stops import StopSettings, StopWindow, Usability, find_stops
 
 HZ = 50.0
 T = np.arange(-2.0, 5.0, 1.0 / HZ)
@@ -54,6 +54,7 @@ def test_a_sensor_that_never_reads_zero_settles() -> None:
         ({"v_cmd": np.where(T < -1e-9, 2.0, -1.0)}, Usability.REVERSED),
         ({"yaw_rate": np.full(len(T), 0.6)}, Usability.TURNING),
         ({"brake": np.where(T < -1e-9, 0.0, 0.5)}, Usability.PARTIAL),
+        ({"brake": np.zeros(len(T))}, Usability.COASTED),
         ({"v": speed(deceleration=40.0)}, Usability.SPARSE),
     ],
 )
@@ -95,8 +96,38 @@ def test_suspect_samples_spoil_the_stop_they_lie_in() -> None:
 
 
 def test_nothing_to_stop() -> None:
-    assert found(log(v=speed(held=0.2))) == []
+    assert found(log(v=speed(held=0.04))) == []
     assert found(log(v_cmd=np.zeros(len(T)))) == []
+
+
+def test_slow_stops_are_found_and_those_below_a_speed_that_is_asked_for_are_named() -> None:
+    slow = log(v=speed(held=0.2, deceleration=0.5))
+    assert [s.verdict for s in found(slow)] == [Usability.USABLE]
+    everything = np.ones(len(T), bool)
+    (stop,) = find_stops(slow, slice(0, len(T)), everything, StopSettings(least_speed=0.3))
+    assert stop.verdict is Usability.SLOW
+    assert stop.reason == "0.20 m/s, below the least speed of 0.3 m/s"
+
+
+def test_what_the_noise_at_rest_hides_is_no_stop() -> None:
+    noise = 0.04 * np.random.default_rng(2).standard_normal(len(T))
+    assert found(log(v=speed(held=0.15) + noise)) == []
+    assert len(found(log(v=speed(held=0.35) + noise))) == 1
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_stop_of_forty_seconds_is_one(noise: float) -> None:
+    t = np.arange(-2.0, 50.0, 0.05)
+    v = np.clip(2.0 - 0.05 * (t - 0.3), 0.0, 2.0)
+    v += noise * np.random.default_rng(3).standard_normal(len(t))
+    columns = {"t": t, "v": v, "v_cmd": np.where(t < -1e-9, 2.0, 0.0)}
+    (stop,) = find_stops(columns, slice(0, len(t)), np.ones(len(t), bool))
+    assert stop.verdict is Usability.USABLE
+    assert t[stop.standstill] == pytest.approx(40.3, abs=1.0)
+    (short,) = find_stops(
+        columns, slice(0, len(t)), np.ones(len(t), bool), StopSettings(longest=30.0)
+    )
+    assert short.verdict is Usability.UNFINISHED
 
 
 def test_stops_of_a_later_run_keep_their_place() -> None:

@@ -57,6 +57,13 @@ def trained_speed(share: float) -> Scene:
     return Scene(straight(s, v), model_with(braking={"speed_range": [1.0, 3.0]}), ground())
 
 
+def speed_driven_on_the_grade(share: float) -> Scene:
+    """On 0.13 rad nothing faster than 2.5 m/s was driven, though 4 m/s on the level."""
+    s, v = trapezoid(2.5 * share)
+    hull = [[-0.26, 3.0], [0.0, 3.0], [0.26, 2.0]]
+    return Scene(straight(s, v), model_with(braking={"speed_by_grade": hull}), ground(slope(0.13)))
+
+
 def speed_limit_of_the_path(share: float) -> Scene:
     s, v = trapezoid(2.0 * share)
     return Scene(straight(s, v, speed_limit=np.full_like(s, 2.0)), model_with(), ground())
@@ -273,6 +280,7 @@ def columns(share: float) -> Scene:
 
 SCENES: list[tuple[str, Callable[[float], Scene]]] = [
     ("speed_limit", speed_limit), ("speed_limit", trained_speed),
+    ("speed_limit", speed_driven_on_the_grade),
     ("speed_limit", speed_limit_of_the_path), ("stopping_path", stopping_path),
     ("stopping_path", clear_distance), ("unknown_terrain", unknown_below_the_body),
     ("unknown_terrain", unknown_where_a_stop_ends), ("model_validity", steeper_than_trained),

@@ -459,6 +459,11 @@ SURFACES = st.builds(
 )
 
 
+HULLS = st.sampled_from([
+    ((-0.3, 1.0), (0.0, 3.0), (0.2, 3.5)), ((-0.1, 2.0), (0.4, 1.5)),
+])  # fmt: skip
+
+
 @st.composite
 def some_effects(draw: st.DrawFn) -> tuple[Effect, ...]:
     effects = []
@@ -510,6 +515,7 @@ def models(draw: st.DrawFn) -> Model:
         speed_range=draw(ranges(0, 20)),
         grade_range=draw(ranges(-1, 1)),
         roll_range=draw(maybe(ranges(-1, 1))),
+        speed_by_grade=draw(maybe(HULLS)),
         time_offset=draw(NOT_NEGATIVE),
         speed_error=draw(between(0, 5)),
         drive_in_dead_time=draw(st.sampled_from(["held", "cut", "either"])),

@@ -258,9 +258,16 @@ def test_a_bad_stretch_costs_its_stop_and_no_other(
         (lambda log: changed(log, "v", np.nan, slice(7, 8)), ("row 9, column v", "finite")),
         (lambda log: changed(log, "t", 0.0, slice(7, 8)), ("row 9, column t", "after")),
         (lambda log: changed(log, "t", log["t"][6], slice(7, 8)), ("row 9, column t", "after")),
-        (lambda log: changed(log, "v_cmd", 2.0), ("at least 8 usable stops", "0 found")),
+        (
+            lambda log: changed(log, "v_cmd", 2.0),
+            ("at least 8 usable stops", "0 found", "a stop begins where v_cmd goes to 0 while"),
+        ),
+        (
+            lambda log: log | {"brake": np.zeros(len(log["t"]))},
+            ("0 of 24 found", "a stop begins where v_cmd goes to 0", "24 coasted"),
+        ),
     ],
-    ids=["missing column", "nan", "unsorted", "duplicate", "no stop"],
+    ids=["missing column", "nan", "unsorted", "duplicate", "no stop", "coast-downs"],
 )
 def test_logs_that_cannot_be_used_are_one_line(
     log: Log, tmp_path: Path, spoil: object, words: tuple[str, ...]
@@ -271,6 +278,41 @@ def test_logs_that_cannot_be_used_are_one_line(
     for word in (str(path), *words):
         assert word in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_columns_of_other_names_and_units_teach_the_same(
+    log: Log, file: Path, tmp_path: Path
+) -> None:
+    """Every command that reads drive logs takes the same words for the same columns."""
+    other = {
+        "segment": log["run"], "stamp": 1e3 * log["t"], "speed": 3.6 * log["v"],
+        "told": 3.6 * log["v_cmd"], "slope": -np.rad2deg(log["pitch"]),
+    }  # fmt: skip
+    path = written(other, tmp_path / "other.csv")
+    names = "run=segment,time=stamp:ms,speed=speed:km/h,command=told:km/h,grade=slope:deg"
+    told, expected = tmp_path / "told.toml", tmp_path / "expected.toml"
+    result = here("calibrate", path, "--model", "atv", "--columns", names, "--out", told)
+    assert result.returncode == 0, result.stderr
+    calibrate.write_learned_model(calibrate.run(job(file), quiet=True), expected)
+    learned, known = read_model(told).braking, read_model(expected).braking
+    assert learned.b_b == pytest.approx(known.b_b, rel=1e-9)
+    assert learned.dead_time == pytest.approx(known.dead_time, rel=1e-9)
+    for command, words in {
+        "coverage": (),
+        "simulate": (),
+        "discrepancy": ("--out", tmp_path),
+    }.items():
+        said = [
+            here(command, log_file, "--model", told, "--json", *words, *columns)
+            for log_file, columns in ((file, ()), (path, ("--columns", names)))
+        ]
+        assert said[0].returncode == said[1].returncode == 0, said[1].stderr
+        one, two = (json.loads(s.stdout) for s in said)
+        assert one.get("stops") == two.get("stops")
+        assert one.get("verdict") == two.get("verdict")
+        one_line_of(
+            here(command, path, "--model", told, *words), "column t, column v,", "missing"
+        )  # fmt: skip
 
 
 def test_faults_leave_by_status_two(log: Log, tmp_path: Path) -> None:

@@ -64,21 +64,57 @@ def test_wrong_words_are_named(learned: Path, tmp_path: Path) -> None:
     job = coverage.CoverageJob([log], str(learned), None, None, 1.0)
     with pytest.raises(InputError, match="--quantile"):
         coverage.run(job, quiet=True)
+    words = {"settled_speed": 0.4, "least_speed": 0.3}
     with pytest.raises(InputError, match="--settled-speed"):
-        calibrate.run(CalibrateOptions([log], "atv", settled_speed=0.4), quiet=True)
-    with pytest.raises(InputError, match="--longest"):
-        calibrate.run(CalibrateOptions([log], "atv", longest=np.nan), quiet=True)
+        calibrate.run(CalibrateOptions([log], "atv", **words), quiet=True)
+    for name, value in {
+        "longest": np.nan, "least_speed": 0.0, "turn_rate": -1.0, "ramp": np.inf, "step": 1.5,
+        "full_brake": -0.1, "fewest": 1,
+    }.items():  # fmt: skip
+        with pytest.raises(InputError, match=f"--{name.replace('_', '-')}: expected"):
+            calibrate.run(CalibrateOptions([log], "atv", **{name: value}), quiet=True)
 
 
 def test_a_refused_log_leaves_its_stops_with_reasons(tmp_path: Path) -> None:
     log = written(Plant(), 5, 3, tmp_path / "five.csv")
-    stops = tmp_path / "stops.csv"
-    result = slopewise("calibrate", log, "--model", "atv", "--stops", stops)
+    stops, page = tmp_path / "stops.csv", tmp_path / "page.html"
+    files = ("--stops", stops, "--report", page)
+    result = slopewise("calibrate", log, "--model", "atv", *files)
     assert result.returncode == 2
     assert "at least 8 usable stops, got 5 of 5 found" in result.stderr
     with stops.open() as file:
         rows = list(csv.DictReader(file))
     assert [row["verdict"] for row in rows] == ["usable"] * 5
-    result = slopewise("calibrate", log, "--model", "atv", "--stops", stops, "--least-speed", "9")
+    assert "at least 8 usable stops, got 5 of 5 found" in page.read_text()
+    result = slopewise("calibrate", log, "--model", "atv", *files, "--least-speed", "9")
     assert result.returncode == 2
-    assert "got 0 of 0 found" in result.stderr
+    assert "got 0 of 5 found; 5 slow" in result.stderr
+    with stops.open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["verdict"] for row in rows] == ["slow"] * 5
+    for told in (page.read_text(), rows[0]["reason"]):
+        assert "below the least speed of 9 m/s" in told
+
+
+def test_one_run_that_stands_while_its_positions_wander_is_left_out(tmp_path: Path) -> None:
+    """Speeds noisier than the way between positions look like another unit, in that run."""
+    log = drive(Plant(), 12, 4, out_and_back=True)[0]
+    t = np.arange(0.0, 60.0, 0.1)
+    still = {
+        "run": np.full(len(t), "still"), "t": float(log["t"][-1]) + 10.0 + t,
+        "v": np.full(len(t), 0.36), "v_cmd": np.zeros(len(t)), "pitch": np.zeros(len(t)),
+        "x": 0.1 * t, "y": np.zeros(len(t)), "yaw": np.zeros(len(t)),
+    }  # fmt: skip
+    both = {name: np.concatenate((log[name], still[name])) for name in log}
+    path = tmp_path / "log.csv"
+    write_csv({n: list(v) if v.dtype.kind == "U" else v for n, v in both.items()}, path)
+    result = calibrate.run(CalibrateOptions([path], "atv"), quiet=True)
+    assert result.calibration.verdicts["usable"] == 12
+    assert any("looks like km/h" in s.reason for s in result.calibration.suspects)
+    alone = {name: values[log["run"] == "0"] for name, values in log.items()}
+    one = {name: np.concatenate((alone[name], still[name])) for name in log}
+    write_csv({n: list(v) if v.dtype.kind == "U" else v for n, v in one.items()}, path)
+    stops = tmp_path / "stops.csv"
+    with pytest.raises(InputError, match="looks like km/h"):
+        calibrate.run(CalibrateOptions([path], "atv", stops=stops), quiet=True)
+    assert stops.is_file()

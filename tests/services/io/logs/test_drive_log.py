@@ -75,7 +75,11 @@ def test_runs_that_start_their_own_clock_are_noticed(tmp_path: Path) -> None:
             "column v_cmd",
             "missing column, got the header run,t,v,pitch",
         ),
-        ("t,v,v_cmd,pitch\n0,1,0,0\n", "column run", "missing column"),
+        (
+            "run,t,v\n1,0,1\n",
+            "column v_cmd, column pitch",
+            "missing columns, got the header run,t,v",
+        ),
         (
             f"{HEADER}\n1,0,1,1,0\n1,1,nan,1,0\n",
             "row 3, column v",

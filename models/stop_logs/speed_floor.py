@@ -1,0 +1,100 @@
+"""What the speed of a run reads where the vehicle stands: the floor below which nothing is seen.
+
+Rest is where the command is 0 and the speed does not fall any more: of blocks of half a second
+those that are flat, and near the lowest of their run. A run that is cut off at each standstill has
+none; second differences of neighbouring samples tell the noise of any run. Source: none.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.arrays import Bools, Floats
+
+_BLOCK = 0.5  # [s]
+_AFTER = 0.5  # [s] since the command; earlier no brake has done anything
+_FEWEST = 4  # samples of a block
+_ENOUGH = 20  # samples at rest that tell its noise
+_QUANTILE = 0.98  # of the speeds read at rest
+_FALL = 3.0  # standard deviations by which the halves of a flat block may differ at most
+_RESOLUTION = 0.005  # [m/s] the same of sensors without noise
+_NEAR = 3.0, 0.03  # times the lowest block, and [m/s]: flat and higher, a vehicle creeps
+_TIMES_FLOOR, _TIMES_NOISE = 3.0, 5.0
+_QUARTER = 0.3186 * np.sqrt(6.0)  # lower quartile of |second difference| of noise of 1
+_SLOWEST = 0.05  # [m/s] no log tells a stop from less
+_ALWAYS = 0.3  # [m/s] any log tells a stop from more
+_ABOVE = 1.25  # times the rest: below that, a speed is at rest
+_BACKWARDS = 2.0  # standard deviations below 0 at which a vehicle rolls backwards
+
+
+class SpeedFloor(NamedTuple):
+    """What a run tells of speeds that mean nothing.
+
+    Attributes:
+        rest: speed that is read at rest [m/s], None where the run never shows rest for long.
+        noise: of single samples, standard deviation [m/s].
+    """
+
+    rest: float | None
+    noise: float
+
+    @property
+    def slowest(self) -> float:
+        """Slower vehicles cannot be told from standing ones [m/s]."""
+        rest = 0.0 if self.rest is None else self.rest
+        return min(max(_TIMES_FLOOR * rest, _TIMES_NOISE * self.noise, _SLOWEST), _ALWAYS)
+
+    @property
+    def standing(self) -> float:
+        """Speeds below may be read at rest [m/s]; 0 where nothing was."""
+        return 0.0 if self.rest is None else _ABOVE * self.rest
+
+
+def speed_floor(time: Floats, speed: Floats, standing: Bools, good: Bools) -> SpeedFloor:
+    """The floor of one run.
+
+    Args:
+        time, speed: (n,) [s], [m/s]. standing: (n,) the command is 0. good: (n,) samples that may
+            be used.
+    """
+    bends = np.abs(np.diff(speed[good], 2))
+    # The calm half of a run: where speeds are driven to, they bend by themselves.
+    noise = float(np.quantile(bends, 0.25)) / _QUARTER if len(bends) else 0.0
+    blocks = [np.abs(speed[block]) for block in _flat_blocks(time, speed, standing, good)]
+    if not blocks:
+        return SpeedFloor(None, noise)
+    level = np.array([float(np.quantile(block, _QUANTILE)) for block in blocks])
+    times, more = _NEAR
+    near = level <= times * float(level.min()) + more
+    rest = np.concatenate(
+        [block for block, kept in zip(blocks, near.tolist(), strict=True) if kept]
+    )
+    return SpeedFloor(float(np.quantile(rest, _QUANTILE)) if len(rest) >= _ENOUGH else None, noise)
+
+
+def _flat_blocks(
+    time: Floats, speed: Floats, standing: Bools, good: Bools
+) -> list[NDArray[np.int64]]:
+    """Samples of each flat block while the command is 0."""
+    begins = standing & ~np.concatenate(([False], standing[:-1]))
+    stretch = np.cumsum(begins)
+    since = time - np.concatenate(([0.0], time[begins]))[stretch]
+    at = np.flatnonzero(standing & good & (since > _AFTER))
+    if not len(at):
+        return []
+    block = (since[at] // _BLOCK).astype(np.int64)
+    key = stretch[at] * (int(block.max()) + 1) + block
+    parts = np.split(at, np.flatnonzero(np.diff(key)) + 1)
+    return [part for part in parts if len(part) >= _FEWEST and _is_flat(speed[part])]
+
+
+def _is_flat(values: Floats) -> bool:
+    if np.mean(values) < -_BACKWARDS * np.std(values) - _RESOLUTION:
+        return False
+    half = len(values) // 2
+    one, two = values[:half], values[-half:]
+    spread = np.sqrt((np.var(one) + np.var(two)) / half)
+    return bool(np.mean(one) - np.mean(two) <= _FALL * spread + _RESOLUTION)
