@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
+from models.parameters import Model
 from services.io.model_file import read_model, shipped_models
 
 from ..common.measure import machine, timed
@@ -19,6 +20,8 @@ CASES, QUICK_CASES = 2400, 240
 DRIVES, QUICK_DRIVES = 200, 20
 VEHICLES = ("atv", "husky")
 _SEED = 23
+_CASES_A_DRIVE = 4
+"""Enough of both that are passed and that are barred."""
 
 Result = dict[str, Any]
 
@@ -40,11 +43,24 @@ def run(quick: bool = False, progress: Callable[[int], None] | None = None) -> R
         "planned": {"seconds": seconds, **screening.summary(found)},
     }
     if find_spec("mujoco") is not None:
-        from . import driving
-
-        wanted = QUICK_DRIVES if quick else DRIVES
-        result["driven"] = driving.summary(driving.drives(found, models, wanted, progress))
+        result["driven"] = _driven(models, QUICK_DRIVES if quick else DRIVES, progress)
     return result
+
+
+def _driven(built: dict[str, Model], wanted: int, progress: Callable[[int], None] | None) -> Result:
+    """Drives around the limits that the engine's vehicles have, over obstacles of their own."""
+    from . import driving
+    from .limits import measured_in_engine
+
+    models = {name: measured_in_engine(model) for name, model in built.items()}
+    drawn = cases(_CASES_A_DRIVE * wanted, models, _SEED + 1)
+    found = screening.outcomes(drawn, models, None)
+    measured = {
+        name: {"max_step": model.vehicle.max_step, "wheel_travel": model.vehicle.wheel_travel}
+        for name, model in models.items()
+    }
+    drives = driving.drives(found, models, built, wanted, progress)
+    return {"limits": measured, **driving.summary(drives)}
 
 
 def show(result: Result, console: Console) -> None:
@@ -63,6 +79,11 @@ def show(result: Result, console: Console) -> None:
     if "driven" not in result:
         console.print("not driven: needs mujoco (pip install slopewise[sim])")
         return
+    for name, limits in result["driven"]["limits"].items():
+        console.print(
+            f"{name} in the engine: steps to {limits['max_step']:.3f} m, one wheel to "
+            f"{limits['wheel_travel']:.3f} m"
+        )
     table = table_of("obstacles driven", "drives", "struck", "tipped", "in the air", "stuck",
                      "failed")  # fmt: skip
     for name, words in (
