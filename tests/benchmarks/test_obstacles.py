@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.obstacles import screening
-from benchmarks.obstacles.cases import cases, map_of, path_of
-from benchmarks.obstacles.shapes import Block
+from benchmarks.obstacles.cases import Case, cases, map_of, path_of
+from benchmarks.obstacles.shapes import Block, Slope
 from benchmarks.obstacles.truth import size_of
 from services.io.model_file import read_model, shipped_models
 
@@ -31,6 +33,17 @@ def test_hardly_anything_small_is_barred(found: list[screening.Outcome]) -> None
     small = [o for o in found if screening.should_pass(o.case)]
     assert len(small) > 0.2 * CASES
     assert sum(o.bar is not None for o in small) <= 0.05 * len(small)
+
+
+def test_a_ditch_askew_that_lifts_wheels_beside_their_middles_is_barred() -> None:
+    model = MODELS["husky"]
+    longer = replace(model.vehicle, max_step=0.0494, wheel_travel=0.0494)
+    ditch = Block(0.0, 0.0, -0.45000373, 0.36717564, 60.0, -0.02844622)
+    size = size_of(ditch, longer)
+    assert size.step < 0.6
+    assert size.twist > screening.TOO_LARGE
+    case = Case("ditch", "husky", ditch, Slope(0.0, 0.0), 0.05, 2.20885169, 2014385351, size, size)
+    assert screening.planned(case, replace(model, vehicle=longer)).bar is not None
 
 
 def test_the_summary_counts_all(found: list[screening.Outcome]) -> None:
