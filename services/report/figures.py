@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from models.errors import InputError
-
 INK, FIRST, SECOND, THIRD, FAINT = "#1b1d1f", "#0b5c8f", "#d55e00", "#00694f", "#8a9097"
 COLOURS = (FIRST, SECOND, THIRD, "#76388c", "#8a5300", "#cc79a7", "#3a9bdc", "#585f66")
 
@@ -23,17 +21,10 @@ _STYLE: Any = {
 
 @contextmanager
 def house_style() -> Iterator[type[Any]]:
-    """The style of all figures; yields matplotlib's Figure.
+    """The style of all figures; yields matplotlib's Figure."""
+    import matplotlib
+    from matplotlib.figure import Figure
 
-    Raises:
-        InputError: matplotlib is not installed.
-    """
-    try:
-        import matplotlib
-        from matplotlib.figure import Figure
-    except ImportError:
-        hint = "expected matplotlib for the pictures, got none: pip install slopewise[report]"
-        raise InputError("report", "", hint) from None
     with matplotlib.rc_context(_STYLE):
         yield Figure
 

@@ -176,7 +176,7 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
     DIR/vehicles/NAME has discrepancy.json, model.toml and report.html as `slopewise discrepancy`
     writes them; DIR/findings a row a vehicle as Parquet; DIR/findings.jsonl a line each. A log that
     cannot be used is told in its row. A second run looks at what is new: logs that grew, models
-    that changed. Needs `pip install slopewise\[fleet,report]`.
+    that changed. Needs `pip install slopewise\[fleet]`.
 
     [bold]Examples[/]  slopewise fleet discrepancy logs/*.csv --models atv --out out/fleet
               slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may

@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from models.discrepancy.settings import DiscrepancySettings
-from models.errors import InputError
 from services.cli.screen import progress_bar
 from services.fleet import finding
 from services.fleet.census import Census, Lacked, census
@@ -90,10 +88,6 @@ def run(job: FleetDiscrepancyJob, *, quiet: bool = False) -> FleetDiscrepancyRes
     """
     begin = time.perf_counter()
     check_installed()
-    if job.pages and find_spec("matplotlib") is None:
-        raise InputError(
-            "fleet", "", "needs matplotlib for the pages: pip install slopewise[report]"
-        )
     grouped = vehicles_of(job.logs, job.by_folder)
     models = {name: _model_of(job.models, name) for name in grouped}
     question = _question(job)

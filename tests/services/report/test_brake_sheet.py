@@ -18,8 +18,6 @@ from services.report.brake_sheet import write_sheet
 from services.report.brake_table import shown_distances
 from services.report.brake_words import as_json, brake_rows, danger, explained, slope_rows
 
-pytest.importorskip("matplotlib", reason="the report extra is not installed")
-
 
 def of(**of_braking: object) -> BrakeNumbers:
     model = read_model(find_model("atv"))

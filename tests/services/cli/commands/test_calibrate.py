@@ -6,7 +6,6 @@ import csv
 import dataclasses
 import hashlib
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +45,6 @@ def job(path: Path, **further: object) -> CalibrateOptions:
 
 
 def test_the_command_writes_model_stops_and_page(file: Path, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="the report extra is not installed")
     model, stops, page = (tmp_path / n for n in ("m.toml", "stops.csv", "page.html"))
     result = slopewise(
         "calibrate", file, "--model", "atv", "--out", model, "--stops", stops, "--report", page
@@ -84,7 +82,6 @@ def test_the_command_writes_model_stops_and_page(file: Path, tmp_path: Path) -> 
 def test_the_brake_sheet_is_one_page_and_names_what_it_was_made_from(
     file: Path, tmp_path: Path
 ) -> None:
-    pytest.importorskip("matplotlib", reason="the report extra is not installed")
     out, pdf, html = (tmp_path / n for n in ("m.toml", "sheet.pdf", "sheet.html"))
     for sheet in (pdf, html):
         words = "calibrate", file, "--model", "atv", "--out", out, "--sheet", sheet, "--json"
@@ -320,12 +317,3 @@ def test_faults_leave_by_status_two(log: Log, tmp_path: Path) -> None:
     one_line_of(here("calibrate", path, "--model", "atv"), "bad.csv", "stops", "at least 8")
     with fault_in("--coverage", "", "1.5"):
         calibrate.run(job(path, coverage=1.5), quiet=True)
-
-
-def test_a_page_without_matplotlib_says_what_to_install(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    result = calibrate.run(job(file), quiet=True)
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with fault_in("report", "", "pip install slopewise[report]"):
-        calibrate.write_page(result, job(file), tmp_path / "page.html")

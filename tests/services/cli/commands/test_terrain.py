@@ -183,7 +183,6 @@ def test_terrain_files_that_cannot_be_used(tmp_path, text, field, words) -> None
 
 
 def test_the_page_holds_the_figures_of_the_paper(driven, tmp_path) -> None:
-    pytest.importorskip("matplotlib", reason="the report extra is not installed")
     log, husky = driven
     page = tmp_path / "page.html"
     assert status_of("terrain", log, "-m", husky, "--report", page) == 0
@@ -196,7 +195,6 @@ def test_the_page_holds_the_figures_of_the_paper(driven, tmp_path) -> None:
 
 
 def test_names_of_a_log_do_not_become_markup(tmp_path) -> None:
-    pytest.importorskip("matplotlib", reason="the report extra is not installed")
     log = plant.drive(plant.square(sides=1), plant.DIRT)
     path = written(tmp_path / "log.csv", ("<b>[red]run", log))
     job = command.TerrainJob([path], str(model(tmp_path)))
