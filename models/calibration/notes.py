@@ -7,14 +7,15 @@ import numpy as np
 from models.calibration.asymmetry import Asymmetry, asymmetry
 from models.calibration.force_fit import NAMES, WEAK_PRIOR
 from models.calibration.surface_fit import SurfaceFit
+from models.effects import registry
 from models.parameters import Braking, Model
 from models.stop_logs.mount_offset import Mount
 
 
 def clear_asymmetry(base: SurfaceFit, beside: Model | None) -> Asymmetry | None:
     """The change of the slope coefficient uphill, where it is clear and nothing else has it."""
-    named = () if beside is None else beside.effect
-    if any(effect.name == "grade_asymmetry" for effect in named):
+    laws = () if beside is None else [registry.LAWS[effect.name] for effect in beside.effect]
+    if any(law.kinks_at_level and law.axis == "grade" for law in laws):
         return None
     found = _asymmetry(base)
     return found if found is not None and found.clear else None

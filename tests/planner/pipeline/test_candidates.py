@@ -42,7 +42,7 @@ from tests.planner.scenes import (
 ARRAYS = tuple(
     field.name
     for field in dataclasses.fields(SpeedPlan)
-    if field.name not in ("candidate", "status", "reason", "clear_distance", "obstacle")
+    if field.name not in ("candidate", "status", "reason", "clear_distance", "obstacle", "momentum")
 )
 
 

@@ -89,6 +89,7 @@ def test_what_the_atv_leaves_out_is_commented_with_the_number_that_then_holds() 
         "sliding_friction",
         "covariance",
         "front_brake_share",
+        "speed_by_grade",
     }
     told = set(re.findall(r"^# (\w+) = ", file.read_text(), re.MULTILINE)) & known
     held = "|".join(told - examples)
