@@ -411,3 +411,11 @@ def test_a_plan_that_stands_is_sound() -> None:
     report = check(GivenPlan(name="here", x=[1.0], y=[1.0], speed=[0.0]), model_with(), ground())
     assert report.valid
     assert report.stops == 0
+
+
+def test_a_plan_that_comes_to_rest_where_it_is_stands() -> None:
+    x, aside = np.array([1.0, 1.0 + 1e-9]), np.ones(2)
+    crawls = GivenPlan(name="crawls", x=x, y=aside, speed=np.array([6e-5, 0.0]))
+    assert check(crawls, model_with(), ground()).valid
+    with pytest.raises(ParameterError, match="different places"):
+        GivenPlan(name="jumps", x=x, y=aside, speed=np.array([6e-3, 0.0]))
