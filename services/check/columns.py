@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.arrays import Bools, Floats
-from services.check.given_plan import GivenPlan
+from services.check.given_plan import STANDS, GivenPlan
 from services.check.ground import Ground
 from services.check.line import Line
 from services.check.report import Ledger
@@ -48,7 +48,12 @@ def judge_columns(ledger: Ledger, plan: GivenPlan, line: Line, ground: Ground) -
         both = plan.speed[1:] + plan.speed[:-1]
         lasts = np.divide(2.0 * step, both, out=np.zeros_like(step), where=both > 0.0)
         book.compare(
-            "time", np.diff(plan.time), lasts, 0.02 + 0.005 * lasts, both > 0.0, "time to the next"
+            "time",
+            np.diff(plan.time),
+            lasts,
+            0.02 + 0.005 * lasts,
+            both > STANDS,
+            "time to the next",
         )
 
 

@@ -31,7 +31,7 @@ COLUMNS: dict[str, str] = {
 
 NEEDED = ("x", "y", "speed")
 _SAME = 1e-6  # [m] rows closer than that are one place
-_STANDS = 1e-3
+STANDS = 1e-3
 """So slow a plan stands [m/s]: from there a vehicle comes to rest at one place."""
 
 
@@ -93,7 +93,7 @@ class GivenPlan:
             if values is not None and values.min() < 0.0:
                 row = int(np.argmax(values < 0.0))
                 raise ParameterError(f"{name}[{row}]", f"a speed >= 0, got {values[row]:g}")
-        if self.speed.max() > _STANDS and not self.moved()[1:].any():
+        if self.speed.max() > STANDS and not self.moved()[1:].any():
             raise ParameterError("plan", "at least 2 different places of a plan that moves, got 1")
 
     def moved(self) -> Bools:
