@@ -6,7 +6,7 @@ import numpy as np
 
 from models.arrays import Floats
 from planner.plan import motion_of
-from planner.profile.smoothing import SmoothingProblem
+from planner.profile.smoothing_problem import SmoothingProblem
 
 _INTERCEPT = 1e-6
 """Below this v² nothing is asked any more [m²/s²]."""

@@ -44,9 +44,8 @@ def measured_in_engine(model: Model) -> Model:
     width = vehicle.shape.wheel_width
     rock = _highest(vehicle.wheel_radius, lambda h: passes(Block(0, side, 0, long, width, h)))
     step = min(up, down)
-    return replace(
-        model, vehicle=replace(vehicle, max_step=step, wheel_travel=min(rock, step))
-    )  # fmt: skip
+    limited = replace(vehicle, max_step=step, wheel_travel=min(rock, step))
+    return replace(model, vehicle=limited)
 
 
 def _plan_on_level_ground(model: Model) -> SpeedPlan:

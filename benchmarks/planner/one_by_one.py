@@ -14,7 +14,8 @@ from planner.kernels.limits import planning_limits
 from planner.pipeline.candidates import finished
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from planner.profile.reference import JerkLimitedReference, time_optimal_problem
-from planner.profile.smoothing import SmoothingProblem, smooth
+from planner.profile.smoothing import smooth
+from planner.profile.smoothing_problem import SmoothingProblem
 from planner.profile.time_optimal import ProfileProblem, profile_problem, time_optimal_profile
 from planner.settings import Solver
 from planner.verify.judge import check

@@ -22,7 +22,8 @@ from planner.path import PathBatch
 from planner.pipeline.candidate_column import CandidateColumn
 from planner.pipeline.time_optimal_batch import time_optimal_batch
 from planner.profile.reference import JerkLimitedReference
-from planner.profile.smoothing import SmoothingProblem, smooth
+from planner.profile.smoothing import smooth
+from planner.profile.smoothing_problem import SmoothingProblem
 
 from ..common.judge import smooth_excess, travel_time
 from ..common.measure import machine, summary, timed

@@ -15,7 +15,7 @@ from scipy import sparse
 
 from models.arrays import Bools, Floats
 from planner.profile.osqp_nearest import matrix_of
-from planner.profile.smoothing import SmoothingProblem
+from planner.profile.smoothing_problem import SmoothingProblem
 from planner.profile.smoothing_program import program
 
 

@@ -16,7 +16,8 @@ from planner.pipeline.full_braking import Judged, brake_hard, emergency_stop
 from planner.pipeline.standing import standing, stands_early
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from planner.plan import SpeedPlan, Status, motion_of
-from planner.profile.smoothing import SmoothingProblem, smooth
+from planner.profile.smoothing import smooth
+from planner.profile.smoothing_problem import SmoothingProblem
 from planner.settings import Solver
 from planner.verify.judge import Judgement
 

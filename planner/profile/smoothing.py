@@ -20,7 +20,7 @@ from models.arrays import Floats
 from planner.kernels.compiled import kernel
 from planner.profile.banded_nearest import nearest, room
 from planner.profile.osqp_nearest import nearest_by_osqp
-from planner.profile.smoothing_problem import SmoothingProblem as SmoothingProblem
+from planner.profile.smoothing_problem import SmoothingProblem
 from planner.profile.smoothing_program import FEWEST, REST, TIGHTER, program, reachable
 from planner.settings import Solver
 

@@ -66,9 +66,9 @@ def wheel_looks(
 ) -> int:
     """Add what the wheels of a row have to be looked at for; more than 0 if any has to be.
 
-    A wheel stands as high as the ground under its middle, or higher by its lift. One
-    wheel is taken to be higher by all of it: of two wheels across from each other that stand on
-    what their middles miss, the one on less is not looked for.
+    A wheel stands as high as the ground under its middle, or higher by its lift. One wheel is
+    taken to be higher by all of it: of two wheels across from each other that stand on what their
+    middles miss, the one on less is not looked for.
 
     Args:
         row: poses. screen: of the map. sizes: of the vehicle.
@@ -84,12 +84,8 @@ def wheel_looks(
     for j in range(x.shape[0]):
         along_x, along_y = length * heading_x[j], length * heading_y[j]
         left_x, left_y = -width * heading_y[j], width * heading_x[j]
-        front_x, front_y, rear_x, rear_y = (
-            x[j] + along_x,
-            y[j] + along_y,
-            x[j] - along_x,
-            y[j] - along_y,
-        )
+        front_x, front_y = x[j] + along_x, y[j] + along_y
+        rear_x, rear_y = x[j] - along_x, y[j] - along_y
         a = _flat_block(screen, front_x + left_x, front_y + left_y)
         b = _flat_block(screen, front_x - left_x, front_y - left_y)
         c = _flat_block(screen, rear_x + left_x, rear_y + left_y)

@@ -10,6 +10,7 @@ import numpy as np
 from models.arrays import Singles
 from models.parameters import Model
 from planner.swept.sizes import SweptSizes
+from planner.swept.wheel_path import rim_at
 
 LEVELS, RATIO = 4, 0.7
 """Speeds tried, and the ratio of each to the next."""
@@ -57,7 +58,7 @@ def ride_of(model: Model, sizes: SweptSizes, spacing: float) -> Ride:
         model.limits.vertical_accel,
         model.limits.speed * RATIO ** (LEVELS - 1),
         spacing,
-        (radius - np.sqrt(radius**2 - away**2)).astype(np.float32),
+        rim_at(radius, away).astype(np.float32),
         int(0.5 * _PATCH * radius / spacing),
         math.ceil(2.0 * sizes.half_length / spacing),
         max(math.ceil(radius / spacing), 1),

@@ -119,10 +119,10 @@ def _look_around(
     """Judge every block by the ground around it; arguments as of :func:`screen_of`."""
     rows, columns = out.bits.shape
     mean = smoothed(blocks.middle, bounds.fit + 1)
-    room = np.empty((13, columns), np.float32)
+    room = np.empty((12, columns), np.float32)
     s = Surface(
         room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8], room[9],
-        room[10], room[11], room[12],
+        room[10], room[11],
     )  # fmt: skip
     m, edge = bounds.fit, bounds.edge
     west, east = slice(pad - m, pad - m + columns), slice(pad + m, pad + m + columns)
@@ -143,15 +143,11 @@ def _look_around(
                 blocks.top[k, j : j + columns], blocks.low[k, j : j + columns], x, y, s,
                 s.highest, s.lowest,
             )  # fmt: skip
+            if n == 8:
+                # The nearest come first, this block and those beside it; on a map that shows what
+                # wheels feel the body reaches farther.
+                room[11] = s.lowest
         room[8], room[9], room[10] = -np.float32(np.inf), np.float32(np.inf), -np.float32(np.inf)
-        room[11], room[12] = np.float32(np.inf), -np.float32(np.inf)
-        for n in range(9):
-            k, j = i + n // 3 - 1, pad + n % 3 - 1
-            x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
-            range_of(
-                blocks.top[k, j : j + columns], blocks.low[k, j : j + columns], x, y, s, s.roof,
-                s.floor,
-            )  # fmt: skip
         _feel(i, pad, blocks, offsets.near, offsets.rim, edge, s, s.near)
         _feel(i, pad, blocks, offsets.under, offsets.arch, edge, s, s.under)
         for n in range(offsets.base.shape[0]):

@@ -9,6 +9,7 @@ import numpy as np
 
 from models.arrays import Floats, Ints, Singles
 from planner.swept.sizes import SweptSizes
+from planner.swept.wheel_path import rim_at
 
 _BLOCKS = 6.0
 """Blocks to the wheelbase."""
@@ -86,12 +87,6 @@ def _around(reach: float, edge: float) -> Floats:
     return found
 
 
-def _drop(radius: float, away: Floats) -> Singles:
-    """How far the rim of a wheel lies above its lowest point [m], so far from it."""
-    found: Singles = (radius - np.sqrt(radius**2 - away**2)).astype(np.float32)
-    return found
-
-
 def offsets_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenOffsets:
     """Blocks of so many cells that decide, on cells of this size [m]."""
     edge = cells * resolution
@@ -115,9 +110,12 @@ def offsets_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenOffset
     def steps(of: Floats) -> Ints:
         return np.ascontiguousarray(of[:, :2]).astype(np.int64)
 
+    def rim(over: Floats) -> Singles:
+        return rim_at(sizes.radius, over).astype(np.float32)
+
     return ScreenOffsets(
         steps(_around(body, edge)), steps(around[gap < swept]), steps(around[felt]),
-        _drop(sizes.radius, away[felt]), steps(around[stands]), _drop(sizes.radius, along[stands]),
+        rim(away[felt]), steps(around[stands]), rim(along[stands]),
         steps(hidden), (hidden[:, 2] - 2.0 * half).astype(np.float32),
     )  # fmt: skip
 

@@ -19,7 +19,7 @@ class Surface(NamedTuple):
         highest, lowest: of what is left within reach of the body.
         near, base: highest that a wheel feels on its way, its rim taken off; lowest that it stands
             on. under: highest that a wheel feels where it stands, likewise.
-        floor, roof: lowest and highest of the cells in this and the next blocks.
+        floor: lowest of what is left in this and the next blocks.
     """
 
     level: Singles
@@ -34,7 +34,6 @@ class Surface(NamedTuple):
     base: Singles
     under: Singles
     floor: Singles
-    roof: Singles
 
 
 class FacetRow(NamedTuple):

@@ -25,7 +25,7 @@ from planner.swept.screen import Screen
 from planner.swept.sizes import SweptSizes
 from planner.swept.tyre_profile import Facets, resting_height, standing_height
 from planner.swept.verdicts import BODY, UNSEEN
-from planner.swept.wheel_path import Ground, Pose
+from planner.swept.wheel_path import Ground, Pose, rim_at
 from planner.swept.wheel_sweep import Slopes, step_met, twisted, wheel_at
 
 _NOTHING = int(Kind.NOTHING)
@@ -60,8 +60,7 @@ def scratch_for(sizes: SweptSizes, spacing: float) -> Scratch:
     """Room for poses at most so far apart [m]."""
     samples = math.ceil((sizes.wheel_look + spacing) / sizes.stride) + 8
     strides = int(sizes.radius / sizes.stride)
-    away = sizes.stride * np.arange(-strides, strides + 1)
-    rim = sizes.radius - np.sqrt(sizes.radius**2 - away**2)
+    rim = rim_at(sizes.radius, sizes.stride * np.arange(-strides, strides + 1))
     return Scratch(np.empty((2, samples)), rim, np.empty(4), np.empty((4, 2)))
 
 

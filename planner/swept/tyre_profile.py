@@ -63,12 +63,18 @@ def tyre_profile(
     for n in range(first, end):
         profile[n] = NO_GROUND
     for tyre in range(sizes.tyres):
-        off = sizes.half_tyre * (2.0 * tyre / (sizes.tyres - 1) - 1.0)
+        off = _across(tyre, sizes)
         run, leaned = _run(ground, pose, begin, aside + off, sizes.stride), lean * off
         for n in range(first, end):
             height = _facet_height(ground, run, n) - leaned
             # A branch would be guessed wrong half of the time. Unknown cells count for none.
             profile[n] = max(profile[n], height if height == height else NO_GROUND)
+
+
+@inlined
+def _across(tyre: int, sizes: SweptSizes) -> float:
+    """How far a line of samples lies to the left of the middle of the tyre [m]."""
+    return float(sizes.half_tyre * (2.0 * tyre / (sizes.tyres - 1) - 1.0))
 
 
 class _Run(NamedTuple):
@@ -121,7 +127,7 @@ def standing_height(
     begin = ahead - (rim.shape[0] // 2) * sizes.stride
     highest = NO_GROUND
     for tyre in range(sizes.tyres):
-        off = sizes.half_tyre * (2.0 * tyre / (sizes.tyres - 1) - 1.0)
+        off = _across(tyre, sizes)
         run = _run(ground, pose, begin, aside + off, sizes.stride)
         for n in range(rim.shape[0]):
             height = _facet_height(ground, run, n) - rim[n]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.arrays import Floats
 from planner.kernels.compiled import inlined
@@ -44,6 +45,12 @@ def gentler(before: float, after: float) -> float:
     """The smaller of two slopes, 0 where they differ in sign or one is unknown."""
     least = np.copysign(min(abs(before), abs(after)), before)
     return least if before * after > 0.0 else 0.0
+
+
+def rim_at(radius: float, away: NDArray[np.floating[Any]]) -> Floats:
+    """:func:`drop_of_rim` at many distances [m], as numbers for compiled code."""
+    drops: Floats = radius - np.sqrt(np.maximum(radius * radius - away * away, 0.0))
+    return drops
 
 
 @inlined

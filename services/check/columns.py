@@ -46,15 +46,10 @@ def judge_columns(ledger: Ledger, plan: GivenPlan, line: Line, ground: Ground) -
         book.compare("accel", plan.accel[:-1], own, 0.03 + 0.03 * np.abs(own))
     if plan.time is not None:
         both = plan.speed[1:] + plan.speed[:-1]
-        lasts = np.divide(2.0 * step, both, out=np.zeros_like(step), where=both > 0.0)
-        book.compare(
-            "time",
-            np.diff(plan.time),
-            lasts,
-            0.02 + 0.005 * lasts,
-            both > STANDS,
-            "time to the next",
-        )
+        moves = both > STANDS
+        lasts = np.divide(2.0 * step, both, out=np.zeros_like(step), where=moves)
+        told, close = np.diff(plan.time), 0.02 + 0.005 * lasts
+        book.compare("time", told, lasts, close, moves, "time to the next")
 
 
 def _evenly_between(line: Line) -> Bools:

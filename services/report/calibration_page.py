@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from string import Template
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from models.stop_logs.drive_quality import Suspect
 from models.stop_logs.find_stops import Usability
 from services.io.access import write_atomic
 from services.report.calibration_pictures import pictures
-from services.report.page import escaped, fact_list, notices, number_row, page
+from services.report.page import asset, escaped, fact_list, notices, number_row, page
 
 _LISTED = 50
 
@@ -63,9 +64,8 @@ def render_report(
         "notes": notices((*calibration.objections, *calibration.warnings)),
         "surfaces": "".join(f'<th class="number" scope="col">{escaped(n)}</th>' for n in surfaces),
         "rows": "\n".join(number_row(label, cells) for label, cells in rows.items()),
-        "found": "\n".join(
-            number_row(Usability[name.upper()].value, [str(count)])
-            for name, count in calibration.verdicts.items()
+        "found": stops_found(
+            {Usability[name.upper()].value: n for name, n in calibration.verdicts.items()}
         ),
         "suspects": suspect_rows(calibration.suspects, clock),
         **pictures(calibration),
@@ -103,6 +103,12 @@ def _shared(calibration: Calibration) -> dict[str, str]:
         "brake dive": f"{degrees:.2f}° per m/s²",
         "pitch sensor mounted": askew,
     }
+
+
+def stops_found(counts: Mapping[str, int]) -> str:
+    """A section that says how many stops there were of each kind."""
+    rows = "\n".join(number_row(kind, [str(count)]) for kind, count in counts.items())
+    return Template(asset("stops_found.html")).substitute(found=rows).strip()
 
 
 def suspect_rows(suspects: Sequence[Suspect], clock: Mapping[int, float]) -> str:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from models.stop_logs.drive_quality import Suspect
 from models.stop_logs.find_stops import StopWindow
 from services.io.access import write_atomic
-from services.report.calibration_page import suspect_rows
+from services.report.calibration_page import stops_found, suspect_rows
 from services.report.page import escaped, fact_list, number_row, page
 
 _LISTED = 500
@@ -48,7 +48,7 @@ def write_refused(
         "title": escaped(title),
         "verdict": escaped(f"Refused: {refused.reason}"),
         "facts": fact_list(provenance),
-        "found": "\n".join(number_row(kind, [str(n)]) for kind, n in kinds.most_common()),
+        "found": stops_found(dict(kinds.most_common())),
         "each": "\n".join(
             number_row(place, [f"{w.held_speed:.2f}", w.reason or w.verdict.value])
             for w, place in listed

@@ -37,7 +37,7 @@ for name in os.environ.get("HIDDEN_MODULES", "").split(","):
 def core() -> set[str]:
     """Distributions that a plain install brings."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    found: set[str] = set()
+    found = {_name(project["name"])}  # an editable install lists its own modules, too
     left = [_name(line) for line in project["dependencies"]]
     while left:
         name = left.pop()

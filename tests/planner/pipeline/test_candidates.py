@@ -20,7 +20,8 @@ from planner.pipeline import plan_finalizer
 from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.time_optimal_batch import time_optimal_batch
 from planner.plan import SpeedPlan, Status, motion_of
-from planner.profile.smoothing import Smoothed, SmoothingProblem, smooth
+from planner.profile.smoothing import Smoothed, smooth
+from planner.profile.smoothing_problem import SmoothingProblem
 from planner.profile.time_optimal import travel_cost
 from planner.settings import PlannerSettings
 from tests.planner.scenes import (

@@ -17,7 +17,8 @@ from planner.profile.reference import (
     TimeOptimalReference,
     time_optimal_problem,
 )
-from planner.profile.smoothing import SmoothingProblem, smooth
+from planner.profile.smoothing import smooth
+from planner.profile.smoothing_problem import SmoothingProblem
 from planner.profile.time_optimal import profile_problem
 from tests.planner.profile.test_smoothing import assert_exact, problem_of, travel_time, wavy
 from tests.planner.profile.test_smoothing import optimum as jerk_optimum

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from planner.profile import smoothing
-from planner.profile.smoothing import SmoothingProblem, smooth
+from planner.profile.smoothing import smooth
+from planner.profile.smoothing_problem import SmoothingProblem
 from planner.settings import Solver
 from tests.planner.profile.test_time_optimal import Road, road
 
