@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from models.arrays import Bools, Floats, Ints
+from planner.ground.grade_between import grade_between
 from planner.ground.surface_table import (
     B_B,
     B_M,
@@ -42,11 +43,11 @@ class Forces(NamedTuple):
 
 
 class _Around(NamedTuple):
-    """Grade of a row and of its neighbours [rad], and the sine of its roll, (M,) each."""
+    """Grade of a row, its extremes up to both neighbours [rad], sine of its roll, (M,) each."""
 
     grade: Floats
-    before: Floats
-    after: Floats
+    lowest: Floats
+    highest: Floats
     sin_roll: Floats
 
 
@@ -63,14 +64,16 @@ def on_one_surface(grade: Floats, sin_roll: Floats, surface: Floats, margin: flo
     lower_slope, lower_intercept, dead_time, slowest, fastest = empty(5, *grade.shape)
     upper_slope, upper_intercept = lower_slope, lower_intercept
     two = margin > 0.0 or has_kink(surface)
+    between = (grade, grade)
     if two:
+        between = grade_between(grade)
         upper_slope, upper_intercept = empty(2, *grade.shape)
     dead_time[:], slowest[:], fastest[:] = surface[DEAD], surface[SLOWEST], surface[FASTEST]
     forces = Forces(
         lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
         np.empty(grade.shape, np.bool_), np.full(grade.shape[1], surface[OFFSET]),
     )  # fmt: skip
-    _forces_on_one_surface(grade, sin_roll, surface, margin, two, forces)
+    _forces_on_one_surface(grade, between, sin_roll, surface, margin, two, forces)
     return forces
 
 
@@ -92,20 +95,19 @@ def on_many_surfaces(
         lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
         trained, distance_offset,
     )  # fmt: skip
-    _forces(grade, sin_roll, bits, table, margin, forces)
+    _forces(grade, grade_between(grade), sin_roll, bits, table, margin, forces)
     return forces
 
 
 @kernel
 def _forces_on_one_surface(
-    grade: Floats, sin_roll: Floats, surface: Floats, margin: float, two: bool, out: Forces
-) -> None:
+    grade: Floats, between: tuple[Floats, Floats], sin_roll: Floats, surface: Floats,
+    margin: float, two: bool, out: Forces,
+) -> None:  # fmt: skip
     """Both bounds, of which the upper one is written only where the two may differ."""
     extra = max(margin, 0.0)
     for k in range(grade.shape[0]):
-        around = _Around(
-            grade[k], grade[max(k - 1, 0)], grade[min(k + 1, grade.shape[0] - 1)], sin_roll[k]
-        )
+        around = _Around(grade[k], between[0][k], between[1][k], sin_roll[k])
         if two:
             _force_row(around, surface, extra, 1.0, out.upper_slope[k], out.upper_intercept[k])
         _force_row(around, surface, extra, -1.0, out.lower_slope[k], out.lower_intercept[k])
@@ -124,26 +126,24 @@ def _force_row(
 ) -> None:
     """Lower (sign −1) or upper (+1) bound of the force on one surface.
 
-    Where it extrapolates, also to a neighbour, it counts with an extra share of itself; where the
-    grade changes sign on the way to a neighbour, the force on level ground counts as well.
+    Where it extrapolates, also on the way to a neighbour, it counts with an extra share of itself;
+    where the grade changes sign on that way, the force on level ground counts as well.
     """
     m_m, b_m, m_b, b_b = surface[M_M], surface[B_M], surface[M_B], surface[B_B]
     up_m_m, up_b_m = surface[UP_M_M], surface[UP_B_M]
     down, up = surface[STEEPEST_DOWN], surface[STEEPEST_UP]
     least_roll, most_roll = surface[LEAST_SIN_ROLL], surface[MOST_SIN_ROLL]
     kink = has_kink(surface)
-    grade, before, after = around.grade, around.before, around.after
+    grade, lowest, highest = around.grade, around.lowest, around.highest
     sin_roll = around.sin_roll
     for j in range(grade.shape[0]):
         theta = grade[j]
         per_speed = sign * ((up_m_m if theta > 0.0 else m_m) * theta + m_b)
         constant = sign * ((up_b_m if theta > 0.0 else b_m) * theta + b_b)
-        steepest_down = min(theta, min(before[j], after[j]))
-        steepest_up = max(theta, max(before[j], after[j]))
-        bends = kink & (steepest_down < 0.0) & (steepest_up > 0.0)
+        bends = kink & (lowest[j] < 0.0) & (highest[j] > 0.0)
         per_speed = max(per_speed, sign * m_b) if bends else per_speed
         constant = max(constant, sign * b_b) if bends else constant
-        beyond = (steepest_down < down) | (steepest_up > up)
+        beyond = (lowest[j] < down) | (highest[j] > up)
         beyond |= (sin_roll[j] < least_roll) | (sin_roll[j] > most_roll)
         share = extra if beyond else 0.0
         slope[j] = sign * (per_speed + share * abs(per_speed))
@@ -163,16 +163,15 @@ def _trained_row(around: _Around, surface: Floats, margin: float, trained: Bools
 
 @kernel
 def _forces(
-    grade: Floats, sin_roll: Floats, surfaces: Ints, table: Floats, margin: float, out: Forces
-) -> None:
+    grade: Floats, between: tuple[Floats, Floats], sin_roll: Floats, surfaces: Ints,
+    table: Floats, margin: float, out: Forces,
+) -> None:  # fmt: skip
     """Both bounds of the force over all surfaces that a station may be on."""
     stations, candidates = grade.shape
     for k in range(stations):
         for j in range(candidates):
             theta = grade[k, j]
-            before, after = grade[max(k - 1, 0), j], grade[min(k + 1, stations - 1), j]
-            steepest_down = min(theta, min(before, after))
-            steepest_up = max(theta, max(before, after))
+            steepest_down, steepest_up = between[0][k, j], between[1][k, j]
             bits = surfaces[k, j]
             low_slope, low_intercept = np.inf, np.inf
             high_slope, high_intercept = -np.inf, -np.inf
