@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from models.arrays import Floats
 from models.discrepancy.data.prepare import prepare
@@ -78,6 +79,15 @@ def investigate_with_evidence(
     advance: Callable[[int], None] = lambda done: None,
 ) -> tuple[Findings, Evidence]:
     """As :func:`investigate`, and the residuals that its pictures are made of."""
+    with threadpool_limits(1):  # its matrices are small: threads would wait for one another
+        return _investigated(columns, runs, model, ground, settings, source, advance)
+
+
+def _investigated(
+    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], model: Model,
+    ground: Floats | None, settings: DiscrepancySettings | None, source: str,
+    advance: Callable[[int], None],
+) -> tuple[Findings, Evidence]:  # fmt: skip
     begin = time.perf_counter()
     wanted = settings or DiscrepancySettings()
     table, notes = prepare(columns, runs, model, ground, wanted)

@@ -7,9 +7,11 @@ Source: Braking Sec. 5.2 names heat and friction; the laws are those of
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dtbtrs
 
 from models.arrays import Floats
 from models.discrepancy.data.stop_ground import StopGround
@@ -20,13 +22,25 @@ from models.effects import registry
 from models.effects.brake_fade import kept_share
 from models.effects.brake_lag import missing_share
 from models.laws import crest, wheel_lockup
+from models.parameters import Effect
 from models.quantity import GRAVITY
 
 
 def motion_of(hypothesis: Hypothesis) -> registry.MotionTerms:
     """Terms of motion of the model's effects and of those that were added."""
     model = hypothesis.model
-    return registry.motion((*model.effect, *hypothesis.added), model.braking.sliding_friction)
+    effects = (*model.effect, *hypothesis.added)
+    asked = tuple((effect.name, *effect.parameters.items()) for effect in effects)
+    return _motion(asked, model.braking.sliding_friction)
+
+
+@lru_cache(maxsize=256)
+def _motion(
+    effects: tuple[tuple[str | tuple[str, float], ...], ...], friction: float | None
+) -> registry.MotionTerms:
+    """Asked for tens of thousands of times in a search, of some hundred sets of effects."""
+    found = [Effect(name=str(name), parameters=dict(values)) for name, *values in effects]  # type: ignore[arg-type]
+    return registry.motion(found, friction)
 
 
 def crest_of(hypothesis: Hypothesis) -> float | None:
@@ -95,13 +109,23 @@ def _even(force: Floats, braking: Floats) -> Floats:
 
 
 def lagged(wanted: Floats, since: Floats, lag: float) -> Floats:
-    """First-order build-up from 0 at the onset along axis 1, exact for an even force in a step."""
-    force = np.zeros_like(wanted)
+    """First-order build-up from 0 at the onset along axis 1, exact for an even force in a step.
+
+    f[k + 1] − keep[k] f[k] = middle[k] is a band of two diagonals; stops follow one another in it.
+    """
     keep = missing_share(np.diff(since, axis=1), lag)
-    middle = 0.5 * (wanted[:, 1:] + wanted[:, :-1]) * (1.0 - keep)
-    for k in range(keep.shape[1]):
-        force[:, k + 1] = force[:, k] * keep[:, k] + middle[:, k]
-    return force
+    force = np.zeros_like(wanted)
+    np.multiply(0.5 * (wanted[:, 1:] + wanted[:, :-1]), 1.0 - keep, out=force[:, 1:])
+    if wanted.ndim > 2:
+        for k in range(keep.shape[1]):
+            force[:, k + 1] += force[:, k] * keep[:, k]
+        return force
+    band = np.ones((2, force.size), order="F")
+    band[1] = 0.0
+    band[1].reshape(force.shape)[:, :-1] = -keep
+    solved, _ = dtbtrs(band, force.reshape(-1, 1), uplo="L", diag="U")
+    result: Floats = solved.reshape(force.shape)
+    return result
 
 
 def lag_of(hypothesis: Hypothesis) -> float:

@@ -27,6 +27,7 @@ from models.effects import registry
 from models.effects.effect_law import Enters, Place
 from models.effects.registry import LAWS
 from models.laws import braking
+from models.parameters import Effect
 from models.quantity import GRAVITY
 
 
@@ -84,7 +85,6 @@ def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) ->
             (m + shift_m[rows]) * here + b + shift_b[rows],
             model.terrain.rolling_while_braking, on.share_at(),
         )  # fmt: skip
-    clock = session_time(table)[:, None]
     force = force * registry.force_scale(model.effect)
     lasting = [e for e in hypothesis.added if LAWS[e.name].enters is Enters.LASTING]
     everywhere = (*model.effect, *(e for e in hypothesis.added if e not in lasting))
@@ -92,14 +92,23 @@ def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) ->
         values = registry.validate(effect)
         changed = (table.run >= values["run"])[:, None]
         force = np.where(changed, LAWS[effect.name].law(force, *values.values()), force)
-    here = Place(place.grade, place.roll, place.x, place.y, place.yaw, clock)
     for effect in everywhere:
-        along = LAWS[effect.name].along
-        if along is not None:
-            force = force + along(here, *registry.validate(effect).values())
-    even = [e for e in everywhere if LAWS[e.name].along is None]
-    result: Floats = force + registry.ground_term(even, here)
-    return result
+        if LAWS[effect.name].enters in (Enters.GROUND, Enters.LASTING):
+            force = force + force_of(table, effect, place)
+    return force
+
+
+def force_of(table: StopTable, effect: Effect, place: StopGround) -> Floats:
+    """(S, M) what an effect of the ground adds to the wanted F_b/W; 0 of others."""
+    here = Place(
+        place.grade, place.roll, place.x, place.y, place.yaw, session_time(table)[:, None]
+    )
+    along = LAWS[effect.name].along
+    if along is not None:
+        added: Floats = along(here, *registry.validate(effect).values())
+        return added
+    term: Floats = registry.ground_term([effect], here)
+    return term
 
 
 def _lines(c: Floats, speed: Floats) -> tuple[Floats, Floats]:
@@ -193,9 +202,16 @@ def simulate(
 
 def _along(table: StopTable, way: Floats) -> StopGround:
     """Ground at stations; beyond the last one known it goes on as it was."""
+    known = table.station
+    rows = zip(known, way, strict=True)
+    behind = np.stack([np.searchsorted(s, w, side="right") for s, w in rows]) - 1
+    behind = np.clip(behind, 0, known.shape[1] - 2)
+    start, end = (np.take_along_axis(known, behind + i, axis=1) for i in (0, 1))
+    share = np.clip((way - start) / np.maximum(end - start, 1e-12), 0.0, 1.0)
 
     def at_stations(channel: Floats) -> Floats:
-        rows = zip(way, table.station, channel, strict=True)
-        return np.stack([np.interp(w, s, c) for w, s, c in rows])
+        first = np.take_along_axis(channel, behind, axis=1)
+        there: Floats = first + share * (np.take_along_axis(channel, behind + 1, axis=1) - first)
+        return there
 
     return StopGround(*map(at_stations, ground_of(table)))

@@ -21,9 +21,10 @@ from models.discrepancy.model.body_oscillation import (
     oscillation_size,
 )
 from models.discrepancy.model.brakes import lag_of
-from models.discrepancy.model.hypothesis import BASE, LAWFUL, Hypothesis
+from models.discrepancy.model.hypothesis import BASE, LAWFUL, Hypothesis, free_parameters
 from models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
 from models.discrepancy.model.prediction import (
+    force_of,
     integral,
     predict,
     simulate,
@@ -86,31 +87,52 @@ def residual(table: StopTable, hypothesis: Hypothesis) -> Floats:
 
 def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S, M, P) change of the fall of speed with each free number."""
-    free, scales = hypothesis.free, hypothesis.scales
-    _, high = hypothesis.bounds
+    free, steps = hypothesis.free, _steps(hypothesis)
     base = _observed(table, hypothesis)
-    oscillation = np.zeros((*table.time.shape, OSCILLATION))
+    columns = np.zeros((*table.time.shape, len(free)))
     if hypothesis.oscillates:
-        oscillation = oscillation_columns(table, hypothesis.dead_time, lag_of(hypothesis))
-    columns = [_by_shifts(table, hypothesis)]
+        columns[:, :, LAWFUL:BASE] = oscillation_columns(
+            table, hypothesis.dead_time, lag_of(hypothesis)
+        )
+    wanted, shares = _wanted_changes(table, hypothesis, steps)
+    columns[:, :, wanted] = integral(table, hypothesis, shares, np.ones(len(wanted), np.bool_))
     for i in (LAWFUL - 1, *range(BASE, len(free))):
-        step = DERIVATIVE_STEP * scales[i]
-        step = step if free[i] + step <= high[i] else -step
-        moved = free.copy()
-        moved[i] += step
-        columns.append(((_observed(table, hypothesis.moved(moved)) - base) / step)[:, :, None])
-    columns.insert(2, oscillation)
-    return np.concatenate(columns, axis=2)
+        if i not in wanted:
+            moved = free.copy()
+            moved[i] += steps[i]
+            columns[:, :, i] = (_observed(table, hypothesis.moved(moved)) - base) / steps[i]
+    return columns
 
 
-def _by_shifts(table: StopTable, hypothesis: Hypothesis) -> Floats:
-    """(S, M, 4) by the coefficients, in which the wanted force is linear."""
+def _steps(hypothesis: Hypothesis) -> Floats:
+    """(P,) by which numbers are moved for their slopes, away from bounds."""
+    steps = DERIVATIVE_STEP * hypothesis.scales
+    _, high = hypothesis.bounds
+    result: Floats = np.where(hypothesis.free + steps <= high, steps, -steps)
+    return result
+
+
+def _wanted_changes(
+    table: StopTable, hypothesis: Hypothesis, steps: Floats
+) -> tuple[list[int], Floats]:
+    """Numbers that act through the wanted force, and (S, M, Q) its change with each of them."""
     place = ground_of(table)
     wanted = wanted_force(table, hypothesis, place)
     moved = [replace(hypothesis, shift=hypothesis.shift + one) for one in np.eye(LAWFUL - 1)]
     shares = [wanted_force(table, h, place) - wanted for h in moved]
-    forces = np.ones(LAWFUL - 1, np.bool_)
-    return integral(table, hypothesis, np.stack(shares, axis=2), forces)
+    numbers = list(range(LAWFUL - 1))
+    i = BASE
+    for effect in hypothesis.added:
+        own = free_parameters(effect)
+        if LAWS[effect.name].enters is Enters.GROUND:
+            here = force_of(table, effect, place)
+            for j, name in enumerate(own, start=i):
+                values = {**effect.parameters, name: effect.parameters[name] + float(steps[j])}
+                there = force_of(table, replace(effect, parameters=values), place)
+                shares.append((there - here) / steps[j])
+                numbers.append(j)
+        i += len(own)
+    return numbers, np.stack(shares, axis=2)
 
 
 def _observed(table: StopTable, hypothesis: Hypothesis) -> Floats:
