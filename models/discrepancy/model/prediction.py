@@ -100,9 +100,7 @@ def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) ->
 
 def force_of(table: StopTable, effect: Effect, place: StopGround) -> Floats:
     """(S, M) what an effect of the ground adds to the wanted F_b/W; 0 of others."""
-    here = Place(
-        place.grade, place.roll, place.x, place.y, place.yaw, session_time(table)[:, None]
-    )
+    here = Place(place.grade, place.roll, place.x, place.y, place.yaw, session_time(table)[:, None])
     along = LAWS[effect.name].along
     if along is not None:
         added: Floats = along(here, *registry.validate(effect).values())

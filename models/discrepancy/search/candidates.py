@@ -117,9 +117,13 @@ def _seen(table: StopTable, hypothesis: Hypothesis) -> StopsSeen:
 
 
 def finer_patches(
-    table: StopTable, hypothesis: Hypothesis, around: EffectColumn, closer: float, draw: int = 0
+    table: StopTable, around: EffectColumn, closer: float, draw: int = 0
 ) -> tuple[list[EffectColumn], Floats]:
-    """Patches near one of them, moved by a share of its radius; none that hold too few stops."""
+    """Patches near one of them, moved by a share of its radius; none that hold too few stops.
+
+    Returns:
+        Q of them, and (S, M, Q) the share of them around each time.
+    """
     inner = around.inner
     rng = np.random.default_rng((PATCH_TRIES, draw))
     found, shares = [], []
@@ -133,14 +137,15 @@ def finer_patches(
         if holds_stops(inside):
             found.append(replace(around, inner=at))
             shares.append(inside)
-    if not found:
-        return [], np.empty((*table.time.shape, 0))
-    forces = np.ones(len(found), np.bool_)
-    return found, integral(table, hypothesis, np.stack(shares, axis=2), forces)
+    return found, np.stack(shares, axis=2) if found else np.empty((*table.time.shape, 0))
+
+
+def share_of(table: StopTable, patch: EffectColumn) -> Floats:
+    """(S, M, 1) share of a patch around each time."""
+    p = patch.inner
+    return share_inside(table.x, table.y, p["x"], p["y"], p["radius"])[:, :, None]
 
 
 def patch_column(table: StopTable, hypothesis: Hypothesis, patch: EffectColumn) -> Floats:
     """(S, M, 1) column of a patch."""
-    p = patch.inner
-    inside = share_inside(table.x, table.y, p["x"], p["y"], p["radius"])[:, :, None]
-    return integral(table, hypothesis, inside, np.ones(1, np.bool_))
+    return integral(table, hypothesis, share_of(table, patch), np.ones(1, np.bool_))

@@ -17,9 +17,9 @@ from models.discrepancy.search.candidates import (
     candidates,
     finer_patches,
     is_placed,
-    patch_column,
+    share_of,
 )
-from models.discrepancy.search.patches import left_of, without_effect
+from models.discrepancy.search.patches import WeighedPatches, left_of, without_effect
 from models.discrepancy.search.refine import Fit, prior_precision
 from models.discrepancy.thresholds import (
     CHI2_95,
@@ -57,17 +57,18 @@ def _of_patch(table: StopTable, found: Fit, index: int, effect: Effect) -> dict[
     inner = {name: float(effect.parameters[name]) for name in names}
     without = without_effect(found, index)
     here = EffectColumn(effect.name, inner)
-    best = float(_chi_squares(table, without, patch_column(table, without.hypothesis, here))[0])
+    weighed = WeighedPatches(table, without)
+    best = float(weighed.scores(share_of(table, here)).z[0] ** 2)
     kept = [(best, here)]
     for draw in range(EXTENT_ROUNDS):
         # From where the region reaches farthest, to each side in turn.
         name, side = names[draw % 3], 1.0 if draw % 2 == 0 else -1.0
         start = max(kept, key=lambda one: side * one[1].inner[name])[1]
         reach = EXTENT_MOVES[draw % len(EXTENT_MOVES)]
-        tried, columns = finer_patches(table, without.hypothesis, start, reach, draw)
+        tried, shares = finer_patches(table, start, reach, draw)
         if not tried:
             continue
-        z_square = _chi_squares(table, without, columns)
+        z_square = weighed.scores(shares).z ** 2
         best = max(best, float(z_square.max()))
         kept += zip(z_square.tolist(), tried, strict=True)
         kept = [one for one in kept if one[0] > best - JUMP_95 - UNFITTED_SHARE * best] or kept[:1]

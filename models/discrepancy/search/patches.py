@@ -52,23 +52,43 @@ def placed_patch(
         return None
     x, y, radius = circle.tolist()
     nearest = EffectColumn(name, {"x": x, "y": y, "radius": radius})
-    left = left_of(table, fit)
-    precision = prior_precision(fit.hypothesis)
+    weighed = WeighedPatches(table, fit)
     strength, draw = 0.0, 100 * seed
     for blur, radii in EDGE_ROUNDS:
         gain = 0.0
         for closer in radii:
             draw += 1
-            more, shares = finer_patches(table, fit.hypothesis, nearest, closer, draw)
+            more, shares = finer_patches(table, nearest, closer, draw)
             if not more:
                 continue
-            sums = screening.reduced(fit.white, fit.jacobian, shares, precision).blurred(blur)
-            both = np.zeros(len(more), np.bool_)
-            tried = screening.scores(sums, (left[0], left[1] / blur), fit.noise.scatter, both)
+            tried = weighed.scores(shares, blur)
             k = int(np.argmax(tried.gain))
             if tried.gain[k] > gain:
                 nearest, strength, gain = more[k], float(tried.strength[k]), float(tried.gain[k])
     return (nearest, strength) if strength != 0.0 else None
+
+
+class WeighedPatches:
+    """What patches explain of what a fit leaves; all that they share is worked out once."""
+
+    def __init__(self, table: StopTable, fit: Fit) -> None:
+        self.fit = fit
+        white, nodes = fit.white, table.time.shape[1]
+        each = np.broadcast_to(np.eye(nodes), (len(table), nodes, nodes))
+        # (S, K, M) whitened bins by a force around each time.
+        self.told = white.grid @ integral(table, fit.hypothesis, each, np.ones(nodes, np.bool_))
+        self.base = white.split(white.grid @ fit.jacobian)
+        self.left = left_of(table, fit)
+        self.precision = prior_precision(fit.hypothesis)
+
+    def scores(self, shares: Floats, blur: float = 1.0) -> screening.Scores:
+        """Of patches with (S, M, Q) shares, with noise within stops that many times as large."""
+        white = self.fit.white
+        columns = white.split(self.told @ shares)
+        sums = screening.summed(self.base, columns, white.power, self.precision).blurred(blur)
+        left = self.left[0], self.left[1] / blur
+        both = np.zeros(shares.shape[2], np.bool_)
+        return screening.scores(sums, left, white.noise.scatter, both)
 
 
 class _Between:

@@ -154,8 +154,16 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
     return own
 
 
-def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = FIT_PASSES) -> Fit:
+def fit(
+    table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = FIT_PASSES,
+    slope: Floats | None = None,
+) -> Fit:  # fmt: skip
     """Least squares of the whitened residuals with a given noise.
+
+    Args:
+        table: stops. hypothesis: from which to begin. white: the noise.
+        passes: steps at most.
+        slope: (S, M, P) jacobian where it begins, if that is known already.
 
     Its own bounded Gauss–Newton, not one of scipy's: damping, the step and where it ends are part
     of what the thresholds were chosen with, and slopes are made anew only where they bend.
@@ -177,7 +185,7 @@ def fit(table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int =
     here = Hypothesis.moved(hypothesis, np.clip(hypothesis.free, low, high))
     r, cost = cost_of(here)
     damping = 1e-6
-    slope = jacobian(table, here)
+    slope = jacobian(table, here) if slope is None else slope
     x = white_of(white.grid @ slope)
     for _ in range(passes):
         # Residual: measured less held speed, plus the fall.
@@ -283,7 +291,7 @@ def fit_with_scatter(
     for _ in range(rounds):
         noise = replace(noise, scatter=likely_scatter(found.between, found.white.power))
         white = whitener(table, noise, found.hypothesis)
-        found = fit(table, found.hypothesis, white, passes=3)
+        found = fit(table, found.hypothesis, white, passes=3, slope=found.jacobian)
     return found
 
 

@@ -82,13 +82,19 @@ def reduced(white: Whitener, base: Floats, columns: Floats, precision: Floats) -
         white: transform of the log. base: (S, M, P) jacobian of the fit so far.
         columns: (S, M, Q) candidates. precision: (P,) of the prior.
     """
-    base_between, base_rows = white.split(white.grid @ base)
-    between, rows = white.split(white.grid @ columns)
-    flat_base = base_rows.reshape(-1, base.shape[2])
-    flat = rows.reshape(-1, columns.shape[2])
+    return summed(
+        white.split(white.grid @ base), white.split(white.grid @ columns), white.power, precision
+    )
+
+
+def summed(
+    base: tuple[Floats, Floats], columns: tuple[Floats, Floats], power: Floats, precision: Floats
+) -> Reduced:
+    """As :func:`reduced`, from whitened columns: (S, P) along the friction and (S, K, P) within."""
+    flat_base, flat = (within.reshape(-1, within.shape[2]) for _, within in (base, columns))
     return Reduced(
         flat_base.T @ flat_base, flat_base.T @ flat, np.einsum("nq,nq->q", flat, flat),
-        base_between, between, white.power, flat_base, flat, precision,
+        base[0], columns[0], power, flat_base, flat, precision,
     )  # fmt: skip
 
 
