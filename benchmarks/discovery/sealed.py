@@ -128,7 +128,7 @@ def investigate_job(job: SealedLog) -> Finding:
     begun = time.process_time()
     try:
         model = model_of(job.model)
-        found = investigate(job.columns, _runs(job.columns), model)
+        found = investigate(job.columns, runs_of(job.columns), model)
     except Exception:  # noqa: BLE001 whatever goes wrong counts against it
         spent = time.process_time() - begun
         return Finding("fault", text=traceback.format_exc(limit=-4), seconds=spent)
@@ -164,7 +164,8 @@ def _planned(stop: Any) -> dict[str, float | None]:
     return {name: getattr(stop, name) for name in names}
 
 
-def _runs(columns: Columns) -> list[slice]:
+def runs_of(columns: Columns) -> list[slice]:
+    """Samples of each run."""
     run = columns["run"]
     edges = np.flatnonzero(run[1:] != run[:-1]) + 1
     return [slice(a, b) for a, b in zip([0, *edges], [*edges, len(run)], strict=True)]
