@@ -25,6 +25,8 @@ from numba.np.numpy_support import as_dtype, from_dtype
 
 _WRITTEN_DOWN = Path(__file__).parent / "signatures.json"
 
+_tuple_of: Any = types.BaseTuple.from_types
+
 Signatures = dict[str, list[Any]]
 """Of each kernel `module:name` its signatures, each a list of :func:`described` types."""
 
@@ -59,28 +61,33 @@ def compile_ahead(signatures: Signatures) -> list[str]:
     return left
 
 
-def described(kind: types.Type) -> Any:
+def described(kind: Any) -> Any:
     """A type of an argument as JSON has it: numbers by numpy's letter, arrays with dimensions,
     layout and `r` if they are read only, tuples as lists, named ones under their class.
     """
     if isinstance(kind, types.BaseNamedTuple):
-        owner = kind.instance_class
-        return {f"{owner.__module__}:{owner.__qualname__}": [described(part) for part in kind]}
+        named: Any = kind
+        owner = named.instance_class
+        return {f"{owner.__module__}:{owner.__qualname__}": _parts(kind)}
     if isinstance(kind, types.BaseTuple):
-        return [described(part) for part in kind]
+        return _parts(kind)
     if isinstance(kind, types.Array):
         closed = "" if kind.mutable else "r"
         return f"{as_dtype(kind.dtype).char}{kind.ndim}{kind.layout}{closed}"
     return as_dtype(kind).char
 
 
-def meant(description: Any) -> types.Type:
+def _parts(kind: Any) -> list[Any]:
+    return [described(part) for part in kind]
+
+
+def meant(description: Any) -> Any:
     """The type that :func:`described` describes."""
     if isinstance(description, dict):
         ((owner, parts),) = description.items()
-        return types.BaseTuple.from_types([meant(part) for part in parts], _found(owner))
+        return _tuple_of([meant(part) for part in parts], _found(owner))
     if isinstance(description, list):
-        return types.BaseTuple.from_types([meant(part) for part in description])
+        return _tuple_of([meant(part) for part in description])
     number = from_dtype(np.dtype(description[0]))
     if len(description) == 1:
         return number

@@ -6,12 +6,15 @@ included: seconds for each kernel that has it.
 
 from __future__ import annotations
 
-from models.arrays import Floats
+from typing import Any
+
+from numpy.typing import NDArray
+
 from planner.kernels.compiled import row_pass
 
 
 @row_pass
-def copy_row(row: Floats, out: Floats) -> None:
+def copy_row(row: NDArray[Any], out: NDArray[Any]) -> None:
     """Copy (M,) numbers of any kind."""
     for j in range(out.shape[0]):
         out[j] = row[j]

@@ -1,4 +1,4 @@
-"""Kernels that are compiled ahead are those that are called, with the numbers they are called with."""
+"""Kernels compiled ahead are those that are called, with the numbers they are called with."""
 
 from __future__ import annotations
 
