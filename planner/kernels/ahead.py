@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 from numba.core import types
-from numba.core.errors import NumbaError
 from numba.np.numpy_support import as_dtype, from_dtype
 
 _WRITTEN_DOWN = Path(__file__).parent / "signatures.json"
@@ -45,20 +44,13 @@ def compile_ahead(signatures: Signatures) -> list[str]:
         Kernels that could not be: they are compiled where they are called.
     """
     cores = len(os.sched_getaffinity(0))
-    if cores == 1:
-        return [name for name, found in signatures.items() if not _compile(name, found)]
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(cores, len(signatures)), mp_context=context) as pool:
-        tasks = {name: pool.submit(_compile, name, found) for name, found in signatures.items()}
-        left = []
-        for name, task in tasks.items():
-            try:
-                done = task.result()
-            except BrokenProcessPool:
-                done = False
-            if not done:
-                left.append(name)
-    return left
+    try:
+        with ProcessPoolExecutor(min(cores, len(signatures)), mp_context=context) as pool:
+            tasks = {name: pool.submit(_compile, name, found) for name, found in signatures.items()}
+    except BrokenProcessPool:
+        return list(signatures)
+    return [name for name, task in tasks.items() if task.exception() is not None]
 
 
 def described(kind: Any) -> Any:
@@ -100,12 +92,8 @@ def _found(name: str) -> Any:
     return getattr(importlib.import_module(module), attribute)
 
 
-def _compile(name: str, signatures: list[Any]) -> bool:
+def _compile(name: str, signatures: list[Any]) -> None:
     """In a process of its own; what is in the cache already is only read."""
-    try:
-        kernel = _found(name)
-        for signature in signatures:
-            kernel.compile(tuple(meant(part) for part in signature))
-    except (NumbaError, AttributeError, ImportError, ValueError):
-        return False
-    return True
+    kernel = _found(name)
+    for signature in signatures:
+        kernel.compile(tuple(meant(part) for part in signature))

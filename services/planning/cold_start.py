@@ -11,7 +11,7 @@ from planner.kernels.compiled import is_first_run
 ALONE = (
     "plan", "swept", "bounds", "profile", "pipeline", "verify.judge", "verify.track",
     "ground.terrain_profile:_sample", "ground.vertical_curvature",
-    "ground.forces:_forces_on_one_surface",
+    "ground.forces:_forces_on_one_surface", "ground.grade_between",
 )  # fmt: skip
 """Kernels that every plan needs; the others are for several surfaces and for robots that drive."""
 

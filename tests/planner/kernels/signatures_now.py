@@ -16,6 +16,7 @@ from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
 from planner.kernels.ahead import described
+from planner.kernels.borrowing import Borrowing
 from services.daemon import warm_up
 from services.io.model_file import find_model, read_model
 from services.parameters.in_use import ParametersInUse
@@ -61,7 +62,8 @@ def signatures_now() -> dict[str, list[Any]]:
     found = {
         name_of(kernel): [[described(kind) for kind in kinds] for kinds in kernel.overloads]
         for kernel in called_by_python()
-        if name_of(kernel) in seconds.of or kernel.stats.cache_hits
+        if not isinstance(kernel, Borrowing)
+        and (name_of(kernel) in seconds.of or kernel.stats.cache_hits)
     }
     return dict(sorted(found.items(), key=lambda item: -seconds.of.get(item[0], 0.0)))
 
