@@ -2,7 +2,7 @@
 
 For every function numba compiles a second one that takes Python's objects apart and a third for C,
 each with the whole function inside, and it compiles a function anew for every constant that it is
-called with. A kernel needs none of that, and it was a third of the compiler's work.
+called with. A kernel needs none of that.
 """
 
 from __future__ import annotations
