@@ -11,7 +11,7 @@ demo: $(VENV)/.installed  ## plan a dozen candidates over a generated hill, and 
 	$(BIN)/slopewise demo --out out/demo
 
 test: lint  ## everything that has to hold: style, types, import contracts, tests
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not nightly"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not nightly"
 
 lint: $(VENV)/.installed-dev  ## style, types, import contracts
 	$(BIN)/ruff check .

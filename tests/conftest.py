@@ -15,6 +15,8 @@ from hypothesis.internal.conjecture.providers import Constants, HypothesisProvid
 
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
+from planner.kernels.ahead import compile_ahead, written_down
+from planner.kernels.compiled import is_first_run
 from tests.planner import scenes
 
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -27,6 +29,14 @@ if PROFILE == "default":
     # with them on the tests that it happened to run before.
     assert "_local_constants" in vars(HypothesisProvider)
     HypothesisProvider._local_constants = Constants()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the kernels on all cores before several workers would each compile all of them."""
+    workers = session.config.getoption("numprocesses", default=None)
+    if workers and not hasattr(session.config, "workerinput") and is_first_run():
+        compile_ahead(written_down())
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

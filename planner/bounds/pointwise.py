@@ -18,6 +18,7 @@ from planner.ground.forces import Forces
 from planner.ground.terrain_profile import TerrainRows
 from planner.kernels.compiled import kernel, row_pass
 from planner.kernels.limits import PlanningLimits
+from planner.kernels.rows import copy_row
 from planner.limiting import Limiting
 from planner.swept.hazards import HazardRows
 
@@ -133,7 +134,7 @@ def pointwise_bounds(problem: PointProblem, limits: PlanningLimits, out: Pointwi
     rough_speed, hazard = np.full(candidates, np.inf), np.zeros(candidates, np.int64)
     scratch[3], scratch[4] = np.inf, np.inf
     out.barrier[:] = _STOPPING_PATH
-    out.barrier_station[:] = terrain.counts
+    copy_row(terrain.counts, out.barrier_station)
     out.first_risk[:], out.last_risk[:] = stations, -1
     slips = problem.friction.shape[0] > 0
     for k in range(stations):

@@ -16,6 +16,7 @@ from planner.ground.braking_ground import BrakingGround
 from planner.ground.terrain_profile import TerrainProfile
 from planner.kernels.compiled import kernel, row_pass
 from planner.kernels.limits import PlanningLimits
+from planner.kernels.rows import copy_row
 from planner.kernels.workspace import empty
 
 
@@ -52,7 +53,7 @@ def _excess(
     last = sin_grade.shape[0] - 1
     lowest = np.empty(sin_grade.shape[1])
     for k in range(last + 1):
-        lowest[:] = sin_grade[k]
+        copy_row(sin_grade[k], lowest)
         for i in range(k + 1, min(k + rows, last) + 1):
             _lower(sin_grade[i], lowest)
         _gain(lowest, dead_time[k], resistance, error, out[k])

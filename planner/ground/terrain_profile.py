@@ -18,6 +18,7 @@ from planner.ground.footprint import POINTS, offset, on_grid
 from planner.ground.surface_bits import surfaces_under_wheels
 from planner.ground.vertical_curvature import vertical_curvature
 from planner.kernels.compiled import inlined, kernel, row_pass
+from planner.kernels.rows import copy_row
 from planner.kernels.workspace import empty, empty_singles
 
 
@@ -117,10 +118,11 @@ def terrain_profile(
     front = empty_singles(stations, 2, candidates)
     z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll = out
     grid = (elevation_map.origin[0], elevation_map.origin[1], 1.0 / elevation_map.resolution)
+    elevation = elevation_map.elevation
     _sample(
-        elevation_map.elevation, *grid, x, y, count - 1, 0.5 * wheelbase, 0.5 * track_width,
-        z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, known,
-        twist, front,
+        elevation, elevation.reshape(-1), *grid, x, y, count - 1, 0.5 * wheelbase,
+        0.5 * track_width, z, station, heading_x, heading_y, curvature, grade, sin_grade,
+        sin_roll, known, twist, front,
     )  # fmt: skip
     for j in np.flatnonzero(np.isnan(z[0])):
         seen = np.flatnonzero(np.isfinite(z[:, j]))
@@ -144,13 +146,14 @@ def stations_along(elevation_map: ElevationMap, x: Floats, y: Floats, count: Int
     """Only the stations of :func:`terrain_profile`, (N, M) [m]; arguments as there."""
     station = np.empty(x.shape)
     grid = (elevation_map.origin[0], elevation_map.origin[1], 1.0 / elevation_map.resolution)
-    _walk(elevation_map.elevation, *grid, x, y, count - 1, station)
+    elevation = elevation_map.elevation
+    _walk(elevation, elevation.reshape(-1), *grid, x, y, count - 1, station)
     return station
 
 
 @kernel
 def _walk(
-    elevation: Floats, origin_x: float, origin_y: float, per_metre: float,
+    elevation: Floats, flat: Floats, origin_x: float, origin_y: float, per_metre: float,
     x: Floats, y: Floats, last: Ints, station: Floats,
 ) -> None:  # fmt: skip
     stations, candidates = x.shape
@@ -164,18 +167,18 @@ def _walk(
     for k in range(stations):
         on_grid(origin_x, origin_y, per_metre, x[k], y[k], level, level, u, v, ahead_u, ahead_v)
         locate(elevation, u, v, ahead_u, ahead_v, 0.0, 0.0, cell, across, up)
-        interpolate(elevation, cell, across, up, height)
+        interpolate(flat, elevation.shape[1], cell, across, up, height)
         for j in range(candidates):
             if k > last[j] or np.isnan(height[j]):
                 height[j] = z[j]
         if k > 0:
             _advance(k, last, x[k - 1], y[k - 1], z, station[k - 1], x[k], y[k], height, station[k])
-        z[:] = height
+        copy_row(height, z)
 
 
 @kernel
 def _sample(
-    elevation: Floats, origin_x: float, origin_y: float, per_metre: float,
+    elevation: Floats, flat: Floats, origin_x: float, origin_y: float, per_metre: float,
     x: Floats, y: Floats, last: Ints, half_length: float, half_width: float,
     z: Floats, station: Floats, heading_x: Floats, heading_y: Floats, curvature: Floats,
     grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools, twist: Singles,
@@ -206,7 +209,7 @@ def _sample(
         for point in range(POINTS):
             ahead, aside = offset(point, half_length, half_width)
             locate(elevation, u, v, ahead_u, ahead_v, ahead, aside, cell, across, up)
-            interpolate(elevation, cell, across, up, heights[point])
+            interpolate(flat, elevation.shape[1], cell, across, up, heights[point])
         _tilt(
             k, last, heights, 0.25 / half_length, 0.25 / half_width, z[before],
             z[k], grade[k], sin_grade[k], sin_roll[k], known[k], twist[k],
@@ -221,7 +224,7 @@ def _sample(
                 x[k], y[k], z[k], station[k],
             )  # fmt: skip
     # The first station has no step before it: it borrows the circle of the second.
-    curvature[0] = curvature[1]
+    copy_row(curvature[1], curvature[0])
 
 
 @inlined
@@ -280,10 +283,11 @@ def locate(
 
 
 @row_pass
-def interpolate(elevation: Floats, cell: Ints, across: Floats, up: Floats, height: Floats) -> None:
-    """Bilinear heights, NaN beside unknown cells."""
-    flat = elevation.reshape(elevation.size)
-    one, row = np.uint64(1), np.uint64(elevation.shape[1])
+def interpolate(
+    flat: Floats, columns: int, cell: Ints, across: Floats, up: Floats, height: Floats
+) -> None:
+    """Bilinear heights of a map that is handed over as one row, NaN beside unknown cells."""
+    one, row = np.uint64(1), np.uint64(columns)
     for j in range(cell.shape[0]):
         i = np.uint64(cell[j])  # unsigned: no index counts from the end
         u = across[j]

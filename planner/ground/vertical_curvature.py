@@ -6,6 +6,7 @@ import numpy as np
 
 from models.arrays import Bools, Floats
 from planner.kernels.compiled import kernel, row_pass
+from planner.kernels.rows import copy_row
 from planner.kernels.workspace import empty
 
 
@@ -33,7 +34,7 @@ def _bends(station: Floats, grade: Floats, known: Bools, out: Floats) -> None:
             (station[k], station[after]), (grade[k], grade[after]), (known[k], known[after]), bend
         )
         _sharper(before, bend, out[k])
-        before[:] = bend
+        copy_row(bend, before)
 
 
 @row_pass

@@ -59,6 +59,8 @@ def locate(
         at: position of the vehicle [m]; heading: [rad].
     """
     segment, values = np.empty(x.shape[1], np.int64), np.empty((6, x.shape[1]))
+    # One layout: for each one kernels are compiled anew.
+    x, y = np.ascontiguousarray(x), np.ascontiguousarray(y)
     _locate(x, y, count, at, heading, segment, values)
     return PathProjection(segment, *values)
 

@@ -25,7 +25,7 @@ class Polyline(NamedTuple):
 
     def arc(self) -> Floats:
         """Distance from the first station in the plan view, (N,) [m]."""
-        return _arc(self)
+        return _arc(Polyline(np.ascontiguousarray(self.x), np.ascontiguousarray(self.y)))
 
     def foot(
         self, points: Polyline, low: int = 0, high: int | None = None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -16,6 +17,7 @@ import numba
 from numpy.typing import NDArray
 
 import models
+from planner.kernels.borrowing import Borrowing
 from planner.kernels.stale import forget_stale_kernels
 
 forget_stale_kernels(Path(__file__).parents[1], Path(models.__file__ or "").parent)
@@ -23,18 +25,23 @@ forget_stale_kernels(Path(__file__).parents[1], Path(models.__file__ or "").pare
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_BORROWING: dict[str, Any] = {
-    "nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False,
+_COMPILED: dict[str, Any] = {
+    "cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True,
 }  # fmt: skip
 
 TILE = 64
 """Candidates worked on together: a tile of rows stays in the first-level cache."""
 
 
+@cache
+def _borrowing(function: Callable[..., Any]) -> Borrowing:
+    """A law that many kernels call is compiled once for all."""
+    return Borrowing(function)
+
+
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function for float64 scalars and arrays; NaN keeps its meaning."""
-    compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    return cast(Callable[P, R], compiled)
+    return cast(Callable[P, R], numba.njit(**_COMPILED)(function))
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
@@ -44,8 +51,7 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     function's work. So it allocates nothing, and returns arrays to its like only, never to a
     kernel.
     """
-    compiled: Any = numba.njit(**_BORROWING)(function)
-    return cast(Callable[P, R], compiled)
+    return cast(Callable[P, R], _borrowing(function))
 
 
 def row_pass(function: Callable[P, R]) -> Callable[P, R]:
@@ -57,12 +63,11 @@ def row_pass(function: Callable[P, R]) -> Callable[P, R]:
     writes are handed to it, not taken inside. A product and its sum are one instruction with one
     rounding; NaN keeps its meaning.
     """
-    compiled: Any = numba.njit(fastmath={"contract"}, **_BORROWING)(function)
-    return cast(Callable[P, R], compiled)
+    return cast(Callable[P, R], Borrowing(function, fastmath={"contract"}))
 
 
 def is_first_run() -> bool:
-    """Nothing is compiled yet, wherever it is kept: the first plan will take half a minute."""
+    """Nothing is compiled yet, wherever it is kept: the first plan waits for the compiler."""
     if folder := os.environ.get("NUMBA_CACHE_DIR"):
         return not any(Path(folder).glob("**/*.nbi"))
     package = Path(__file__).parents[1]

@@ -17,6 +17,7 @@ import numpy as np
 
 from models.arrays import Bools, Floats, Ints
 from planner.kernels.compiled import inlined, kernel
+from planner.kernels.rows import copy_row
 
 _ITERATIONS = 60
 _TOLERANCE = 1e-5
@@ -84,7 +85,7 @@ def nearest(
         Iterations, at least one; negative if no point keeps the constraints.
     """
     n, r = x.shape[0], limit.shape[0]
-    x[:] = wanted
+    copy_row(wanted, x)
     slack, ds, dz, breach = np.empty(r), np.zeros(r), np.zeros(r), np.empty(r)
     # Divisions are what an iteration costs: one for each of these.
     over_slack, over_force = np.empty(r), np.empty(r)

@@ -32,7 +32,8 @@ def ground_behind(
         profile.x[:2], profile.y[:2], profile.heading_x[0], profile.heading_y[0], profile.z[0],
         profile.front[0],
     )  # fmt: skip
-    _sample(ground, start, half_length, half_width, behind)
+    flat = ground.elevation.reshape(-1)
+    _sample(ground, flat, start, half_length, half_width, behind)
     return behind
 
 
@@ -51,8 +52,9 @@ class _Start(NamedTuple):
 
 @kernel
 def _sample(
-    ground: Ground, start: _Start, half_length: float, half_width: float, behind: Singles
-) -> None:
+    ground: Ground, flat: Floats, start: _Start, half_length: float, half_width: float,
+    behind: Singles,
+) -> None:  # fmt: skip
     stations, _, candidates = behind.shape
     back_x, back_y, height = np.empty(candidates), np.empty(candidates), np.empty(candidates)
     u, v = np.empty(candidates), np.empty(candidates)
@@ -70,7 +72,7 @@ def _sample(
         for side in range(2):
             ahead, aside = offset(side, half_length, half_width)
             locate(ground.elevation, u, v, ahead_u, ahead_v, ahead, aside, cell, across, up)
-            interpolate(ground.elevation, cell, across, up, height)
+            interpolate(flat, ground.elevation.shape[1], cell, across, up, height)
             later = start.front[side] if k == stations - 1 else behind[k + 1, side]
             above_first(height, start.level, later, True, behind[k, side])
 

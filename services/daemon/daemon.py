@@ -23,7 +23,6 @@ from uuid import uuid4
 import zenoh
 
 from models.errors import InputError
-from planner.kernels.compiled import is_first_run
 from services.daemon import systemd, warm_up
 from services.daemon.quiet_log import NowAndThen
 from services.dashboard.board import Board
@@ -34,6 +33,7 @@ from services.io.model_file import find_model, read_model
 from services.parameters.endpoint import ParameterEndpoint
 from services.parameters.in_use import ParametersInUse, slowed
 from services.parameters.service import ParameterService
+from services.planning.cold_start import compile_first
 from services.planning.map_endpoint import MapEndpoint
 from services.planning.map_store import MapStore
 from services.planning.plan_endpoint import PlanEndpoint
@@ -249,9 +249,7 @@ def serve(config: ServiceConfig, seconds: float | None = None) -> None:
     import signal
 
     _log.addFilter(NowAndThen())
-    if is_first_run():
-        words = "compiling, once after each installation; nobody is answered until that is done"
-        print(f"slopewise: {words} (slopewise warm-up does it ahead)", file=sys.stderr, flush=True)
+    compile_first("nobody is answered until that is done (slopewise warm-up does it ahead)")
     service: Any = Service(config)
     # What was built up to now stays: the collector need not look at it again between questions.
     gc.collect()

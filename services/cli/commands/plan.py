@@ -16,7 +16,6 @@ from models.parameters import Model
 from planner.explain.explain import Explanation, explain
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import is_first_run
 from planner.path import CandidatePath
 from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank
@@ -33,6 +32,7 @@ from services.io.maps.map_file import assumptions, frame_of, map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.path_file import check_paths_on_map, read_paths
 from services.io.plan_file import driven, write_plan_csv
+from services.planning.cold_start import ALONE, compile_first
 
 _SCENES = (".mcap", ".rrd")
 """Files to look at; all else is CSV."""
@@ -118,10 +118,10 @@ def plan_on(
     quiet: bool = False,
 ) -> PlanResult:
     """Plan and rank on ground that is in memory already; the job gives speed, clear, settings."""
+    compile_first("plans come after that (slopewise warm-up does it ahead)", ALONE)
     begin = time.perf_counter()
     planner = CandidatePlanner(model, job.settings, job.uncertainty)
-    what = "compiling once, then planning" if is_first_run() else "planning"
-    with progress_bar(what, len(paths), quiet=quiet) as advance:
+    with progress_bar("planning", len(paths), quiet=quiet) as advance:
         try:
             even = planner.resampled(elevation_map, paths)
             plans = planner.plan(

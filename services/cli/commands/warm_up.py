@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -20,14 +19,15 @@ class WarmUpResult:
 
 def run() -> WarmUpResult:
     """Plan on all kinds of ground, then once more to see how long that takes."""
-    print("slopewise: compiling, once after each installation", file=sys.stderr, flush=True)
     begun = time.perf_counter()
     from services.daemon import warm_up
     from services.io.model_file import find_model, read_model
     from services.parameters.in_use import ParametersInUse
+    from services.planning.cold_start import compile_first
     from services.planning.plan_service import PlanService
     from services.settings.service import ServiceConfig
 
+    compile_first("on all cores")
     plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))
     warm_up.run(plans)
     compiled = time.perf_counter()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -44,6 +45,15 @@ def test_plans_say_what_they_were_made_from(
         assert told[f"{name}_hash"] == hashlib.sha256(path.read_bytes()).hexdigest()
     assert 0.0 <= told["map_age"] < 600.0
     assert "made_from" not in plan_view.as_json(replace(result, made_from=None))
+
+
+def test_the_time_of_planning_is_without_that_of_the_compiler(
+    job: command.PlanJob, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command, "compile_first", lambda *_: time.sleep(1.0))
+    begin = time.perf_counter()
+    seconds = command.run(replace(job, explain=False), quiet=True).seconds
+    assert 0.0 < seconds <= time.perf_counter() - begin - 1.0
 
 
 @pytest.mark.parametrize("solver", ["osqp", "ipopt"])

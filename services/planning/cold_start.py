@@ -1,0 +1,29 @@
+"""Kernels are compiled before the first plan of an installation, and whoever waits is told."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+
+from planner.kernels.ahead import compile_ahead, written_down
+from planner.kernels.compiled import is_first_run
+
+ALONE = (
+    "plan", "swept", "bounds", "profile", "pipeline", "verify.judge", "verify.track",
+    "ground.terrain_profile:_sample", "ground.vertical_curvature",
+    "ground.forces:_forces_on_one_surface", "ground.grade_between",
+)  # fmt: skip
+"""Kernels that every plan needs; the others are for several surfaces and for robots that drive."""
+
+
+def compile_first(meanwhile: str, begins: Iterable[str] = ("",)) -> None:
+    """Compile on all cores if nothing is compiled yet, and say so in one line on standard error.
+
+    Args:
+        meanwhile: what the one who waits should know.
+        begins: how the names of the kernels begin that are needed, all by default.
+    """
+    if is_first_run():
+        words = f"slopewise: compiling, once after each installation; {meanwhile}"
+        print(words, file=sys.stderr, flush=True)
+        compile_ahead(written_down(begins))

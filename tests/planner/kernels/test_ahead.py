@@ -1,0 +1,50 @@
+"""Kernels compiled ahead are those that are called, with the numbers they are called with."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from planner.kernels.ahead import compile_ahead, described, meant, written_down
+from planner.kernels.limits import PlanningLimits
+
+
+def test_what_is_written_down_is_what_a_service_calls() -> None:
+    module = [sys.executable, "-m", "tests.planner.kernels.signatures_now"]
+    now = json.loads(subprocess.run(module, capture_output=True, check=True, text=True).stdout)
+    assert now == written_down(), " ".join(["write it down anew:", *module[1:]])
+
+
+def test_a_type_is_read_as_it_was_described() -> None:
+    closed = np.zeros((2, 3))
+    closed.flags.writeable = False
+    limits = PlanningLimits(*np.arange(20.0))
+    for value in (1.0, 1, True, np.zeros(3), closed, closed.T, (1, 2.0), (1.0, 2.0), limits):
+        kind = numba.typeof(value)
+        assert meant(json.loads(json.dumps(described(kind)))) == kind
+
+
+def test_kernels_come_by_the_beginning_of_their_names() -> None:
+    assert set(written_down(["horizon", "plan"])) < set(written_down())
+    assert {name.split(":")[0] for name in written_down(["plan"])} == {"planner.plan"}
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_compiled_kernels_are_in_the_cache_and_strange_ones_are_told(
+    cores: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(cores))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    motion = "planner.plan:_motion"
+    strange = {"planner.plan:not_there": [["d"]], "planner.nowhere:kernel": [["d"]]}
+    wrong = {"planner.horizon.polyline:_arc": [["d"]], "planner.horizon.polyline:_foot": [["d"]]}
+    left = compile_ahead({motion: written_down()[motion], **strange, **wrong})
+    assert left == [*strange, *wrong]
+    assert [file.name.split(".")[0] for file in tmp_path.glob("**/*.nbi")] == ["plan"]
