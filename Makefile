@@ -30,6 +30,7 @@ docs: $(VENV)/.installed-dev  ## what is generated in README.md and docs/, and d
 	$(BIN)/python docs/site/reference.py
 	$(BIN)/python docs/site/results.py
 	$(BIN)/python docs/site/notebook.py
+	$(BIN)/python docs/site/sizes.py
 	$(BIN)/mkdocs build --strict
 
 format: $(VENV)/.installed-dev

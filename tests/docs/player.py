@@ -12,7 +12,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -21,7 +20,7 @@ import zenoh
 
 from services.settings.service import ZenohSettings
 from services.settings.session import zenoh_config
-from tests.docs.shown import ROOT, Shown, environment, hidden
+from tests.docs.shown import ROOT, Shown, environment, hidden, sizes
 from tests.services.service_process import free_port
 from tests.services.warm_process import WarmProcess
 
@@ -82,8 +81,7 @@ class Player:
 
     def _is_installable(self, one: Shown) -> None:
         assert re.match(r"pip install ('\.\[[\w,]+\]'|\.)$", one.line), one.line
-        known = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-        assert set(one.extras) <= set(known["optional-dependencies"])
+        assert set(one.extras) <= set(sizes.extras())
 
     def _example(self, one: Shown, words: list[str]) -> None:
         if "mock_navigation" in words[0]:

@@ -10,18 +10,22 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, packages_distributions, requires
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import typer
+from packaging.utils import canonicalize_name
 
 from services.cli.app import app
 
 ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs" / "site"))
+
+import sizes  # noqa: E402
+
 BOX = re.compile(r"^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 PROGRAMS = ("slopewise", "python", "make", "pip")
 HIDE = """
@@ -93,46 +97,13 @@ def command_names() -> frozenset[str]:
 
 def hidden(extras: Sequence[str] = ()) -> list[str]:
     """Modules that a plain install with these extras does not bring."""
-    kept = _brought(tuple(extras))
+    # An editable install lists its own modules, too.
+    kept = sizes.brought(*extras) | {sizes.project()["name"]}
     return sorted(
         module
         for module, names in packages_distributions().items()
-        if module.isidentifier() and not any(_name(name) in kept for name in names)
+        if module.isidentifier() and not any(canonicalize_name(name) in kept for name in names)
     )
-
-
-@cache
-def _brought(extras: tuple[str, ...]) -> frozenset[str]:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    optional = project["optional-dependencies"]
-    found = {_name(project["name"])}  # an editable install lists its own modules, too
-    wanted = [*project["dependencies"], *(line for extra in extras for line in optional[extra])]
-    left = [(_name(line), _extras(line)) for line in wanted]
-    while left:
-        name, more = left.pop()
-        if name in found and not more:
-            continue
-        found.add(name)
-        try:
-            needs = requires(name) or []
-        except PackageNotFoundError:
-            continue
-        for line in needs:
-            asked = re.search(r"extra == ['\"]([\w-]+)['\"]", line)
-            if asked is None or asked[1] in more:
-                left.append((_name(line), _extras(line)))
-    return frozenset(found)
-
-
-def _extras(line: str) -> tuple[str, ...]:
-    match = re.match(r"[\w.-]+\[([\w,-]+)\]", line)
-    return tuple(match[1].split(",")) if match else ()
-
-
-def _name(line: str) -> str:
-    match = re.match(r"[A-Za-z0-9._-]+", line)
-    assert match, line
-    return re.sub(r"[-_.]+", "-", match.group()).lower()
 
 
 def environment(folder: Path, extras: Sequence[str] = ()) -> dict[str, str]:

@@ -14,6 +14,7 @@ sys.path.insert(0, str(ROOT / "docs" / "site"))
 
 import reference  # noqa: E402
 import samples  # noqa: E402
+import sizes  # noqa: E402
 
 from planner.limiting import BOUNDS, Limiting  # noqa: E402
 
@@ -66,3 +67,40 @@ def test_figures_of_the_readme_are_stored_results() -> None:
         "expected other numbers in the next line, and on the page"
     )
     assert "Three of its eight targets are missed" in page
+
+
+def test_the_sizes_of_the_quick_start_are_those_of_an_installation() -> None:
+    """Where everything is installed; another build of a package may be somewhat larger."""
+    for extra in sizes.extras():
+        for name in sizes.brought(extra):
+            if sizes.size(name) == 0.0:
+                pytest.skip(f"{name} is not installed")
+    (stored,) = sizes.PLACE.findall(sizes.PAGE.read_text())
+    rows = [re.findall(r"^\| (.*?) \| (?:\+ )?(\d+) \|", text, re.MULTILINE) for text in
+            (stored, sizes.table())]  # fmt: skip
+    assert [name for name, _ in rows[0]] == [name for name, _ in rows[1]]
+    for (name, then), (_, now) in zip(*rows, strict=True):
+        assert float(now) == pytest.approx(float(then), rel=0.25, abs=3.0), name
+
+
+IMPORTED_AS = {
+    "eclipse-zenoh": "zenoh", "pillow": "PIL", "foxglove-sdk": "foxglove", "rerun-sdk": "rerun",
+    "scikit-learn": "sklearn", "commonroad-vehicle-models": "vehiclemodels", "mkdocs-material": "",
+}  # fmt: skip
+"""Where the name of the module is another one; mkdocs-material is named in mkdocs.yml."""
+
+
+def test_every_dependency_of_users_is_imported() -> None:
+    code = "".join(
+        file.read_text()
+        for folder in ("slopewise", "models", "planner", "services", "benchmarks", "docs/site")
+        for file in (ROOT / folder).rglob("*.py")
+    )
+    project = sizes.project()
+    wanted = [*project["dependencies"]]
+    wanted += [line for extra in sizes.extras() for line in project["optional-dependencies"][extra]]
+    for line in wanted:
+        name = re.split(r"[^\w.-]", line)[0]
+        module = IMPORTED_AS.get(name, name.replace("-", "_"))
+        pattern = rf"^\s*(?:from|import) {module}\b|import_module\(\"{module}"
+        assert not module or re.search(pattern, code, re.MULTILINE), name
