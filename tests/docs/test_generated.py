@@ -102,5 +102,5 @@ def test_every_dependency_of_users_is_imported() -> None:
     for line in wanted:
         name = re.split(r"[^\w.-]", line)[0]
         module = IMPORTED_AS.get(name, name.replace("-", "_"))
-        pattern = rf"^\s*(?:from|import) {module}\b|import_module\(\"{module}"
+        pattern = rf"^\s*(?:from|import) {module}\b|module\(\"{module}"
         assert not module or re.search(pattern, code, re.MULTILINE), name
