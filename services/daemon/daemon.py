@@ -252,6 +252,7 @@ def serve(config: ServiceConfig, seconds: float | None = None) -> None:
     if is_first_run():
         words = "compiling, once after each installation; nobody is answered until that is done"
         print(f"slopewise: {words} (slopewise warm-up does it ahead)", file=sys.stderr, flush=True)
+        warm_up.apart()
     service: Any = Service(config)
     # What was built up to now stays: the collector need not look at it again between questions.
     gc.collect()

@@ -6,6 +6,9 @@ and few, with a name and without, at rest and driving, several times in a row as
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -57,6 +60,19 @@ def run(plans: PlanService) -> None:
         for ground, request in questions():
             codec.encode(plans.answer(request, ground, CLIENT), Format.MESSAGEPACK)
     plans.drop(CLIENT)
+
+
+def apart() -> None:
+    """Compile in a process of its own, whose memory is given back with its end.
+
+    Where the code cannot be kept, this process has to compile it anyway, and nothing is done here.
+    """
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    if folder and not os.access(folder, os.W_OK):
+        return
+    words = [sys.executable, "-m", "services.cli", "warm-up"]
+    # If it fails, this process compiles what is missing, and says what is wrong.
+    subprocess.run(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
 
 
 def _fan(count: int) -> list[Candidate]:

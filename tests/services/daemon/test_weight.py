@@ -11,8 +11,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from planner.kernels.compiled import is_first_run
 from services.client import PlanClient
+from services.daemon import warm_up
 from tests.services.service_process import fan, flat, running
 
 UNUSED = (
@@ -42,7 +45,32 @@ def resident(process: int) -> float:
     return int(found[1]) / 1024
 
 
+@pytest.mark.nightly
+def test_memory_where_nothing_was_compiled_before(tmp_path: Path) -> None:
+    """The compiler's own memory is that of another process."""
+    kept = tmp_path / "compiled"
+    kept.mkdir()
+    with running(tmp_path, environment={"NUMBA_CACHE_DIR": str(kept)}) as started:
+        assert resident(started.process.pid) < MOST
+    assert list(kept.glob("**/*.nbi"))
+
+
+def test_code_that_cannot_be_kept_is_not_compiled_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[object] = []
+    monkeypatch.setattr(warm_up.subprocess, "run", lambda *words, **_: asked.append(words))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "not there"))
+    warm_up.apart()
+    assert asked == []
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    warm_up.apart()
+    assert len(asked) == 1
+
+
 def test_memory_after_a_hundred_questions(tmp_path: Path) -> None:
+    if is_first_run():
+        warm_up.apart()
     with running(tmp_path, fresh=True) as started, started.session() as session:
         begin = resident(started.process.pid)
         uneven = 0.05 * np.random.default_rng(0).standard_normal((240, 480))
