@@ -85,7 +85,8 @@ def test_the_sizes_of_the_quick_start_are_those_of_an_installation() -> None:
 
 IMPORTED_AS = {
     "eclipse-zenoh": "zenoh", "pillow": "PIL", "foxglove-sdk": "foxglove", "rerun-sdk": "rerun",
-    "scikit-learn": "sklearn", "dask": "distributed", "commonroad-vehicle-models": "vehiclemodels", "mkdocs-material": "",
+    "scikit-learn": "sklearn", "dask": "distributed", "mkdocs-material": "",
+    "commonroad-vehicle-models": "vehiclemodels",
 }  # fmt: skip
 """Where the name of the module is another one; mkdocs-material is named in mkdocs.yml."""
 
