@@ -84,10 +84,10 @@ def check_track(track: np.ndarray, period: float) -> None:
     assert speed.max() > 1.5
     change = np.diff(speed) / period
     assert change.max() <= limits.accel + 0.05
-    heading = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
-    fast = speed[1:-1] > 1.0
-    turning = np.abs(np.diff(heading))[fast] / period
-    assert np.percentile(turning * speed[1:-1][fast], 99) < limits.lateral_accel * 1.5
+    turn = np.arctan2((y - MIDDLE[1]) / RADII[1], (x - MIDDLE[0]) / RADII[0])
+    a, b = RADII
+    curvature = a * b / np.hypot(a * np.sin(turn), b * np.cos(turn)) ** 3
+    assert np.max(speed**2 * curvature) < 1.25 * limits.lateral_accel
 
 
 def test_the_loop_is_the_ellipse() -> None:
