@@ -25,8 +25,12 @@ nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terra
 bench: $(VENV)/.installed-dev  ## the planner beside its peers
 	$(BIN)/slopewise bench --json out/bench.json --plot out/bench.html
 
-docs: $(VENV)/.installed-dev  ## tables of docs/benchmarks.md, and this documentation as a site in out/docs
+docs: $(VENV)/.installed-dev  ## what is generated in README.md and docs/, and docs/ as a site in out/docs
+	$(BIN)/python docs/site/samples.py
+	$(BIN)/python docs/site/reference.py
 	$(BIN)/python docs/site/results.py
+	$(BIN)/python docs/site/notebook.py
+	$(BIN)/python docs/site/sizes.py
 	$(BIN)/mkdocs build --strict
 
 format: $(VENV)/.installed-dev

@@ -1,11 +1,11 @@
-"""A navigation stack that is none: asks a running service all the time, and drives what it says.
+"""A mock navigation stack: asks a running service in every cycle, and drives what it is told.
 
 In one terminal ``slopewise serve --config configs/service.toml`` (with ``[page] enabled = true``
 there is something to look at), in another ``python examples/mock_navigation.py --seconds 60``.
 
-The robot is a point that follows its plan perfectly over generated hills. It sees the ground around
-it only, and sends what it sees as patches of the map. Of slopewise it knows the client and its
-messages alone, like a stack that copied those files.
+The robot is a point that follows its plan perfectly, round and round a loop over generated hills.
+It sees only the ground around it, and sends what it sees as patches of the map. Of slopewise it
+uses nothing but the client and its messages, like a stack that copied those files.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from services.settings.session import zenoh_config
 from services.wire.messages import MapUpdate, Path
 from slopewise import PlanClient
 
-CELL, ROWS, COLUMNS = 0.25, 240, 480
-SIGHT = 18.0  # [m] how far the robot sees
-LENGTH, FAN = 25.0, 11  # [m] of candidates, and how many
-SIDEWAYS = 2.5  # [m] between the outermost candidates and the middle one
+CELL, ROWS, COLUMNS = 0.25, 192, 256
+MIDDLE, RADII = (32.0, 24.0), (22.0, 14.0)  # [m] of the loop, an ellipse
+SIGHT = 16.0  # [m] how far the robot sees
+LENGTH, FAN = 20.0, 11  # [m] of candidates, and how many
+SIDEWAYS = 2.0  # [m] between the outermost candidates and the loop
 OWN_BRAKES = 1.5  # [m/s²] that the stack's own stop counts on
 
 
@@ -37,16 +38,44 @@ def hills() -> np.ndarray:
     return 1.2 * np.sin(x / 9.0) + 0.9 * np.cos(y / 8.0) + 0.4 * np.sin((x + y) / 5.0)
 
 
+@dataclass(frozen=True)
+class Loop:
+    """A closed line, anticlockwise: points every 0.1 m, unit normals to the left, its length."""
+
+    points: np.ndarray
+    left: np.ndarray
+    length: float
+
+    @classmethod
+    def ellipse(cls) -> Loop:
+        """The one that the robot drives."""
+        turn = np.linspace(0.0, 2.0 * np.pi, 20_001)
+        line = np.array(MIDDLE) + np.array(RADII) * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
+        even = np.arange(0.0, along[-1], 0.1)
+        points = np.stack([np.interp(even, along, column) for column in line.T], axis=1)
+        ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+        ahead /= np.hypot(*ahead.T)[:, None]
+        return cls(points, np.stack((-ahead[:, 1], ahead[:, 0]), axis=1), float(along[-1]))
+
+    def nearest(self, x: float, y: float) -> tuple[int, float]:
+        """Index of the nearest point, and how far to the left of it a place is [m]."""
+        offset = np.array((x, y)) - self.points
+        index = int(np.argmin(np.hypot(*offset.T)))
+        return index, float(offset[index] @ self.left[index])
+
+
 @dataclass
 class Robot:
     """Pose [m, m, rad], speed [m/s] and what was seen."""
 
     ground: np.ndarray
-    x: float = 12.0
-    y: float = 30.0
-    heading: float = 0.0
+    loop: Loop
+    x: float = MIDDLE[0] + RADII[0]
+    y: float = MIDDLE[1]
+    heading: float = 0.5 * np.pi
     speed: float = 0.0
-    way: float = 0.0
+    driven: float = 0.0
     sequence: int = 0
     source: str = field(default_factory=lambda: f"mock-{os.getpid()}-{time.time_ns()}")
 
@@ -71,18 +100,19 @@ class Robot:
         )  # fmt: skip
 
     def candidates(self) -> list[Path]:
-        """Ways ahead that leave the robot's heading gently to either side."""
+        """Stretches of the loop from here on, each moving gently to its own side of it."""
+        here, side = self.loop.nearest(self.x, self.y)
         along = np.linspace(0.0, LENGTH, 80)
-        blend = np.clip(along / 12.0, 0.0, 1.0) ** 2 * (3.0 - 2.0 * np.clip(along / 12.0, 0.0, 1.0))
-        turn = np.array([np.cos(self.heading), np.sin(self.heading)])
-        left = np.array([-turn[1], turn[0]])
-        here = np.array([self.x, self.y])
+        at = (here + np.round(10.0 * along).astype(int)) % len(self.loop.points)
+        share = np.clip(along / 12.0, 0.0, 1.0)
+        blend = share**2 * (3.0 - 2.0 * share)
         return [
             Path(
-                name=f"{side:+.1f} m",
-                points=here + np.outer(along, turn) + np.outer(side * blend, left),
+                name=f"{wanted:+.1f} m",
+                points=self.loop.points[at]
+                + (side + (wanted - side) * blend)[:, None] * self.loop.left[at],
             )
-            for side in np.linspace(-SIDEWAYS, SIDEWAYS, FAN)
+            for wanted in np.linspace(-SIDEWAYS, SIDEWAYS, FAN)
         ]
 
     def drive(self, outcome: ClientAnswer, period: float) -> None:
@@ -95,7 +125,7 @@ class Robot:
             after = command.speed
         step = 0.5 * (self.speed + after) * period
         self.speed = after
-        self.way += step
+        self.driven += step
         plan = (
             next((p for p in reply.plans if p.candidate == reply.chosen), None) if reply else None
         )
@@ -104,13 +134,46 @@ class Robot:
             self.y += step * np.sin(self.heading)
             return
         station, x, y = (plan.column(name) for name in ("station", "x", "y"))
-        near = station[np.argmin(np.hypot(x - self.x, y - self.y))]
-        ahead = near + step
+        fine = np.arange(station[0], station[-1], 0.01)
+        away = np.hypot(np.interp(fine, station, x) - self.x, np.interp(fine, station, y) - self.y)
+        ahead = fine[np.argmin(away)] + step
         here = np.array([np.interp(ahead, station, x), np.interp(ahead, station, y)])
         there = [np.interp(ahead + 0.5, station, x), np.interp(ahead + 0.5, station, y)]
         (self.x, self.y), turn = here, np.array(there) - here
         if np.hypot(*turn) > 1e-3:
             self.heading = float(np.arctan2(turn[1], turn[0]))
+
+
+@dataclass
+class Drive:
+    """What happened: seconds of each answer, own stops, late cycles, and x, y, speed per cycle."""
+
+    took: list[float] = field(default_factory=list)
+    stops: int = 0
+    late: int = 0
+    track: list[tuple[float, float, float]] = field(default_factory=list)
+
+
+def drive_around(
+    robot: Robot, client: PlanClient, period: float, cycles: int, *, paced: bool = True
+) -> Drive:
+    """Ask and drive for so many cycles of a period [s]; unpaced, as fast as answers come."""
+    done = Drive()
+    begun = time.monotonic()
+    for cycle in range(cycles):
+        if cycle % 5 == 0:
+            client.put_map(robot.sees())
+        pose = (float(robot.x), float(robot.y), robot.heading)
+        outcome = client.plan(robot.speed, robot.candidates(), pose=pose, clear=SIGHT)
+        done.took.append(outcome.seconds)
+        done.stops += outcome.stop is not None
+        robot.drive(outcome, period)
+        done.track.append((float(robot.x), float(robot.y), robot.speed))
+        if paced:
+            wait = begun + (cycle + 1) * period - time.monotonic()
+            done.late += wait < 0.0
+            time.sleep(max(wait, 0.0))
+    return done
 
 
 def main() -> None:
@@ -122,10 +185,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0)
     given = parser.parse_args()
     settings = ZenohSettings(mode="client", connect=(given.connect,))
-    robot, period = Robot(hills()), 1.0 / given.rate
-    took: list[float] = []
-    stops = late = 0
-    top = 0.0
+    robot, period = Robot(hills(), Loop.ellipse()), 1.0 / given.rate
     with (
         zenoh.open(zenoh_config(settings)) as session,
         PlanClient(
@@ -133,25 +193,13 @@ def main() -> None:
             deceleration=OWN_BRAKES,
         ) as client,
     ):  # fmt: skip
-        begun = time.monotonic()
-        cycle = 0
-        while time.monotonic() - begun < given.seconds:
-            if cycle % 5 == 0:
-                client.put_map(robot.sees())
-            pose = (float(robot.x), float(robot.y), robot.heading)
-            outcome = client.plan(robot.speed, robot.candidates(), pose=pose, clear=SIGHT)
-            took.append(outcome.seconds)
-            stops += outcome.stop is not None
-            robot.drive(outcome, period)
-            top = max(top, robot.speed)
-            cycle += 1
-            wait = begun + cycle * period - time.monotonic()
-            late += wait < 0.0
-            time.sleep(max(wait, 0.0))
-    ms = 1e3 * np.percentile(took, [50, 99])
+        done = drive_around(robot, client, period, max(round(given.seconds * given.rate), 1))
+    ms = 1e3 * np.percentile(done.took, [50, 99])
+    laps, top = robot.driven / robot.loop.length, max(speed for *_, speed in done.track)
     print(
-        f"{len(took)} questions, {stops} own stops, {late} cycles late; answers in {ms[0]:.1f} ms "
-        f"(99 %: {ms[1]:.1f} ms); {robot.way:.1f} m driven, at most {top:.2f} m/s"
+        f"{len(done.took)} questions, {done.stops} own stops, {done.late} cycles late; answers in "
+        f"{ms[0]:.1f} ms (99 %: {ms[1]:.1f} ms); {robot.driven:.1f} m driven, "
+        f"{laps:.1f} laps, at most {top:.2f} m/s"
     )
 
 

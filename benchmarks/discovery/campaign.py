@@ -80,11 +80,11 @@ def missing() -> list[str]:
     """What could not be measured, in sentences."""
     found = []
     if not with_engine():
-        found.append("mujoco is not installed: pip install slopewise[sim]")
+        found.append("mujoco is not installed: pip install '.[sim]' in a clone")
     if not with_car():
-        found.append("commonroad-vehicle-models is not installed: pip install slopewise[sim]")
+        found.append("commonroad-vehicle-models is not installed: pip install '.[sim]' in a clone")
     if not peer.available():
-        found.append("pysindy is not installed: pip install slopewise[bench]")
+        found.append("pysindy is not installed: pip install '.[bench]' in a clone")
     return found
 
 

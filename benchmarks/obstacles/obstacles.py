@@ -77,7 +77,7 @@ def show(result: Result, console: Console) -> None:
         )  # fmt: skip
     console.print(table)
     if "driven" not in result:
-        console.print("not driven: needs mujoco (pip install slopewise[sim])")
+        console.print("not driven: needs mujoco (pip install '.\\[sim]' in a clone)")
         return
     for name, limits in result["driven"]["limits"].items():
         console.print(

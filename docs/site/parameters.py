@@ -10,8 +10,6 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 
-from models.effects.effect_law import EffectLaw, Parameter
-from models.effects.registry import LAWS
 from models.parameters import Braking, Effect, Limits, Terrain
 from models.quantity import describe_range
 from models.surface_braking import SurfaceBraking, UphillBraking
@@ -42,8 +40,7 @@ def model_page() -> str:
     parts += [f"## [{name}]\n\n{_lead(kind)}\n\n{_table(kind)}\n" for name, kind in tables]
     parts += [
         f"## [[effect]]\n\n{_lead(Effect)}\n\n{_table(Effect)}\n",
-        "| effect | what the base model leaves out | parameters |\n|---|---|---|",
-        *(_effect(name, law) for name, law in LAWS.items()),
+        "Names and parameters of all effects: [effects](effects.md).\n",
     ]
     return "\n".join(parts)
 
@@ -157,18 +154,6 @@ def _kind(hint: Any) -> str:
         if piece in text:
             return words
     return "number" if "float" in text or "int" in text else "table"
-
-
-def _effect(name: str, law: EffectLaw) -> str:
-    def one(parameter: str, spec: Parameter) -> str:
-        low, high = spec.bounds
-        bounds = [f"≥ {low:g}"] if low > -1e300 else []
-        bounds += [f"≤ {high:g}"] if high < 1e300 else []
-        optional = "" if spec.default is None else f", optional ({spec.default:g})"
-        return f"`{parameter}` {' and '.join(bounds)} [{spec.unit}]{optional}"
-
-    parameters = "; ".join(one(p, spec) for p, spec in law.parameters.items())
-    return f"| `{name}` | {_cell(law.missing)} | {_cell(parameters)} |"
 
 
 def _fields(kind: Any) -> str:

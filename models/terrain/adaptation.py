@@ -242,7 +242,7 @@ def clusters(rows: Floats, scale: Floats, least: int) -> Ints:
         from sklearn.cluster import HDBSCAN
     except ImportError:
         raise ParameterError(
-            "--adapt", "scikit-learn for new classes, got none: pip install slopewise[learn]"
+            "--adapt", "scikit-learn for new classes, got none: pip install '.[learn]' in a clone"
         ) from None
     model = HDBSCAN(min_cluster_size=least, allow_single_cluster=True, copy=True)
     labels: Ints = model.fit_predict(rows / scale)

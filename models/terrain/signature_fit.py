@@ -151,7 +151,7 @@ def _linear(rows: _Rows, classes: int, shrinkage: float) -> LinearPicture:
         from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
     except ImportError:
         raise ParameterError(
-            "--learn", "scikit-learn for signatures, got none: pip install slopewise[learn]"
+            "--learn", "scikit-learn for signatures, got none: pip install '.[learn]' in a clone"
         ) from None
     inputs = np.concatenate([rows.features, rows.driving], axis=1)
     measured = np.isfinite(inputs)

@@ -23,7 +23,7 @@ def read_nav2(paths: list[Path]) -> Nav2Facts:
         from ruamel.yaml import YAML
         from ruamel.yaml.error import YAMLError
     except ImportError:
-        hint = "expected ruamel.yaml for parameter files: pip install slopewise[ros]"
+        hint = "expected ruamel.yaml for parameter files: pip install '.[ros]' in a clone"
         raise InputError("ruamel.yaml", "", hint) from None
     nodes: dict[str, dict[str, Any]] = {}
     for path in paths:

@@ -49,7 +49,7 @@ def check_installed() -> None:
     """Raise InputError unless the extra is installed."""
     for module in ("distributed", "pyarrow", "threadpoolctl"):
         if find_spec(module) is None:
-            raise InputError("fleet", "", f"needs {module}: pip install slopewise[fleet]")
+            raise InputError("fleet", "", f"needs {module}: pip install '.[fleet]' in a clone")
 
 
 def each_done(

@@ -18,7 +18,7 @@ def read_parquet(path: Path) -> Table:
     try:
         import polars
     except ImportError:
-        hint = "expected polars to read Parquet, got none: pip install slopewise[parquet]"
+        hint = "expected polars to read Parquet, got none: pip install '.[parquet]' in a clone"
         raise fault(path, "", hint) from None
     try:
         frame = polars.read_parquet(path, glob=False)

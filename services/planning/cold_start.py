@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable
 
@@ -22,8 +23,13 @@ def compile_first(meanwhile: str, begins: Iterable[str] = ("",)) -> None:
     Args:
         meanwhile: what the one who waits should know.
         begins: how the names of the kernels begin that are needed, all by default.
+
+    The compiler's memory is that of other processes. Where the code cannot be kept this one has to
+    compile it anyway, and only the line is said.
     """
     if is_first_run():
         words = f"slopewise: compiling, once after each installation; {meanwhile}"
         print(words, file=sys.stderr, flush=True)
-        compile_ahead(written_down(begins))
+        folder = os.environ.get("NUMBA_CACHE_DIR")
+        if folder is None or os.access(folder, os.W_OK):
+            compile_ahead(written_down(begins))

@@ -41,7 +41,7 @@ def write_mcap(
         import foxglove
         from foxglove.channels import FrameTransformChannel, SceneUpdateChannel
     except ImportError:
-        hint = "expected foxglove-sdk to write .mcap, got none: pip install slopewise[viz]"
+        hint = "expected foxglove-sdk to write .mcap, got none: pip install '.[viz]' in a clone"
         raise InputError("--out", "", hint) from None
     begin = time.time_ns() if begin is None else begin
     buffer, context = io.BytesIO(), foxglove.Context()

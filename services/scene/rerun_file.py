@@ -38,7 +38,7 @@ def write_rrd(
     try:
         import rerun as rr
     except ImportError:
-        hint = "expected rerun-sdk to write .rrd, got none: pip install slopewise[viz]"
+        hint = "expected rerun-sdk to write .rrd, got none: pip install '.[viz]' in a clone"
         raise InputError("--out", "", hint) from None
     recording = rr.RecordingStream("slopewise")
     sink = recording.memory_recording()

@@ -22,7 +22,9 @@ def zenoh_config(settings: ZenohSettings, sizes: Sizes | None = None) -> zenoh.C
 
     Args:
         settings: of the session.
-        sizes: with them, what is far too large does not even come in.
+        sizes: of a service: what is far too large does not even come in. It takes no shared memory
+            unless a file of zenoh's own settings says so: its questions and plans fit the loopback,
+            and the pools at both ends of a connection would count as its memory.
 
     Raises:
         InputError: zenoh refuses it.
@@ -41,6 +43,8 @@ def zenoh_config(settings: ZenohSettings, sizes: Sizes | None = None) -> zenoh.C
             settle(config, Path(settings.config), (*listen, *settings.connect))
         config.insert_json5("scouting/multicast/enabled", json.dumps(settings.multicast))
         if sizes is not None:
+            if not settings.config:
+                config.insert_json5("transport/shared_memory/enabled", "false")
             largest = _SLACK * max(sizes.request_bytes, sizes.map_bytes)
             rule = {
                 "flows": ["ingress"], "messages": ["put", "query"], "key_exprs": ["**"],

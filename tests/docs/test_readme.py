@@ -1,131 +1,119 @@
-"""What README shows works after `pip install .` alone: its commands, with all extras out of reach.
-
-The extras are installed here, so a start-up file hides each module that the core does not need.
-"""
+"""Every command that README and the quick start show works, with what the page says to install."""
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
+import shutil
 import sys
-import tomllib
-from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
-from rasterio.transform import from_origin
 
+from examples import made_up
 from services.io.table import write_csv
-from tests.models.calibration.plant import Plant, drive
+from tests.docs.player import playing
+from tests.docs.shown import BOX, ROOT, hidden, in_text, run, shown
+from tests.models.terrain import plant
+from tests.services.fleet_inputs import paths_file, tiled_map
 
-ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
-BOX = re.compile(r"^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
-CORE = ("plan", "check", "calibrate", "discrepancy")
-"""Commands of the boxes that need no further installation."""
-
-HIDE = """
-import os, sys
-for name in os.environ.get("HIDDEN_MODULES", "").split(","):
-    sys.modules[name] = None
-"""
-
-
-def core() -> set[str]:
-    """Distributions that a plain install brings."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    found = {_name(project["name"])}  # an editable install lists its own modules, too
-    left = [_name(line) for line in project["dependencies"]]
-    while left:
-        name = left.pop()
-        if name in found:
-            continue
-        found.add(name)
-        try:
-            needs = requires(name) or []
-        except PackageNotFoundError:
-            continue
-        left += [_name(line) for line in needs if "extra ==" not in line]
-    return found
+QUICK_START = (ROOT / "docs" / "quickstart.md").read_text()
+PAGES = {"README": README, "quick start": QUICK_START}
+IN_README = {one.line for one in shown(README)}
+"""What the quick start shows as well is run once."""
+SECTIONS = sorted(
+    {
+        (page, one.section)
+        for page, text in PAGES.items()
+        for one in shown(text)
+        if page == "README" or one.line not in IN_README
+    }
+)
+NEEDS = {"viz": ("foxglove", "rerun"), "fleet": ("distributed", "polars"), "ros": ("rosbags",),
+         "service": ("waitress",)}  # fmt: skip
 
 
-def _name(line: str) -> str:
-    match = re.match(r"[A-Za-z0-9._-]+", line)
-    assert match, line
-    return re.sub(r"[-_.]+", "-", match.group()).lower()
-
-
-def hidden() -> list[str]:
-    kept = core()
-    return sorted(
-        module
-        for module, names in packages_distributions().items()
-        if module.isidentifier() and not any(_name(name) in kept for name in names)
-    )
+def inputs(folder: Path) -> None:
+    """What a reader of README has: a map, paths, logs of one vehicle and of a fleet."""
+    made_up.main(folder)
+    skid = plant.drive(plant.square(sides=2), plant.DIRT)
+    write_csv({"run": ["1"] * len(skid["t"]), **skid}, folder / "husky.csv")
+    tiled_map(folder / "county.tif")
+    (folder / "logs").mkdir()
+    for number in range(2):
+        log = made_up.stops(12, seed=number)
+        runs = [f"{run:.0f}" for run in log.pop("run")]
+        write_csv({"run": runs, **log}, folder / "logs" / f"robot-{number}.csv")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A map, paths and a drive log under the names that README gives them."""
-    place = tmp_path_factory.mktemp("readme")
-    (place / "sitecustomize.py").write_text(HIDE)
-    (place / "examples").symlink_to(ROOT / "examples")
-    x, y = np.meshgrid(np.arange(120.0), np.arange(120.0))
-    height = (2.0 * np.sin(x / 14.0) + 1.5 * np.cos(y / 17.0)).astype(np.float32)
-    with rasterio.open(
-        place / "dem.tif", "w", driver="GTiff", width=120, height=120, count=1, dtype="float32",
-        crs="EPSG:32632", transform=from_origin(5e5, 5e6, 1.0, 1.0),
-    ) as file:  # fmt: skip
-        file.write(height, 1)
-    along = np.linspace(0.0, 40.0, 41)
-    write_csv({"x": 5e5 + 40.0 + along, "y": 5e6 - 60.0 + 0.1 * along}, place / "paths.csv")
-    log = drive(Plant(), 40, 0)[0]
-    columns = {n: list(v) if v.dtype.kind == "U" else v for n, v in log.items()}
-    write_csv(columns, place / "drive.csv")
-    return place
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("readme") / "inputs"
+    inputs(folder)
+    return folder
 
 
-def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
-    search = os.pathsep.join([str(folder), str(ROOT)])
-    return subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=600,
-        env=os.environ | {"PYTHONPATH": search, "HIDDEN_MODULES": ",".join(hidden())},
-    )  # fmt: skip
+@pytest.mark.parametrize(("page", "section"), SECTIONS)
+def test_what_a_section_shows_works(page: str, section: str, place: Path, tmp_path: Path) -> None:
+    lines = [one for one in shown(PAGES[page]) if one.section == section]
+    for module in {m for one in lines for extra in one.extras for m in NEEDS.get(extra, ())}:
+        pytest.importorskip(module, reason=f"{module} is not installed")
+    folder = tmp_path / "here"
+    shutil.copytree(place, folder)
+    if any("parquet" in one.line for one in lines):
+        paths_file(folder / "paths-1.parquet", 6, seed=1)
+    with playing(folder) as player:
+        if any(one.line.startswith("slopewise ros") for one in lines):
+            player.router()
+        for one in lines:
+            player.play(one)
+        for line, words in {"across_a_dem": "towards 90°", "mock_navigation": "m driven"}.items():
+            for told in (text for shown_line, text in player.told.items() if line in shown_line):
+                assert words in told
 
 
-def test_the_extras_are_out_of_reach(folder: Path) -> None:
-    assert {"plotly", "sklearn", "polars", "rosbags"} & set(hidden())
-    assert not {"numpy", "matplotlib", "zenoh", "rasterio"} & set(hidden())
-    done = run(folder, sys.executable, "-c", "import plotly")
+def test_the_pages_show_all_that_matters() -> None:
+    names = {one.words[1] for one in shown(README) if one.words[0] == "slopewise"}
+    wanted = {"plan", "check", "calibrate", "terrain", "discrepancy", "fleet", "serve", "replay",
+              "params", "ros", "guard", "export"}  # fmt: skip
+    assert names >= wanted
+    assert {"plan", "check"} <= {one.words[1] for one in shown(QUICK_START)}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_with_words_stand_in_boxes(page: str) -> None:
+    assert not in_text(PAGES[page])
+
+
+def test_the_extras_are_out_of_reach(tmp_path: Path) -> None:
+    done = run(tmp_path, sys.executable, "-c", "import plotly")
     assert "ModuleNotFoundError" in done.stderr
+    assert not {"numpy", "matplotlib", "zenoh", "rasterio"} & set(hidden())
+    assert {"plotly", "sklearn", "polars", "rosbags"} & set(hidden())
+    asked = run(tmp_path, sys.executable, "-c", "import rosbags, ruamel.yaml", extras=["ros"])
+    assert asked.returncode == 0, asked.stderr
 
 
-def test_every_command_of_a_plain_install_works(folder: Path) -> None:
-    lines = [line for box in BOX.finditer(README) for line in box["text"].splitlines()]
-    shown = [words.split() for words in lines if words.startswith("slopewise ")]
-    commands = [words for words in shown if words[1] in CORE]
-    # In the text, not in a box.
-    commands.insert(1, ["slopewise", "check", "plan.csv", "--map", "dem.tif", "--model", "atv"])
-    assert {words[1] for words in commands} == set(CORE)
-    for words in commands:
-        done = run(folder, sys.executable, "-m", *words)
-        assert done.returncode in (0, 3), f"{words}: {done.stdout}{done.stderr}"
-        assert "pip install" not in done.stderr
-    for name in ("plan.csv", "plan.html", "mine.toml", "stops.html", "brakes.pdf", "found"):
-        assert (folder / name).exists(), name
-
-
-def test_the_program_of_the_page_works(folder: Path) -> None:
+def test_the_program_of_the_page_works(place: Path) -> None:
     (box,) = [box["text"] for box in BOX.finditer(README) if box["kind"] == "python"]
-    done = run(folder, sys.executable, "-c", box)
+    done = run(place, sys.executable, "-c", box)
     assert done.returncode == 0, done.stderr
     assert re.search(r"(ok|blocked|degraded) \d", done.stdout), done.stdout
 
 
-def test_the_example_of_the_page_works(folder: Path) -> None:
-    done = run(folder, sys.executable, "examples/across_a_dem.py", "dem.tif")
-    assert done.returncode in (0, 3), done.stderr
-    assert "towards 90°" in done.stdout
+def test_the_made_up_log_is_what_its_example_says(place: Path) -> None:
+    """By a line through decelerations, without the project's own fit."""
+    log = made_up.stops(60)
+    force, grade = [], []
+    for number in range(60):
+        at = log["run"] == number
+        t, v = log["t"][at], log["v"][at]
+        told = t[np.argmax(log["v_cmd"][at] == 0.0)] + made_up.DEAD_TIME
+        moving = (t > told) & (v > 0.1)
+        slowing = -np.polyfit(t[moving], v[moving], 1)[0]
+        grade.append(-np.mean(log["pitch"][at]))
+        force.append(slowing / 9.80665 - np.sin(grade[-1]))
+    slope, level = np.polyfit(grade, force, 1)
+    assert level == pytest.approx(0.40, abs=0.005)
+    assert slope == pytest.approx(-0.2, abs=0.03)

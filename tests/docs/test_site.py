@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
+import shutil
 import subprocess
 import sys
+import threading
+from functools import partial
 from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -18,10 +23,18 @@ from models.vehicle import Vehicle
 from services.ros.settings import Timing
 from services.settings.service import Planning
 from services.wire.messages import PlanRequest
+from tests.services.browser import text_of
 
 pytest.importorskip("material", reason="the docs extra is not installed")
 
 ROOT = Path(__file__).parents[2]
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves a folder without a word."""
+
+    def log_message(self, *_: object) -> None:
+        pass
 
 
 class Page(HTMLParser):
@@ -100,8 +113,8 @@ def test_every_quantity_is_there_with_its_unit(
 
 
 def test_effects_messages_and_commands_are_there(site: dict[Path, Page]) -> None:
-    model = page_of(site, "reference/model.html").text
-    assert all(f"<code>{name}</code>" in model for name in LAWS)
+    effects = page_of(site, "reference/effects.html").text
+    assert all(effects.count(f"<code>{name}</code>") >= 2 for name in LAWS)
     wire = page_of(site, "reference/messages.html").text
     assert "slopewise.plan_request.v1" in wire
     assert all(f"<code>{name}</code>" in wire for name in PlanRequest.__struct_fields__)
@@ -116,6 +129,43 @@ def test_equations_are_mathml(site: dict[Path, Page]) -> None:
     assert text.count("<math") >= 15
     assert "arithmatex" not in text
     assert "\\frac" not in re.sub(r"<annotation.*?</annotation>", "", text, flags=re.DOTALL)
+
+
+PHONE = """<!doctype html><body><iframe style="width:390px;height:800px;border:0"></iframe><script>
+const pages = PAGES, frame = document.querySelector("iframe"), wide = [];
+const next = () => {
+  if (!pages.length) {
+    document.body.textContent = JSON.stringify(wide);
+    document.body.dataset.ready = "true";
+    return;
+  }
+  const page = pages.shift();
+  frame.onload = () => {
+    const width = frame.contentDocument.documentElement.scrollWidth;
+    if (width > 390) wide.push(page + ": " + width);
+    next();
+  };
+  frame.src = page;
+};
+next();
+</script>"""
+
+
+def test_no_page_moves_sideways_on_a_phone(site: dict[Path, Page], tmp_path: Path) -> None:
+    """390 px wide in a browser: what is wider, such as a table, scrolls in a box of its own."""
+    built = next(path.parent for path in site if path.name == "quickstart.html")
+    pages = sorted(path.relative_to(built).as_posix() for path in site)
+    folder = tmp_path / "site"
+    shutil.copytree(built, folder)
+    for name in pages:  # scripts lay nothing out, and would load for minutes
+        text = re.sub(r"<script.*?</script>", "", (folder / name).read_text(), flags=re.DOTALL)
+        (folder / name).write_text(text)
+    (folder / "phone.html").write_text(PHONE.replace("PAGES", json.dumps(pages)))
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder))) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        shown = text_of(f"http://127.0.0.1:{server.server_port}/phone.html")
+        server.shutdown()
+    assert re.search(r"<body[^>]*>\[\]<", shown), re.search(r"<body[^>]*>(.*?)</body>", shown)
 
 
 def test_nothing_says_where_packages_come_from() -> None:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.docs.shown import ROOT, extras_of, in_text, run
+
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 BOX = re.compile(r"^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 NEEDS = {"recordings": ("rosbags", "foxglove", "rerun")}
@@ -36,6 +35,11 @@ def script_of(page: str) -> str:
     return "\n".join([parts[0], run, *parts[1:]])
 
 
+def installed_by(page: str) -> list[str]:
+    """Extras that a page says to install; nothing else is in reach of its boxes."""
+    return [extra for line in page.splitlines() for extra in extras_of(line)]
+
+
 @pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
 def test_a_tutorial_does_what_it_says(tutorial: Path, tmp_path: Path) -> None:
     for module in NEEDS.get(tutorial.stem, ()):
@@ -44,12 +48,13 @@ def test_a_tutorial_does_what_it_says(tutorial: Path, tmp_path: Path) -> None:
     assert len(BOX.findall(page)) >= 3
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "tutorial.py").write_text(script_of(page))
-    paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    done = subprocess.run(
-        [sys.executable, "tutorial.py"], cwd=tmp_path, capture_output=True, text=True,
-        timeout=200, env=os.environ | {"PATH": paths, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    done = run(tmp_path, sys.executable, "tutorial.py", extras=installed_by(page))
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
+def test_commands_with_words_stand_in_boxes(tutorial: Path) -> None:
+    assert not [line for line in in_text(tutorial.read_text()) if "…" not in line]
 
 
 def test_there_are_tutorials() -> None:

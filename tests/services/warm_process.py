@@ -13,8 +13,9 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
+from pathlib import Path
 
 _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload(
@@ -23,12 +24,16 @@ _FORKS.set_forkserver_preload(
 
 
 def _run(
-    words: list[str], environment: Mapping[str, str], out: Connection, err: Connection
-) -> None:
+    words: list[str], environment: Mapping[str, str], place: tuple[str, Sequence[str]],
+    out: Connection, err: Connection,
+) -> None:  # fmt: skip
     from services.cli import app
 
+    folder, hidden = place
+    os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)
+    sys.modules.update(dict.fromkeys(hidden))
     for connection, descriptor in ((out, 1), (err, 2)):
         os.dup2(connection.fileno(), descriptor)
         connection.close()
@@ -40,10 +45,15 @@ def _run(
 class WarmProcess:
     """A command line in a process of its own; what `subprocess.Popen` has of it that tests use."""
 
-    def __init__(self, words: list[str], environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, words: list[str], environment: Mapping[str, str], *, folder: Path | None = None,
+        hidden: Sequence[str] = (),
+    ) -> None:  # fmt: skip
+        """Start it in a folder, without the modules that are hidden."""
         pipes = [_FORKS.Pipe(duplex=False) for _ in range(2)]
         writers = [writer for _, writer in pipes]
-        arguments = (words, dict(environment), *writers)
+        place = (str(folder or Path.cwd()), tuple(hidden))
+        arguments = (words, dict(environment), place, *writers)
         self._process = _FORKS.Process(target=_run, args=arguments, daemon=True)
         self._process.start()
         for writer in writers:

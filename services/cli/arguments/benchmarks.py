@@ -60,7 +60,7 @@ def bench(
     is barred with their true sizes, and drives 200 of them in a physics engine, if it is there.
 
     Times depend on the machine, so ratios are the result. Peers that are not installed are said to
-    be missing; `pip install slopewise\[bench]` brings them.
+    be missing; pip install '.\[bench]' in a clone brings them.
     """
     from services.cli.commands import bench as command
 

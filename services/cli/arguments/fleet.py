@@ -79,7 +79,7 @@ def fleet_plan(options: FleetPlanOptions) -> None:
 
     DIR/plans has a row a station, DIR/candidates a row a candidate, in parts. A run that was
     interrupted goes on where it was; any number of workers gives the same bytes. Status 3: no
-    candidate may be driven. Needs `pip install slopewise\[fleet]`.
+    candidate may be driven. Needs the extra: pip install '.\[fleet]' in a clone.
 
     [bold]Example[/]  slopewise fleet plan county.tif paths-*.csv --model atv --out out/county
     """
@@ -176,7 +176,7 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
     DIR/vehicles/NAME has discrepancy.json, model.toml and report.html as `slopewise discrepancy`
     writes them; DIR/findings a row a vehicle as Parquet; DIR/findings.jsonl a line each. A log that
     cannot be used is told in its row. A second run looks at what is new: logs that grew, models
-    that changed. Needs `pip install slopewise\[fleet]`.
+    that changed. Needs the extra: pip install '.\[fleet]' in a clone.
 
     [bold]Examples[/]  slopewise fleet discrepancy logs/*.csv --models atv --out out/fleet
               slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may

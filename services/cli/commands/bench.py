@@ -35,7 +35,7 @@ def run(*, quick: bool, json_file: Path | None, plot: Path | None) -> None:
         InputError: plots are wanted and plotly is not installed.
     """
     if plot is not None and find_spec("plotly") is None:
-        raise InputError("--plot", "", "needs plotly: pip install slopewise[bench]")
+        raise InputError("--plot", "", "needs plotly: pip install '.[bench]' in a clone")
     planner_speed = _benchmark("planner.planner_speed")
     result = planner_speed.run(quick=quick)
     console = Console()
@@ -105,7 +105,7 @@ def discrepancy(
         InputError: plots are wanted and plotly is not installed, or `out` is a file.
     """
     if plot is not None and find_spec("plotly") is None:
-        raise InputError("--plot", "", "needs plotly: pip install slopewise[bench]")
+        raise InputError("--plot", "", "needs plotly: pip install '.[bench]' in a clone")
     if out is not None and out.exists() and not out.is_dir():
         raise InputError("--out", str(out), "expected a folder, got a file")
     campaign = _benchmark("discovery.campaign")
@@ -143,7 +143,7 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
     """
     for module in ("mujoco", "matplotlib"):
         if find_spec(module) is None:
-            raise InputError("closed-loop", "", f"needs {module}: pip install slopewise[sim]")
+            raise InputError("closed-loop", "", f"needs {module}: pip install '.[sim]' in a clone")
     campaign = _benchmark("closed_loop.campaign")
     tables = _benchmark("closed_loop.tables")
 

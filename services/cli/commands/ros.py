@@ -16,7 +16,7 @@ def run(config_file: Path, seconds: float | None = None) -> None:
     Raises:
         InputError: settings, or nobody is where they point.
     """
-    for module, extra in (("zenoh", "eclipse-zenoh"), ("rosbags", "slopewise[ros]")):
+    for module, extra in (("zenoh", "eclipse-zenoh"), ("rosbags", "'.[ros]' in a clone")):
         if find_spec(module) is None:
             raise InputError("ros", "", f"expected {module}, got none: pip install {extra}")
     import zenoh

@@ -19,7 +19,7 @@ def run(config_file: Path, seconds: float | None = None) -> None:
         raise InputError("serve", "", "needs zenoh: pip install eclipse-zenoh")
     config = read_config(config_file)
     if config.page.enabled and not all(map(find_spec, ("waitress", "prometheus_client"))):
-        words = "expected what serves the page: pip install slopewise[service]"
+        words = "expected what serves the page: pip install '.[service]' in a clone"
         raise InputError(str(config_file), "page.enabled", words)
     from services.daemon.daemon import serve
 

@@ -48,7 +48,7 @@ def typestore(header_in_info: bool = False) -> Typestore:
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
-        hint = "expected rosbags for messages of ROS 2, got none: pip install slopewise[ros]"
+        hint = "expected rosbags for messages of ROS 2, got none: pip install '.[ros]' in a clone"
         raise InputError("rosbags", "", hint) from None
     store = get_typestore(Stores.ROS2_JAZZY)
     outside, inside = ("", _HEADER) if header_in_info else (_HEADER, "")

@@ -121,7 +121,7 @@ def test_without_scikit_learn_it_says_what_to_install(monkeypatch):
     *rows, last = draws((0.1, 0.2, 1.1), (0.02, 0.02, 0.05), 6)
     for row in rows:
         memory.observe(row, EXACT)
-    with pytest.raises(ParameterError, match=r"pip install slopewise\[learn\]"):
+    with pytest.raises(ParameterError, match=r"pip install '.\[learn\]'"):
         memory.observe(last, EXACT)
 
 

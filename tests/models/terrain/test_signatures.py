@@ -164,7 +164,7 @@ def test_too_few_runs_and_no_scikit_learn(monkeypatch) -> None:
         fit(*zip(*rows, strict=True))
     monkeypatch.setitem(sys.modules, "sklearn.discriminant_analysis", None)
     rows = [(s, n, f"{n}{r}") for n in "ab" for r in range(4) for s in drawn(n, r)]
-    with pytest.raises(ParameterError, match=r"pip install slopewise\[learn\]"):
+    with pytest.raises(ParameterError, match=r"pip install '.\[learn\]'"):
         fit(*zip(*rows, strict=True))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -38,3 +39,14 @@ def test_a_plan_alone_waits_for_no_kernel_of_a_robot_that_drives(compiled: list[
     # Each beginning is that of a kernel: none was renamed or moved since.
     for begin in cold_start.ALONE:
         assert any(name.startswith(f"planner.{begin}") for name in alone), json.dumps(begin)
+
+
+def test_code_that_cannot_be_kept_is_not_compiled_twice(
+    compiled: list[set[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "not there"))
+    cold_start.compile_first("")
+    assert not compiled
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    cold_start.compile_first("")
+    assert len(compiled) == 1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from services.settings.service import ServiceConfig, ZenohSettings, read_config
+from services.settings.service import ServiceConfig, Sizes, ZenohSettings, read_config
 from services.settings.session import zenoh_config
 from tests.services.faults import fault_in
 
@@ -74,6 +74,16 @@ def test_nobody_else_can_reach_it_unless_asked_for() -> None:
     config = zenoh_config(ZenohSettings())
     assert json.loads(config.get_json("listen/endpoints")) == ["tcp/127.0.0.1:7447"]
     assert json.loads(config.get_json("scouting/multicast/enabled")) is False
+
+
+def test_a_service_takes_no_shared_memory_unless_told_to(tmp_path: Path) -> None:
+    key = "transport/shared_memory/enabled"
+    assert zenoh_config(ZenohSettings(), Sizes()).get_json(key) == "false"
+    own = tmp_path / "zenoh.json5"
+    own.write_text("{}")
+    told = ZenohSettings(config=str(own))
+    assert zenoh_config(told, Sizes()).get_json(key) == "true"
+    assert zenoh_config(ZenohSettings()).get_json(key) == "true"
 
 
 def test_settings_that_zenoh_refuses_are_named() -> None:

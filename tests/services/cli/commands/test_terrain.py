@@ -149,7 +149,7 @@ def test_clustering_without_scikit_learn_is_one_line(tmp_path, monkeypatch, caps
     unknown.write_text(QUIET)
     words = ("terrain", log, "-m", model(tmp_path), "--terrains", unknown, "--adapt")
     assert status_of(*words) == 2
-    assert "pip install slopewise[learn]" in capsys.readouterr().err
+    assert "pip install '.[learn]'" in capsys.readouterr().err
 
 
 def test_terrain_files_come_back_the_same(tmp_path) -> None:

@@ -126,7 +126,7 @@ def test_csv_needs_no_polars(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setitem(sys.modules, "polars", None)
     assert len(read_drive_log([written(tmp_path / "log.csv", LOG)]).runs) == 2
     path = written(tmp_path / "log.parquet", "")
-    with fault_in(path, "", "expected polars to read Parquet", "pip install slopewise[parquet]"):
+    with fault_in(path, "", "expected polars to read Parquet", "pip install '.[parquet]'"):
         read_drive_log([path])
 
 

@@ -1,0 +1,126 @@
+"""Commands that a page shows, and where they are run: a folder, with the extras that are told only.
+
+All extras are installed here, so a start-up file hides each module that neither the core nor the
+extras on the page bring.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import typer
+from packaging.utils import canonicalize_name
+
+from services.cli.app import app
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs" / "site"))
+
+import sizes  # noqa: E402
+
+BOX = re.compile(r"^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
+PROGRAMS = ("slopewise", "python", "make", "pip")
+HIDE = """
+import os, sys
+for name in os.environ.get("HIDDEN_MODULES", "").split(","):
+    sys.modules[name] = None
+"""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A command as it stands on a page, without its comment.
+
+    Attributes:
+        section: title above it. extras: those that the lines above it in its box install.
+    """
+
+    line: str
+    section: str
+    extras: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> list[str]:
+        return self.line.split()
+
+
+def shown(page: str) -> list[Shown]:
+    """Every command in a box without a language, in order; what a box installs holds in it."""
+    found = []
+    for section in re.split(r"^## ", page, flags=re.MULTILINE):
+        title = section.split("\n", 1)[0]
+        for box in BOX.finditer(section):
+            if box["kind"]:
+                continue
+            extras: tuple[str, ...] = ()
+            for text in box["text"].splitlines():
+                line = re.sub(r"\s+#\s.*$", "", text).strip()
+                if line.split()[:1] and line.split()[0] in PROGRAMS:
+                    extras += extras_of(line)
+                    found.append(Shown(line, title, extras))
+    return found
+
+
+def extras_of(line: str) -> tuple[str, ...]:
+    """Extras that a line installs out of the clone."""
+    match = re.match(r"pip install '\.\[([\w,]+)\]'$", line)
+    return tuple(match[1].split(",")) if match else ()
+
+
+def in_text(page: str) -> list[str]:
+    """Commands with words of their own that stand in the text, not in a box."""
+    names = command_names()
+    text = BOX.sub("", page)
+    found = re.findall(r"`(slopewise [^`]+)`", text)
+    return [line for line in found if line.removeprefix("slopewise ") not in names]
+
+
+@cache
+def command_names() -> frozenset[str]:
+    """All commands, and the groups that hold some."""
+
+    def names(group: object, before: str = "") -> Iterator[str]:
+        for name, command in getattr(group, "commands", {}).items():
+            yield f"{before}{name}"
+            yield from names(command, f"{before}{name} ")
+
+    return frozenset(names(typer.main.get_command(app)))
+
+
+def hidden(extras: Sequence[str] = ()) -> list[str]:
+    """Modules that a plain install with these extras does not bring."""
+    # An editable install lists its own modules, too.
+    kept = sizes.brought(*extras) | {sizes.project()["name"]}
+    return sorted(
+        module
+        for module, names in packages_distributions().items()
+        if module.isidentifier() and not any(canonicalize_name(name) in kept for name in names)
+    )
+
+
+def environment(folder: Path, extras: Sequence[str] = ()) -> dict[str, str]:
+    """For commands in a folder: the clone in reach, all but these extras out of it."""
+    (folder / "sitecustomize.py").write_text(HIDE)
+    programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    return os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)]),
+        "HIDDEN_MODULES": ",".join(hidden(extras)),
+        "PATH": programs,
+        "COLUMNS": "80",
+    }
+
+
+def run(folder: Path, *words: str, extras: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
+    """To its end, in a folder."""
+    return subprocess.run(
+        words, cwd=folder, capture_output=True, text=True, timeout=600,
+        env=environment(folder, extras),
+    )  # fmt: skip

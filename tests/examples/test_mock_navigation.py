@@ -1,0 +1,101 @@
+"""The example of a navigation stack: beside a service in a process of its own, and around a lap."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+
+from examples.mock_navigation import (
+    CELL,
+    COLUMNS,
+    MIDDLE,
+    RADII,
+    ROWS,
+    SIDEWAYS,
+    Loop,
+    Robot,
+    drive_around,
+    hills,
+)
+from services.daemon.daemon import Service
+from services.io.model_file import find_model, read_model
+from services.settings.service import ServiceConfig, ZenohSettings
+from services.settings.session import zenoh_config
+from slopewise import PlanClient
+from tests.services.service_process import free_port, running
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "mock_navigation.py"
+
+
+def test_it_drives_what_the_service_says(tmp_path: Path) -> None:
+    with running(tmp_path) as started:
+        done = subprocess.run(
+            [
+                sys.executable, str(EXAMPLE), "--connect", started.endpoint, "--namespace",
+                started.namespace, "--rate", "5", "--seconds", "4",
+            ],
+            capture_output=True, text=True, timeout=60, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        told = re.search(r"(\d+) questions, (\d+) own stops.* ([\d.]+) m driven", done.stdout)
+        assert told is not None, done.stdout
+        asked, stops, way = int(told[1]), int(told[2]), float(told[3])
+        assert asked >= 10
+        assert stops < asked
+        assert way > 0.5
+
+
+def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
+    """As fast as answers come; speeds are held against the limits of the model."""
+    endpoint, period = (f"tcp/127.0.0.1:{free_port()}",), 0.1
+    config = ServiceConfig(
+        model="atv", namespace="test/lap", zenoh=ZenohSettings(listen=endpoint),
+    )  # fmt: skip
+    robot = Robot(hills(), Loop.ellipse())
+    with (
+        Service(config),
+        zenoh.open(zenoh_config(ZenohSettings(mode="client", connect=endpoint))) as session,
+        PlanClient(session, namespace=config.namespace, name="lap", timeout=2.0) as client,
+    ):
+        for _ in range(4):
+            done = drive_around(robot, client, period, 150, paced=False)
+            assert done.stops <= 5
+            check_track(np.array(done.track), period)
+            if robot.driven > robot.loop.length:
+                break
+    assert robot.driven > robot.loop.length
+
+
+def check_track(track: np.ndarray, period: float) -> None:
+    """Where it was and how fast, held against the ellipse's own formula and the limits."""
+    limits = read_model(find_model("atv")).limits
+    (x, y), speed = track[:, :2].T, track[:, 2]
+    assert np.all((x > 2.0) & (x < CELL * COLUMNS - 2.0))
+    assert np.all((y > 2.0) & (y < CELL * ROWS - 2.0))
+    outwards = np.hypot((x - MIDDLE[0]) / RADII[0], (y - MIDDLE[1]) / RADII[1])
+    assert np.all(np.abs(outwards - 1.0) * min(RADII) < SIDEWAYS + 0.5)
+    assert speed.max() <= limits.speed
+    assert speed.max() > 1.5
+    change = np.diff(speed) / period
+    assert change.max() <= limits.accel + 0.05
+    turn = np.arctan2((y - MIDDLE[1]) / RADII[1], (x - MIDDLE[0]) / RADII[0])
+    a, b = RADII
+    curvature = a * b / np.hypot(a * np.sin(turn), b * np.cos(turn)) ** 3
+    assert np.max(speed**2 * curvature) < 1.25 * limits.lateral_accel
+
+
+def test_the_loop_is_the_ellipse() -> None:
+    loop = Loop.ellipse()
+    a, b = RADII
+    ratio = ((a - b) / (a + b)) ** 2
+    ramanujan = np.pi * (a + b) * (1.0 + 3.0 * ratio / (10.0 + np.sqrt(4.0 - 3.0 * ratio)))
+    assert loop.length == pytest.approx(ramanujan, rel=1e-4)
+    index, left = loop.nearest(MIDDLE[0] + a - 1.0, MIDDLE[1])
+    assert left == pytest.approx(1.0, abs=0.01)
+    assert min(index, len(loop.points) - index) <= 1

@@ -1,0 +1,69 @@
+"""What the service takes of a machine: no module that it does not use, and memory that is bounded.
+
+`docs/deploy.md` has the figures.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from services.client import PlanClient
+from services.planning.cold_start import compile_first
+from tests.services.service_process import fan, flat, running
+
+UNUSED = (
+    "matplotlib", "rasterio", "casadi", "PIL", "contourpy", "polars", "pyarrow", "sklearn",
+    "plotly", "rosbags", "waitress", "scipy.stats", "scipy.ndimage", "scipy.cluster",
+)  # fmt: skip
+MOST = 300.0
+"""[MB] resident after 100 questions; 272 were measured."""
+MOST_MORE = 25.0
+"""[MB] that 100 questions may add to what it has after its start."""
+
+
+def test_nothing_is_imported_that_serving_does_not_use() -> None:
+    code = (
+        "import sys, services.cli.commands.serve, services.daemon.daemon; "
+        f"print([m for m in {UNUSED!r} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def resident(process: int) -> float:
+    """[MB]."""
+    status = Path(f"/proc/{process}/status").read_text()
+    found = re.search(r"^VmRSS:\s+(\d+) kB", status, re.MULTILINE)
+    assert found is not None
+    return int(found[1]) / 1024
+
+
+@pytest.mark.nightly
+def test_memory_where_nothing_was_compiled_before(tmp_path: Path) -> None:
+    """The compiler's own memory is that of another process."""
+    kept = tmp_path / "compiled"
+    kept.mkdir()
+    with running(tmp_path, environment={"NUMBA_CACHE_DIR": str(kept)}) as started:
+        assert resident(started.process.pid) < MOST
+    assert list(kept.glob("**/*.nbi"))
+
+
+def test_memory_after_a_hundred_questions(tmp_path: Path) -> None:
+    compile_first("for a test")
+    with running(tmp_path, fresh=True) as started, started.session() as session:
+        begin = resident(started.process.pid)
+        uneven = 0.05 * np.random.default_rng(0).standard_normal((240, 480))
+        with PlanClient(session, namespace=started.namespace, name="weight", timeout=5.0) as client:
+            client.put_map(flat(elevation=uneven, origin=(-5.0, -30.0)))
+            for _ in range(100):
+                outcome = client.plan(1.0, fan(64), pose=(0.0, 0.0, 0.0))
+                assert outcome.reply is not None
+        end = resident(started.process.pid)
+    assert end < MOST
+    assert end - begin < MOST_MORE
