@@ -64,17 +64,11 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
         ):
             return f"at {station:.2f} m {obstacle.words}"
         case Limiting.MODEL_VALIDITY:
-            low, high = np.rad2deg(column.model.braking.grade_range)
-            if low <= grade <= high:
-                low, high = np.rad2deg(column.model.braking.trained_roll)
-                return (
-                    f"roll {roll:.1f}° at {station:.2f} m is outside the trained "
-                    f"{low:.1f}° … {high:.1f}°"
-                )
-            return (
-                f"grade {grade:.1f}° at {station:.2f} m is outside the trained "
-                f"{low:.1f}° … {high:.1f}°"
-            )
+            braking = column.model.braking
+            low, high = np.rad2deg(braking.grade_range)
+            if not low <= grade <= high:
+                return _untrained("grade", grade, station, low, high)
+            return _untrained("roll", roll, station, *np.rad2deg(braking.trained_roll))
         case Limiting.TIP_OVER:
             return f"an axle keeps too little load on grade {grade:.1f}° at {station:.2f} m"
         case Limiting.ROLLOVER:
@@ -104,6 +98,16 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
             )
         case _:
             return f"the brakes do not hold on grade {grade:.1f}° at {station:.2f} m"
+
+
+def _untrained(what: str, slope: float, station: float, low: float, high: float) -> str:
+    """A slope beyond a range, all in degrees, with as many digits as it takes to see it."""
+    beyond = max(low - slope, slope - high, 1e-4)
+    digits = max(math.ceil(-math.log10(beyond)), 1)
+    return (
+        f"{what} {slope:.{digits}f}° at {station:.2f} m is outside the trained "
+        f"{low:.{digits}f}° … {high:.{digits}f}°"
+    )
 
 
 def _by_momentum(column: CandidateColumn) -> str:
