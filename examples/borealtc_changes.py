@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from models.terrain.classes import TerrainClasses
 from models.terrain.estimator import DriveSample
-from models.terrain.monitor import GroundChange, TerrainMonitor
+from models.terrain.monitor import GroundChange, MonitorSettings, TerrainMonitor
 from models.terrain.signature_model import SignatureModel
 from models.terrain.windows import Condition, SteadySecond, summarise
 from slopewise import read_model
@@ -62,7 +62,7 @@ def samples_of(folder: Path) -> dict[str, Floats]:
 def changes(samples: Floats, model: SignatureModel | None) -> list[GroundChange]:
     """Changes that a fresh monitor tells in (n, 12) samples at 100 Hz."""
     monitor = TerrainMonitor(
-        read_model(_MODEL), TerrainClasses(name="none"), estimator=SETTINGS, rates=2,
+        read_model(_MODEL), TerrainClasses(name="none"), MonitorSettings(SETTINGS, rates=2),
         signatures=model,
     )  # fmt: skip
     events = []

@@ -24,7 +24,7 @@ from models.terrain.adaptation import classes_of
 from models.terrain.classes import TerrainClasses
 from models.terrain.classifier import NONE, TerrainClassifier
 from models.terrain.estimator import DriveSample
-from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
+from models.terrain.monitor import Classified, GroundChange, MonitorSettings, TerrainMonitor
 from models.terrain.phases import Phase
 from models.terrain.settings import EstimatorSettings, FilterSettings
 from models.terrain.windows import Condition, summarise
@@ -64,7 +64,7 @@ class Run:
 def monitor() -> TerrainMonitor:
     """A fresh one, which knows no class."""
     classes = TerrainClasses(name="none")
-    return TerrainMonitor(read_model(_MODEL), classes, estimator=SETTINGS, rates=len(_RATES))
+    return TerrainMonitor(read_model(_MODEL), classes, MonitorSettings(SETTINGS, rates=len(_RATES)))
 
 
 def drive(rows: Iterable[tuple[Any, ...]]) -> list[Classified | GroundChange]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
-from models import speed_by_grade
 from models.errors import ParameterError
 from models.quantity import (
     Matrix,
@@ -20,7 +19,7 @@ from models.quantity import (
     validate_quantities,
     validate_range,
 )
-from models.surface_braking import SurfaceBraking, UphillBraking
+from models.surface_braking import SurfaceBraking, UphillBraking, validate_hull
 from models.vehicle import Vehicle
 
 
@@ -101,7 +100,7 @@ class Braking:
         validate_range("grade_range", self.grade_range)
         if self.roll_range is not None:
             validate_range("roll_range", self.roll_range)
-        speed_by_grade.validate("speed_by_grade", self.speed_by_grade)
+        validate_hull("speed_by_grade", self.speed_by_grade)
         if self.speed_range[0] < 0.0:
             raise ParameterError("speed_range", f"speeds >= 0, got {self.speed_range[0]:g}")
         validate_covariance("covariance", self.covariance, 4)

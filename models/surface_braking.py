@@ -6,7 +6,16 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from models.errors import ParameterError
 from models.quantity import Matrix, quantity, validate_quantities
+
+MOST_CORNERS = 24
+"""Lines that a plan holds each station against."""
+
+_STRAIGHT = 1e-6
+"""Change of the slope of neighbouring lines that rounding may make [m/s per rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,3 +75,27 @@ class SurfaceBraking:
         if "speed_range" in given or "grade_range" in given:
             given.setdefault("speed_by_grade", None)
         return given
+
+
+def validate_hull(name: str, corners: Matrix | None) -> None:
+    """Check corners (grade [rad], speed [m/s]) of a hull of what was driven; None passes.
+
+    Between the corners the covariance of the coefficients speaks; beyond them they extrapolate.
+    Speeds are concave over the grade, so that the hull is the least of a few straight lines.
+
+    Raises:
+        ParameterError: names the field and what was expected.
+    """
+    if corners is None:
+        return
+    if not 2 <= len(corners) <= MOST_CORNERS or any(len(row) != 2 for row in corners):
+        words = f"2 … {MOST_CORNERS} pairs of grade and speed, got {len(corners)} rows"
+        raise ParameterError(name, words)
+    table = np.array(corners)
+    if not np.isfinite(table).all() or np.any(table[:, 1] < 0.0):
+        raise ParameterError(name, "finite grades and speeds >= 0")
+    if np.any(np.diff(table[:, 0]) <= 0.0):
+        raise ParameterError(name, "grades that increase from pair to pair")
+    slopes = np.diff(table[:, 1]) / np.diff(table[:, 0])
+    if np.any(np.diff(slopes) > _STRAIGHT):
+        raise ParameterError(name, "speeds that are concave over the grade, as a hull is")

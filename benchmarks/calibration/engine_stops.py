@@ -49,7 +49,7 @@ _KNOWN = Braking(
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HeldStops:
     """Fresh stops of one vehicle beside their predictions.
 
     Attributes:
@@ -77,7 +77,7 @@ class Held:
 
 def hold(
     name: str, seed: int, stops: int, fresh: int, quantile: float, *, ground: bool = False
-) -> Held:
+) -> HeldStops:
     """Calibrate one log, with or without the ground of a map, and hold fresh stops against it."""
     world = WORLDS[name]
     rng = np.random.default_rng([seed, 6])
@@ -94,7 +94,7 @@ def hold(
     mean = allowed(b, actual, met, 0.5) - b.distance_offset
     most = allowed(b, actual, met, quantile)
     spare = most - actual.distance
-    return Held(
+    return HeldStops(
         name, ground, seed, stops, fresh, quantile, float(np.mean(actual.distance - mean)),
         int(np.sum(spare < 0.0)), float(spare.min()), float(spare.mean()),
         float(np.mean(spare / actual.distance)), b.distance_offset, learned.objections,

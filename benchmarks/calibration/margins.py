@@ -20,22 +20,23 @@ from models.calibration.learn import Calibration, learn
 from models.parameters import Braking
 from planner.ground.uncertainty import Uncertainty
 
-from .plant import Vehicle, conditions, distances, drive_log
+from .plant import PlantVehicle, conditions, distances, drive_log
 
 VEHICLES = (
-    Vehicle(name="exact", stops=60, scatter=0.0),
-    Vehicle(name="scatter 0.01", stops=60, scatter=0.01, late=0.01),
-    Vehicle(name="scatter 0.03", stops=100, scatter=0.03, late=0.02),
-    Vehicle(name="scatter 0.05", stops=150, scatter=0.05, late=0.03),
-    Vehicle(name="scatter 0.06, late 40 ms", stops=300, scatter=0.06, late=0.04),
-    Vehicle(name="scatter 0.02 of the weight", stops=100, scatter=0.02, shared=False, b_m=-0.6),
-    Vehicle(name="5 % weak by 30 %", stops=120, scatter=0.03, late=0.02, weak=0.05),
-    Vehicle(name="10 % weak by 30 %", stops=100, scatter=0.03, late=0.02, weak=0.10),
-    Vehicle(name="25 % weak by 40 %", stops=200, scatter=0.03, late=0.02, weak=0.25, ratio=0.6,
+    PlantVehicle(name="exact", stops=60, scatter=0.0),
+    PlantVehicle(name="scatter 0.01", stops=60, scatter=0.01, late=0.01),
+    PlantVehicle(name="scatter 0.03", stops=100, scatter=0.03, late=0.02),
+    PlantVehicle(name="scatter 0.05", stops=150, scatter=0.05, late=0.03),
+    PlantVehicle(name="scatter 0.06, late 40 ms", stops=300, scatter=0.06, late=0.04),
+    PlantVehicle(name="scatter 0.02 of the weight", stops=100, scatter=0.02, shared=False,
+                 b_m=-0.6),
+    PlantVehicle(name="5 % weak by 30 %", stops=120, scatter=0.03, late=0.02, weak=0.05),
+    PlantVehicle(name="10 % weak by 30 %", stops=100, scatter=0.03, late=0.02, weak=0.10),
+    PlantVehicle(name="25 % weak by 40 %", stops=200, scatter=0.03, late=0.02, weak=0.25, ratio=0.6,
             b_b=0.6),
-    Vehicle(name="heavy tails, t5", stops=200, scatter=0.03, late=0.01, freedom=5.0),
-    Vehicle(name="heavy tails, t3", stops=300, scatter=0.03, late=0.01, freedom=3.0),
-    Vehicle(name="6 sessions", stops=120, scatter=0.02, late=0.02, session=0.03, sessions=6),
+    PlantVehicle(name="heavy tails, t5", stops=200, scatter=0.03, late=0.01, freedom=5.0),
+    PlantVehicle(name="heavy tails, t3", stops=300, scatter=0.03, late=0.01, freedom=3.0),
+    PlantVehicle(name="6 sessions", stops=120, scatter=0.02, late=0.02, session=0.03, sessions=6),
 )  # fmt: skip
 QUANTILES = (0.99, 0.999)
 FRESH, _TRUE = 40_000, 4_000
@@ -81,7 +82,7 @@ def bound(braking: Braking, speed: Floats, grade: Floats, quantile: float) -> Fl
     return worst
 
 
-def hold(vehicle: Vehicle, seed: int, fresh: int = FRESH) -> tuple[list[Held], Calibration]:
+def hold(vehicle: PlantVehicle, seed: int, fresh: int = FRESH) -> tuple[list[Held], Calibration]:
     """Calibrate one log of a vehicle and hold fresh stops against it."""
     rng = np.random.default_rng([seed, *vehicle.name.encode()])
     columns, runs, ground = drive_log(vehicle, rng)
@@ -110,7 +111,9 @@ def hold(vehicle: Vehicle, seed: int, fresh: int = FRESH) -> tuple[list[Held], C
     return held, learned
 
 
-def _forces(vehicle: Vehicle, speed: Floats, grade: Floats, rng: np.random.Generator) -> Floats:
+def _forces(
+    vehicle: PlantVehicle, speed: Floats, grade: Floats, rng: np.random.Generator
+) -> Floats:
     """Of stops of another session each."""
     day = 1.0 + vehicle.session * rng.standard_normal(np.shape(speed))
     return np.asarray(vehicle.forces(speed, grade, rng) * day)

@@ -22,7 +22,7 @@ _LEAD, _TAIL, _HZ = 1.2, 0.8, 50.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Vehicle:
+class PlantVehicle:
     """Brakes as they are.
 
     Attributes:
@@ -86,7 +86,7 @@ def distances(speed: Floats, grade: Floats, force: Floats, delay: Floats) -> Flo
 
 
 def drive_log(
-    vehicle: Vehicle, rng: np.random.Generator
+    vehicle: PlantVehicle, rng: np.random.Generator
 ) -> tuple[dict[str, NDArray[Any]], list[slice], Floats]:
     """A log of the vehicle's stops, a run each; the grade of the ground beside it (n,) [rad]."""
     speed, grade = conditions(vehicle.stops, rng)

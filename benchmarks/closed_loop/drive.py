@@ -17,7 +17,7 @@ from .route import Route
 from .sensors import Sensors
 from .terrain import SURFACES, PhysicsGround
 from .tracking import DriveCommand, Tracker
-from .world import TICK, World
+from .world import TICK, DrivenWorld
 
 ROLLING = 0.5
 """A stop from below this speed is none [m/s]."""
@@ -42,7 +42,7 @@ class _Loop:
     ) -> None:
         rng = np.random.default_rng(seed)
         self.terrain, self.route, self.course, self.policy = terrain, route, course, policy
-        self.world = World(terrain, np.random.default_rng(seed + 1))
+        self.world = DrivenWorld(terrain, np.random.default_rng(seed + 1))
         self.world.reset(float(route.x[0]), float(route.y[0]), float(route.heading[0]))
         self.sensors = Sensors(self.world, None if policy.exact else rng)
         self.tracker = Tracker(route, QUAD)
@@ -233,7 +233,7 @@ class _Loop:
 
 def run_drive(
     terrain: PhysicsGround, route: Route, course: Course, policy: Policy, seed: int,
-    watch: Callable[[World], None] | None = None,
+    watch: Callable[[DrivenWorld], None] | None = None,
 ) -> DrivenScene:  # fmt: skip
     """Drive a route once.
 

@@ -18,7 +18,7 @@ from .drive import run_drive
 from .policies import Policy
 from .scenes import scene
 from .terrain import PhysicsGround
-from .world import World
+from .world import DrivenWorld
 
 Frame = tuple[float, Any]
 
@@ -31,7 +31,7 @@ _ASIDE = 35.0  # [deg] of the camera from behind
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class FilmPose:
     """Everything that a frame shows.
 
     Attributes:
@@ -64,13 +64,13 @@ def film(number: int, dem: Path | None, policy: Policy, frames: int) -> list[Fra
         raise RuntimeError(f"cannot render without a screen: {error}") from error
 
 
-def film_poses(number: int, dem: Path | None, policy: Policy, frames: int) -> list[Pose]:
+def film_poses(number: int, dem: Path | None, policy: Policy, frames: int) -> list[FilmPose]:
     """What frames of one drive show, evenly over the time that the wall stood."""
-    poses: list[Pose] = []
+    poses: list[FilmPose] = []
 
-    def watch(world: World) -> None:
+    def watch(world: DrivenWorld) -> None:
         d = world.data
-        poses.append(Pose(world.time, d.qpos.copy(), d.mocap_pos.copy(), d.mocap_quat.copy()))
+        poses.append(FilmPose(world.time, d.qpos.copy(), d.mocap_pos.copy(), d.mocap_quat.copy()))
 
     terrain, route, course = scene(number, dem)
     run_drive(terrain, route, course, policy, number, watch)
@@ -78,12 +78,12 @@ def film_poses(number: int, dem: Path | None, policy: Policy, frames: int) -> li
     return [walled[i] for i in np.linspace(0, len(walled) - 1, frames).astype(int)]
 
 
-def render(number: int, dem: Path | None, poses: list[Pose]) -> list[Frame]:
+def render(number: int, dem: Path | None, poses: list[FilmPose]) -> list[Frame]:
     """Images of poses in a scene."""
     import mujoco
 
     terrain, _, _ = scene(number, dem)
-    world = World(terrain, np.random.default_rng(0))
+    world = DrivenWorld(terrain, np.random.default_rng(0))
     _paint(world, terrain)
     renderer = mujoco.Renderer(world.model, *_SIZE)
     images = []
@@ -103,7 +103,7 @@ def render(number: int, dem: Path | None, poses: list[Pose]) -> list[Frame]:
     return images
 
 
-def _paint(world: World, terrain: PhysicsGround) -> None:
+def _paint(world: DrivenWorld, terrain: PhysicsGround) -> None:
     """Surfaces as colours of the ground, under a grid."""
     model = world.model
     texture = model.texture("surfaces")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .world import TICK, World
+from .world import TICK, DrivenWorld
 
 _ODOMETRY_NOISE = 0.05  # [m/s] of one reading
 _ODOMETRY_SCALE = 0.004  # one standard deviation of a drive's scale error
@@ -38,7 +38,7 @@ class EstimatedState:
 class Sensors:
     """Estimates at every tick; exact if there is no generator."""
 
-    def __init__(self, world: World, rng: np.random.Generator | None) -> None:
+    def __init__(self, world: DrivenWorld, rng: np.random.Generator | None) -> None:
         self._world, self._rng = world, rng
         self._speed = self._last = world.speed
         self._wander = np.zeros(2)

@@ -33,7 +33,7 @@ _DEEP = -50.0  # [m] where the wall waits
 _WALL_HALF = 0.3  # [m]
 
 
-class World:
+class DrivenWorld:
     """One vehicle on one terrain, stepped by ticks.
 
     Attributes:

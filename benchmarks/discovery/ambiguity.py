@@ -21,7 +21,7 @@ from .designs import FIELD, draw
 from .metrics import Metric, figure, record, share
 from .model_tables import tables_of
 from .physics import Floats, Physics, Stops
-from .sealed import Finding, Inquiry, SealedLog
+from .sealed import Inquiry, InquiryFinding, SealedLog
 from .worth import SEEN, TOLD_APART, worth
 
 _NEARLY = (1.0, 12.0)  # expected χ² to the nearest rival of a case
@@ -86,7 +86,7 @@ def result_of(cases: Sequence[Resolved | None]) -> dict[str, Any]:
     }
 
 
-def _resolve(hidden: HiddenSet, finding: Finding, inquiry: Inquiry) -> Resolved:
+def _resolve(hidden: HiddenSet, finding: InquiryFinding, inquiry: Inquiry) -> Resolved:
     rng = np.random.default_rng((hidden.order.seed, 4))
 
     def proposed(count: int) -> Stops:

@@ -17,7 +17,7 @@ from .designs import draw
 from .hidden import FIELDS
 from .physics import Floats, Physics, Stops
 from .plant import drive
-from .sealed import Finding
+from .sealed import InquiryFinding
 from .sensing import RATE
 
 WORTH_CLOSING = 1.5
@@ -48,7 +48,7 @@ class Closing:
         return (self.before - self.after) / (self.before - self.floor)
 
 
-def closing(hidden: HiddenSet, finding: Finding) -> Closing:
+def closing(hidden: HiddenSet, finding: InquiryFinding) -> Closing:
     """Drive fresh stops as configured, as found, and as it is."""
     rng = np.random.default_rng((hidden.order.seed, 9))
     stops = draw(hidden.design, len(hidden.stops.speed), hidden.scatter, rng)
@@ -79,7 +79,7 @@ def _distance_error(real: Floats, here: Floats, stops: Stops) -> float:
     return float(np.mean(np.abs(np.minimum(here, worst) - real)[both]))
 
 
-def physics_of(finding: Finding, base: Physics) -> Physics:
+def physics_of(finding: InquiryFinding, base: Physics) -> Physics:
     """The plant with the coefficients and effects of a finding."""
     physics = base._replace(**(finding.braking or {}))
     return with_effects(physics, finding.added)

@@ -9,7 +9,7 @@ from typing import Any
 from .catalogue import HiddenSet
 from .fresh import Closing, closing
 from .hidden import HiddenTerm
-from .sealed import Finding
+from .sealed import InquiryFinding
 
 _PARTNERS = {"headwind": math.tau, "directional_surface": math.pi}
 _WIDTH = 1.959964  # standard deviations that hold 95 %
@@ -90,7 +90,7 @@ class SetOutcome:
         return asdict(self) | {"closed": self.closing.share}
 
 
-def score(hidden: HiddenSet, finding: Finding) -> SetOutcome:
+def score(hidden: HiddenSet, finding: InquiryFinding) -> SetOutcome:
     """Compare."""
     order = hidden.order
     sure = finding.verdict == "missing_effect"
@@ -110,7 +110,7 @@ def score(hidden: HiddenSet, finding: Finding) -> SetOutcome:
     )  # fmt: skip
 
 
-def _covered(hidden: tuple[HiddenTerm, ...], finding: Finding) -> dict[str, bool]:
+def _covered(hidden: tuple[HiddenTerm, ...], finding: InquiryFinding) -> dict[str, bool]:
     """Whether each 95 % interval holds the truth; what is no number to be estimated is left out."""
     found = {}
     by_name = {effect["name"]: effect["parameters"] for effect in finding.effects}

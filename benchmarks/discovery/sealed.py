@@ -34,7 +34,7 @@ class SealedLog:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class InquiryFinding:
     """What came back.
 
     Attributes:
@@ -106,7 +106,7 @@ class Inquiry:
         self._pool.shutdown()
         self._folder.cleanup()
 
-    def ask(self, job: SealedLog) -> Finding:
+    def ask(self, job: SealedLog) -> InquiryFinding:
         """Have one log investigated."""
         return self._pool.submit(investigate_job, job).result()
 
@@ -121,7 +121,7 @@ def _settle(folder: str) -> None:
     threadpool_limits(1)
 
 
-def investigate_job(job: SealedLog) -> Finding:
+def investigate_job(job: SealedLog) -> InquiryFinding:
     """Run the workflow on a log; a fault of it is a finding, too."""
     from models.discrepancy.workflow import investigate
 
@@ -131,7 +131,7 @@ def investigate_job(job: SealedLog) -> Finding:
         found = investigate(job.columns, runs_of(job.columns), model)
     except Exception:  # noqa: BLE001 whatever goes wrong counts against it
         spent = time.process_time() - begun
-        return Finding("fault", text=traceback.format_exc(limit=-4), seconds=spent)
+        return InquiryFinding("fault", text=traceback.format_exc(limit=-4), seconds=spent)
     effects = tuple(
         {
             "name": effect.name,
@@ -143,7 +143,7 @@ def investigate_job(job: SealedLog) -> Finding:
     )
     on = found.model.braking
     keys = ("m_m", "b_m", "m_b", "b_b", "dead_time")
-    return Finding(
+    return InquiryFinding(
         found.verdict.value,
         effects,
         tuple((axis.axis, axis.p_value) for axis in found.located),

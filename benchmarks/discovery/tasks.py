@@ -17,7 +17,7 @@ from .engine_outcomes import engine_orders
 from .model_tables import tables_of
 from .multibody_outcomes import multibody_orders
 from .score import SetOutcome, score
-from .sealed import Finding, Inquiry, Seal, SealedLog, seal
+from .sealed import Inquiry, InquiryFinding, Seal, SealedLog, seal
 from .world_outcomes import WorldOrder, WorldOutcome
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _with_the_car(task: SetTask, order: WorldOrder, promise: Callable[[str], Non
 
 def _asked(
     one: WorldSet[Any], vehicle: dict[str, Any] | None, promise: Callable[[str], None]
-) -> tuple[Seal, Finding]:
+) -> tuple[Seal, InquiryFinding]:
     sealed = _sealed(one.truth(), promise)
     return sealed, _inquiry().ask(SealedLog(one.columns, tables_of(one.configured, vehicle)))
 

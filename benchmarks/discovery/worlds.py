@@ -13,7 +13,7 @@ from . import sensing
 from .fresh import WORTH_CLOSING, physics_of
 from .physics import Floats, Physics, Stops
 from .plant import DrivenStops, speeds
-from .sealed import Finding
+from .sealed import InquiryFinding
 from .world_outcomes import CLEAN, WorldOrder, WorldOutcome
 
 N = TypeVar("N")
@@ -95,7 +95,7 @@ def calibrated(world: World[N], nature: N) -> dict[str, float]:
     return dict(zip(_KEYS, (float(v) for v in best.x), strict=True))
 
 
-def judge(world: World[N], one: WorldSet[N], finding: Finding) -> WorldOutcome:
+def judge(world: World[N], one: WorldSet[N], finding: InquiryFinding) -> WorldOutcome:
     """Names beside the truth, and the gap on fresh stops that are driven twice."""
     order = one.order
     right, wrong = _named(finding, world.names.get(order.what, ()))
@@ -111,7 +111,7 @@ def judge(world: World[N], one: WorldSet[N], finding: Finding) -> WorldOutcome:
     )  # fmt: skip
 
 
-def _named(finding: Finding, allowed: Sequence[tuple[str, ...]]) -> tuple[bool, bool]:
+def _named(finding: InquiryFinding, allowed: Sequence[tuple[str, ...]]) -> tuple[bool, bool]:
     """Whether the names are right, and whether one of them is wrong."""
     sure = finding.verdict == "missing_effect"
     known = [frozenset(names) for names in allowed]
@@ -119,7 +119,9 @@ def _named(finding: Finding, allowed: Sequence[tuple[str, ...]]) -> tuple[bool, 
     return sure and named in known, sure and not any(named <= names for names in known)
 
 
-def _fresh(world: World[N], one: WorldSet[N], finding: Finding) -> tuple[float, float, float]:
+def _fresh(
+    world: World[N], one: WorldSet[N], finding: InquiryFinding
+) -> tuple[float, float, float]:
     """Root mean square disagreement in speed: configured, found, and from twin to twin [m/s]."""
     rng = np.random.default_rng((one.order.seed, 9))
     count = len(one.stops.speed)

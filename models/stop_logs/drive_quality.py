@@ -38,7 +38,7 @@ _JUMP = 1.5  # [m/s] off its neighbours for one or two samples: no vehicle does 
 _GAP_TIMES, _GAP = 5.0, 0.3  # a gap is longer than so many usual steps, and than this [s]
 
 
-class Kind(Enum):
+class SuspectKind(Enum):
     """What is wrong with a stretch."""
 
     NOT_FINITE = "not finite"
@@ -61,7 +61,7 @@ class Suspect:
     start: int
     stop: int
     channel: str
-    kind: Kind
+    kind: SuspectKind
     reason: str
 
 
@@ -106,7 +106,13 @@ def usable(
 def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Suspect]:
     t = part["t"]
     found = [
-        Suspect(begin + k, begin + k + 2, "t", Kind.GAP, f"no samples for {t[k + 1] - t[k]:.2f} s")
+        Suspect(
+            begin + k,
+            begin + k + 2,
+            "t",
+            SuspectKind.GAP,
+            f"no samples for {t[k + 1] - t[k]:.2f} s",
+        )
         for k in _gaps(t)
     ]
     for name, values in part.items():
@@ -115,20 +121,20 @@ def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Suspect]:
         for a, b, kind, reason in _suspects_of_channel(name, values, part):
             found.append(Suspect(begin + a, begin + b, name, kind, reason))
     for name, reason in unit_suspects.find(part):
-        found.append(Suspect(begin, begin + len(t), name, Kind.UNITS, reason))
+        found.append(Suspect(begin, begin + len(t), name, SuspectKind.UNITS, reason))
     return found
 
 
 def _suspects_of_channel(
     name: str, values: Floats, part: dict[str, Floats]
-) -> list[tuple[int, int, Kind, str]]:
+) -> list[tuple[int, int, SuspectKind, str]]:
     found = []
     if name in _LARGEST:
         # A column that a log does not have at all is NaN throughout: absent, not suspect.
         missing = ~np.isfinite(values)
         if not missing.all():
             for a, b in stretches_of(missing):
-                found.append((a, b, Kind.NOT_FINITE, f"{name} is not a number"))
+                found.append((a, b, SuspectKind.NOT_FINITE, f"{name} is not a number"))
         size = np.abs(np.where(missing, 0.0, values))
         beyond = size > _LARGEST[name]
         # A sentinel may lie within the limit: then it is far from everything else.
@@ -137,16 +143,18 @@ def _suspects_of_channel(
         for a, b in stretches_of(beyond):
             sentinel = np.isin(size[a:b], _SENTINELS).any()
             words = "stands for no value" if sentinel else "is beyond any vehicle"
-            found.append((a, b, Kind.SENTINEL, f"{name} of {values[a]:g} {words}"))
+            found.append((a, b, SuspectKind.SENTINEL, f"{name} of {values[a]:g} {words}"))
         good = ~(missing | beyond)
         if name in ("v", "v_left", "v_right"):
             for a, b in _jumps(values, good):
-                found.append((a, b, Kind.JUMP, f"{name} jumps to {values[a]:.2f} m/s and back"))
+                found.append(
+                    (a, b, SuspectKind.JUMP, f"{name} jumps to {values[a]:.2f} m/s and back")
+                )
     if name in _FREEZES:
         for a, b in _frozen(name, values, part):
             seconds = part["t"][b - 1] - part["t"][a]
             words = f"{name} stays at exactly {values[a]:g} for {seconds:.1f} s"
-            found.append((a, b, Kind.FROZEN, words))
+            found.append((a, b, SuspectKind.FROZEN, words))
     return found
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import Floats
-from models.stop_logs.drive_quality import Kind, Suspect, stretches_of
+from models.stop_logs.drive_quality import Suspect, SuspectKind, stretches_of
 from models.terrain.resistances import Drivetrain
 from models.vehicle import Vehicle
 
@@ -50,11 +50,11 @@ def implausible(
             words = (
                 f"{name} of {value:g} A would be a thrust of {value * drive.force_per_ampere:.0f} N"
             )
-            found.append(Suspect(start, stop, name, Kind.SENTINEL, words))
+            found.append(Suspect(start, stop, name, SuspectKind.SENTINEL, words))
     for run in runs:
         part = {name: columns[name][run] for name in _CHANNELS}
         for channel, words in [*_units(part, vehicle), *_signs(part, vehicle)]:
-            found.append(Suspect(run.start, run.stop, channel, Kind.UNITS, words))
+            found.append(Suspect(run.start, run.stop, channel, SuspectKind.UNITS, words))
     return found
 
 

@@ -5,7 +5,7 @@ What a robot runs while it drives, and what a log is sent through afterwards: th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 
 import numpy as np
@@ -71,6 +71,25 @@ class Classified:
 Event = Classified | GroundChange
 
 
+@dataclass(frozen=True, slots=True)
+class MonitorSettings:
+    """Of a monitor and its parts.
+
+    Attributes:
+        estimator, classifier, change: of these; the parts' own where None.
+        memory: how long the ground is taken to last, for signatures.
+        rates: rates of turn in each sample beside the yaw rate, such as roll and pitch rate.
+        keep_signatures: of a run, for who learns from it.
+    """
+
+    estimator: EstimatorSettings = field(default_factory=EstimatorSettings)
+    classifier: ClassifierSettings | None = None
+    change: ChangeSettings | None = None
+    memory: MemorySettings | None = None
+    rates: int = 0
+    keep_signatures: bool = False
+
+
 class TerrainMonitor:
     """Estimator, classifier and detector of changes of one vehicle.
 
@@ -85,32 +104,25 @@ class TerrainMonitor:
         self,
         model: Model,
         classes: TerrainClasses,
+        settings: MonitorSettings | None = None,
         *,
-        estimator: EstimatorSettings | None = None,
-        classifier: ClassifierSettings | None = None,
-        change: ChangeSettings | None = None,
         adaptive: AdaptiveClassifier | None = None,
-        rates: int = 0,
         signatures: SignatureModel | None = None,
-        memory: MemorySettings | None = None,
-        keep_signatures: bool = False,
     ) -> None:
         """Begin.
 
         Args:
             model: vehicle, and the terrain to begin with.
             classes: what is known.
-            estimator, classifier, change: settings.
+            settings: of its parts.
             adaptive: classifier that goes on learning, in place of fixed classes.
-            rates: rates of turn in each sample beside the yaw rate, such as roll and pitch rate.
             signatures: classes told from all that is felt, in place of the three parameters alone.
-            memory: how long the ground is taken to last, for them.
-            keep_signatures: of a run, for who learns from it.
 
         Raises:
             ParameterError: the vehicle has no motor constants.
         """
-        self._settings = EstimatorSettings() if estimator is None else estimator
+        wanted = MonitorSettings() if settings is None else settings
+        self._settings = wanted.estimator
         self.estimator = TerrainEstimator(
             model.vehicle,
             slip_track=model.terrain.slip_track,
@@ -118,17 +130,17 @@ class TerrainMonitor:
             settings=self._settings,
         )
         self.adaptive = adaptive
-        self._fixed = TerrainClassifier(classes, classifier)
+        self._fixed = TerrainClassifier(classes, wanted.classifier)
         self._classes = classes
-        self.change = ChangeDetector(1 + rates, change)
-        self._rates = rates
+        self.change = ChangeDetector(1 + wanted.rates, wanted.change)
+        self._rates = wanted.rates
         motion = self._settings.motion
         self.signatures = SignatureWatch(
             model.vehicle,
             (motion.least_inner_speed, motion.turn_end),
             signatures,
-            memory,
-            keep=keep_signatures,
+            wanted.memory,
+            keep=wanted.keep_signatures,
         )
         self._sure = ""
         self._changed_at = -np.inf

@@ -59,7 +59,7 @@ class FitSettings:
         validate_quantities(self)
 
 
-class _Rows(NamedTuple):
+class _TrainingRows(NamedTuple):
     """Training data: (n, features), (n, driving), (n,) class and (n,) run as numbers."""
 
     features: Floats
@@ -67,8 +67,8 @@ class _Rows(NamedTuple):
     label: Ints
     run: Ints
 
-    def where(self, chosen: Bools) -> _Rows:
-        return _Rows(
+    def where(self, chosen: Bools) -> _TrainingRows:
+        return _TrainingRows(
             self.features[chosen], self.driving[chosen], self.label[chosen], self.run[chosen]
         )
 
@@ -102,7 +102,7 @@ def fit(
         )
     features = np.array([s.features for s in signatures])
     used = np.isfinite(features).sum(axis=0) >= _MEASURED
-    rows = _Rows(features[:, used], np.array([s.driving for s in signatures]), label, run)
+    rows = _TrainingRows(features[:, used], np.array([s.driving for s in signatures]), label, run)
     linear, normal = _pictures(rows, len(classes), settings)
     scores, distances = _left_out(rows, len(classes), settings)
     logs = np.log(distances + 1e-9)
@@ -123,7 +123,7 @@ def fit(
     )
 
 
-def _left_out(rows: _Rows, classes: int, settings: FitSettings) -> tuple[Floats, Floats]:
+def _left_out(rows: _TrainingRows, classes: int, settings: FitSettings) -> tuple[Floats, Floats]:
     """(n, classes) scores and (n, 2) distances of signatures whose runs took no part."""
     fold = np.zeros(len(rows.label), np.int64)
     for c in range(classes):  # runs of each class in turn, so that no fold lacks one
@@ -141,12 +141,12 @@ def _left_out(rows: _Rows, classes: int, settings: FitSettings) -> tuple[Floats,
 
 
 def _pictures(
-    rows: _Rows, classes: int, settings: FitSettings
+    rows: _TrainingRows, classes: int, settings: FitSettings
 ) -> tuple[LinearPicture, NormalPicture]:
     return _linear(rows, classes, settings.shrinkage), _normal(rows, classes, settings)
 
 
-def _linear(rows: _Rows, classes: int, shrinkage: float) -> LinearPicture:
+def _linear(rows: _TrainingRows, classes: int, shrinkage: float) -> LinearPicture:
     try:
         from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
     except ImportError:
@@ -176,7 +176,7 @@ def _linear(rows: _Rows, classes: int, shrinkage: float) -> LinearPicture:
     )  # fmt: skip
 
 
-def _normal(rows: _Rows, classes: int, settings: FitSettings) -> NormalPicture:
+def _normal(rows: _TrainingRows, classes: int, settings: FitSettings) -> NormalPicture:
     weight = _weights(rows, classes)
     usual = np.average(rows.driving, axis=0, weights=weight)
     basis = np.hstack([np.eye(classes)[rows.label], rows.driving - usual])
@@ -212,7 +212,7 @@ def _normal(rows: _Rows, classes: int, settings: FitSettings) -> NormalPicture:
     )
 
 
-def _weights(rows: _Rows, classes: int) -> Floats:
+def _weights(rows: _TrainingRows, classes: int) -> Floats:
     """(n,) classes count alike, and within them a run as the root of its signatures."""
     weight = 1.0 / np.sqrt(np.bincount(rows.run)[rows.run])
     for c in range(classes):

@@ -132,23 +132,16 @@ def ground_along(
     if known.hull is not None:
         hold_below(forces.fastest, profile.grade, bits, known.hull)
     motion = known.motion._replace(heat=now.brake_heat)
+    yaw = np.arctan2(profile.heading_y, profile.heading_x) if model.effect else None
+    if yaw is not None:
+        forces = _with_ground_terms(forces, profile, model, uncertainty, yaw, now.session_time)
     push = None
-    if model.effect:
-        yaw = np.arctan2(profile.heading_y, profile.heading_x)
-        lowest, highest = ground_terms(model, profile, yaw, now.session_time)
-        if uncertainty is not None:
-            margin = sum(uncertainty.ground_margin(e) for e in model.effect)
-            lowest, highest = lowest - margin, highest + margin
-        forces = forces._replace(
-            lower_intercept=forces.lower_intercept + lowest,
-            upper_intercept=forces.upper_intercept + highest,
-        )
-        if motion.moves:
-            pushes = [
-                registry.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
-                for speed in (0.0, model.limits.speed)
-            ]
-            push = np.minimum(0.0, np.minimum(*pushes))
+    if yaw is not None and motion.moves:
+        pushes = [
+            registry.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
+            for speed in (0.0, model.limits.speed)
+        ]
+        push = np.minimum(0.0, np.minimum(*pushes))
     if known.margins is not None:
         forces = widened(forces, profile.grade, bits, known.margins)
     friction = None
@@ -166,3 +159,18 @@ def ground_along(
         width * np.sqrt(2.0) * profile.height_std,
     )  # fmt: skip
     return BrakingGround(*forces, push, motion, known.closed_form, friction, errors)
+
+
+def _with_ground_terms(
+    forces: Forces, profile: TerrainProfile, model: Model, uncertainty: Uncertainty | None,
+    yaw: Floats, session_time: float,
+) -> Forces:  # fmt: skip
+    """Both bounds with what effects of the ground add to them."""
+    lowest, highest = ground_terms(model, profile, yaw, session_time)
+    if uncertainty is not None:
+        margin = sum(uncertainty.ground_margin(e) for e in model.effect)
+        lowest, highest = lowest - margin, highest + margin
+    return forces._replace(
+        lower_intercept=forces.lower_intercept + lowest,
+        upper_intercept=forces.upper_intercept + highest,
+    )

@@ -178,7 +178,7 @@ def _forces(
             high_slope, high_intercept = -np.inf, -np.inf
             dead, offset, fast = 0.0, 0.0, np.inf
             least_slow, most_slow = np.inf, 0.0
-            inside, near_inside = True, True
+            inside = near_inside = True
             for i in range(table.shape[0]):
                 if (bits >> i) & 1 == 0:
                     continue
@@ -201,9 +201,8 @@ def _forces(
                 least_slow = min(least_slow, table[i, SLOWEST])
                 most_slow = max(most_slow, table[i, SLOWEST])
                 fast = min(fast, table[i, FASTEST])
-                lean = sin_roll[k, j]
-                if lean < table[i, LEAST_SIN_ROLL] or lean > table[i, MOST_SIN_ROLL]:
-                    inside, near_inside = False, False
+                if not table[i, LEAST_SIN_ROLL] <= sin_roll[k, j] <= table[i, MOST_SIN_ROLL]:
+                    inside = near_inside = False
                 if theta < table[i, STEEPEST_DOWN] or theta > table[i, STEEPEST_UP]:
                     inside = False
                 if steepest_down < table[i, STEEPEST_DOWN] or steepest_up > table[i, STEEPEST_UP]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models import speed_by_grade
 from models.arrays import Floats, Ints
 from models.parameters import Model
+from models.quantity import Matrix
 from planner.kernels.compiled import kernel, row_pass
 from planner.kernels.workspace import empty
 
@@ -20,8 +20,8 @@ def hull_lines(surfaces: int, model: Model) -> Floats | None:
     tables = [model.braking, *(model.braking.on(name) for name in model.braking.terrain)]
     if model.braking.extrapolate:
         return None
-    own = [np.empty((0, 2)) if t.speed_by_grade is None else speed_by_grade.lines(t.speed_by_grade)
-           for t in tables]  # fmt: skip
+    hulls = [table.speed_by_grade for table in tables]
+    own = [np.empty((0, 2)) if hull is None else lines(hull) for hull in hulls]
     if not any(map(len, own)):
         return None
     if surfaces > len(own):
@@ -31,6 +31,13 @@ def hull_lines(surfaces: int, model: Model) -> Floats | None:
     for row, held in zip(found, own, strict=True):
         row[: len(held)] = held
     return found
+
+
+def lines(corners: Matrix) -> Floats:
+    """(K, 2) intercept [m/s] and slope [m/s per rad] of the lines between corners of a hull."""
+    table = np.array(corners)
+    slope = np.diff(table[:, 1]) / np.diff(table[:, 0])
+    return np.column_stack((table[:-1, 1] - slope * table[:-1, 0], slope))
 
 
 def hold_below(fastest: Floats, grade: Floats, bits: Ints, hull: Floats) -> None:

@@ -15,7 +15,7 @@ from models.arrays import Bools, Floats
 from models.effects import registry
 from models.effects.effect_law import Enters, Place
 from models.parameters import Braking, Model
-from services.check.ground import Ground
+from services.check.ground import LineGround
 from services.check.line import Line
 
 NO_LIMIT = 1e6
@@ -69,7 +69,11 @@ class Brakes(NamedTuple):
 
 
 def brakes_along(
-    model: Model, ground: Ground, line: Line, class_names: tuple[str, ...], width: float = 0.0
+    model: Model,
+    ground: LineGround,
+    line: Line,
+    class_names: tuple[str, ...],
+    width: float = 0.0,
 ) -> Brakes:
     """The braking force of a model on the ground along a line.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.arrays import Bools, Floats
 from services.check.given_plan import STANDS, GivenPlan
-from services.check.ground import Ground
+from services.check.ground import LineGround
 from services.check.line import Line
 from services.check.report import Ledger
 from services.check.standing import JudgedStops
@@ -17,7 +17,7 @@ _UNEVEN = 0.025  # of a stop, where brakes hardly slow it the ground between row
 _EVEN = 0.02  # of the step between rows
 
 
-def judge_columns(ledger: Ledger, plan: GivenPlan, line: Line, ground: Ground) -> None:
+def judge_columns(ledger: Ledger, plan: GivenPlan, line: Line, ground: LineGround) -> None:
     """Note where stations, heights, slopes, turns, accelerations and times contradict the rest.
 
     Sizes are shares of what is allowed, see :data:`services.check.tolerances.TOLERANCES`.

@@ -10,9 +10,9 @@ from models.parameters import Model
 from models.quantity import GRAVITY
 from services.check.brakes import NO_LIMIT, Brakes
 from services.check.friction import braking_cap, utilisation
-from services.check.ground import Ground
+from services.check.ground import LineGround
 from services.check.line import Line
-from services.check.loads import Pose, pose_of, shares_of
+from services.check.loads import Stance, pose_of, shares_of
 from services.check.motion import Motion
 from services.check.report import Ledger
 from services.check.tolerances import TOLERANCES
@@ -24,7 +24,7 @@ _NOTHING = -np.inf
 
 
 def judge_driving(
-    ledger: Ledger, model: Model, line: Line, ground: Ground, brakes: Brakes, motion: Motion,
+    ledger: Ledger, model: Model, line: Line, ground: LineGround, brakes: Brakes, motion: Motion,
     speed_limit: Floats | None,
 ) -> None:  # fmt: skip
     """Note what the driven motion breaks.
@@ -70,7 +70,7 @@ def _speeds(
     )  # fmt: skip
 
 
-def _turns(ledger: Ledger, model: Model, line: Line, pose: Pose, motion: Motion) -> None:
+def _turns(ledger: Ledger, model: Model, line: Line, pose: Stance, motion: Motion) -> None:
     vehicle, limit = model.vehicle, model.limits.lateral_accel
     free = motion.moving & ~motion.excused
     turn = motion.speed**2 * np.abs(pose.turn)
@@ -96,7 +96,7 @@ def _turns(ledger: Ledger, model: Model, line: Line, pose: Pose, motion: Motion)
 
 
 def _drive(
-    ledger: Ledger, model: Model, line: Line, pose: Pose, motion: Motion, accel: Floats
+    ledger: Ledger, model: Model, line: Line, pose: Stance, motion: Motion, accel: Floats
 ) -> None:
     vehicle, terrain = model.vehicle, model.terrain
     drags = 0.5 * terrain.lateral_resistance * vehicle.wheelbase
@@ -116,7 +116,7 @@ def _drive(
 
 
 def _brakes(
-    ledger: Ledger, model: Model, line: Line, pose: Pose, brakes: Brakes, motion: Motion,
+    ledger: Ledger, model: Model, line: Line, pose: Stance, brakes: Brakes, motion: Motion,
     accel: Floats,
 ) -> None:  # fmt: skip
     terms = registry.motion(model.effect)
@@ -136,7 +136,7 @@ def _brakes(
     )  # fmt: skip
 
 
-def judge_loads(ledger: Ledger, model: Model, pose: Pose, motion: Motion, accel: Floats) -> None:
+def judge_loads(ledger: Ledger, model: Model, pose: Stance, motion: Motion, accel: Floats) -> None:
     """Loads while driving as planned; the front axle counts under drive only."""
     least = model.limits.min_load
     both = [

@@ -13,10 +13,10 @@ import numpy as np
 from models.arrays import Floats
 from models.quantity import GRAVITY
 from models.vehicle import Vehicle
-from services.check.loads import Pose
+from services.check.loads import Stance
 
 
-def braking_cap(vehicle: Vehicle, pose: Pose, friction: Floats, speed_sq: Floats) -> Floats:
+def braking_cap(vehicle: Vehicle, pose: Stance, friction: Floats, speed_sq: Floats) -> Floats:
     """Most that F_b/W can be at v² [m²/s²]."""
     normal, aside = _normal_and_aside(pose, speed_sq)
     left: Floats = np.sqrt(np.maximum((friction * normal) ** 2 - aside * aside, 0.0))
@@ -36,7 +36,7 @@ def _front_part(vehicle: Vehicle) -> float | None:
     return vehicle.cg_x / vehicle.wheelbase if vehicle.drive == "ackermann" else None
 
 
-def utilisation(pose: Pose, friction: Floats, speed_sq: Floats, along: Floats) -> Floats:
+def utilisation(pose: Stance, friction: Floats, speed_sq: Floats, along: Floats) -> Floats:
     """Share of the ellipse that is used by a force F_x/W along the way, and by turn and bank."""
     normal, aside = _normal_and_aside(pose, speed_sq)
     grip = np.maximum(friction * normal, 1e-9)
@@ -44,6 +44,6 @@ def utilisation(pose: Pose, friction: Floats, speed_sq: Floats, along: Floats) -
     return share
 
 
-def _normal_and_aside(pose: Pose, speed_sq: Floats) -> tuple[Floats, Floats]:
+def _normal_and_aside(pose: Stance, speed_sq: Floats) -> tuple[Floats, Floats]:
     normal = np.maximum(pose.upright + np.minimum(pose.bend, 0.0) * speed_sq / GRAVITY, 0.0)
     return normal, pose.tilt + pose.turn * speed_sq / GRAVITY

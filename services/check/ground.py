@@ -21,7 +21,7 @@ _WHEELS = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
 """Front left, front right, rear left, rear right, in wheelbases ahead and track widths aside."""
 
 
-class Ground(NamedTuple):
+class LineGround(NamedTuple):
     """M samples of a line; arrays are (M,) unless said otherwise.
 
     Attributes:
@@ -44,7 +44,7 @@ class Ground(NamedTuple):
     classes: Bools
 
 
-def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> Ground:
+def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> LineGround:
     """Sample the map along a line.
 
     The plane nearest to four contact points rises by the mean of front minus rear over the
@@ -66,7 +66,7 @@ def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> Ground:
     station = _stations(line, z)
     classes = np.any([classes_around(heights, *place) for place in places], axis=0)
     bend = _bend(station, grade, known, length, line)
-    return Ground(
+    return LineGround(
         station, z, wheels, grade, roll, bend, known, _body_known(heights, line, vehicle),
         classes,
     )  # fmt: skip

@@ -22,7 +22,7 @@ from models.quantity import GRAVITY
 from models.vehicle import Vehicle
 
 
-class Shares(NamedTuple):
+class LoadShares(NamedTuple):
     """Least loads as shares of the level static ones; any shape."""
 
     rear: Floats
@@ -31,7 +31,7 @@ class Shares(NamedTuple):
     wheel: Floats
 
 
-class Pose(NamedTuple):
+class Stance(NamedTuple):
     """How the vehicle stands at places of any shape.
 
     Attributes:
@@ -48,8 +48,8 @@ class Pose(NamedTuple):
 
 
 def shares_of(
-    vehicle: Vehicle, pose: Pose, speed_sq: Floats, deceleration: Floats, *, crest: bool = True
-) -> Shares:
+    vehicle: Vehicle, pose: Stance, speed_sq: Floats, deceleration: Floats, *, crest: bool = True
+) -> LoadShares:
     """Shares at v² [m²/s²] while slowing down [m/s²]; without ``crest`` as on an even slope."""
     height, ahead = vehicle.cg_z, vehicle.cg_x
     behind = vehicle.wheelbase - ahead
@@ -59,12 +59,12 @@ def shares_of(
         2.0 * height / vehicle.track_width * np.abs(pose.tilt + pose.turn * speed_sq / GRAVITY)
     )
     rear, front = normal - forward / behind, normal + forward / ahead
-    return Shares(rear, front, normal - sideways, np.minimum(rear, front) - sideways)
+    return LoadShares(rear, front, normal - sideways, np.minimum(rear, front) - sideways)
 
 
-def pose_of(grade: Floats, roll: Floats, bend: Floats, curvature: Floats) -> Pose:
+def pose_of(grade: Floats, roll: Floats, bend: Floats, curvature: Floats) -> Stance:
     """The pose on slopes [rad], with vertical and plan-view curvature [1/m]."""
     cos_grade, cos_roll = np.cos(grade), np.cos(roll)
-    return Pose(
+    return Stance(
         np.sin(grade), cos_grade * cos_roll, cos_grade * np.sin(roll), bend, curvature / cos_roll
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from models.arrays import Bools, Floats
 from models.vehicle import Vehicle
-from services.check.ground import Ground, below_body, beside, only, parts_of
+from services.check.ground import LineGround, below_body, beside, only, parts_of
 from services.check.heights import Heights, height_of
 from services.check.line import Line
 from services.check.report import Ledger
@@ -21,7 +21,12 @@ _FINEST = 0.05  # [m] between points below the body
 
 
 def judge_obstacles(
-    ledger: Ledger, heights: Heights, line: Line, ground: Ground, vehicle: Vehicle, moving: Bools
+    ledger: Ledger,
+    heights: Heights,
+    line: Line,
+    ground: LineGround,
+    vehicle: Vehicle,
+    moving: Bools,
 ) -> None:
     """Note what the vehicle would strike at samples (M,) where it moves."""
     _body(ledger, heights, line, ground, vehicle, moving)
@@ -38,7 +43,12 @@ def judge_obstacles(
 
 
 def _body(
-    ledger: Ledger, heights: Heights, line: Line, ground: Ground, vehicle: Vehicle, moving: Bools
+    ledger: Ledger,
+    heights: Heights,
+    line: Line,
+    ground: LineGround,
+    vehicle: Vehicle,
+    moving: Bools,
 ) -> None:
     """Heights above the plane of the wheels, at points that cover the body, against clearance."""
     clearance = vehicle.shape.clearance

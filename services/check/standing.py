@@ -11,11 +11,11 @@ from models.parameters import Model
 from services.check.brakes import Brakes
 from services.check.driving import add_load
 from services.check.friction import braking_cap
-from services.check.ground import Ground
+from services.check.ground import LineGround
 from services.check.motion import Motion
 from services.check.report import Ledger
 from services.check.stop_field import StopField
-from services.check.stops import Stops, stops_as_told, stops_from
+from services.check.stops import StopEnds, stops_as_told, stops_from
 
 _TRAINED = np.deg2rad(0.6)  # beyond what was trained, between two rows
 _ON = 2.0  # [m] that a stop is followed beyond the clear distance
@@ -34,7 +34,12 @@ class JudgedStops(NamedTuple):
 
 
 def judge_stops(
-    ledger: Ledger, field: StopField, ground: Ground, motion: Motion, clear: Floats, rows: Ints
+    ledger: Ledger,
+    field: StopField,
+    ground: LineGround,
+    motion: Motion,
+    clear: Floats,
+    rows: Ints,
 ) -> JudgedStops:
     """Drive an emergency stop from every sample that moves, and note what it breaks.
 
@@ -85,7 +90,7 @@ def judge_stops(
 
 
 def judge_places(
-    ledger: Ledger, model: Model, ground: Ground, brakes: Brakes, motion: Motion
+    ledger: Ledger, model: Model, ground: LineGround, brakes: Brakes, motion: Motion
 ) -> None:
     """Note where the plan drives on ground that bars it."""
     for kind, barred, words in _bars(ground, brakes, model):
@@ -93,7 +98,7 @@ def judge_places(
         ledger.add(kind, length, f"drives {{0:.2f}} m on {words}", length)
 
 
-def _bars(ground: Ground, brakes: Brakes, model: Model) -> list[tuple[str, Bools, str]]:
+def _bars(ground: LineGround, brakes: Brakes, model: Model) -> list[tuple[str, Bools, str]]:
     bars = [
         ("unknown_terrain", ~ground.known, "unknown ground"),
         ("unknown_terrain", ~ground.body_known, "unknown ground below the body"),
@@ -124,7 +129,7 @@ def _run_length(mask: Bools, station: Floats) -> Floats:
     return length
 
 
-def _loads_on(ledger: Ledger, model: Model, stops: Stops, lanes: Ints, count: int) -> None:
+def _loads_on(ledger: Ledger, model: Model, stops: StopEnds, lanes: Ints, count: int) -> None:
     least = model.limits.min_load
     counts = np.zeros(count, np.bool_)
     counts[lanes] = True
@@ -140,7 +145,7 @@ def _loads_on(ledger: Ledger, model: Model, stops: Stops, lanes: Ints, count: in
         add_load(ledger, kind, words, (both[0], both[1]), least, counts)
 
 
-def _hold_at(ledger: Ledger, field: StopField, stops: Stops, spread: object) -> None:
+def _hold_at(ledger: Ledger, field: StopField, stops: StopEnds, spread: object) -> None:
     """Brakes and friction have to hold the vehicle where its stops end."""
     assert callable(spread)
     here = field.at(stops.end)

@@ -16,9 +16,9 @@ from models.parameters import Model
 from models.quantity import GRAVITY
 from services.check.brakes import Brakes
 from services.check.friction import braking_cap
-from services.check.ground import Ground
+from services.check.ground import LineGround
 from services.check.line import Line
-from services.check.loads import Pose, pose_of
+from services.check.loads import Stance, pose_of
 
 
 class Here(NamedTuple):
@@ -32,7 +32,7 @@ class Here(NamedTuple):
 
     sample: Ints
     share: Floats
-    pose: Pose
+    pose: Stance
     curvature: Floats
     yaw: Floats
     friction: Floats
@@ -57,7 +57,7 @@ class StopField:
     as_learned: bool = False
 
     @classmethod
-    def along(cls, model: Model, line: Line, ground: Ground, brakes: Brakes) -> StopField:
+    def along(cls, model: Model, line: Line, ground: LineGround, brakes: Brakes) -> StopField:
         """Collect it."""
         pose = pose_of(ground.grade, ground.roll, ground.bend, line.curvature)
         first = brakes.slope[0], brakes.intercept[0] + brakes.extra
@@ -82,7 +82,7 @@ class StopField:
         row = self.table[k]
         row += share[:, None] * (self.table[k + 1] - row)
         columns = row.T
-        return Here(k, share, Pose(*columns[:5]), *columns[5:])
+        return Here(k, share, Stance(*columns[:5]), *columns[5:])
 
     def force(self, here: Here, onset_speed: Floats, *, most: bool = False) -> Floats:
         """F_b/W that is wanted, before build-up, heat, friction and crests."""
@@ -123,7 +123,7 @@ class StopField:
             extra = registry.motion_deceleration(speed, here.curvature, here.yaw, self.motion)
         return GRAVITY * (force + here.pose.sine) + extra, force
 
-    def _kept_over_crests(self, pose: Pose, speed: Floats) -> Floats:
+    def _kept_over_crests(self, pose: Stance, speed: Floats) -> Floats:
         """As the effect of the model says; else the force falls as the normal force does."""
         if self.crest_share is not None:
             kept: Floats = kept_force(speed, pose.bend, self.crest_share)

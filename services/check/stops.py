@@ -19,7 +19,7 @@ from services.check.stop_lanes import TIME_STEP, State, coast, rates_at, step, w
 _LONGEST = 60.0  # [s] of a stop
 
 
-class Stops(NamedTuple):
+class StopEnds(NamedTuple):
     """What L stops come to; arrays are (L,).
 
     Attributes:
@@ -37,15 +37,15 @@ class Stops(NamedTuple):
     side_even: Floats
     wheel_even: Floats
 
-    def worst_of(self, other: Stops) -> Stops:
+    def worst_of(self, other: StopEnds) -> StopEnds:
         """Of two ways in which the same stops may go, the longer way and the lesser loads."""
         least = (np.minimum(a, b) for a, b in zip(self[2:], other[2:], strict=True))
-        return Stops(np.maximum(self.end, other.end), self.ended & other.ended, *least)
+        return StopEnds(np.maximum(self.end, other.end), self.ended & other.ended, *least)
 
 
 def stops_from(
     field: StopField, station: Floats, speed: Floats, dead_time: Floats, give_up: float
-) -> Stops:
+) -> StopEnds:
     """Emergency stops from L places at worst.
 
     Args:
@@ -65,7 +65,7 @@ def stops_from(
 
 def stops_as_told(
     field: StopField, station: Floats, speed: Floats, dead_time: Floats, give_up: float
-) -> Stops:
+) -> StopEnds:
     """Emergency stops as plans tell them: speed held in the dead time, force as learned."""
     learned = replace(field, as_learned=True)
     return _driven(learned, station, speed, dead_time, give_up, False)
@@ -73,7 +73,7 @@ def stops_as_told(
 
 def _driven(
     field: StopField, station: Floats, speed: Floats, dead_time: Floats, give_up: float, cut: bool
-) -> Stops:
+) -> StopEnds:
     count = len(station)
     zero = np.zeros(count)
     least = np.full((6, count), np.inf)
@@ -93,4 +93,4 @@ def _driven(
             least[:, gone.lane] = gone.least
             state = state.only(~done)
     end[state.lane], least[:, state.lane] = state.s, state.least
-    return Stops(end, ended, *least)
+    return StopEnds(end, ended, *least)

@@ -115,10 +115,10 @@ def read_guard_model(path: Path) -> GuardModel:
         data = tomllib.loads(path.read_text())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(str(path), "", f"expected TOML, got: {error}") from None
-    return _Reader(str(path)).model(data)
+    return _ModelReader(str(path)).model(data)
 
 
-class _Reader:
+class _ModelReader:
     """Reads tables of one file, and names it in errors."""
 
     def __init__(self, source: str) -> None:

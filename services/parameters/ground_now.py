@@ -130,13 +130,11 @@ def monitor_maker(terrains: str) -> Callable[[Model], Any]:
 
     def make(model: Model) -> Any:
         # Takes half a second to load; a service that gets no such samples does without.
-        from models.terrain.monitor import TerrainMonitor
+        from models.terrain.monitor import MonitorSettings, TerrainMonitor
         from services.io.terrain_file import TerrainFile
 
         known = file or TerrainFile(name=model.name)
-        return TerrainMonitor(
-            model, known.classes, estimator=known.estimator, classifier=known.classifier,
-            change=known.change, signatures=signatures, memory=known.memory,
-        )  # fmt: skip
+        settings = MonitorSettings(known.estimator, known.classifier, known.change, known.memory)
+        return TerrainMonitor(model, known.classes, settings, signatures=signatures)
 
     return make

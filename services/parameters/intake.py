@@ -13,7 +13,7 @@ import numpy as np
 
 from models.arrays import Floats
 from models.errors import InputError
-from services.wire.counting import Count, Order
+from services.wire.counting import Count, MessageOrder
 from services.wire.notices import Notices
 from services.wire.observations import (
     DRIVE_COLUMNS,
@@ -68,7 +68,7 @@ class Intake:
         order = count.judge(one.sequence, self._digest(one), one.time - now)
         backwards = f"{kind} observations of {one.source} count backwards: not learned from"
         if not order.taken:
-            if order is Order.OLDER:
+            if order is MessageOrder.OLDER:
                 self.notices.say(backwards)
             return order.value.replace(" ", "_")
         clock = self._clocks.pop(one.source, None) or SenderClock()
@@ -81,7 +81,7 @@ class Intake:
             while len(self.jumped) > _MOST_JUMPED:
                 self.jumped.pop(next(iter(self.jumped)))
             judged = ""
-        if not judged and order is not Order.NEW:
+        if not judged and order is not MessageOrder.NEW:
             self.notices.take_back(backwards)
             self.notices.say(f"{kind} observations of {one.source}: the source {order.value}")
         return judged

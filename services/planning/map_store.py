@@ -17,7 +17,7 @@ from models.errors import InputError, ParameterError
 from planner.ground.elevation_map import ElevationMap
 from services.io.maps import height_error
 from services.io.maps.grid import check_physical
-from services.wire.counting import Count, Order
+from services.wire.counting import Count, MessageOrder
 from services.wire.messages import MapUpdate
 from services.wire.notices import Notices
 from services.wire.sender_clock import SenderClock
@@ -113,11 +113,11 @@ class MapStore:
             order = one.count.judge(update.sequence, content, lead)
             backwards = f"maps of {update.source} count backwards: not taken up"
             if not order.taken:
-                if order is Order.OLDER:
+                if order is MessageOrder.OLDER:
                     self._notices.say(backwards)
                 return False
             last = one.count.last
-            begins = order is not Order.NEW or (last < 0 and one.anew)
+            begins = order is not MessageOrder.NEW or (last < 0 and one.anew)
             lost = begins or 0 <= last < update.sequence - 1
             try:
                 elevation_map = self._patched(update) if update.patch else _whole(update)
@@ -139,7 +139,7 @@ class MapStore:
                 _digest(update if update.patch else elevation_map, before),
             )
             one.count.take(update.sequence, content)
-            if order is not Order.NEW:
+            if order is not MessageOrder.NEW:
                 self.restarts += 1
                 self._notices.take_back(backwards)
                 self._notices.say(f"maps of {update.source}: the source {order.value}")

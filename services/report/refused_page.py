@@ -19,7 +19,7 @@ from services.report.page import escaped, fact_list, number_row, page
 _LISTED = 500
 
 
-class Refused(NamedTuple):
+class RefusedLog(NamedTuple):
     """What a log had.
 
     Attributes:
@@ -35,7 +35,7 @@ class Refused(NamedTuple):
 
 
 def write_refused(
-    path: Path, refused: Refused, *, title: str, provenance: Mapping[str, str]
+    path: Path, refused: RefusedLog, *, title: str, provenance: Mapping[str, str]
 ) -> None:
     """Write the page, all or nothing.
 
@@ -46,7 +46,7 @@ def write_refused(
     listed = list(zip(refused.windows, refused.places, strict=True))[:_LISTED]
     fields = {
         "title": escaped(title),
-        "verdict": escaped(f"Refused: {refused.reason}"),
+        "verdict": escaped(f"RefusedLog: {refused.reason}"),
         "facts": fact_list(provenance),
         "found": stops_found(dict(kinds.most_common())),
         "each": "\n".join(

@@ -29,7 +29,7 @@ NOT_DRIVEN = (110, 110, 110)
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
+class DrawnSurface:
     """Ground as triangles.
 
     Attributes:
@@ -43,7 +43,7 @@ class Surface:
     step: int
 
 
-def surface(ground: ElevationMap, most: int = _MOST_VERTICES) -> Surface:
+def surface(ground: ElevationMap, most: int = _MOST_VERTICES) -> DrawnSurface:
     """Known ground; where a cell is unknown there is a hole."""
     step = max(1, math.ceil(math.sqrt(ground.elevation.size / most)))
     heights = ground.elevation[::step, ::step]
@@ -62,7 +62,7 @@ def surface(ground: ElevationMap, most: int = _MOST_VERTICES) -> Surface:
         at = [(i + di, j + dj) for di, dj in corners]
         whole = np.logical_and.reduce([known[place] for place in at])
         triangles.append(np.stack([number[place][whole] for place in at], axis=1))
-    return Surface(
+    return DrawnSurface(
         vertices=vertices,
         triangles=np.concatenate(triangles).astype(np.uint32),
         colours=np.repeat(grey[known][:, None], 3, axis=1),

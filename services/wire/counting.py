@@ -22,7 +22,7 @@ _BETWEEN = 8
 """So many messages of the known count may come between two of one begun anew."""
 
 
-class Order(Enum):
+class MessageOrder(Enum):
     """What a message is beside those heard before."""
 
     NEW = "new"
@@ -34,7 +34,7 @@ class Order(Enum):
     @property
     def taken(self) -> bool:
         """Whether the message counts."""
-        return self not in (Order.DUPLICATE, Order.OLDER)
+        return self not in (MessageOrder.DUPLICATE, MessageOrder.OLDER)
 
 
 class Count:
@@ -52,7 +52,7 @@ class Count:
         self._since = 0
         self._heard: deque[int] = deque(maxlen=_REMEMBERED)
 
-    def judge(self, number: int, content: int, lead: float = 0.0) -> Order:
+    def judge(self, number: int, content: int, lead: float = 0.0) -> MessageOrder:
         """What a message is.
 
         Args:
@@ -60,12 +60,12 @@ class Count:
             lead: its time stamp less its arrival, 0 where it has none [s].
         """
         if self.last < 0 or number > self.last:
-            return Order.NEW
+            return MessageOrder.NEW
         if number == self.last or hash((number, content)) in self._heard:
-            return Order.DUPLICATE
+            return MessageOrder.DUPLICATE
         if 0 <= self._before < number:
-            return Order.TWICE
-        return Order.ANEW if self._goes_on(number, lead) >= _IN_A_ROW else Order.OLDER
+            return MessageOrder.TWICE
+        return MessageOrder.ANEW if self._goes_on(number, lead) >= _IN_A_ROW else MessageOrder.OLDER
 
     def take(self, number: int, content: int) -> None:
         """A message counted."""

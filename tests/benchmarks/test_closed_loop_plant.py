@@ -11,22 +11,22 @@ pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
 from benchmarks.closed_loop.quad import HIDDEN, QUAD, TrueVehicle
 from benchmarks.closed_loop.terrain import slope
-from benchmarks.closed_loop.world import TICK, World
+from benchmarks.closed_loop.world import TICK, DrivenWorld
 
 G = 9.80665
 
 
-def on_slope(grade_deg: float, hidden: TrueVehicle = HIDDEN) -> World:
+def on_slope(grade_deg: float, hidden: TrueVehicle = HIDDEN) -> DrivenWorld:
     """Heading east on an even slope of firm ground."""
     rng = np.random.default_rng(0)
     ground = slope(0.0, np.deg2rad(grade_deg), rng)
     ground = replace(ground, surface=np.zeros_like(ground.surface))
-    world = World(ground, rng, hidden=hidden)
+    world = DrivenWorld(ground, rng, hidden=hidden)
     world.reset(15.0, 30.0, 0.0)
     return world
 
 
-def speed_up(world: World, to: float) -> None:
+def speed_up(world: DrivenWorld, to: float) -> None:
     for _ in range(1500):
         if world.speed >= to:
             return
@@ -34,7 +34,7 @@ def speed_up(world: World, to: float) -> None:
     raise AssertionError(f"no faster than {world.speed:.2f} m/s")
 
 
-def braking(world: World) -> np.ndarray:
+def braking(world: DrivenWorld) -> np.ndarray:
     """Speed at every tick of an emergency stop."""
     speeds = [world.speed]
     while speeds[-1] > 0.05:

@@ -101,7 +101,7 @@ def test_sets_of_every_effect_and_their_judgement() -> None:
     right = worlds.judge(
         engine_sets.ENGINE,
         found,
-        sealed.Finding(
+        sealed.InquiryFinding(
             "missing_effect", (named,), braking=configured,
             added=(("step_change", {"scale": share, "run": run}),),
         ),

@@ -113,7 +113,7 @@ def test_every_first_part_of_the_order_is_a_fair_share() -> None:
             assert sum(o.kind == kind for o in whole[:end]) == pytest.approx(expected, abs=9.0)
 
 
-def truth_told(hidden: catalogue.HiddenSet) -> sealed.Finding:
+def truth_told(hidden: catalogue.HiddenSet) -> sealed.InquiryFinding:
     """A finding that says what is so."""
     late = hidden.truth.dead_time - 0.01
     on = {key: getattr(hidden.truth, key) for key in ("m_m", "b_m", "m_b", "b_b")}
@@ -127,7 +127,7 @@ def truth_told(hidden: catalogue.HiddenSet) -> sealed.Finding:
         for h in hidden.hidden
     )
     added = tuple((h.name, h.parameters) for h in hidden.hidden)
-    return sealed.Finding(
+    return sealed.InquiryFinding(
         "missing_effect", effects, (("speed", 1e-6),), 0.9, on | {"dead_time": late}, added
     )
 
@@ -143,7 +143,7 @@ def test_the_truth_scores_full_and_silence_nothing(name: str) -> None:
     assert not outcome.wrong
     assert all(outcome.covered.values())
     assert outcome.closing.after == pytest.approx(outcome.closing.floor, rel=1e-6)
-    silent = score(hidden, sealed.Finding("none"))
+    silent = score(hidden, sealed.InquiryFinding("none"))
     assert not silent.right
     assert not silent.wrong
     assert not silent.covered

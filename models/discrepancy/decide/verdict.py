@@ -138,15 +138,19 @@ def decide(
         Verdict.MISSING_EFFECT, best, axis=sure[0] if sure else None, notes=(*small, *said),
         sizes=sizes, visible=found.visible,
     )  # fmt: skip
-    mattering = Counter(name for name in made.names if name in best.names)
-    rivals = tuple(
-        e for e in others
-        if e.names and (e.score < best.score + doubt or not _leads(best, e, settings))
-        and not mattering <= Counter(e.names) and not holds(best.names, e.names)
-    )  # fmt: skip
+    near = [e for e in others if e.score < best.score + doubt or not _leads(best, e, settings)]
+    rivals = tuple(e for e in near if _is_rival(e, made))
     confidence = _confidences(best, found, sizes, settings)
     verdict = Verdict.AMBIGUOUS if rivals else Verdict.MISSING_EFFECT
     return replace(made, verdict=verdict, rivals=rivals, confidence=confidence)
+
+
+def _is_rival(other: ScoredExplanation, made: Decision) -> bool:
+    """It names something, and neither all that a decision names nor a part of its explanation."""
+    best = made.explanation.names
+    mattering = Counter(name for name in made.names if name in best)
+    names = other.names
+    return bool(names) and not mattering <= Counter(names) and not holds(best, names)
 
 
 def _without_the_small(

@@ -73,6 +73,18 @@ class Whitener:
         """For another friction scatter, which is no part of the maps."""
         return replace(self, noise=replace(self.noise, scatter=scatter))
 
+    @property
+    def weight(self) -> Floats:
+        """(S,) by which what lies along the friction of a stop comes to a variance of one."""
+        result: Floats = 1.0 / np.sqrt(1.0 + self.noise.scatter**2 * self.power)
+        return result
+
+    def rows(self, values: Floats) -> Floats:
+        """(S + S K, P) columns (S, K, P) after `bins` or `grid`, all of variance one."""
+        between, within = self.split(values)
+        scaled = between * self.weight[:, None]
+        return np.concatenate((scaled, within.reshape(-1, values.shape[2])))
+
     def split(self, values: Floats) -> tuple[Floats, Floats]:
         """Columns apart: along the friction of each stop, and the rest.
 

@@ -168,17 +168,12 @@ def fit(
     Its own bounded Gauss–Newton, not one of scipy's: damping, the step and where it ends are part
     of what the thresholds were chosen with, and slopes are made anew only where they bend.
     """
-    weight = 1.0 / np.sqrt(1.0 + white.noise.scatter**2 * white.power)
     precision = prior_precision(hypothesis)
     centre = _centre(hypothesis)
     low, high = hypothesis.bounds
 
-    def white_of(values: Floats) -> Floats:
-        between, within = white.split(values)
-        return np.concatenate((between * weight[:, None], within.reshape(-1, values.shape[2])))
-
     def cost_of(h: Hypothesis) -> tuple[Floats, float]:
-        r = white_of(white.bins @ residual(table, h)[:, :, None])[:, 0]
+        r = white.rows(white.bins @ residual(table, h)[:, :, None])[:, 0]
         off = h.free - centre
         return r, float(r @ r + off @ (precision * off))
 
@@ -186,7 +181,7 @@ def fit(
     r, cost = cost_of(here)
     damping = 1e-6
     slope = jacobian(table, here) if slope is None else slope
-    x = white_of(white.grid @ slope)
+    x = white.rows(white.grid @ slope)
     for _ in range(passes):
         # Residual: measured less held speed, plus the fall.
         normal = x.T @ x + np.diag(precision)
@@ -208,7 +203,7 @@ def fit(
             break
         if before - cost > FIT_BENT:  # nearer than that the slopes are the same
             slope = jacobian(table, here)
-            x = white_of(white.grid @ slope)
+            x = white.rows(white.grid @ slope)
         damping *= 0.1
     covariance = np.linalg.pinv(x.T @ x + np.diag(precision), hermitian=True)
     between = white.split(white.bins @ residual(table, here)[:, :, None])[0][:, 0]
@@ -217,7 +212,7 @@ def fit(
     covariance *= count / max(count - (len(here.free) - OSCILLATION), 1)
     covariance = _robust(np.asarray(covariance, np.float64), x, r, count)
     each = r[:count] ** 2 + np.sum(r[count:].reshape(count, -1) ** 2, axis=1)
-    each = each - 2.0 * np.log(weight) + white.log_volume
+    each = each - 2.0 * np.log(white.weight) + white.log_volume
     deviance = cost - float(r @ r) + float(np.sum(each))
     return Fit(here, 0.5 * (covariance + covariance.T), slope, white, deviance, each, between)
 

@@ -47,11 +47,11 @@ def _write_page(
     log: DriveLog, windows: list[StopWindow], suspects: tuple[Suspect, ...],
     job: CalibrateOptions, error: InputError,
 ) -> None:  # fmt: skip
-    from services.report.refused_page import Refused, write_refused
+    from services.report.refused_page import RefusedLog, write_refused
 
     assert job.report is not None
     run, t = log.columns["run"], log.columns["t"]
-    refused = Refused(
+    refused = RefusedLog(
         str(error), windows, [f"{run[w.command]}, {t[w.command]:.2f} s" for w in windows],
         suspects, {s.start: float(t[s.start]) for s in suspects},
     )  # fmt: skip

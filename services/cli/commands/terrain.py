@@ -13,7 +13,7 @@ from models.parameters import Model
 from models.stop_logs.drive_quality import find_suspects, usable
 from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.log_checks import implausible
-from models.terrain.monitor import TerrainMonitor
+from models.terrain.monitor import MonitorSettings, TerrainMonitor
 from models.terrain.resistances import Drivetrain
 from models.terrain.signature_model import SignatureModel
 from models.terrain.trace import TerrainTrace, trace
@@ -102,11 +102,13 @@ def monitor_of(
     signatures: SignatureModel | None = None,
 ) -> TerrainMonitor:
     """The monitor that a model and a terrain file describe."""
-    return TerrainMonitor(
-        model, terrains.classes, estimator=terrains.estimator, classifier=terrains.classifier,
-        change=terrains.change, adaptive=adaptive, rates=rates, signatures=signatures,
-        memory=terrains.memory, keep_signatures=True,
+    settings = MonitorSettings(
+        terrains.estimator, terrains.classifier, terrains.change, terrains.memory, rates,
+        keep_signatures=True,
     )  # fmt: skip
+    return TerrainMonitor(
+        model, terrains.classes, settings, adaptive=adaptive, signatures=signatures
+    )
 
 
 def _check_vehicle(model: Model, source: str) -> None:

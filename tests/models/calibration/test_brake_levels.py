@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.calibration.plant import Vehicle, drive_log
+from benchmarks.calibration.plant import PlantVehicle, drive_log
 from models.calibration.learn import Calibration, learn, with_learned
 from models.errors import ParameterError
 from models.parameters import Braking
@@ -26,7 +26,7 @@ def log(stops: int, seed: int, levels: tuple[float, float] = (0.1, 1.0)) -> tupl
     rng = np.random.default_rng(seed)
     level = rng.uniform(*levels, stops)
     share = np.clip((level - BAND) / (FULL - BAND), 0.0, 1.0)
-    vehicle = Vehicle(
+    vehicle = PlantVehicle(
         name="partial", stops=stops, scatter=0.01, late=0.01, level=tuple(share), rolling=ROLLING
     )
     columns, runs, ground = drive_log(vehicle, rng)
@@ -44,7 +44,7 @@ def learned() -> Calibration:
 def test_the_force_comes_back_at_every_level(learned: Calibration) -> None:
     model = with_learned(MODEL, learned)
     rolling = model.terrain.rolling_while_braking
-    vehicle = Vehicle(name="true", stops=1, scatter=0.0)
+    vehicle = PlantVehicle(name="true", stops=1, scatter=0.0)
     rng = np.random.default_rng(0)
     for level in np.linspace(0.1, 1.0, 10):
         true = float(np.clip((level - BAND) / (FULL - BAND), 0.0, 1.0))

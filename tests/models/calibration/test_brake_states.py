@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.calibration.margins import bound, hold
-from benchmarks.calibration.plant import Vehicle, conditions, distances, drive_log
+from benchmarks.calibration.plant import PlantVehicle, conditions, distances, drive_log
 from models.calibration.brake_states import weaker_members, weaker_state
 from models.calibration.learn import learn
 from services.io.model_file import model_from_dict, model_to_dict
@@ -57,7 +57,7 @@ def test_few_stops_unlike_each_other_make_a_wider_state() -> None:
 
 @pytest.mark.parametrize(("weak", "ratio"), [(0.08, 0.7), (0.25, 0.6)])
 def test_the_quantile_holds_for_brakes_with_a_weak_state(weak: float, ratio: float) -> None:
-    vehicle = Vehicle(
+    vehicle = PlantVehicle(
         name="weak", stops=96, scatter=0.03, late=0.02, weak=weak, ratio=ratio, b_b=0.6
     )
     held, learned = hold(vehicle, 3)
@@ -73,7 +73,7 @@ def test_the_quantile_holds_for_brakes_with_a_weak_state(weak: float, ratio: flo
 
 
 def test_a_single_weak_stop_is_allowed_for() -> None:
-    vehicle = Vehicle(name="one", stops=50, scatter=0.01, weak=1e-9)
+    vehicle = PlantVehicle(name="one", stops=50, scatter=0.01, weak=1e-9)
     rng = np.random.default_rng(5)
     columns, runs, ground = drive_log(vehicle, rng)
     weak, _, weak_ground = drive_log(replace(vehicle, stops=1, weak=1.0, ratio=0.75), rng)

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.calibration.plant import Vehicle, drive_log
+from benchmarks.calibration.plant import PlantVehicle, drive_log
 from models.calibration.coverage import covered
 from models.calibration.learn import learn
 from models.errors import ParameterError
 from tests.models.models_for_tests import BASE
 
-VEHICLE = Vehicle(name="v", stops=40, scatter=0.03, late=0.02)
+VEHICLE = PlantVehicle(name="v", stops=40, scatter=0.03, late=0.02)
 
 
 def test_a_model_covers_another_log_of_its_vehicle_and_not_of_weaker_brakes() -> None:
@@ -48,6 +48,6 @@ def test_a_dead_time_that_no_brakes_have_is_said() -> None:
     assert any("dead time of 1.99" in words for words in learned.objections)
 
 
-def _of(vehicle: Vehicle, rng: np.random.Generator) -> tuple:
+def _of(vehicle: PlantVehicle, rng: np.random.Generator) -> tuple:
     columns, runs, _ = drive_log(vehicle, rng)
     return columns, runs, BASE.braking

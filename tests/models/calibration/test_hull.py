@@ -7,8 +7,8 @@ from scipy.spatial import ConvexHull
 from models.calibration.force_fit import ForceFit, fit_force
 from models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
 from models.calibration.learn import learn
-from models.speed_by_grade import highest_speed
 from tests.models.calibration.plant import Plant, drive
+from tests.models.driven_hull import highest_speed
 from tests.models.models_for_tests import BASE
 
 KNOWN = np.array([0.0, -0.2, 0.0, 0.4])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs.drive_quality import Kind, find_suspects, stretches_of, usable
+from models.stop_logs.drive_quality import SuspectKind, find_suspects, stretches_of, usable
 
 HZ = 50
 
@@ -27,7 +27,7 @@ def clean(seed: int = 0, *, noise: float = 0.02) -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def found(columns: dict[str, np.ndarray]) -> list[tuple[str, Kind, int, int]]:
+def found(columns: dict[str, np.ndarray]) -> list[tuple[str, SuspectKind, int, int]]:
     runs = (slice(0, len(columns["t"])),)
     return [(s.channel, s.kind, s.start, s.stop) for s in find_suspects(columns, runs)]
 
@@ -41,7 +41,7 @@ def test_frozen_encoder_is_found_where_it_freezes() -> None:
     log = clean()
     log["v"][1300:1400] = log["v"][1300]
     ((channel, kind, start, stop),) = found(log)
-    assert (channel, kind) == ("v", Kind.FROZEN)
+    assert (channel, kind) == ("v", SuspectKind.FROZEN)
     assert abs(start - 1300) <= 1
     assert abs(stop - 1400) <= 1
 
@@ -49,7 +49,7 @@ def test_frozen_encoder_is_found_where_it_freezes() -> None:
 def test_speed_that_ignores_the_stop_command_is_frozen_even_without_noise() -> None:
     log = clean(noise=0.0)
     log["v"][600:900] = 2.0
-    assert ("v", Kind.FROZEN) in {(channel, kind) for channel, kind, *_ in found(log)}
+    assert ("v", SuspectKind.FROZEN) in {(channel, kind) for channel, kind, *_ in found(log)}
 
 
 @pytest.mark.parametrize("value", [-1000.0, 999.0, 99.99])
@@ -58,7 +58,7 @@ def test_a_sentinel_within_the_limit_is_far_from_all_else(value: float) -> None:
     rng = np.random.default_rng(1)
     log["current_left"] = 6.0 + 2.0 * rng.standard_normal(len(log["t"]))
     log["current_left"][400:420] = value
-    assert found(log) == [("current_left", Kind.SENTINEL, 400, 420)]
+    assert found(log) == [("current_left", SuspectKind.SENTINEL, 400, 420)]
     # A motor that draws that much anyway has measured it.
     log["current_left"] = 0.6 * abs(value) + 0.2 * abs(value) * np.sin(log["t"])
     log["current_left"][400] = value
@@ -70,14 +70,14 @@ def test_nan_and_sentinels() -> None:
     log["yaw_rate"][10:20] = np.nan
     log["v"][700:703] = -1000.0
     marks = found(log)
-    assert ("yaw_rate", Kind.NOT_FINITE, 10, 20) in marks
-    assert ("v", Kind.SENTINEL, 700, 703) in marks
+    assert ("yaw_rate", SuspectKind.NOT_FINITE, 10, 20) in marks
+    assert ("v", SuspectKind.SENTINEL, 700, 703) in marks
 
 
 def test_one_wild_sample_is_a_jump() -> None:
     log = clean()
     log["v"][555] = 5.0
-    assert ("v", Kind.JUMP, 555, 556) in found(log)
+    assert ("v", SuspectKind.JUMP, 555, 556) in found(log)
 
 
 def test_gaps_matter_to_every_channel() -> None:
@@ -85,7 +85,7 @@ def test_gaps_matter_to_every_channel() -> None:
     keep = np.r_[0:1000, 1100:3000]
     log = {name: values[keep] for name, values in log.items()}
     stretches = find_suspects(log, (slice(0, len(keep)),))
-    assert [(s.kind, s.start, s.stop) for s in stretches] == [(Kind.GAP, 999, 1001)]
+    assert [(s.kind, s.start, s.stop) for s in stretches] == [(SuspectKind.GAP, 999, 1001)]
     assert not usable(len(keep), stretches, ["v"])[999:1001].any()
     assert usable(len(keep), stretches, ["v"]).sum() == len(keep) - 2
 
@@ -103,7 +103,9 @@ def test_gaps_matter_to_every_channel() -> None:
 def test_units_are_suspected(channel: str, factor: float, words: str) -> None:
     log = clean()
     log[channel] = log[channel] * factor
-    units = [s for s in find_suspects(log, (slice(0, len(log["t"])),)) if s.kind is Kind.UNITS]
+    units = [
+        s for s in find_suspects(log, (slice(0, len(log["t"])),)) if s.kind is SuspectKind.UNITS
+    ]
     assert [s.channel for s in units] == [channel]
     assert words in units[0].reason
 
@@ -141,8 +143,8 @@ def test_set_points_behind_measured_wheels_are_no_frozen_encoders() -> None:
 def test_one_wheel_that_freezes_is_found_and_both_where_the_command_changes() -> None:
     log = joined_with_set_points()
     log["v_left"][200:400] = log["v_left"][200]
-    assert ("v_left", Kind.FROZEN) in {entry[:2] for entry in found(log)}
+    assert ("v_left", SuspectKind.FROZEN) in {entry[:2] for entry in found(log)}
     log = joined_with_set_points()
     for side in ("v_left", "v_right"):
         log[side][400:700] = log[side][400]  # through the stop command at the 600th sample
-    assert {e[0] for e in found(log) if e[1] is Kind.FROZEN} == {"v_left", "v_right"}
+    assert {e[0] for e in found(log) if e[1] is SuspectKind.FROZEN} == {"v_left", "v_right"}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from models.parameters import Braking, Limits, Model, Terrain
-from models.stop_logs.drive_quality import Kind
+from models.stop_logs.drive_quality import SuspectKind
 from models.terrain.adaptation import AdaptiveClassifier
 from models.terrain.log_checks import implausible
-from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
+from models.terrain.monitor import Classified, GroundChange, MonitorSettings, TerrainMonitor
 from models.terrain.phases import Phase
 from models.terrain.trace import trace
 from services.io.terrain_file import find_terrains, read_terrains
@@ -28,7 +28,7 @@ MODEL = Model(
 
 
 def events(log, monitor=None):
-    monitor = TerrainMonitor(MODEL, HUSKY, estimator=QUIET) if monitor is None else monitor
+    monitor = TerrainMonitor(MODEL, HUSKY, MonitorSettings(QUIET)) if monitor is None else monitor
     found = []
     for sample in samples_of(log):
         found += monitor.update(sample)
@@ -91,7 +91,7 @@ def test_stuck_has_no_class():
 
 def test_adaptive_classes_are_taught_on_the_way():
     adaptive = AdaptiveClassifier(HUSKY)
-    monitor = TerrainMonitor(MODEL, HUSKY, estimator=QUIET, adaptive=adaptive)
+    monitor = TerrainMonitor(MODEL, HUSKY, MonitorSettings(QUIET), adaptive=adaptive)
     events(plant.drive(plant.square(sides=6), plant.ASPHALT), monitor)
     assert adaptive.classes.terrain[0].lateral_resistance.samples > 6.0
 
@@ -114,12 +114,12 @@ def test_logs_of_this_vehicle_are_plausible():
     [
         (
             {"v_left": lambda v: v / 0.13, "v_right": lambda v: v / 0.13},
-            "v_left", Kind.UNITS, "rad/s",
+            "v_left", SuspectKind.UNITS, "rad/s",
         ),
-        ({"yaw_rate": np.rad2deg}, "yaw_rate", Kind.UNITS, "degrees per second"),
-        ({"current_left": lambda i: 1000.0 * i}, "current_left", Kind.SENTINEL, "thrust of"),
-        ({"current_left": np.negative}, "current_left", Kind.UNITS, "positive currents"),
-        ({"yaw_rate": np.negative}, "yaw_rate", Kind.UNITS, "turns against the wheels"),
+        ({"yaw_rate": np.rad2deg}, "yaw_rate", SuspectKind.UNITS, "degrees per second"),
+        ({"current_left": lambda i: 1000.0 * i}, "current_left", SuspectKind.SENTINEL, "thrust of"),
+        ({"current_left": np.negative}, "current_left", SuspectKind.UNITS, "positive currents"),
+        ({"yaw_rate": np.negative}, "yaw_rate", SuspectKind.UNITS, "turns against the wheels"),
     ],
 )  # fmt: skip
 def test_wrong_units(changes, channel, kind, words):

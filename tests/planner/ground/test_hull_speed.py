@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.speed_by_grade import highest_speed
 from planner.ground.hull_speed import hold_below, hull_lines
 from planner.limiting import Limiting
+from tests.models.driven_hull import highest_speed
 from tests.planner.scenes import (
     assert_sound,
     columns_of,

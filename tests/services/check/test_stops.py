@@ -14,9 +14,9 @@ from services.check import stop_lanes
 from services.check.brakes import brakes_along
 from services.check.ground import ground_under
 from services.check.line import line_of
-from services.check.loads import Pose
+from services.check.loads import Stance
 from services.check.stop_field import StopField
-from services.check.stops import Stops, stops_as_told, stops_from
+from services.check.stops import StopEnds, stops_as_told, stops_from
 from tests.services.check.drives import Surface, ground, model_with, slope, straight
 
 G = 9.80665
@@ -32,7 +32,9 @@ def field_of(model: Model, surface: Surface | None = None, size: float = 40.0) -
     return StopField.along(model, line, under, brakes)
 
 
-def stops_on(field: StopField, station: float = 2.0, dead_time: float = 0.3) -> tuple[Stops, Stops]:
+def stops_on(
+    field: StopField, station: float = 2.0, dead_time: float = 0.3
+) -> tuple[StopEnds, StopEnds]:
     """As plans tell them, and at worst."""
     count = len(SPEEDS)
     words = (field, np.full(count, station), SPEEDS, np.full(count, dead_time), 1e3)
@@ -95,7 +97,7 @@ def test_agrees_with_the_slow_reference(effect: tuple[str, Mapping[str, Any]]) -
     name, parameters = effect
     model = model_with(effect=[{"name": name, "parameters": parameters}])
     field = field_of(model, waves)
-    pose = Pose(*field.table[:, :5].T)
+    pose = Stance(*field.table[:, :5].T)
     grade, zero = np.arcsin(pose.sine), np.zeros_like(pose.sine)
     roll = np.arctan2(pose.tilt, pose.upright)
     x = np.linspace(0.0, 35.0, len(field.station))

@@ -5,12 +5,12 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.wire.counting import Count, Order
+from services.wire.counting import Count, MessageOrder
 
 FAR = 2**53
 
 
-def told(count: Count, *numbers: int, lead: float = 0.0, content: int = 0) -> list[Order]:
+def told(count: Count, *numbers: int, lead: float = 0.0, content: int = 0) -> list[MessageOrder]:
     """What becomes of messages; each has something else in it unless told otherwise."""
     found = []
     for i, number in enumerate(numbers):
@@ -25,14 +25,19 @@ def told(count: Count, *numbers: int, lead: float = 0.0, content: int = 0) -> li
 def test_a_count_that_begins_anew_is_believed_with_the_third_message() -> None:
     count = Count()
     told(count, 100, 101, 102)
-    assert told(count, 1, 2, 3, 4) == [Order.OLDER, Order.OLDER, Order.ANEW, Order.NEW]
+    assert told(count, 1, 2, 3, 4) == [
+        MessageOrder.OLDER,
+        MessageOrder.OLDER,
+        MessageOrder.ANEW,
+        MessageOrder.NEW,
+    ]
 
 
 def test_one_number_far_ahead_stops_nobody() -> None:
     count = Count()
     told(count, 100, FAR)
-    assert told(count, 101, 102, 103) == [Order.TWICE, Order.NEW, Order.NEW]
-    assert told(count, FAR - 1, 104, FAR - 2, 105)[1::2] == [Order.TWICE, Order.TWICE]
+    assert told(count, 101, 102, 103) == [MessageOrder.TWICE, MessageOrder.NEW, MessageOrder.NEW]
+    assert told(count, FAR - 1, 104, FAR - 2, 105)[1::2] == [MessageOrder.TWICE, MessageOrder.TWICE]
 
 
 def test_numbers_ahead_between_messages_stop_nobody_for_long() -> None:
@@ -48,14 +53,14 @@ def test_what_comes_again_is_a_duplicate_however_often() -> None:
     count = Count()
     told(count, *range(1, 20), content=7)
     for _ in range(4):
-        assert set(told(count, *range(1, 20), content=7)) == {Order.DUPLICATE}
+        assert set(told(count, *range(1, 20), content=7)) == {MessageOrder.DUPLICATE}
 
 
 def test_late_ones_that_pile_up_are_no_new_count() -> None:
     count = Count()
     told(count, 100)
     for number, sent in ((50, -40.0), (51, -30.0), (52, -20.0), (53, -10.0)):
-        assert told(count, number, lead=sent, content=number) == [Order.OLDER]
+        assert told(count, number, lead=sent, content=number) == [MessageOrder.OLDER]
 
 
 @given(st.lists(st.integers(0, FAR), max_size=60))
@@ -63,4 +68,4 @@ def test_at_most_three_in_a_row_are_lost_to_any_lies(lies: list[int]) -> None:
     count = Count()
     told(count, *lies)
     honest = told(count, 10, 11, 12, 13, content=10**9)
-    assert honest[-1].taken or honest[-1] is Order.DUPLICATE
+    assert honest[-1].taken or honest[-1] is MessageOrder.DUPLICATE

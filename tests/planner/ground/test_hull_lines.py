@@ -8,8 +8,9 @@ import pytest
 from models.errors import ParameterError
 from models.parameters import Braking
 from models.quantity import Matrix
-from models.speed_by_grade import highest_speed, lines
 from models.surface_braking import SurfaceBraking
+from planner.ground.hull_speed import lines
+from tests.models.driven_hull import highest_speed
 from tests.models.models_for_tests import BASE
 
 HULL: Matrix = ((-0.26, 1.5), (-0.1, 3.0), (0.1, 4.0), (0.26, 3.5))
