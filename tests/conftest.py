@@ -15,8 +15,7 @@ from hypothesis.internal.conjecture.providers import Constants, HypothesisProvid
 
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
-from planner.kernels.ahead import compile_ahead, written_down
-from planner.kernels.compiled import is_first_run
+from services.planning.cold_start import compile_first
 from tests.planner import scenes
 
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -35,8 +34,8 @@ if PROFILE == "default":
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the kernels on all cores before several workers would each compile all of them."""
     workers = session.config.getoption("numprocesses", default=None)
-    if workers and not hasattr(session.config, "workerinput") and is_first_run():
-        compile_ahead(written_down())
+    if workers and not hasattr(session.config, "workerinput"):
+        compile_first("tests begin after that")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -105,16 +105,10 @@ def usable(
 
 def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Suspect]:
     t = part["t"]
-    found = [
-        Suspect(
-            begin + k,
-            begin + k + 2,
-            "t",
-            SuspectKind.GAP,
-            f"no samples for {t[k + 1] - t[k]:.2f} s",
-        )
-        for k in _gaps(t)
-    ]
+    found = []
+    for k in _gaps(t):
+        words = f"no samples for {t[k + 1] - t[k]:.2f} s"
+        found.append(Suspect(begin + k, begin + k + 2, "t", SuspectKind.GAP, words))
     for name, values in part.items():
         if name == "t":
             continue

@@ -95,8 +95,8 @@ def on_many_surfaces(
         lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
         trained, distance_offset,
     )  # fmt: skip
-    once = np.ascontiguousarray(bits)
-    _forces(grade, grade_between(grade), sin_roll, once, table, margin, forces)
+    rows = np.ascontiguousarray(bits)
+    _forces(grade, grade_between(grade), sin_roll, rows, table, margin, forces)
     return forces
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bools, Floats
+from models.arrays import Bools, Floats, Ints
 from models.vehicle import Vehicle
 from services.check.ground import LineGround, below_body, beside, only, parts_of
 from services.check.heights import Heights, height_of
@@ -29,7 +29,16 @@ def judge_obstacles(
     moving: Bools,
 ) -> None:
     """Note what the vehicle would strike at samples (M,) where it moves."""
-    _body(ledger, heights, line, ground, vehicle, moving)
+    clearance = vehicle.shape.clearance
+    if clearance > 0.0:
+        samples = np.flatnonzero(moving & ground.known)
+        highest = _above_wheels(heights, line, ground, vehicle, samples)
+        for kind, found in zip(("clearance", "body"), highest, strict=True):
+            ledger.add(
+                kind, found / clearance - 1.0,
+                f"ground {{0:.3f}} m above the wheels, the underside is at {clearance:.3f} m",
+                found,
+            )  # fmt: skip
     if heights.resolution > vehicle.wheel_radius:
         ledger.notes.append(
             f"steps were not looked for: cells of {heights.resolution:g} m do not show any to "
@@ -42,26 +51,18 @@ def judge_obstacles(
             _steps(ledger, heights, x, y, vehicle, moving)
 
 
-def _body(
-    ledger: Ledger,
-    heights: Heights,
-    line: Line,
-    ground: LineGround,
-    vehicle: Vehicle,
-    moving: Bools,
-) -> None:
-    """Heights above the plane of the wheels, at points that cover the body, against clearance."""
-    clearance = vehicle.shape.clearance
-    if clearance <= 0.0:
-        return
-    rows = np.flatnonzero(moving & ground.known)
-    if len(rows) == 0:
-        return
+def _above_wheels(
+    heights: Heights, line: Line, ground: LineGround, vehicle: Vehicle, samples: Ints
+) -> Floats:
+    """(2, M) highest ground above the plane of the wheels, between them and beside [m].
+
+    At points that cover the body, at these samples; −inf at all others.
+    """
     ahead, aside = below_body(vehicle, max(0.5 * heights.resolution, _FINEST))
     inside = np.abs(ahead) <= 0.5 * vehicle.wheelbase
     inside &= np.abs(aside) <= 0.5 * vehicle.track_width
-    highest = np.full((2, len(moving)), _NOTHING)
-    for part in parts_of(rows):
+    highest = np.full((2, len(line.x)), _NOTHING)
+    for part in parts_of(samples):
         x, y = beside(only(line, part), ahead[:, None], aside[:, None])
         wheels = ground.wheels[:, part]
         rise = (wheels[0] + wheels[1] - wheels[2] - wheels[3]) / (2.0 * vehicle.wheelbase)
@@ -72,11 +73,7 @@ def _body(
         above = np.nan_to_num(above, nan=-1e3)
         for i, which in enumerate((inside, ~inside)):
             highest[i, part] = np.max(above[which], axis=0)
-    for kind, found in zip(("clearance", "body"), highest, strict=True):
-        ledger.add(
-            kind, found / clearance - 1.0,
-            f"ground {{0:.3f}} m above the wheels, the underside is at {clearance:.3f} m", found,
-        )  # fmt: skip
+    return highest
 
 
 def _steps(

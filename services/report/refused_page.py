@@ -46,7 +46,7 @@ def write_refused(
     listed = list(zip(refused.windows, refused.places, strict=True))[:_LISTED]
     fields = {
         "title": escaped(title),
-        "verdict": escaped(f"RefusedLog: {refused.reason}"),
+        "verdict": escaped(f"Refused: {refused.reason}"),
         "facts": fact_list(provenance),
         "found": stops_found(dict(kinds.most_common())),
         "each": "\n".join(

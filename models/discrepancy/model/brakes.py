@@ -30,16 +30,16 @@ def motion_of(hypothesis: Hypothesis) -> registry.MotionTerms:
     """Terms of motion of the model's effects and of those that were added."""
     model = hypothesis.model
     effects = (*model.effect, *hypothesis.added)
-    asked = tuple((effect.name, *effect.parameters.items()) for effect in effects)
+    asked = tuple((effect.name, tuple(effect.parameters.items())) for effect in effects)
     return _motion(asked, model.braking.sliding_friction)
 
 
 @lru_cache(maxsize=256)
 def _motion(
-    effects: tuple[tuple[str | tuple[str, float], ...], ...], friction: float | None
+    effects: tuple[tuple[str, tuple[tuple[str, float], ...]], ...], friction: float | None
 ) -> registry.MotionTerms:
     """Asked for tens of thousands of times in a search, of some hundred sets of effects."""
-    found = [Effect(name=str(name), parameters=dict(values)) for name, *values in effects]  # type: ignore[arg-type]
+    found = [Effect(name=name, parameters=dict(values)) for name, values in effects]
     return registry.motion(found, friction)
 
 

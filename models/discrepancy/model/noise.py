@@ -85,6 +85,11 @@ class Whitener:
         scaled = between * self.weight[:, None]
         return np.concatenate((scaled, within.reshape(-1, values.shape[2])))
 
+    def by_stop(self, values: Floats) -> Floats:
+        """(S, K + 1, P) the same, the friction of each stop first."""
+        between, within = self.split(values)
+        return np.concatenate(((between * self.weight[:, None])[:, None, :], within), axis=1)
+
     def split(self, values: Floats) -> tuple[Floats, Floats]:
         """Columns apart: along the friction of each stop, and the rest.
 

@@ -72,7 +72,7 @@ def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:
 def sharpening(table: StopTable, best: Fit) -> Experiment:
     """Stops that make the numbers of named effects most certain."""
     plans, sheet, white = _possible(table, best)
-    slopes = _whitened(white, jacobian(sheet, best.hypothesis))
+    slopes = white.by_stop(white.grid @ jacobian(sheet, best.hypothesis))
     information = np.linalg.pinv(best.covariance, hermitian=True)
     own = np.arange(BASE, len(best.hypothesis.free))
     chosen: list[int] = []
@@ -97,8 +97,8 @@ class _Gain:
 
     def __init__(self, sheet: StopTable, white: Whitener, best: Fit, rival: Fit) -> None:
         apart = predict(sheet, best.hypothesis) - predict(sheet, rival.hypothesis)
-        self.apart = _whitened(white, apart[:, :, None])[:, :, 0]
-        self.slopes = _whitened(white, jacobian(sheet, rival.hypothesis))
+        self.apart = white.by_stop(white.grid @ apart[:, :, None])[:, :, 0]
+        self.slopes = white.by_stop(white.grid @ jacobian(sheet, rival.hypothesis))
         self.information = np.linalg.pinv(rival.covariance, hermitian=True)
         self.taken = np.zeros(len(self.information))
         self.raw = 0.0
@@ -121,13 +121,6 @@ class _Gain:
         self.information = self.information + slope.T @ slope
         self.taken = self.taken + slope.T @ apart
         self.raw += float(apart @ apart)
-
-
-def _whitened(white: Whitener, columns: Floats) -> Floats:
-    """(S, K + 1, P) with variance one, the friction of each stop first."""
-    along, within = white.split(white.grid @ columns)
-    weight = 1.0 / np.sqrt(1.0 + white.noise.scatter**2 * white.power)
-    return np.concatenate(((along * weight[:, None])[:, None, :], within), axis=1)
 
 
 def _possible(table: StopTable, best: Fit) -> tuple[list[PlannedStop], StopTable, Whitener]:

@@ -131,20 +131,17 @@ class _Space:
 
     def __init__(self, table: StopTable, fit: Fit) -> None:
         self.table, self.fit, self.white = table, fit, fit.white
-        white = fit.white
-        self.weight = 1.0 / np.sqrt(1.0 + white.noise.scatter**2 * white.power)
         self.columns = table.average @ fit.jacobian
-        self.flat = self.rows(self.columns).reshape(-1, self.columns.shape[2])
+        rows = self.rows(self.columns)
+        self.flat = rows.reshape(-1, self.columns.shape[2])
         prior = np.diag(np.sqrt(prior_precision(fit.hypothesis)))
         self.base, _ = np.linalg.qr(np.concatenate((self.flat, prior)))
-        between = self.rows(self.columns)[:, 0]
-        u, size, _ = np.linalg.svd(between, full_matrices=False)
+        u, size, _ = np.linalg.svd(rows[:, 0], full_matrices=False)
         self.base_between = u[:, size > 1e-9 * size[0]]
 
     def rows(self, bins: Floats) -> Floats:
         """(S, K + 1, P) of bins (S, K, P)."""
-        between, within = self.white.split(self.white.bins @ bins)
-        return np.concatenate((between[:, None, :] * self.weight[:, None, None], within), axis=1)
+        return self.white.by_stop(self.white.bins @ bins)
 
     def groups(self, number: int, axis: Axis) -> list[_Group]:
         """All groups of shapes along an axis, by all rows and by frictions alone.

@@ -86,6 +86,7 @@ def test_a_refused_log_leaves_its_stops_with_reasons(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [row["verdict"] for row in rows] == ["usable"] * 5
     assert "at least 8 usable stops, got 5 of 5 found" in page.read_text()
+    assert ">Refused: " in page.read_text()
     result = slopewise("calibrate", log, "--model", "atv", *files, "--least-speed", "9")
     assert result.returncode == 2
     assert "got 0 of 5 found; 5 slow" in result.stderr
