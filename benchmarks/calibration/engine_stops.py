@@ -3,7 +3,8 @@
 A log of one vehicle is calibrated as `slopewise calibrate` does; fresh stops of the same vehicle,
 driven in the same physics, are held against what the model predicts and what a plan allows at a
 quantile. Two engines: MuJoCo's four wheels, and the multi-body car of PyPI
-`commonroad-vehicle-models`. Nothing hidden acts in either.
+`commonroad-vehicle-models`. Nothing hidden acts in either. The figure's stops begin at 1 to 4 m/s
+and no scatter of the brakes is added to its engine; `--fastest` and `--scatter` ask for more.
 
 The allowance is integrated over time on the ground that each fresh stop really met, by formulas of
 its own; from the model file it takes the force lower by √(φᵀ S φ), the longer dead time and the
@@ -39,9 +40,10 @@ WORLDS: dict[str, worlds.World[Any]] = {
     "MuJoCo, four wheels": engine_sets.ENGINE,
     "multi-body car": multibody_sets.MULTIBODY,
 }
-_NOISE, _SCATTER = 0.02, 0.02  # [m/s] of the logged speed; of the force from stop to stop
+_NOISE = 0.02  # [m/s] of the logged speed
 _MAP = 0.005  # [rad] error of a map's grade
 _STEP, _LONGEST = 0.005, 30.0  # [s]
+_DRAWS = 50
 _KNOWN = Braking(
     m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.4, dead_time=0.25, speed_range=(1.0, 4.0),
     grade_range=(-0.26, 0.26),
@@ -49,11 +51,26 @@ _KNOWN = Braking(
 
 
 @dataclass(frozen=True, slots=True)
+class Question:
+    """What is driven and asked.
+
+    Attributes:
+        stops: in the log. fresh: held against it. scatter: of the force from stop to stop [1].
+        fastest: speed at which stops begin, 1 m/s being the slowest [m/s]. quantile: one-sided.
+    """
+
+    stops: int = 100
+    fresh: int = 200
+    scatter: float = 0.0
+    fastest: float = 4.0
+    quantile: float = 0.999
+
+
+@dataclass(frozen=True, slots=True)
 class HeldStops:
     """Fresh stops of one vehicle beside their predictions.
 
     Attributes:
-        stops: in the log. fresh: held against it.
         off: mean of measured less predicted by the model's mean [m].
         beyond: stops that are longer than allowed. nearest: least of allowed less measured [m].
         excess: mean of allowed less measured [m]; share: of the measured distance.
@@ -63,9 +80,7 @@ class HeldStops:
     world: str
     ground: bool
     seed: int
-    stops: int
-    fresh: int
-    quantile: float
+    asked: Question
     off: float
     beyond: int
     nearest: float
@@ -75,30 +90,45 @@ class HeldStops:
     objections: tuple[str, ...]
 
 
-def hold(
-    name: str, seed: int, stops: int, fresh: int, quantile: float, *, ground: bool = False
-) -> HeldStops:
+def hold(name: str, seed: int, asked: Question, *, ground: bool = False) -> HeldStops:
     """Calibrate one log, with or without the ground of a map, and hold fresh stops against it."""
     world = WORLDS[name]
     rng = np.random.default_rng([seed, 6])
-    scene = world.scene(stops, _SCATTER, rng)
+    scene = _scene(world, asked.stops, asked, rng)
     nature = world.nature(WorldOrder("", seed), scene, rng)
     driven = world.drive(nature, scene)
     columns = log(driven, scene, _NOISE, rng)
     by_map = _mapped(columns, driven, scene, rng) if ground else None
     learned = learn(columns, runs_of(columns), _KNOWN, ground=by_map)
-    drawn: Stops = world.scene(fresh, _SCATTER, rng)
+    drawn = _scene(world, asked.fresh, asked, rng)
     actual = world.drive(nature, drawn)
     b = learned.braking
     met = _ground(drawn, actual.station)
     mean = allowed(b, actual, met, 0.5) - b.distance_offset
-    most = allowed(b, actual, met, quantile)
+    most = allowed(b, actual, met, asked.quantile)
     spare = most - actual.distance
     return HeldStops(
-        name, ground, seed, stops, fresh, quantile, float(np.mean(actual.distance - mean)),
+        name, ground, seed, asked, float(np.mean(actual.distance - mean)),
         int(np.sum(spare < 0.0)), float(spare.min()), float(spare.mean()),
         float(np.mean(spare / actual.distance)), b.distance_offset, learned.objections,
     )  # fmt: skip
+
+
+def _scene(
+    world: worlds.World[Any], count: int, asked: Question, rng: np.random.Generator
+) -> Stops:
+    """So many stops that do not begin faster than asked."""
+    drawn: Stops = world.scene(count, asked.scatter, rng)
+    clock, kept = drawn.clock, Stops(*(column[:0] for column in drawn))
+    for _ in range(_DRAWS):
+        slow = drawn.speed <= asked.fastest
+        pairs = zip(kept, drawn, strict=True)
+        kept = Stops(*(np.concatenate((column, more[slow])) for column, more in pairs))
+        if len(kept.speed) >= count:
+            # The clock of a stop tells its run, and goes on from stop to stop.
+            return Stops(*(column[:count] for column in kept))._replace(clock=clock)
+        drawn = world.scene(count, asked.scatter, rng)
+    raise ValueError(f"too few stops begin at {asked.fastest:g} m/s or slower")
 
 
 def _ground(stops: Stops, station: Floats) -> Floats:
@@ -175,19 +205,23 @@ def _stop(
 
 def main() -> None:
     """Measure, print a table, write JSON where asked."""
+    usual = Question()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=3, help="logs of each vehicle")
-    parser.add_argument("--stops", type=int, default=100, help="in each log")
-    parser.add_argument("--fresh", type=int, default=200, help="held against each")
-    parser.add_argument("--quantile", type=float, default=0.999)
+    parser.add_argument("--stops", type=int, default=usual.stops, help="in each log")
+    parser.add_argument("--fresh", type=int, default=usual.fresh, help="held against each")
+    parser.add_argument("--scatter", type=float, default=usual.scatter, help="of the force [1]")
+    parser.add_argument("--fastest", type=float, default=usual.fastest, help="onset, up to 5 m/s")
+    parser.add_argument("--quantile", type=float, default=usual.quantile)
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
+    asked = Question(given.stops, given.fresh, given.scatter, given.fastest, given.quantile)
     rows = []
     names = ("grade by", "log", "off m", "beyond", "nearest m", "excess m", "share", "offset m")
     print(f"{'world':22}" + "".join(f"{name:>10}" for name in names))
     for name in WORLDS:
         for ground, seed in itertools.product((False, True), range(given.seeds)):
-            held = hold(name, seed, given.stops, given.fresh, given.quantile, ground=ground)
+            held = hold(name, seed, asked, ground=ground)
             rows.append(held)
             told = (
                 "map" if ground else "pitch", str(seed), f"{held.off:.3f}", str(held.beyond),
