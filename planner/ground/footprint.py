@@ -2,11 +2,38 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from models.arrays import Floats
 from planner.kernels.compiled import inlined, row_pass
 
 POINTS = 5
 """Front left, front right, rear left, rear right, and the middle of the wheelbase."""
+
+
+class CellFrame(NamedTuple):
+    """Where the cells of a map lie.
+
+    Attributes:
+        origin_x, origin_y: centre of cell [0, 0] [m]. per_metre: cells in a metre.
+    """
+
+    origin_x: float
+    origin_y: float
+    per_metre: float
+
+
+class CellPoses(NamedTuple):
+    """Poses of M candidates in cells of a map, (M,) each.
+
+    Attributes:
+        u, v: column and row. ahead_u, ahead_v: cells gained by a metre ahead.
+    """
+
+    u: Floats
+    v: Floats
+    ahead_u: Floats
+    ahead_v: Floats
 
 
 @inlined
@@ -19,13 +46,12 @@ def offset(point: int, half_length: float, half_width: float) -> tuple[float, fl
 
 @row_pass
 def on_grid(
-    origin_x: float, origin_y: float, per_metre: float,
-    x: Floats, y: Floats, heading_x: Floats, heading_y: Floats,
-    u: Floats, v: Floats, ahead_u: Floats, ahead_v: Floats,
-) -> None:  # fmt: skip
-    """Position in cells, and cells gained by a metre ahead."""
+    frame: CellFrame, x: Floats, y: Floats, heading_x: Floats, heading_y: Floats, poses: CellPoses
+) -> None:
+    """Positions and headings (M,) in cells of a map, into ``poses``."""
+    u, v, ahead_u, ahead_v = poses
     for j in range(x.shape[0]):
-        u[j] = (x[j] - origin_x) * per_metre
-        v[j] = (y[j] - origin_y) * per_metre
-        ahead_u[j] = heading_x[j] * per_metre
-        ahead_v[j] = heading_y[j] * per_metre
+        u[j] = (x[j] - frame.origin_x) * frame.per_metre
+        v[j] = (y[j] - frame.origin_y) * frame.per_metre
+        ahead_u[j] = heading_x[j] * frame.per_metre
+        ahead_v[j] = heading_y[j] * frame.per_metre

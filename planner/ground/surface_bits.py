@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.arrays import Floats, Ints
-from planner.ground.footprint import POINTS, offset, on_grid
+from planner.ground.footprint import POINTS, CellFrame, CellPoses, offset, on_grid
 from planner.kernels.compiled import inlined, kernel, row_pass
 
 MAX_CLASSES = 62
@@ -14,40 +14,37 @@ MAX_CLASSES = 62
 
 @kernel
 def surfaces_under_wheels(
-    terrain_class: Ints, origin_x: float, origin_y: float, per_metre: float,
-    x: Floats, y: Floats, heading_x: Floats, heading_y: Floats,
-    half_length: float, half_width: float, surfaces: Ints,
+    terrain_class: Ints, frame: CellFrame, x: Floats, y: Floats, heading_x: Floats,
+    heading_y: Floats, half: tuple[float, float], surfaces: Ints,
 ) -> None:  # fmt: skip
     """Collect the classes around the points of the footprint.
 
     Args:
         terrain_class: (rows, cols) class of each cell.
-        origin_x, origin_y: centre of cell [0, 0] [m]; per_metre: cells in a metre.
+        frame: of the map.
         x, y, heading_x, heading_y: (N, M) candidates.
-        half_length, half_width: of the footprint [m].
+        half: length and width of the footprint, halved [m].
         surfaces: (N, M) out, bit c is set where class c is touched.
     """
     stations, candidates = x.shape
-    u, v = np.empty(candidates), np.empty(candidates)
-    ahead_u, ahead_v = np.empty(candidates), np.empty(candidates)
+    poses = CellPoses(
+        np.empty(candidates), np.empty(candidates), np.empty(candidates), np.empty(candidates)
+    )
     cell = np.empty(candidates, np.int64)
     east, north = np.empty(candidates, np.int64), np.empty(candidates, np.int64)
     for k in range(stations):
-        on_grid(
-            origin_x, origin_y, per_metre, x[k], y[k], heading_x[k], heading_y[k],
-            u, v, ahead_u, ahead_v,
-        )  # fmt: skip
+        on_grid(frame, x[k], y[k], heading_x[k], heading_y[k], poses)
         surfaces[k] = 0
         for point in range(POINTS):
-            ahead, aside = offset(point, half_length, half_width)
-            _corner(terrain_class, u, v, ahead_u, ahead_v, ahead, aside, cell, east, north)
+            ahead, aside = offset(point, half[0], half[1])
+            _corner(terrain_class, poses, ahead, aside, cell, east, north)
             _touch(terrain_class, cell, east, north, surfaces[k])
 
 
 @row_pass
 def _corner(
-    terrain_class: Ints, centre_u: Floats, centre_v: Floats, ahead_u: Floats, ahead_v: Floats,
-    ahead: float, aside: float, cell: Ints, east: Ints, north: Ints,
+    terrain_class: Ints, poses: CellPoses, ahead: float, aside: float, cell: Ints, east: Ints,
+    north: Ints,
 ) -> None:  # fmt: skip
     """South-west one of the four cells that a point's height is taken from, and the way to others.
 
@@ -55,6 +52,7 @@ def _corner(
     """
     rows, columns = terrain_class.shape
     right, top = columns - 1.0, rows - 1.0
+    centre_u, centre_v, ahead_u, ahead_v = poses
     for j in range(cell.shape[0]):
         column = np.floor(centre_u[j] + ahead * ahead_u[j] - aside * ahead_v[j])
         row = np.floor(centre_v[j] + ahead * ahead_v[j] + aside * ahead_u[j])

@@ -14,7 +14,7 @@ import numpy as np
 
 from models.arrays import Bools, Floats, Ints, Singles
 from planner.ground.elevation_map import ElevationMap
-from planner.ground.footprint import POINTS, offset, on_grid
+from planner.ground.footprint import POINTS, CellFrame, CellPoses, offset, on_grid
 from planner.ground.surface_bits import surfaces_under_wheels
 from planner.ground.vertical_curvature import vertical_curvature
 from planner.kernels.compiled import inlined, kernel, row_pass
@@ -117,10 +117,10 @@ def terrain_profile(
     twist = empty_singles(stations, candidates)
     front = empty_singles(stations, 2, candidates)
     z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll = out
-    grid = (elevation_map.origin[0], elevation_map.origin[1], 1.0 / elevation_map.resolution)
+    frame = _frame_of(elevation_map)
     elevation = elevation_map.elevation
     _sample(
-        elevation, elevation.reshape(-1), *grid, x, y, count - 1, 0.5 * wheelbase,
+        elevation, elevation.reshape(-1), frame, x, y, count - 1, 0.5 * wheelbase,
         0.5 * track_width, z, station, heading_x, heading_y, curvature, grade, sin_grade,
         sin_roll, known, twist, front,
     )  # fmt: skip
@@ -132,8 +132,8 @@ def terrain_profile(
     if elevation_map.terrain_class is not None:
         surfaces = empty(*x.shape).view(np.int64)
         surfaces_under_wheels(
-            elevation_map.terrain_class, *grid, x, y, heading_x, heading_y,
-            0.5 * wheelbase, 0.5 * track_width, surfaces,
+            elevation_map.terrain_class, frame, x, y, heading_x, heading_y,
+            (0.5 * wheelbase, 0.5 * track_width), surfaces,
         )  # fmt: skip
     return TerrainProfile(
         count, x, y, z, station, heading_x, heading_y, curvature,
@@ -145,28 +145,33 @@ def terrain_profile(
 def stations_along(elevation_map: ElevationMap, x: Floats, y: Floats, count: Ints) -> Floats:
     """Only the stations of :func:`terrain_profile`, (N, M) [m]; arguments as there."""
     station = np.empty(x.shape)
-    grid = (elevation_map.origin[0], elevation_map.origin[1], 1.0 / elevation_map.resolution)
     elevation = elevation_map.elevation
-    _walk(elevation, elevation.reshape(-1), *grid, x, y, count - 1, station)
+    flat, frame = elevation.reshape(-1), _frame_of(elevation_map)
+    _walk(elevation, flat, frame, x, y, count - 1, station)
     return station
+
+
+def _frame_of(elevation_map: ElevationMap) -> CellFrame:
+    return CellFrame(*elevation_map.origin, 1.0 / elevation_map.resolution)
 
 
 @kernel
 def _walk(
-    elevation: Floats, flat: Floats, origin_x: float, origin_y: float, per_metre: float,
-    x: Floats, y: Floats, last: Ints, station: Floats,
+    elevation: Floats, flat: Floats, frame: CellFrame, x: Floats, y: Floats, last: Ints,
+    station: Floats,
 ) -> None:  # fmt: skip
     stations, candidates = x.shape
     level = np.zeros(candidates)
-    u, v = np.empty(candidates), np.empty(candidates)
-    ahead_u, ahead_v = np.empty(candidates), np.empty(candidates)
+    poses = CellPoses(
+        np.empty(candidates), np.empty(candidates), np.empty(candidates), np.empty(candidates)
+    )
     across, up = np.empty(candidates), np.empty(candidates)
     z, height = np.full(candidates, np.nan), np.empty(candidates)
     cell = np.empty(candidates, np.int64)
     station[0] = 0.0
     for k in range(stations):
-        on_grid(origin_x, origin_y, per_metre, x[k], y[k], level, level, u, v, ahead_u, ahead_v)
-        locate(elevation, u, v, ahead_u, ahead_v, 0.0, 0.0, cell, across, up)
+        on_grid(frame, x[k], y[k], level, level, poses)
+        locate(elevation, poses, 0.0, 0.0, cell, across, up)
         interpolate(flat, elevation.shape[1], cell, across, up, height)
         for j in range(candidates):
             if k > last[j] or np.isnan(height[j]):
@@ -178,8 +183,8 @@ def _walk(
 
 @kernel
 def _sample(
-    elevation: Floats, flat: Floats, origin_x: float, origin_y: float, per_metre: float,
-    x: Floats, y: Floats, last: Ints, half_length: float, half_width: float,
+    elevation: Floats, flat: Floats, frame: CellFrame, x: Floats, y: Floats, last: Ints,
+    half_length: float, half_width: float,
     z: Floats, station: Floats, heading_x: Floats, heading_y: Floats, curvature: Floats,
     grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools, twist: Singles,
     front: Singles,
@@ -190,8 +195,9 @@ def _sample(
     """
     stations, candidates = x.shape
     step_x, step_y, step = np.empty(candidates), np.empty(candidates), np.empty(candidates)
-    u, v = np.empty(candidates), np.empty(candidates)
-    ahead_u, ahead_v = np.empty(candidates), np.empty(candidates)
+    poses = CellPoses(
+        np.empty(candidates), np.empty(candidates), np.empty(candidates), np.empty(candidates)
+    )
     across, up = np.empty(candidates), np.empty(candidates)
     heights = np.empty((POINTS, candidates))
     cell = np.empty(candidates, np.int64)
@@ -202,13 +208,10 @@ def _sample(
             k, last, x[k], y[k], x[after], y[after], curvature[before],
             step_x, step_y, step, heading_x[k], heading_y[k], curvature[k],
         )  # fmt: skip
-        on_grid(
-            origin_x, origin_y, per_metre, x[k], y[k], heading_x[k], heading_y[k],
-            u, v, ahead_u, ahead_v,
-        )  # fmt: skip
+        on_grid(frame, x[k], y[k], heading_x[k], heading_y[k], poses)
         for point in range(POINTS):
             ahead, aside = offset(point, half_length, half_width)
-            locate(elevation, u, v, ahead_u, ahead_v, ahead, aside, cell, across, up)
+            locate(elevation, poses, ahead, aside, cell, across, up)
             interpolate(flat, elevation.shape[1], cell, across, up, heights[point])
         _tilt(
             k, last, heights, 0.25 / half_length, 0.25 / half_width, z[before],
@@ -263,11 +266,12 @@ def _turn(
 
 @inlined
 def locate(
-    elevation: Floats, centre_u: Floats, centre_v: Floats, ahead_u: Floats, ahead_v: Floats,
-    ahead: float, aside: float, cell: Ints, across: Floats, up: Floats,
+    elevation: Floats, poses: CellPoses, ahead: float, aside: float, cell: Ints, across: Floats,
+    up: Floats,
 ) -> None:  # fmt: skip
     """Cell under one wheel, and the shares of its neighbours; NaN where the map has ended."""
     rows, columns = elevation.shape
+    centre_u, centre_v, ahead_u, ahead_v = poses
     right, top = columns - 1.0, rows - 1.0
     for j in range(cell.shape[0]):
         u = centre_u[j] + ahead * ahead_u[j] - aside * ahead_v[j]

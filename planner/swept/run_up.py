@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from models.arrays import Floats, Singles
-from planner.ground.footprint import offset, on_grid
+from planner.ground.footprint import CellFrame, CellPoses, offset, on_grid
 from planner.ground.terrain_profile import TerrainProfile, above_first, interpolate, locate
 from planner.kernels.compiled import kernel, row_pass
 from planner.swept.wheel_path import Ground
@@ -57,21 +57,20 @@ def _sample(
 ) -> None:  # fmt: skip
     stations, _, candidates = behind.shape
     back_x, back_y, height = np.empty(candidates), np.empty(candidates), np.empty(candidates)
-    u, v = np.empty(candidates), np.empty(candidates)
-    ahead_u, ahead_v = np.empty(candidates), np.empty(candidates)
+    frame = CellFrame(ground.origin_x, ground.origin_y, ground.per_metre)
+    poses = CellPoses(
+        np.empty(candidates), np.empty(candidates), np.empty(candidates), np.empty(candidates)
+    )
     across, up = np.empty(candidates), np.empty(candidates)
     cell = np.empty(candidates, np.int64)
     for k in range(stations - 1, -1, -1):
         _straight_back(
             start.x[0], start.y[0], start.x[1], start.y[1], float(stations - k), back_x, back_y
         )
-        on_grid(
-            ground.origin_x, ground.origin_y, ground.per_metre, back_x, back_y,
-            start.heading_x, start.heading_y, u, v, ahead_u, ahead_v,
-        )  # fmt: skip
+        on_grid(frame, back_x, back_y, start.heading_x, start.heading_y, poses)
         for side in range(2):
             ahead, aside = offset(side, half_length, half_width)
-            locate(ground.elevation, u, v, ahead_u, ahead_v, ahead, aside, cell, across, up)
+            locate(ground.elevation, poses, ahead, aside, cell, across, up)
             interpolate(flat, ground.elevation.shape[1], cell, across, up, height)
             later = start.front[side] if k == stations - 1 else behind[k + 1, side]
             above_first(height, start.level, later, True, behind[k, side])
