@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from numba.core import event
@@ -60,12 +60,19 @@ def signatures_now() -> dict[str, list[Any]]:
     parameters = ParametersInUse(read_model(find_model("atv")))
     warm_up.run(PlanService(ServiceConfig(model="atv"), parameters))
     found = {
-        name_of(kernel): [[described(kind) for kind in kinds] for kinds in kernel.overloads]
+        name_of(kernel): _each_once(
+            [described(kind) for kind in kinds] for kinds in kernel.overloads
+        )
         for kernel in called_by_python()
         if not isinstance(kernel, Borrowing)
         and (name_of(kernel) in seconds.of or kernel.stats.cache_hits)
     }
     return dict(sorted(found.items(), key=lambda item: -seconds.of.get(item[0], 0.0)))
+
+
+def _each_once(signatures: Iterable[list[Any]]) -> list[Any]:
+    """Where a kernel calls another one, numba may keep two of them that read alike."""
+    return [json.loads(one) for one in dict.fromkeys(map(json.dumps, signatures))]
 
 
 if __name__ == "__main__":
