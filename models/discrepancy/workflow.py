@@ -24,6 +24,7 @@ from models.discrepancy.decide.verdict import Decision, decide
 from models.discrepancy.findings import Experiment, Findings, Verdict
 from models.discrepancy.model.hypothesis import builds_up
 from models.discrepancy.model.noise import Noise
+from models.discrepancy.progress import Progress, Stage
 from models.discrepancy.report import experiment
 from models.discrepancy.report.cost import changes, cost_of
 from models.discrepancy.report.evidence import Evidence, evidence_of
@@ -35,9 +36,6 @@ from models.discrepancy.search.refine import as_output, fit_base, start_of, with
 from models.discrepancy.settings import DiscrepancySettings
 from models.discrepancy.thresholds import WILD_SCATTER
 from models.parameters import Model
-
-STEPS = 6
-"""Steps that :func:`investigate` tells of."""
 
 
 def investigate(
@@ -58,7 +56,7 @@ def investigate(
         runs: samples of each run. model: as configured.
         ground: (n,) grade of the ground from a map [rad], NaN where unknown.
         settings: how sure to be. source: of the log, written into the effects that are added.
-        advance: told of each step done.
+        advance: told of hundredths of the usual time as they are done.
 
     Raises:
         ParameterError: too few usable stops.
@@ -80,29 +78,28 @@ def investigate_with_evidence(
 ) -> tuple[Findings, Evidence]:
     """As :func:`investigate`, and the residuals that its pictures are made of."""
     with threadpool_limits(1):  # its matrices are small: threads would wait for one another
-        return _investigated(columns, runs, model, ground, settings, source, advance)
+        return _investigated(columns, runs, model, ground, settings, source, Progress(advance))
 
 
 def _investigated(
     columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], model: Model,
-    ground: Floats | None, settings: DiscrepancySettings | None, source: str,
-    advance: Callable[[int], None],
+    ground: Floats | None, settings: DiscrepancySettings | None, source: str, progress: Progress,
 ) -> tuple[Findings, Evidence]:  # fmt: skip
     begin = time.perf_counter()
     wanted = settings or DiscrepancySettings()
     table, notes = prepare(columns, runs, model, ground, wanted)
-    advance(1)
+    progress.reach(Stage.STOPS)
     base = fit_base(table, start_of(table, model))
     beside = with_build_up(table, base)
-    advance(1)
-    found = identify(table, beside, wanted)
-    advance(1)
+    progress.reach(Stage.BASE)
+    found = identify(table, beside, wanted, progress)
+    progress.reach(Stage.SEARCH)
     found, left, output = _with_what_is_left(table, found, wanted)
     located = follow(table, beside, wanted.seed) if found.best.names else left
     decision = decide(table, base, found, left, located, wanted)
     if any(builds_up(decision.explanation.fit.hypothesis.added[i]) for i in decision.named):
         located = follow(table, base, wanted.seed)
-    advance(1)
+    progress.reach(Stage.LEFT)
     floor = found.best.fit.noise  # what was found and is not named is no noise either
     gaps = compared(table, base, decision.explanation.fit, floor, wanted)
     decision, gaps = no_harm.that_predicts(table, base, decision, gaps, wanted)
@@ -113,7 +110,7 @@ def _investigated(
     if decision.verdict is Verdict.UNKNOWN and decision.axis is None and located:
         decision = replace(decision, axis=located[0])
     better, added = revised(table, decision, gaps.held_out, widths, source)
-    advance(1)
+    progress.reach(Stage.GAPS)
     plan = _next(table, decision)
     above = float(np.mean(gaps.refit_squares)) - gaps.speed.noise_floor**2
     findings = Findings(
@@ -132,7 +129,7 @@ def _investigated(
         cost_of(table, decision.explanation.fit, as_it_was=decision.kept_as_it_was),
         changes(model, better),
     )
-    advance(1)
+    progress.reach(Stage.FINDINGS)
     return findings, evidence_of(table, base, decision, located)
 
 

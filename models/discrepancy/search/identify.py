@@ -20,6 +20,7 @@ import numpy as np
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.noise import Noise
+from models.discrepancy.progress import Progress
 from models.discrepancy.search import screening
 from models.discrepancy.search.candidates import (
     EffectColumn,
@@ -111,11 +112,14 @@ def score(found: Fit, stops: int) -> float:
     return found.deviance + chosen * float(np.log(stops)) + FURTHER_PRICE * more
 
 
-def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Identified:
+def identify(
+    table: StopTable, base: Fit, settings: DiscrepancySettings, progress: Progress | None = None
+) -> Identified:
     """Search the library.
 
     Args:
         table: stops. base: refitted without further effects. settings: how sure to be.
+        progress: told how far the search is.
     """
     beam = [ScoredExplanation(base, score(base, len(table)))]
     known = {beam[0].names: beam[0]}
@@ -124,8 +128,10 @@ def identify(table: StopTable, base: Fit, settings: DiscrepancySettings) -> Iden
     visible: dict[str, float] = {}
     for level in range(settings.most_effects + settings.most_patches):
         children: list[ScoredExplanation] = []
-        for parent in beam:
+        for index, parent in enumerate(beam):
             extended = _extended(table, parent, settings)
+            if progress is not None:
+                progress.search(level, (index + 1) / len(beam))
             absorbed, visible = absorbed or extended.absorbed, visible or extended.visible
             children += extended.children
         children = [c for c in children if c.names not in known]

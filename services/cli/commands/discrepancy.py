@@ -12,10 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from models.discrepancy.findings import Findings, Gap
+from models.discrepancy.progress import Stage
 from models.discrepancy.report.evidence import Evidence
 from models.discrepancy.report.words import answers, closed_words, sure_words
 from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.workflow import STEPS, investigate_with_evidence
+from models.discrepancy.workflow import investigate_with_evidence
 from models.errors import ParameterError
 from services.cli.screen import progress_bar
 from services.io.access import fault
@@ -60,7 +61,7 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
         InputError: names file and field, or says why there are too few stops.
     """
     model = read_model(find_model(job.model_file))
-    with progress_bar("comparing", STEPS + 1, quiet=quiet) as advance:
+    with progress_bar("comparing", Stage.FINDINGS + 1, quiet=quiet) as advance:
         log = read_logs(job.logs, job.topics, job.columns)
         ground = grade_by_map(log, job.map_file, model.vehicle)
         advance(1)

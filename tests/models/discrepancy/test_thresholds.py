@@ -13,16 +13,11 @@ from models.discrepancy.thresholds import Basis
 
 ROOM = Path(models.discrepancy.__file__).parent
 MODULES = sorted(p for p in ROOM.rglob("*.py") if p.name not in ("thresholds.py", "settings.py"))
-COUNTS = {"STEPS"}
-"""Counts of what the code itself does; nobody chose them."""
-
 OF_SINGLE_EFFECTS = {
     "USUAL", "_SCALES", "_NUMBERS", "_LAGS", "_COOLING", "_WINDS", "_HEADINGS", "_CAPS",
     "_LEAST_FRICTION", "_LATTICE", "_RADII", "_TRIES", "_FEWEST", "_STRAIGHT",
 }  # fmt: skip
 """Sizes and grids of one effect, which stand with it."""
-
-ELSEWHERE = COUNTS | OF_SINGLE_EFFECTS
 
 
 def chosen_numbers(path: Path) -> list[str]:
@@ -37,9 +32,7 @@ def chosen_numbers(path: Path) -> list[str]:
             n.value for n in ast.walk(node.value)
             if isinstance(n, ast.Constant) and isinstance(n.value, int | float)
         ]  # fmt: skip
-        if any(n not in (0, 1, 2) for n in numbers) and not (COUNTS | OF_SINGLE_EFFECTS) & set(
-            names
-        ):
+        if any(n not in (0, 1, 2) for n in numbers) and not OF_SINGLE_EFFECTS & set(names):
             found += names
     return found
 

@@ -1,0 +1,36 @@
+"""How far an investigation is, so that whoever waits can be told how long it still takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+
+
+class Stage(IntEnum):
+    """What is done, with the hundredths of the usual time that it ends at."""
+
+    STOPS = 6
+    BASE = 10
+    SEARCH = 80
+    LEFT = 94
+    GAPS = 98
+    FINDINGS = 100
+
+
+class Progress:
+    """Tells hundredths as they are reached, each once."""
+
+    def __init__(self, tell: Callable[[int], None]) -> None:
+        self._tell, self._told = tell, 0
+
+    def reach(self, hundredths: float) -> None:
+        """Everything up to there is done; what is behind already stays told."""
+        whole = int(hundredths)
+        if whole > self._told:
+            self._tell(whole - self._told)
+            self._told = whole
+
+    def search(self, level: int, share: float) -> None:
+        """A share of one level of the search is done; each takes half of what is left."""
+        done = 1.0 - 0.5**level * (1.0 - 0.5 * share)
+        self.reach(Stage.BASE + done * (Stage.SEARCH - Stage.BASE))
