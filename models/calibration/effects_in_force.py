@@ -42,6 +42,14 @@ _STEEPNESS = 0.25, 1.25
 _LEAST_VAR = 1e-8  # [s²] of an onset
 
 
+def tells_turns(model: Model, columns: Mapping[str, NDArray[Any]]) -> bool:
+    """Whether stops in curves can be learned from: the model knows what turning costs, the log how
+    fast it turned.
+    """
+    known = any("turning" in registry.law_of(effect).depends_on for effect in model.effect)
+    return known and "yaw_rate" in columns
+
+
 def measured_beside(
     measured: Measured, model: Model, columns: Mapping[str, NDArray[Any]]
 ) -> Measured:

@@ -9,6 +9,7 @@ Source: Braking Sec. 2, 4.1 and 4.2.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from models.arrays import Floats
 from models.calibration.asymmetry import Asymmetry
 from models.calibration.brake_levels import BrakeLevels, at_full_level, tells_levels
 from models.calibration.brake_states import WeakerState
-from models.calibration.effects_in_force import measured_beside
+from models.calibration.effects_in_force import measured_beside, tells_turns
 from models.calibration.force_fit import NAMES
 from models.calibration.notes import clear_asymmetry, notes
 from models.calibration.plausible import objections
@@ -100,12 +101,17 @@ def learn(
         ground: (n,) grade of the ground from a map [rad], NaN where unknown; without it the grade
             comes from the body's pitch, with dive and mount taken out as far as the log tells.
         settings: coverage and what counts as a stop.
-        beside: model whose named effects stay in force; what they explain is not learned again.
+        beside: model whose named effects stay in force; what they explain is not learned again. One
+            that knows what turning costs makes stops in curves usable, if yaw rate is logged.
 
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
     """
     wanted = settings or CalibrationSettings()
+    if wanted.stops.turn_rate is None and beside is not None and tells_turns(beside, columns):
+        wanted = dataclasses.replace(
+            wanted, stops=dataclasses.replace(wanted.stops, turn_rate=math.inf)
+        )
     log = measure_log(columns, runs, known, ground=ground, settings=wanted)
     measured, mount = log.measured, log.mount
     if not tells_levels(measured) and any(

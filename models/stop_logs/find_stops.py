@@ -29,6 +29,9 @@ TOLD = 0.01
 _MOST_SETTLED = 0.4, 0.12
 """Standstill is below this share of the held speed, and below this speed [m/s], however noisy."""
 
+_STRAIGHT = 0.35
+"""Mean yaw rate from which a stop is no longer straight [rad/s]."""
+
 _SOON = 1.0  # [s] after it has settled, a speed that reads 0 at rest does
 
 
@@ -59,7 +62,8 @@ class StopSettings:
         before, after: how much of the log around a stop belongs to it.
         ramp: a command that came down over a longer time than that is no step.
         step: share of the speed that the command has to drop at once.
-        turn_rate: mean |yaw rate| from which a stop is no longer straight [rad/s].
+        turn_rate: mean |yaw rate| from which a stop is no longer straight [rad/s]; None takes 0.35,
+            and no limit where what turning costs is known.
         full_brake: brake application from which it counts as full [1].
         fewest: samples between onset and standstill.
         longest: later standstills are not this stop's.
@@ -75,7 +79,7 @@ class StopSettings:
     after: float = 1.5
     ramp: float = 0.15
     step: float = 0.7
-    turn_rate: float = 0.35
+    turn_rate: float | None = None
     full_brake: float = 0.9
     fewest: int = 6
     longest: float = np.inf
@@ -253,7 +257,7 @@ class _Search:
         if "yaw_rate" in self.part:
             rate = np.abs(self.part["yaw_rate"][braking])
             mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
-            if mean > s.turn_rate:
+            if mean > (_STRAIGHT if s.turn_rate is None else s.turn_rate):
                 return Usability.TURNING, f"mean yaw rate {mean:.2f} rad/s"
         brake = self._brake(braking)
         if brake is not None and np.isfinite(brake).any() and not np.nansum(np.abs(brake)) > 0.0:

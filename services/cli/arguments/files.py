@@ -203,7 +203,7 @@ class CalibrateOptions:
     least_speed: LeastSpeed = None
     longest: LongestStop = math.inf
     settled_speed: SettledSpeed = 0.03
-    turn_rate: TurnRate = 0.35
+    turn_rate: TurnRate = None
     ramp: Ramp = 0.15
     step: CommandStep = 0.7
     full_brake: FullBrake = 0.9

@@ -118,7 +118,12 @@ SettledSpeed = Annotated[
     typer.Option(metavar="M/S", help="Standstill of sensors that never read 0, at least."),
 ]
 TurnRate = Annotated[
-    float, typer.Option(metavar="RAD/S", help="Mean yaw rate from which a stop is a turn.")
+    float | None,
+    typer.Option(
+        metavar="RAD/S",
+        help="Mean yaw rate from which a stop is a turn and left out. By default 0.35, or none "
+        "where the model has the effect turning_resistance.",
+    ),
 ]
 Topics = Annotated[
     Path | None,

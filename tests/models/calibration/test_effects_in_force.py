@@ -12,8 +12,10 @@ from scipy.integrate import solve_ivp
 from models.calibration.coverage import covered
 from models.calibration.force_fit import NAMES
 from models.calibration.learn import learn
+from models.calibration.surface_fit import CalibrationSettings
 from models.discrepancy.workflow import investigate
 from models.parameters import Effect, Model
+from models.stop_logs.find_stops import StopSettings
 from models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.models_for_tests import BASE
 
@@ -23,9 +25,13 @@ DEAD = 0.3
 
 
 def log(
-    stops: int, seed: int, *, drag: float = 0.0, lag: float = 0.0, friction: float = 9.0
-) -> tuple[dict[str, np.ndarray], list[slice], np.ndarray]:
-    """A log of stops with drag [1/m], lag [s] or a cap by friction, by lines of its own."""
+    stops: int, seed: int, *, drag: float = 0.0, lag: float = 0.0, friction: float = 9.0,
+    turning: float = 0.0,
+) -> tuple[dict[str, np.ndarray], list[slice], np.ndarray]:  # fmt: skip
+    """A log of stops with drag [1/m], lag [s] or a cap by friction, by lines of its own.
+
+    With what turning costs [s/rad] two of three stops are in curves.
+    """
     rng = np.random.default_rng(seed)
     parts: dict[str, list[np.ndarray]] = {}
     runs, begin, clock = [], 0, 0.0
@@ -33,11 +39,13 @@ def log(
         v0, grade = rng.uniform(1.0, 4.0), rng.uniform(-0.2, 0.2)
         force = float(np.array([v0 * grade, grade, v0, 1.0]) @ TRUE)
         force *= 1.0 + 0.01 * rng.standard_normal()
-        t, v = _stop(v0, grade, min(force, friction * np.cos(grade)), drag, lag)
+        bend = rng.uniform(0.3, 0.7) if turning and i % 3 else 0.0
+        slowing = drag, G * turning * bend
+        t, v = _stop(v0, grade, min(force, friction * np.cos(grade)), slowing, lag)
         row: dict[str, Any] = {
             "run": np.full(len(t), str(i)), "t": clock + t,
             "v": v + 0.02 * rng.standard_normal(len(t)), "v_cmd": np.where(t < 0.0, v0, 0.0),
-            "pitch": np.full(len(t), -grade),
+            "pitch": np.full(len(t), -grade), "yaw_rate": bend * v * (-1.0) ** i,
         }  # fmt: skip
         for name, values in row.items():
             parts.setdefault(name, []).append(values)
@@ -48,11 +56,11 @@ def log(
 
 
 def _stop(
-    v0: float, grade: float, force: float, drag: float, lag: float
+    v0: float, grade: float, force: float, drag: tuple[float, float], lag: float
 ) -> tuple[np.ndarray, np.ndarray]:
     def rates(_: float, y: np.ndarray) -> list[float]:
         built = y[1] if lag else force
-        slowing = G * (built + np.sin(grade)) + drag * y[0] ** 2
+        slowing = G * (built + np.sin(grade)) + drag[0] * y[0] ** 2 + drag[1] * y[0]
         return [-slowing, (force - y[1]) / lag if lag else 0.0]
 
     def rest(_: float, y: np.ndarray) -> float:
@@ -126,6 +134,26 @@ def test_what_discrepancy_finds_stays_when_it_is_calibrated_again(seed: int) -> 
         assert np.max(np.abs(ways[:, 1] - ways[:, 0])) < 0.02 * most
         model = again
     assert np.all(np.abs(after - TRUE) < 3.0 * std)
+
+
+def test_stops_in_curves_are_learned_from_where_the_model_knows_what_turning_costs() -> None:
+    columns, runs, ground = log(36, 4, turning=0.15)
+    model = with_effect("turning_resistance", k=0.15)
+    straight = learn(columns, runs, BASE.braking, ground=ground, beside=BASE)
+    found = learn(columns, runs, model.braking, ground=ground, beside=model)
+    assert straight.verdicts["turning"] > 12
+    assert len(straight.surfaces[0].records) == 36 - straight.verdicts["turning"]
+    assert len(found.surfaces[0].records) == 36
+    fit = found.surfaces[0].fit
+    off = (fit.coefficients - TRUE) / np.sqrt(np.diag(fit.covariance))
+    assert np.all(np.abs(off) < 4.0)
+    assert found.braking.level_force(2.5) == pytest.approx(0.42 + 0.015 * 2.5, rel=0.025)
+    # Taken as straight they would say that the brakes are stronger.
+    fooled = learn(
+        columns, runs, BASE.braking, ground=ground, beside=BASE,
+        settings=CalibrationSettings(stops=StopSettings(partial=True, turn_rate=np.inf)),
+    )  # fmt: skip
+    assert fooled.braking.level_force(2.5) > 1.05 * found.braking.level_force(2.5)
 
 
 def ahead(model: Model, speed: float, grade: float) -> float:
