@@ -69,10 +69,6 @@ class Whitener:
     log_volume: Floats
     noise: Noise
 
-    def with_scatter(self, scatter: float) -> Whitener:
-        """For another friction scatter, which is no part of the maps."""
-        return replace(self, noise=replace(self.noise, scatter=scatter))
-
     @property
     def weight(self) -> Floats:
         """(S,) by which what lies along the friction of a stop comes to a variance of one."""
