@@ -17,7 +17,7 @@ import time
 import traceback
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,7 @@ class InquiryFinding:
         text: what it says, or of the fault.
         worse: by how many standard errors stops held out are predicted worse by what was found
             than by new coefficients, in speed or distance, whichever is more.
+        resolvable: change of a stop from which each effect would have shown [m].
     """
 
     verdict: str
@@ -63,6 +64,7 @@ class InquiryFinding:
     stops: int = 0
     text: str = ""
     worse: float = 0.0
+    resolvable: dict[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -156,6 +158,7 @@ def investigate_job(job: SealedLog) -> InquiryFinding:
         found.stops,
         f"{found.summary} {' '.join(found.notes)}".strip(),
         float(max(found.gap.worse, found.stop_distance.worse)),
+        dict(found.resolvable),
     )
 
 

@@ -113,6 +113,23 @@ def worth(
     return Worth(gap, *best)
 
 
+def change_beyond_base(
+    truth: Physics, base: Physics, stops: Stops, noise: float, scatter: float, rank: int = 3
+) -> float:
+    """By how much an effect changes stops, beyond what the base bent to them can do [m].
+
+    Args:
+        truth, base, stops, noise, scatter: as of :func:`worth`. rank: of the stops that it changes
+            most, whose change is told.
+    """
+    even = stops._replace(friction=np.ones_like(stops.speed), delay=np.zeros_like(stops.speed))
+    fitted, _ = _fit(_Scene(truth, even, noise, scatter), base)
+    way = [drive(p, even, np.zeros(1), _STEP).distance for p in (truth, fitted)]
+    change = np.abs(way[0] - way[1])
+    known = np.sort(change[np.isfinite(change)])
+    return float(known[-min(rank, len(known))])
+
+
 def _nearest(
     scene: _Scene, fitted: Physics, residual: Floats, free: Mapping[str, float],
     names: Sequence[str],

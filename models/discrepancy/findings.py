@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -143,6 +144,8 @@ class Findings:
         model: to plan with from now on. added: effects in it that were not there before.
         stops: that it rests on. notes: doubts, in sentences. seconds: that it took.
         cost: of what was found. changes: of the model file, in words.
+        resolvable: change of a stop, beyond what new coefficients can do, from which each effect
+            would have been seen in five logs of six like this one [m].
     """
 
     verdict: Verdict
@@ -159,3 +162,4 @@ class Findings:
     seconds: float = field(default=0.0)
     cost: StopCost | None = None
     changes: tuple[str, ...] = ()
+    resolvable: Mapping[str, float] = field(default_factory=dict)

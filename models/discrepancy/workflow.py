@@ -128,6 +128,7 @@ def _investigated(
         time.perf_counter() - begin,
         cost_of(table, decision.explanation.fit, as_it_was=decision.kept_as_it_was),
         changes(model, better),
+        {name: size for name, size in found.visible.items() if np.isfinite(size)},
     )
     progress.reach(Stage.FINDINGS)
     return findings, evidence_of(table, base, decision, located)

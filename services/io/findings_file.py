@@ -78,6 +78,7 @@ def findings_as_json(f: Findings) -> dict[str, Any]:
         },
         "cost": None if f.cost is None else asdict(f.cost),
         "changes": list(f.changes),
+        "resolvable": dict(f.resolvable),
         "stops": f.stops,
         "notes": list(f.notes),
         "seconds": f.seconds,

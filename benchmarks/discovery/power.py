@@ -1,0 +1,168 @@
+"""How small an effect is found, by stops and noise: `python -m benchmarks.discovery.power`
+
+Sets of the plant as they come, none drawn anew because its effect could not be known. Beside what
+was named stands what the log said that it could have seen: the change of a stop, beyond what new
+coefficients can do, from which the hidden effect would have shown. The true change is that of the
+plant's noise-free stops against the base bent to them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import multiprocessing
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .catalogue import Order, SetConditions, make
+from .model_tables import tables_of
+from .sealed import SealedLog, investigate_job
+from .worth import change_beyond_base
+
+COUNTS = (30, 60, 120, 240)
+FACTORS = (1, 3, 10)
+EFFECTS = ("aerodynamic_drag", "step_change", "surface_patch", "turning_resistance")
+SIZES = ("small", "medium")
+RATIOS = (0.5, 1.0, 2.0, np.inf)
+"""Upper ends of the bins of true over resolvable change."""
+
+_NOISE, _SCATTER = 0.01, 0.005  # [m/s], [1]: times the factor
+
+
+@dataclass(frozen=True, slots=True)
+class PowerCase:
+    """One log: the hidden effect ("" for none), its size, stops, and the factor of the noise."""
+
+    name: str
+    size: str
+    stops: int
+    factor: int
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class PowerOutcome:
+    """What came of it.
+
+    Attributes:
+        known: whether it can be known at all, by the plant alone.
+        right: named for certain, and nothing else. seen: among the names. wrong: another name for
+            certain. verdict: in a word.
+        change: of the stops that it changes most, beyond new coefficients [m].
+        resolvable: from which the log says that it would have shown [m]; of a clean one the median
+            over all effects.
+    """
+
+    case: PowerCase
+    known: bool
+    right: bool
+    seen: bool
+    wrong: bool
+    verdict: str
+    change: float
+    resolvable: float
+
+    @property
+    def ratio(self) -> float:
+        """True over resolvable change."""
+        return self.change / self.resolvable if self.resolvable > 0.0 else 0.0
+
+
+def cases(seeds: int) -> list[PowerCase]:
+    """Of each number of stops, noise, effect and size, and as many clean ones as of one effect."""
+    hidden = [("", ""), *itertools.product(EFFECTS, SIZES)]
+    return [
+        PowerCase(name, size, stops, factor, 1000 * seed + number)
+        for number, (stops, factor, (name, size), seed) in enumerate(
+            itertools.product(COUNTS, FACTORS, hidden, range(seeds))
+        )
+    ]
+
+
+def outcome(case: PowerCase) -> PowerOutcome:
+    """Drive, measure and investigate one log."""
+    conditions = SetConditions(
+        designs=("mixed",), counts=(case.stops,), noises=(_NOISE * case.factor,),
+        scatters=(_SCATTER * case.factor,),
+    )  # fmt: skip
+    kind, names = ("faint", (case.name,)) if case.name else ("clean", ())
+    made = make(Order(kind, names, case.size, case.seed), conditions)
+    found = investigate_job(SealedLog(made.columns, tables_of(made.configured)))
+    sure, named = found.verdict == "missing_effect", set(found.names)
+    sizes = found.resolvable
+    if not case.name:
+        typical = float(np.median(list(sizes.values()))) if sizes else np.inf
+        return PowerOutcome(
+            case, True, found.verdict == "none", False, sure, found.verdict, 0.0, typical
+        )
+    fields = {k: 0.0 for term in made.hidden for k in term.fields}
+    base = made.truth._replace(**{k: type(made.truth)._field_defaults[k] for k in fields})
+    change = change_beyond_base(made.truth, base, made.stops, made.noise, made.scatter)
+    return PowerOutcome(
+        case, made.worth.named, sure and named == {case.name}, case.name in named,
+        sure and named != {case.name}, found.verdict, change, sizes.get(case.name, np.inf),
+    )  # fmt: skip
+
+
+def by_stops(done: Sequence[PowerOutcome]) -> list[str]:
+    """A line for each number of stops and noise."""
+    lines = [
+        f"{'stops':>6}{'noise':>7}{'known':>7}{'right':>7}{'of them':>9}{'wrong':>7}"
+        f"{'clean none':>12}{'resolvable, median cm':>23}"
+    ]
+    for stops, factor in itertools.product(COUNTS, FACTORS):
+        here = [o for o in done if (o.case.stops, o.case.factor) == (stops, factor)]
+        hidden, clean = (
+            [o for o in here if bool(o.case.name) is is_one] for is_one in (True, False)
+        )
+        known = [o for o in hidden if o.known]
+        quiet = sum(o.verdict in ("none", "too_noisy") for o in clean)
+        size = 100.0 * float(np.median([o.resolvable for o in hidden]))
+        lines.append(
+            f"{stops:>6}{f'× {factor}':>7}{len(known):>4}/{len(hidden):<2}"
+            f"{sum(o.right for o in hidden):>7}{sum(o.right for o in known):>6}/{len(known):<2}"
+            f"{sum(o.wrong for o in here):>7}{quiet:>9}/{len(clean):<2}{size:>23.1f}"
+        )
+    return lines
+
+
+def by_ratio(done: Sequence[PowerOutcome]) -> list[str]:
+    """A line for each bin of true over resolvable change."""
+    lines = [f"{'true / resolvable':>18}{'logs':>6}{'right':>7}{'seen':>6}{'wrong':>7}"]
+    least = 0.0
+    for most in RATIOS:
+        here = [o for o in done if o.case.name and least <= o.ratio < most]
+        told = f"{least:g} … {most:g}" if np.isfinite(most) else f"from {least:g}"
+        lines.append(
+            f"{told:>18}{len(here):>6}{sum(o.right for o in here):>7}"
+            f"{sum(o.seen for o in here):>6}{sum(o.wrong for o in here):>7}"
+        )
+        least = most
+    return lines
+
+
+def main() -> None:
+    """Measure, print two tables, write JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=1, help="logs of each kind")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    done: list[PowerOutcome] = []
+    wanted = cases(given.seeds)
+    with multiprocessing.get_context("spawn").Pool(given.jobs) as pool:
+        for one in pool.imap(outcome, wanted):
+            done.append(one)
+            print(f"\r{len(done)} of {len(wanted)}", end="", flush=True)
+            if given.json:
+                given.json.write_text(json.dumps([asdict(o) for o in done], indent=1))
+    print()
+    print("\n".join([*by_stops(done), "", *by_ratio(done)]))
+
+
+if __name__ == "__main__":
+    main()
