@@ -119,6 +119,8 @@ def by_stops(done: Sequence[PowerOutcome]) -> list[str]:
         hidden, clean = (
             [o for o in here if bool(o.case.name) is is_one] for is_one in (True, False)
         )
+        if not hidden:
+            continue
         known = [o for o in hidden if o.known]
         quiet = sum(o.verdict in ("none", "too_noisy") for o in clean)
         size = 100.0 * float(np.median([o.resolvable for o in hidden]))
