@@ -237,8 +237,10 @@ def _extended(
     visible: dict[str, float] = {}
     if not parent.names:
         sizes = screening.visible(sums, table, fit, columns, needed)
-        for c, size in zip(found, sizes, strict=True):
-            visible[c.name] = min(visible.get(c.name, np.inf), float(size))
+        # Nobody chooses where a surface lies or which way the wind blows: the middle of the grid.
+        for name in dict.fromkeys(c.name for c in found):
+            own = [s for c, s in zip(found, sizes.tolist(), strict=True) if c.name == name]
+            visible[name] = float(np.median(own))
     floor = max(needed, WORTH_REFITTING * strongest)
     children = []
     for name, members in _leaders(found, strength):
