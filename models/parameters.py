@@ -15,6 +15,7 @@ from models.errors import ParameterError
 from models.quantity import (
     Matrix,
     quantity,
+    validate_angles,
     validate_covariance,
     validate_quantities,
     validate_range,
@@ -97,9 +98,9 @@ class Braking:
     def __post_init__(self) -> None:
         validate_quantities(self)
         validate_range("speed_range", self.speed_range)
-        validate_range("grade_range", self.grade_range)
+        validate_angles("grade_range", self.grade_range)
         if self.roll_range is not None:
-            validate_range("roll_range", self.roll_range)
+            validate_angles("roll_range", self.roll_range)
         validate_hull("speed_by_grade", self.speed_by_grade)
         if self.speed_range[0] < 0.0:
             raise ParameterError("speed_range", f"speeds >= 0, got {self.speed_range[0]:g}")

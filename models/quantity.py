@@ -17,6 +17,9 @@ from models.errors import ParameterError
 GRAVITY = 9.80665
 """Standard gravity g [m/s²]."""
 
+STEEPEST = 0.5 * math.pi
+"""Slope of a wall [rad]: no grade or roll is beyond."""
+
 Matrix: TypeAlias = tuple[tuple[float, ...], ...]
 """Rows of a matrix as a file holds them."""
 
@@ -98,6 +101,20 @@ def validate_range(name: str, bounds: tuple[float, float]) -> None:
     low, high = bounds
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise ParameterError(name, f"two finite numbers, low < high, got [{low:g}, {high:g}]")
+
+
+def validate_angles(name: str, bounds: tuple[float, float]) -> None:
+    """Check a range of slopes [rad]: two ends, the lower one first, neither beyond upright.
+
+    Degrees taken for radians would make every slope one that was trained.
+
+    Raises:
+        ParameterError: names the field and what was expected.
+    """
+    validate_range(name, bounds)
+    if max(abs(bounds[0]), abs(bounds[1])) > STEEPEST:
+        words = f"radians between -{STEEPEST:.2f} and {STEEPEST:.2f}"
+        raise ParameterError(name, f"{words}, got [{bounds[0]:g}, {bounds[1]:g}]: degrees?")
 
 
 def validate_covariance(name: str, covariance: Matrix | None, size: int) -> None:

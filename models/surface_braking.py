@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from models.errors import ParameterError
-from models.quantity import Matrix, quantity, validate_quantities
+from models.quantity import STEEPEST, Matrix, quantity, validate_quantities
 
 MOST_CORNERS = 24
 """Lines that a plan holds each station against."""
@@ -94,6 +94,8 @@ def validate_hull(name: str, corners: Matrix | None) -> None:
     table = np.array(corners)
     if not np.isfinite(table).all() or np.any(table[:, 1] < 0.0):
         raise ParameterError(name, "finite grades and speeds >= 0")
+    if np.any(np.abs(table[:, 0]) > STEEPEST):
+        raise ParameterError(name, f"grades up to {STEEPEST:.2f} rad: these are degrees?")
     if np.any(np.diff(table[:, 0]) <= 0.0):
         raise ParameterError(name, "grades that increase from pair to pair")
     slopes = np.diff(table[:, 1]) / np.diff(table[:, 0])

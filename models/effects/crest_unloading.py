@@ -23,7 +23,9 @@ EFFECT = EffectLaw(
     enters=Enters.CREST,
     law=kept_force,
     parameters={
-        "k": Parameter(unit="1", bounds=POSITIVE, step=0.05, longer_stop=1, lighter_rear=-1)
+        "k": Parameter(
+            unit="1", bounds=POSITIVE, default=1.0, step=0.05, longer_stop=1, lighter_rear=-1
+        )
     },
     depends_on=frozenset(("vertical_curvature",)),
     axis="vertical_curvature",

@@ -193,6 +193,17 @@ def force_scale(effects: Iterable[Effect]) -> float:
     return math.prod(validate(e)["scale"] for e in lasting)
 
 
+def up_to_run(effects: Iterable[Effect], run: int) -> tuple[Effect, ...]:
+    """Those that act in a run of the log in which they were found, the first being 0.
+
+    Lasting changes are not there before their own run.
+    """
+    return tuple(
+        e for e in effects
+        if law_of(e).enters is not Enters.LASTING or validate(e).get("run", 0.0) <= run
+    )  # fmt: skip
+
+
 def crest_share(effects: Iterable[Effect]) -> float | None:
     """Share k of the load lost over a crest that the force loses as well; None: no such effect.
 

@@ -17,6 +17,9 @@ from planner.ground.uncertainty import Uncertainty
 from planner.kernels.compiled import kernel
 from planner.kernels.workspace import empty
 
+_SLOWEST, _STOP = 0.25, 15.0
+"""Mean speed of the slowest plan [m/s] and its longest stop [s]: how late it is at a station."""
+
 
 def ground_terms(
     model: Model, profile: TerrainProfile, yaw: Floats, session_time: float
@@ -25,7 +28,8 @@ def ground_terms(
 
     Terms that bend where grade or roll change sign are zero in between. What has a sharp edge may
     lie between two stations: it counts as larger by a step where that is the safe side, and for
-    the neighbours as well.
+    the neighbours as well. What changes with time counts from now until the vehicle has surely come
+    by and stopped.
     """
     place = Place(profile.grade, profile.roll, profile.x, profile.y, yaw, session_time)
     lowest, highest = np.zeros_like(profile.grade), np.zeros_like(profile.grade)
@@ -34,6 +38,10 @@ def ground_terms(
         law = registry.LAWS[effect.name]
         own = registry.ground_term([effect], place)
         least, most = own, own
+        if "session_time" in law.depends_on:
+            late = session_time + profile.station / _SLOWEST + _STOP
+            later = registry.ground_term([effect], place._replace(session_time=late))
+            least, most = np.minimum(own, later), np.maximum(own, later)
         if law.kinks_at_level:
             grade, roll = (level_between(slope) for slope in (profile.grade, profile.roll))
             level = registry.ground_term([effect], place._replace(grade=grade, roll=roll))

@@ -35,6 +35,7 @@ _OF_SURFACE = {
     "sliding_friction", "level", "uphill", "extrapolate", "extrapolation_margin", "class_id",
     "force_scatter", "dead_band", "saturation", "state_of", "speed_by_grade",
 }  # fmt: skip
+_ANGLES = ("grade_range", "roll_range")
 _LIMITS = ("speed", "accel", "decel", "lateral_accel", "min_load")
 
 
@@ -244,6 +245,8 @@ class _ModelReader:
             raise self._fault(f"{where}.{key}", f"expected [low, high], got {value!r}") from None
         if not low < high:
             raise self._fault(f"{where}.{key}", f"expected low < high, got {value!r}")
+        if key in _ANGLES and max(abs(low), abs(high)) > 0.5 * np.pi:
+            raise self._fault(f"{where}.{key}", f"expected radians, got {value!r}: degrees?")
         return low, high
 
     def _fault(self, where: str, words: str) -> InputError:

@@ -23,6 +23,7 @@ T = TypeVar("T")
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _NO_METADATA: Mapping[str, Any] = MappingProxyType({})
+_LISTED = {float: "numbers", str: "texts"}
 
 
 def dotted(where: str, key: str) -> str:
@@ -152,6 +153,6 @@ def _wanted(kind: Any, metadata: Mapping[str, Any] = _NO_METADATA) -> str:
         if arguments[-1] is not Ellipsis:
             return f"a list of {len(arguments)} numbers"
         inner = "rows of numbers" if get_origin(arguments[0]) is tuple else "tables"
-        return f"a list of {'numbers' if arguments[0] is float else inner}"
+        return f"a list of {_LISTED.get(arguments[0], inner)}"
     words = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
     return words.get(kind, "a table")

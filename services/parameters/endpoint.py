@@ -279,6 +279,14 @@ class ParameterEndpoint:
                 congestion_control=zenoh.CongestionControl.DROP,
             )
             self._audience.learned(message)
+        if changed:
+            told = replies.read(self._service, ParameterQuestion(), self._config.id)
+            self._session.put(
+                self._config.key("params"),
+                codec.encode(told, Format.JSON),
+                encoding=codec.encoding_of(type(told), Format.JSON),
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
 
 
 def _written(encoding: str) -> Format:

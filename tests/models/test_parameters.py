@@ -27,6 +27,13 @@ NEGATIVE = tuple(tuple(-1.0 * (i == j) for j in range(4)) for i in range(4))
         ("braking", {"speed_range": (4.0, 1.0)}, "speed_range"),
         ("braking", {"grade_range": (0.1, 0.1)}, "grade_range"),
         ("braking", {"roll_range": (0.1, -0.1)}, "roll_range"),
+        ("braking", {"grade_range": (-15.0, 15.0)}, "grade_range"),
+        ("braking", {"roll_range": (-20.0, 20.0)}, "roll_range"),
+        ("braking", {"speed_by_grade": ((-15.0, 4.0), (15.0, 4.0))}, "speed_by_grade"),
+        (
+            "braking", {"terrain": {"ice": SurfaceBraking(grade_range=(-10.0, 10.0))}},
+            "terrain.ice.grade_range",
+        ),
         ("braking", {"speed_error": -0.1}, "speed_error"),
         ("vehicle", {"width": 0.9}, "width"),
         ("vehicle", {"wheel_width": 0.0}, "wheel_width"),

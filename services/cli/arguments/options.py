@@ -51,7 +51,8 @@ ClearDistance = Annotated[
     float | None,
     typer.Option(
         metavar="METRES",
-        help="Station up to which the way is known free; the whole path if left out.",
+        help="Station up to which the way is known free for the front of the vehicle; the middle "
+        "of the wheelbase stays behind it. The whole path if left out.",
     ),
 ]
 Spacing = Annotated[float | None, typer.Option(metavar="METRES", help="Distance between stations.")]

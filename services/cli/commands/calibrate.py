@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -28,6 +29,7 @@ from services.io.access import fault
 from services.io.logs.drive_log import DriveLog
 from services.io.logs.log_source import grade_by_map, names_of, read_logs, refuse_wrong_units
 from services.io.logs.speed_unit import refuse_too_fast, refuse_unit
+from services.io.logs.unseen_channels import unseen_channels
 from services.io.model_file import find_model, read_model, write_model
 from services.io.table import write_csv
 from services.report.brake_numbers import BrakeNumbers
@@ -85,6 +87,8 @@ def _learned(
     advance(1)
     grades = np.array([r.grade for s in learned.surfaces for r in s.records])
     refuse_unit(learned.braking, model.braking, grades, names_of(job.logs))
+    unseen = unseen_channels(model.effect, log.columns)
+    learned = dataclasses.replace(learned, warnings=(*learned.warnings, *unseen))
     return learned, with_learned(model, learned)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from models.effects import registry
 from models.parameters import Model
 from models.stops.simulation import RunChannels, replay, stop_commands
 from services.cli.screen import progress_bar
 from services.io.logs.drive_log import DriveLog
 from services.io.logs.log_source import read_logs
+from services.io.logs.unseen_channels import unseen_channels
 from services.io.model_file import find_model, read_model
 from services.io.table import write_csv
 
@@ -42,10 +45,11 @@ class RunSummary:
 
 @dataclass(frozen=True, slots=True)
 class SimulateResult:
-    """The columns of the output file and a summary of each run."""
+    """The columns of the output file, a summary of each run, and doubts in sentences."""
 
     columns: dict[str, NDArray[Any]]
     runs: list[RunSummary]
+    notes: tuple[str, ...] = ()
 
 
 def run(
@@ -66,8 +70,9 @@ def run(
     simulated = np.empty_like(log.columns["v"])
     summaries = []
     with progress_bar("simulating", len(log.runs), quiet=quiet) as advance:
-        for part in log.runs:
-            simulated[part] = _replay_run(model, log, part)
+        for number, part in enumerate(log.runs):
+            here = dataclasses.replace(model, effect=registry.up_to_run(model.effect, number))
+            simulated[part] = _replay_run(here, log, part)
             summaries.append(_summary(log, part, simulated[part]))
             advance(1)
     measured = log.columns["v"]
@@ -78,7 +83,7 @@ def run(
         "v_simulated": simulated,
         "residual": measured - simulated,
     }
-    return SimulateResult(columns, summaries)
+    return SimulateResult(columns, summaries, unseen_channels(model.effect, log.columns))
 
 
 def _replay_run(model: Model, log: DriveLog, part: slice) -> NDArray[np.float64]:
@@ -119,7 +124,7 @@ def write(result: SimulateResult, path: Path) -> None:
 
 def as_json(result: SimulateResult) -> dict[str, Any]:
     """Summary for machines."""
-    return {"runs": [asdict(r) for r in result.runs]}
+    return {"runs": [asdict(r) for r in result.runs], "notes": list(result.notes)}
 
 
 def show(result: SimulateResult, console: Console, most: int = 30) -> None:
@@ -132,3 +137,5 @@ def show(result: SimulateResult, console: Console, most: int = 30) -> None:
     console.print(table)
     if len(result.runs) > most:
         console.print(f"… and {len(result.runs) - most} more runs")
+    for note in result.notes:
+        console.print(f"note: {note}", style="yellow")

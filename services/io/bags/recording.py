@@ -114,6 +114,8 @@ def opened(path: Path) -> Iterator[Bag]:
     Raises:
         InputError: no recording.
     """
+    if not path.exists():
+        raise fault(path, "", "expected an existing file or folder")
     store = typestore()
     from rosbags.highlevel import AnyReader
 

@@ -33,9 +33,10 @@ def refuse_too_fast(log: DriveLog, model: Model) -> None:
             continue
         fast = float(np.quantile(speeds, 0.95))
         if fast > _TOO_FAST * most:
-            unit = min(_FACTORS, key=lambda name: abs(fast / _FACTORS[name] - 0.7 * most))
+            fitting = [name for name, factor in _FACTORS.items() if fast / factor <= most]
+            units = " or ".join(fitting) or "another unit"
             words = f"expected m/s of wheels that turn at up to {most:g} m/s, got {fast:.3g}"
-            raise fault(source, "column v", f"{words}, which looks like {unit}")
+            raise fault(source, "column v", f"{words}, which looks like {units}")
 
 
 def suspect_of(learned: Braking, known: Braking, grades: np.ndarray) -> str:

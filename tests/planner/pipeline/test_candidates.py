@@ -399,14 +399,27 @@ def test_hot_brakes_fade_from_the_start_and_late_sessions_drift() -> None:
     cold = bound(GroundConditions())
     assert bound(GroundConditions(brake_heat=20.0)) < 0.97 * cold
     assert bound(GroundConditions(session_time=900.0)) < 0.97 * cold
-    # Late is the same as a lasting loss of as much.
-    lasting = tables_with(
-        ("brake_fade", {"k": 0.02, "tau": 100.0}), ("step_change", {"delta": -0.09}), **LEVEL_ROAD
+
+    def lasting(delta: float) -> float:
+        tables = tables_with(
+            ("brake_fade", {"k": 0.02, "tau": 100.0}), ("step_change", {"delta": delta}),
+            **LEVEL_ROAD,
+        )  # fmt: skip
+        plan = plan_one(tables, plane(), straight(13.0))
+        return at(plan, 10.0, plan.speed_bound)
+
+    # Late is the same as a lasting loss of what is gone until the vehicle has come by and stopped.
+    late = bound(GroundConditions(session_time=900.0))
+    assert late < lasting(-1e-4 * 910.0)
+    assert late == pytest.approx(lasting(-1e-4 * (900.0 + 13.0 / 0.25 + 15.0)), rel=2e-3)
+
+
+def test_brakes_that_get_stronger_with_time_count_as_they_are_now() -> None:
+    plain, drifting = (
+        plan_one(tables_with(*effects, **LEVEL_ROAD), plane(), straight(13.0))
+        for effects in ((), [("session_drift", {"k": 1e-3})])
     )
-    plan = plan_one(lasting, plane(), straight(13.0))
-    assert bound(GroundConditions(session_time=900.0)) == pytest.approx(
-        at(plan, 10.0, plan.speed_bound)
-    )
+    np.testing.assert_allclose(drifting.speed_bound, plain.speed_bound, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -125,12 +125,18 @@ def test_people_read_with_empty_hands(robot: Robot, session: zenoh.Session) -> N
 
 def test_changes_are_published(robot: Robot, session: zenoh.Session) -> None:
     heard: list[zenoh.Sample] = []
-    with session.declare_subscriber(robot.service.key("params/*"), heard.append):
+    all_of_them: list[zenoh.Sample] = []
+    with (
+        session.declare_subscriber(robot.service.key("params/*"), heard.append),
+        session.declare_subscriber(robot.service.key("params"), all_of_them.append),
+    ):
         time.sleep(0.3)
         receipt = robot.stop(0.4 * G)
         until = time.monotonic() + 5.0
-        while not heard and time.monotonic() < until:
+        while not (heard and all_of_them) and time.monotonic() < until:
             time.sleep(0.01)
+    groups = json.loads(all_of_them[-1].payload.to_bytes())["groups"]
+    assert {"braking", "limits"} <= {group["group"] for group in groups}
     told = [json.loads(s.payload.to_bytes()) for s in heard]
     assert {str(s.key_expr) for s in heard} == {robot.service.key("params/braking")}
     assert told[-1]["version"] == receipt["version"]

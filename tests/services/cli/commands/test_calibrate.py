@@ -206,7 +206,7 @@ def test_wrong_units_are_an_error(
 def test_speed_in_knots_is_an_error(tmp_path: Path) -> None:
     log = drive(Plant(), 24, 0, out_and_back=True)[0]
     path = written(log | {"v": log["v"] / 0.514444}, tmp_path / "log.csv")
-    with fault_in(path, "column v", "looks like knots"):
+    with fault_in(path, "column v", "knots"):
         calibrate.run(job(path), quiet=True)
 
 
