@@ -141,15 +141,17 @@ class Ground:
             np.diff(self.table, axis=0), step, out=np.zeros((n - 1, 6)), where=step > 0.0
         )
         self.end = float(station[-1])
+        self._both = np.hstack([self.table[:-1], self.slope])
         self._station, self._table = station.tolist(), self.table.tolist()
         self._slope = self.slope.tolist()
 
     def at(self, s: np.ndarray) -> Here:
         """The ground at many stations."""
         last = len(self.station) - 2
-        k = np.minimum(np.maximum(np.searchsorted(self.station, s, "right") - 1, 0), last)
-        inside = np.minimum(np.maximum(s, self.station[0]), self.end) - self.station[k]
-        return Here(*(self.table[k] + inside[:, None] * self.slope[k]).T, k)
+        k = np.minimum(np.maximum(self.station.searchsorted(s, "right") - 1, 0), last)
+        inside = np.minimum(np.maximum(s, self._station[0]), self.end) - self.station.take(k)
+        both = self._both.take(k, axis=0).T
+        return Here(*(both[:6] + inside * both[6:]), k)
 
     def at_one(self, s: float) -> Here:
         """The ground at one station."""
@@ -297,7 +299,9 @@ class Law:
         self.code = np.array([distinct.index(name) for name in names])
         self.rows = [_coefficients(braking, name) for name in distinct]
         self.matrix = np.array(self.rows, float)
+        self.uphill = any((c.up_m_m, c.up_b_m) != (c.m_m, c.b_m) for c in self.rows)
         self._take_effects(model.get("effect", ()) if effects else ())
+        self.slips = math.isfinite(min(self.lockup, *(c.friction for c in self.rows)))
         grades = (*self.matrix[:, 9], *self.matrix[:, 10]) if self.margin else ()
         self.breaks = self.ground.breaks(self.patches, grades)
 
@@ -354,9 +358,12 @@ class Law:
         """F_b/W of cold brakes, built up, without friction's cap. Source: Braking (7), (8)."""
         grade = here.grade
         v_i = np.maximum(onset, c.slowest)
-        up = grade > 0.0
-        b_m = up * c.up_b_m + (1 - up) * c.b_m
-        m_m = up * c.up_m_m + (1 - up) * c.m_m
+        if self.uphill:
+            up = grade > 0.0
+            b_m = up * c.up_b_m + (1 - up) * c.b_m
+            m_m = up * c.up_m_m + (1 - up) * c.m_m
+        else:
+            b_m, m_m = c.b_m, c.m_m
         force = (m_m * v_i + b_m) * grade + (c.m_b * v_i + c.b_b)
         if self.margin:
             force = force * (1.0 - self.margin * ((grade < c.flattest) | (grade > c.steepest)))
@@ -381,13 +388,17 @@ class Law:
         wanted = [self.wanted(c, here, v, onset) for c in sides]
         least = wanted[0] if len(wanted) == 1 else np.min(wanted, axis=0)
         acting = []
-        kept = 1.0 - sum(self.crests) * self.lost_load(here, v)
-        normal = np.cos(here.grade) * np.cos(here.roll)
         for c, force in zip(sides, wanted, strict=True):
-            cold = f + (force - least) if self.lag and f is not None else force
-            hot = cold / (1.0 + self.fade * q)
-            held = np.minimum(hot, np.minimum(c.friction, self.lockup) * normal)
-            acting.append(held * np.maximum(kept, 0.0) if self.crests else held)
+            held = f + (force - least) if self.lag and f is not None else force
+            if self.fade:
+                held = held / (1.0 + self.fade * q)
+            if self.slips:
+                normal = np.cos(here.grade) * np.cos(here.roll)
+                held = np.minimum(held, np.minimum(c.friction, self.lockup) * normal)
+            if self.crests:
+                kept = 1.0 - sum(self.crests) * self.lost_load(here, v)
+                held = held * np.maximum(kept, 0.0)
+            acting.append(held)
         return least, acting
 
     def lost_load(self, here: Here, v: Values) -> Values:
@@ -404,7 +415,14 @@ class Law:
     def derivatives(self, y: Sequence[Values], onset: Values, here: Here) -> tuple[Values, ...]:
         """Of station, speed, braking force and heat while braking, on the worse surface."""
         _, v, f, q = y
-        target, acting = self.forces(self.sides(here.segment), here, v, onset, f, q)
+        return self._derivatives(
+            y, here, *self.forces(self.sides(here.segment), here, v, onset, f, q)
+        )
+
+    def _derivatives(
+        self, y: Sequence[Values], here: Here, target: Values, acting: Sequence[Values]
+    ) -> tuple[Values, ...]:
+        _, v, f, q = y
         force = acting[0] if len(acting) == 1 else np.min(acting, axis=0)
         build_up = (target - f) / self.lag if self.lag else 0.0 * f
         heat = G * force * v - q / self.cooling if self.fade else 0.0 * q
@@ -421,14 +439,20 @@ class Law:
         aside = 2.0 * z / width * (cos_grade * np.sin(here.roll) + a_y / G)
         rear = ((length - x) * weight - shift) / (length - x)
         loads = np.array([rear, weight - abs(aside), (x * weight + shift) / x])
-        return loads - self.lost_load(here, v)
+        loads -= self.lost_load(here, v)
+        return loads
 
     def braking_loads(self, y: np.ndarray, onset: np.ndarray) -> np.ndarray:
         """Least shares (3, M) in the states y (4, M), of either surface where there may be two."""
+        return self.rates_and_loads(y, onset)[1]
+
+    def rates_and_loads(self, y: np.ndarray, onset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives (4, M) and least shares (3, M), as above, of the same states (4, M)."""
         here = self.ground.at(y[0])
-        _, acting = self.forces(self.sides(here.segment), here, y[1], onset, y[2], y[3])
-        slowing = [self.deceleration(here, force, y[1]) for force in acting]
-        return np.min([self.loads(here, a, y[1]) for a in slowing], axis=0)
+        target, acting = self.forces(self.sides(here.segment), here, y[1], onset, y[2], y[3])
+        loads = [self.loads(here, self.deceleration(here, force, y[1]), y[1]) for force in acting]
+        least = loads[0] if len(loads) == 1 else np.min(loads, axis=0)
+        return np.array(self._derivatives(y, here, target, acting)), least
 
     def held_loads(self, start: np.ndarray, stop: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Least shares (3, M) from start to stop at held speeds: every break and 16 places more."""
@@ -565,11 +589,11 @@ def _stops_rk4(law: Law, start: np.ndarray, speed: np.ndarray, dt: float) -> Sto
         return np.array(law.derivatives(y, held, law.ground.at(y[0])))
 
     while len(lanes):
-        least[:, lanes] = np.minimum(least[:, lanes], law.braking_loads(y, held))
-        k_1 = rates(y, held)
+        k_1, shares = law.rates_and_loads(y, held)
+        least[:, lanes] = np.minimum(least[:, lanes], shares)
         # No step crosses a kink of the ground by more than a hair.
-        gap = breaks[np.searchsorted(breaks, y[0], "right")] - y[0]
-        h = np.clip(gap / (y[1] + np.maximum(k_1[1], 0.0) * dt), 1e-5, dt)
+        gap = breaks[breaks.searchsorted(y[0], "right")] - y[0]
+        h = np.minimum(np.maximum(gap / (y[1] + np.maximum(k_1[1], 0.0) * dt), 1e-5), dt)
         k_2 = rates(y + 0.5 * h * k_1, held)
         k_3 = rates(y + 0.5 * h * k_2, held)
         k_4 = rates(y + h * k_3, held)

@@ -33,6 +33,7 @@ _MOST = 0.5  # from there on the weak ones are the brakes
 _PASSES = 200
 _FREEDOM = (2.0, 3.0, 5.0, 10.0, 1000.0)
 _LEAST = 1e-4
+_HALF_LOG_TAU = -0.5 * float(np.log(2.0 * np.pi))  # of a normal law, logarithm at its middle
 _BORROWED = 6.0  # stops that the width of the others counts for
 
 
@@ -80,7 +81,7 @@ def _two(share: Floats, noise: Floats, weak: Bools) -> tuple[float, Bools, float
         middle = (weight @ share) / total
         spread = np.sum(weight * (share - middle[:, None]) ** 2) / len(share)
         width = np.sqrt(max(spread - float(np.mean(noise**2)), _LEAST**2) + noise**2)
-        parts = stats.norm.logpdf(share, middle[:, None], width)
+        parts = _HALF_LOG_TAU - np.log(width) - 0.5 * ((share - middle[:, None]) / width) ** 2
         parts += np.log(np.maximum(total / len(share), 1e-12))[:, None]
         each = np.logaddexp(*parts)
         chance = np.exp(parts[1] - each)

@@ -40,7 +40,7 @@ def stopping_distance(
     wanted = 0.5 * speed * speed
     reach = max(float(station[-1]) * 1.5, held + 1.0)
     while True:
-        s = np.linspace(held, reach, max(int((reach - held) / _STEP), 20) + 1)
+        s = np.linspace(held, reach, max(round((reach - held) / _STEP), 20) + 1)
         theta = np.interp(s, station, grade)
         force = braking.force_ratio(theta, speed, *coefficients)
         if extra is not None:

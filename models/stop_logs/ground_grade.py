@@ -99,18 +99,26 @@ def estimate_dive(stops: Sequence[StopPitch]) -> Dive:
     usable = [s for s in stops if len(s.time) >= _FEWEST and s.standstill_time > s.onset_time]
     if not usable:
         return Dive()
-    trials = [_estimate(usable, settling) for settling in _SETTLING]
+    grounds = [_ground(stop.station) for stop in usable]
+    trials = [_estimate(usable, grounds, settling) for settling in _SETTLING]
     return min(trials, key=lambda trial: trial[0])[1]
 
 
-def _estimate(stops: Sequence[StopPitch], settling: float) -> tuple[float, Dive]:
+def _ground(station: Floats) -> Floats:
+    """(n, 3) orthonormal columns of parabolas over the distance."""
+    x = station / max(float(np.ptp(station)), 1e-6)
+    columns, _ = np.linalg.qr(np.column_stack((np.ones_like(x), x, x * x)))
+    return columns
+
+
+def _estimate(
+    stops: Sequence[StopPitch], grounds: Sequence[Floats], settling: float
+) -> tuple[float, Dive]:
     single, information, remains, counts = [], [], [], []
-    for stop in stops:
+    for stop, ground in zip(stops, grounds, strict=True):
         shape = felt_deceleration(
             stop.time, stop.onset_time, stop.standstill_time, stop.deceleration, settling
         )
-        x = stop.station / max(float(np.ptp(stop.station)), 1e-6)
-        ground, _ = np.linalg.qr(np.column_stack((np.ones_like(x), x, x * x)))
         felt = shape - ground @ (ground.T @ shape)
         pitch = stop.pitch - ground @ (ground.T @ stop.pitch)
         power = float(felt @ felt)
@@ -119,7 +127,7 @@ def _estimate(stops: Sequence[StopPitch], settling: float) -> tuple[float, Dive]
         single.append(float(felt @ pitch) / power)
         information.append(power)
         remains.append(float(pitch @ pitch) - single[-1] ** 2 * power)
-        counts.append(len(x) - 4)
+        counts.append(len(shape) - 4)
     if not single:
         return np.inf, Dive(settling=settling)
     each, weight = np.array(single), np.array(information)

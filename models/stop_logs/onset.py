@@ -121,11 +121,11 @@ def _best_onset(
     """The onset of least squares between two times: tried ones, then the vertex of a parabola."""
     onsets = np.linspace(low, high, count)
     cost = _solve(t, v, pull, onsets, standstill_time).cost
-    k = int(np.clip(np.argmin(cost), 1, count - 2))
-    before, here, after = cost[k - 1 : k + 2]
+    k = min(max(int(cost.argmin()), 1), count - 2)
+    before, here, after = cost[k - 1 : k + 2].tolist()
     bend = before - 2.0 * here + after
     shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
-    return float(onsets[k] + np.clip(shift, -1.0, 1.0) * (onsets[1] - onsets[0]))
+    return float(onsets[k] + min(max(shift, -1.0), 1.0) * (onsets[1] - onsets[0]))
 
 
 class _Pull:
@@ -133,42 +133,48 @@ class _Pull:
 
     def __init__(self, time: Floats, grade: Floats, slope: float, held_weight: float) -> None:
         self.time, self.grade, self.slope, self.held = time, grade, slope, held_weight
-        self._sine = _cumulative(time, np.sin(grade))
         self._grade = _cumulative(time, grade)
+        self._sine_and_slope = _cumulative(time, np.sin(grade)) + slope * self._grade
 
     def mean_grade(self, since: Floats | float, until: float) -> Floats:
         """Time average of θ from each beginning (n,), or one, to the end [rad]."""
-        begin = np.clip(since, self.time[0], self.time[-1])
-        span = np.clip(until, self.time[0], self.time[-1]) - begin
+        first, last = float(self.time[0]), float(self.time[-1])
+        begin = np.minimum(np.maximum(since, first), last)
+        span = min(max(until, first), last) - begin
         turned = np.interp(until, self.time, self._grade) - np.interp(begin, self.time, self._grade)
+        short = span <= 1e-9
+        if not np.any(short):
+            return np.asarray(turned / span, np.float64)
         here = np.interp(begin, self.time, self.grade)
-        mean: Floats = np.where(span > 1e-9, turned / np.where(span > 1e-9, span, 1.0), here)
-        return mean
+        return np.where(short, here, turned / np.where(short, 1.0, span))
 
-    def after(self, onset: Floats, until: float, t: Floats) -> Floats:
-        """(K, n) ∫ from each onset (K,) to t (n,), 0 before [s]."""
-        n, begin = len(t), onset[:, None]
-        mean = self.mean_grade(onset, until)[:, None]
-        sine = self._sine[:n] - np.interp(onset, self.time, self._sine)[:, None]
-        turn = self._grade[:n] - np.interp(onset, self.time, self._grade)[:, None]
-        integral = sine + self.slope * (turn - mean * (t - begin))
-        result: Floats = np.where(t > begin, integral, 0.0)
-        return result
+    def after(self, onset: Floats, until: float, since: Floats) -> Floats:
+        """(K, n) ∫ from each onset (K,) to samples `since` (K, n) after it, 0 before [s]."""
+        at_onset = np.interp(onset, self.time, self._sine_and_slope)
+        integral = self._sine_and_slope[: since.shape[1]] - at_onset[:, None]
+        if self.slope:
+            integral -= (self.slope * self.mean_grade(onset, until))[:, None] * since
+        integral[since <= 0.0] = 0.0
+        return integral
 
 
 def _cumulative(time: Floats, values: Floats) -> Floats:
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
-    return np.concatenate(([0.0], np.cumsum(steps)))
+    integral = np.zeros(len(values))
+    np.cumsum(0.5 * (values[1:] + values[:-1]) * (time[1:] - time[:-1]), out=integral[1:])
+    return integral
 
 
 class _Solved(NamedTuple):
     """Held speed, creep before the onset and force for each of K onset times.
 
     Attributes:
-        design: (K, n, 3). solution: (K, 3). residual: (K, n) [m/s]. cost: (K,) [m²/s²].
+        before, fall: (K, n) columns of the design beside one of ones: time before the onset [s],
+            speed that gravity takes after it [m/s].
+        solution: (K, 3). residual: (K, n) [m/s]. cost: (K,) [m²/s²].
     """
 
-    design: Floats
+    before: Floats
+    fall: Floats
     solution: Floats
     residual: Floats
     cost: Floats
@@ -176,28 +182,34 @@ class _Solved(NamedTuple):
 
 def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, standstill_time: float) -> _Solved:
     since = t - onset[:, None]
+    before = np.minimum(since, 0.0)
     fall = -GRAVITY * np.maximum(since, 0.0)
-    design = np.stack((np.ones_like(since), np.minimum(since, 0.0), fall), axis=2)
-    wanted = v + GRAVITY * pull.after(onset, standstill_time, t)
-    normal = design.transpose(0, 2, 1) @ design
+    wanted = v + GRAVITY * pull.after(onset, standstill_time, since)
+    # Normal equations by elimination: no sample is both before and after the onset.
+    ones = np.ones(len(t))
+    by_before, by_fall = before @ ones, fall @ ones
     # Held speeds are held: the creep needs evidence.
-    normal[:, 1, 1] += pull.held
-    normal[:, 2, 2] += 1e-9
-    right = np.einsum("kni,kn->ki", design, wanted)
-    solution: Floats = np.asarray(np.linalg.solve(normal, right[:, :, None])[:, :, 0], np.float64)
-    residual = wanted - np.einsum("kni,ki->kn", design, solution)
-    cost = np.einsum("kn,kn->k", residual, residual) + pull.held * solution[:, 1] ** 2
-    return _Solved(design, solution, residual, cost)
+    creep_weight = np.einsum("kn,kn->k", before, before) + pull.held
+    fall_weight = np.einsum("kn,kn->k", fall, fall) + 1e-9
+    to_before = np.einsum("kn,kn->k", before, wanted)
+    to_fall = np.einsum("kn,kn->k", fall, wanted)
+    right = wanted @ ones - by_before * to_before / creep_weight - by_fall * to_fall / fall_weight
+    speed = right / (len(t) - by_before**2 / creep_weight - by_fall**2 / fall_weight)
+    creep = (to_before - by_before * speed) / creep_weight
+    force = (to_fall - by_fall * speed) / fall_weight
+    residual = wanted - speed[:, None] - creep[:, None] * before - force[:, None] * fall
+    cost = np.einsum("kn,kn->k", residual, residual) + pull.held * creep**2
+    return _Solved(before, fall, np.array((speed, creep, force)).T, residual, cost)
 
 
 def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, standstill_time: float) -> Knee:
-    design, residual = solved.design[0], solved.residual[0]
+    residual = solved.residual[0]
     speed, creep, force = (float(x) for x in solved.solution[0])
     braking = t > onset
     sine = np.sin(float(np.interp(onset, pull.time, pull.grade)))
     by_onset = np.where(braking, GRAVITY * (force + sine), -creep)
-    jacobian = np.column_stack((design, by_onset))
-    normal = jacobian.T @ jacobian
+    jacobian = np.array((np.ones(len(t)), solved.before[0], solved.fall[0], by_onset))
+    normal = jacobian @ jacobian.T
     normal[1, 1] += pull.held
     normal[np.diag_indices(4)] += 1e-12
     covariance: Floats = np.asarray(np.linalg.inv(normal), np.float64)

@@ -23,7 +23,7 @@ from models.laws import braking, crest, wheel_lockup
 from models.parameters import Braking, Model
 from models.quantity import GRAVITY
 
-_LONGEST = 120.0  # [s] a vehicle that still rolls after this long does not stop
+LONGEST = 120.0  # [s] a vehicle that still rolls after this long does not stop
 _HELD = 0.2  # [s] before the stop command over which the speed is averaged
 _ROLLING = 0.05  # [m/s] slower than that there is nothing to stop
 
@@ -177,7 +177,7 @@ def simulate_stop(
     standstill.terminal = True  # type: ignore[attr-defined]
     standstill.direction = -1.0  # type: ignore[attr-defined]
     result = solve_ivp(
-        rates, (0.0, _LONGEST), [onset, speed, 0.0, heat], events=standstill,
+        rates, (0.0, LONGEST), [onset, speed, 0.0, heat], events=standstill,
         rtol=1e-7, atol=1e-9, max_step=0.05,
     )  # fmt: skip
     stopped = result.status == 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,8 +21,9 @@ from models.laws.holding import brakes_hold
 from models.laws.tip_over import rear_share_under_braking
 from models.parameters import Braking, Model
 from models.quantity import GRAVITY
-from models.stops.simulation import GroundTrack, force_ratio, simulate_stop
+from models.stops.simulation import force_ratio
 from planner.ground.uncertainty import Uncertainty
+from services.report.even_stop import even_stop
 
 _HEADINGS = 16
 _STEEPEST = np.deg2rad(45.0)
@@ -192,12 +193,7 @@ class BrakeNumbers:
         own = (force - float(extra)) / registry.force_scale(model.effect)
         if own <= 0.0 or force + math.sin(grade) < _LEAST:
             return math.inf
-        even = replace(
-            on, m_m=0.0, b_m=0.0, m_b=0.0, b_b=own, dead_time=0.0, level=1.0, dead_band=0.0,
-            saturation=1.0, uphill=None, terrain={},
-        )  # fmt: skip
-        track = replace(GroundTrack.of_grade(grade), yaw=np.array([yaw]))
-        braked = simulate_stop(replace(model, braking=even), track, onset).distance
+        braked = even_stop(model, on, own, onset, grade, yaw)
         return speed * dead + 0.5 * drift * dead * dead + braked + offset
 
 

@@ -86,16 +86,12 @@ class Player:
     def _example(self, one: Shown, words: list[str]) -> None:
         if "mock_navigation" in words[0]:
             words = [words[0], "--seconds", "4", *self._service()]
-        done = subprocess.run(
-            [sys.executable, *words], cwd=self.folder, env=environment(self.folder, one.extras),
-            capture_output=True, text=True, timeout=100,
-        )  # fmt: skip
+        done = self._warm(one, [sys.executable, *words]).finished(100.0)
         assert done.returncode in (0, 3), one.line + done.stdout + done.stderr
         self.told[one.line] = done.stdout
 
     def _start(self, one: Shown, words: list[str]) -> None:
-        outside = environment(self.folder, one.extras)
-        process = WarmProcess(words, outside, folder=self.folder, hidden=hidden(one.extras))
+        process = self._warm(one, words)
         self._stack.callback(_end, process)
         line = process.stdout.readline()
         assert line.startswith("slopewise: "), line + process.stderr.read()
@@ -104,23 +100,29 @@ class Player:
     def _command(self, one: Shown, words: list[str]) -> None:
         if words[0] in ASKS:
             words = [*words, *self._service()]
-        outside = environment(self.folder, one.extras)
-        if words[0] == "fleet":  # its workers are children, which a forked process has none of
+        if words[:2] == [
+            "fleet",
+            "plan",
+        ]:  # workers are children, which a forked process has none of
             done = subprocess.run(
-                [sys.executable, "-m", "slopewise", *words], cwd=self.folder, env=outside,
-                capture_output=True, text=True, timeout=300,
+                [sys.executable, "-m", "slopewise", *words], cwd=self.folder, text=True,
+                env=environment(self.folder, one.extras), capture_output=True, timeout=300,
             )  # fmt: skip
-            status, out, err = done.returncode, done.stdout, done.stderr
         else:
-            process = WarmProcess(words, outside, folder=self.folder, hidden=hidden(one.extras))
-            out, err = process.stdout.read(), process.stderr.read()
-            status = process.wait(300)
+            if words[0] == "fleet":  # any number of workers does the same
+                words += ["--workers", "0"]
+            done = self._warm(one, words).finished(300.0)
+        status, out, err = done.returncode, done.stdout, done.stderr
         assert status in (0, 3), f"{one.line}: {out}{err}"
         assert "pip install" not in err, err
         self.told[one.line] = out
         for option, name in itertools.pairwise(words):
             if option in ("--out", "--report", "--sheet", "--update", "--c"):
                 assert (self.folder / name).exists(), name
+
+    def _warm(self, one: Shown, words: list[str]) -> WarmProcess:
+        outside = environment(self.folder, one.extras)
+        return WarmProcess(words, outside, folder=self.folder, hidden=hidden(one.extras))
 
     def _service(self) -> list[str]:
         return ["--connect", f"tcp/127.0.0.1:{self.port}"]

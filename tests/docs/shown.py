@@ -10,7 +10,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import packages_distributions
@@ -95,13 +95,19 @@ def command_names() -> frozenset[str]:
     return frozenset(names(typer.main.get_command(app)))
 
 
+@cache
+def _modules() -> Mapping[str, list[str]]:
+    """Module -> the distributions that bring it, of all that is installed."""
+    return packages_distributions()
+
+
 def hidden(extras: Sequence[str] = ()) -> list[str]:
     """Modules that a plain install with these extras does not bring."""
     # An editable install lists its own modules, too.
     kept = sizes.brought(*extras) | {sizes.project()["name"]}
     return sorted(
         module
-        for module, names in packages_distributions().items()
+        for module, names in _modules().items()
         if module.isidentifier() and not any(canonicalize_name(name) in kept for name in names)
     )
 

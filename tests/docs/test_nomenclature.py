@@ -84,8 +84,13 @@ def public_parameters() -> Iterator[tuple[str, str]]:
             yield from ((f"{file}: {node.name}", argument.arg) for argument in given)
 
 
-def defined() -> Iterator[tuple[str, str]]:
-    """Every name that product code gives to something."""
+@cache
+def defined() -> frozenset[tuple[str, str]]:
+    """Every name that product code gives to something, and where."""
+    return frozenset(_defined())
+
+
+def _defined() -> Iterator[tuple[str, str]]:
     for file, tree in trees("slopewise", "models", "planner", "services"):
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
@@ -96,6 +101,7 @@ def defined() -> Iterator[tuple[str, str]]:
                 yield file, node.id if isinstance(node, ast.Name) else node.attr
 
 
+@cache
 def parts(name: str) -> str:
     """A name as words between underscores: ``_DeadTime`` is ``_dead_time_``."""
     apart = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name)

@@ -13,9 +13,10 @@ import pytest
 from examples import made_up
 from services.io.table import write_csv
 from tests.docs.player import playing
-from tests.docs.shown import BOX, ROOT, hidden, in_text, run, shown
+from tests.docs.shown import BOX, ROOT, environment, hidden, in_text, run, shown
 from tests.models.terrain import plant
 from tests.services.fleet_inputs import paths_file, tiled_map
+from tests.services.warm_process import WarmProcess
 
 README = (ROOT / "README.md").read_text()
 QUICK_START = (ROOT / "docs" / "quickstart.md").read_text()
@@ -95,9 +96,25 @@ def test_the_extras_are_out_of_reach(tmp_path: Path) -> None:
     assert asked.returncode == 0, asked.stderr
 
 
+def test_they_are_out_of_reach_of_forked_commands_too(tmp_path: Path) -> None:
+    """What the server that forks them has imported must not be what an extra brings."""
+    asks = (
+        "import sys, numpy\nfor name in sys.argv[1:]:\n    assert sys.modules[name] is None, name\n"
+    )
+    (tmp_path / "asks.py").write_text(f"{asks}import plotly\n")
+    program, missing = [sys.executable, "asks.py", *hidden()], hidden()
+    process = WarmProcess(program, environment(tmp_path), folder=tmp_path, hidden=missing)
+    assert "ModuleNotFoundError" in process.finished(60.0).stderr
+    (tmp_path / "asks.py").write_text("")
+    process = WarmProcess(program[:2], environment(tmp_path), folder=tmp_path, hidden=["numpy"])
+    assert "cannot be hidden: ['numpy']" in process.finished(60.0).stderr
+
+
 def test_the_program_of_the_page_works(place: Path) -> None:
     (box,) = [box["text"] for box in BOX.finditer(README) if box["kind"] == "python"]
-    done = run(place, sys.executable, "-c", box)
+    (place / "box.py").write_text(box)
+    program = [sys.executable, "box.py"]
+    done = WarmProcess(program, environment(place), folder=place, hidden=hidden()).finished(100.0)
     assert done.returncode == 0, done.stderr
     assert re.search(r"(ok|blocked|degraded) \d", done.stdout), done.stdout
 

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.shown import ROOT, extras_of, in_text, run
+from tests.docs.shown import ROOT, environment, extras_of, hidden, in_text
+from tests.docs.warm_shell import warm_shell
+from tests.services.warm_process import WarmProcess
 
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 BOX = re.compile(r"^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -48,7 +50,11 @@ def test_a_tutorial_does_what_it_says(tutorial: Path, tmp_path: Path) -> None:
     assert len(BOX.findall(page)) >= 3
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "tutorial.py").write_text(script_of(page))
-    done = run(tmp_path, sys.executable, "tutorial.py", extras=installed_by(page))
+    extras = installed_by(page)
+    missing = hidden(extras)
+    with warm_shell(environment(tmp_path, extras), missing) as outside:
+        program = [sys.executable, "tutorial.py"]
+        done = WarmProcess(program, outside, folder=tmp_path, hidden=missing).finished(600.0)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import subprocess
 import sys
 
 import pytest
 
 from services.cli import app
+from tests.services.warm_process import WarmProcess
 
 Done = subprocess.CompletedProcess[str]
 
 
-def slopewise(*words: object, timeout: float = 120.0) -> Done:
-    """In a process of its own."""
+def slopewise(*words: object, timeout: float = 120.0, fresh: bool = False) -> Done:
+    """In a process of its own; `fresh` as from a shell, with everything still to import."""
+    if not fresh:
+        return WarmProcess([str(word) for word in words], os.environ).finished(timeout)
     command = [sys.executable, "-m", "services.cli", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
 

@@ -1,8 +1,9 @@
 """Commands in processes that are forked from one that has imported everything already.
 
-Such a process is one of its own, with its own signals, threads and sockets; only the second or two
-in which Python imports numba, scipy and zenoh is spent once for all of them. A test about the very
-start, or about what an environment brings into it, starts a fresh interpreter instead.
+Such a process is one of its own, with its own signals, threads and sockets; only the seconds in
+which Python imports numba, scipy and zenoh and loads the compiled kernels are spent once for all of
+them. A test about the very start, or about what an environment brings into it, starts a fresh
+interpreter instead.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import io
 import multiprocessing
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -18,9 +20,21 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 _FORKS = multiprocessing.get_context("forkserver")
-_FORKS.set_forkserver_preload(
-    ["services.daemon.daemon", "services.cli.commands.serve", "services.cli.app"]
-)
+_FORKS.set_forkserver_preload(["tests.services.warm_modules"])
+
+_TAKEN_WHERE_FOUND = (
+    "Cython", "_cffi_backend", "cffi", "charset_normalizer", "colorama", "cython", "pycparser",
+    "yaml",
+)  # fmt: skip
+"""numba, numpy and scipy look for them and do without."""
+
+
+def hide(modules: Sequence[str]) -> None:
+    """Let modules be missing, as where they are not installed."""
+    there = {name for name in modules if sys.modules.get(name) is not None}
+    if more := sorted(there.difference(_TAKEN_WHERE_FOUND)):
+        raise AssertionError(f"imported before the fork, so they cannot be hidden: {more}")
+    sys.modules.update(dict.fromkeys(modules))
 
 
 def _run(
@@ -29,17 +43,23 @@ def _run(
 ) -> None:  # fmt: skip
     from services.cli import app
 
-    folder, hidden = place
-    os.chdir(folder)
-    os.environ.clear()
-    os.environ.update(environment)
-    sys.modules.update(dict.fromkeys(hidden))
     for connection, descriptor in ((out, 1), (err, 2)):
         os.dup2(connection.fileno(), descriptor)
         connection.close()
     sys.stdout = io.TextIOWrapper(os.fdopen(1, "wb", closefd=False), write_through=True)
     sys.stderr = io.TextIOWrapper(os.fdopen(2, "wb", closefd=False), write_through=True)
-    app.main(words)
+    folder, hidden = place
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(environment)
+    hide(hidden)
+    if words[0] == sys.executable:
+        sys.argv = words[1:]
+        sys.path[0:0] = environment.get("PYTHONPATH", "").split(os.pathsep)
+        sys.path.insert(0, str(Path(folder, words[1]).parent))
+        runpy.run_path(words[1], run_name="__main__")
+    else:
+        app.main(words)
 
 
 class WarmProcess:
@@ -49,7 +69,13 @@ class WarmProcess:
         self, words: list[str], environment: Mapping[str, str], *, folder: Path | None = None,
         hidden: Sequence[str] = (),
     ) -> None:  # fmt: skip
-        """Start it in a folder, without the modules that are hidden."""
+        """Start it in a folder, without the modules that are hidden.
+
+        Args:
+            words: of `slopewise`; or this interpreter, a program's file, and its words.
+            environment: all of it. folder: where it runs; here if left out.
+            hidden: modules that are missing.
+        """
         pipes = [_FORKS.Pipe(duplex=False) for _ in range(2)]
         writers = [writer for _, writer in pipes]
         place = (str(folder or Path.cwd()), tuple(hidden))
@@ -84,3 +110,8 @@ class WarmProcess:
 
     def kill(self) -> None:
         self.send_signal(signal.SIGKILL)
+
+    def finished(self, timeout: float) -> subprocess.CompletedProcess[str]:
+        """What it said, and its status, once it has ended."""
+        out, err = self.stdout.read(), self.stderr.read()
+        return subprocess.CompletedProcess([], self.wait(timeout), out, err)

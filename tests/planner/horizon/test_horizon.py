@@ -33,7 +33,8 @@ from tests.planner.scenes import arc, columns_of, model_of, plane, straight, tab
 
 WIDE = (-16.0, 16.0)
 CYCLES = 50
-EXAMPLES = 25
+EXAMPLES = 15
+ALL_NIGHT = settings(settings.get_profile("nightly"), max_examples=250)
 
 
 def still_safe(last: CycleAnswer, now: CycleAnswer) -> None:
@@ -101,6 +102,14 @@ def test_what_is_safe_stays_safe_with_tracking_noise(drive: Drive) -> None:
     driven(drive, CYCLES)
 
 
+@pytest.mark.nightly
+@pytest.mark.timeout(3600)
+@ALL_NIGHT
+@given(st.one_of(drives(), drives(noise=0.08)))
+def test_what_is_safe_stays_safe_all_night(drive: Drive) -> None:
+    driven(drive, CYCLES)
+
+
 # ------------------------------------------------------------------------ something got worse
 
 
@@ -119,6 +128,21 @@ CHANGES = st.sampled_from(["clear", "hole", "weaker", "limit"])
 def test_what_got_worse_is_answered_safely_and_labelled(
     drive: Drive, change: str, ahead: float, when: int
 ) -> None:
+    answered_safely(drive, change, ahead, when)
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(3600)
+@ALL_NIGHT
+@given(drives(), CHANGES, between(0.5, 8.0), st.integers(5, 20))
+def test_what_got_worse_is_answered_safely_all_night(
+    drive: Drive, change: str, ahead: float, when: int
+) -> None:
+    answered_safely(drive, change, ahead, when)
+
+
+def answered_safely(drive: Drive, change: str, ahead: float, when: int) -> None:
+    """After a change for the worse: in every cycle a safe answer, or an emergency stop."""
     driven(drive, when)
     last = drive.answers[-1]
     if last.chosen is None or drive.speed < 0.1:

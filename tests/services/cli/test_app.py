@@ -30,11 +30,11 @@ def ground(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_help_teaches_and_is_quick() -> None:
-    slopewise("--help")
+    slopewise("--help", fresh=True)
     seconds = []
     for _ in range(3):
         begin = time.perf_counter()
-        result = slopewise("--help")
+        result = slopewise("--help", fresh=True)
         seconds.append(time.perf_counter() - begin)
     assert result.returncode == 0
     for command in ("plan", "simulate", "bench", "demo"):
@@ -57,8 +57,9 @@ def test_help_imports_nothing_heavy() -> None:
 def test_plan_writes_what_the_oracle_accepts(ground: Path, tmp_path: Path) -> None:
     out = tmp_path / "plan.csv"
     result = slopewise(
-        "plan", ground / "map.npz", ground / "paths.csv", "--model", "husky", "--out", out
-    )
+        "plan", ground / "map.npz", ground / "paths.csv", "--model", "husky", "--out", out,
+        fresh=True,
+    )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "best first" in result.stdout
     model = oracle.read_model(Path("configs/vehicles/husky.toml"))

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from services.wire.codec import Format
+from tests.services.command_line import slopewise
 from tests.services.guard.bench_robot import SPACE, GuardProcess, Robot, flat
 
 SLACK = 0.1
@@ -160,9 +161,6 @@ def test_a_map_that_cannot_be_read_takes_the_ground_away(guard: GuardProcess) ->
 
 
 def test_settings_that_cannot_be_used(tmp_path: Path) -> None:
-    import subprocess
-    import sys
-
     for text, words in (
         ("model = 'nobody'\n", "nobody"),
         ("model = 'atv'\n[timing]\nperiods = 1\n", "timing.periods"),
@@ -170,10 +168,7 @@ def test_settings_that_cannot_be_used(tmp_path: Path) -> None:
     ):
         file = tmp_path / "guard.toml"
         file.write_text(text)
-        done = subprocess.run(
-            [sys.executable, "-m", "services.cli", "guard", "--config", str(file)],
-            capture_output=True, text=True, timeout=30,
-        )  # fmt: skip
+        done = slopewise("guard", "--config", file, timeout=30.0)
         assert done.returncode == 2, done.stderr
         assert words in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1

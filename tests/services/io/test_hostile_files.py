@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import resource
 import struct
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +17,7 @@ from services.io.maps.map_file import map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.table import read_csv, write_csv
 from services.io.toml_file import read_toml
+from tests.services.warm_process import WarmProcess
 
 ATV = find_model("atv").read_text()
 
@@ -143,10 +142,7 @@ def test_a_table_under_a_name_of_another_kind_is_refused(tmp_path: Path, name: s
     )
     (tmp_path / "p.csv").write_text("x,y\n" + "".join(f"{i},0\n" for i in range(20)))
     words = ["plan", "m.npz", "p.csv", "--model", "atv", "--out", name]
-    done = subprocess.run(
-        [sys.executable, "-m", "services.cli", *words], cwd=tmp_path, capture_output=True,
-        text=True, check=False, env={"PYTHONPATH": str(Path(__file__).parents[3]), "PATH": ""},
-    )  # fmt: skip
+    done = WarmProcess(words, {"PATH": ""}, folder=tmp_path).finished(60.0)
     assert done.returncode == 2
     assert "expected a name that ends in .csv" in done.stderr
     assert not (tmp_path / name).exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import re
 import signal
 import struct
@@ -23,6 +24,7 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 from services.settings.service import ZenohSettings
 from services.settings.session import zenoh_config
 from tests.services.service_process import free_port, running
+from tests.services.warm_process import WarmProcess
 
 PEER = Path(__file__).with_name("ros_peer.py")
 TOKEN = re.compile(
@@ -40,7 +42,7 @@ def router() -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def edge(folder: Path, settings: str = "") -> Iterator[tuple[str, subprocess.Popen[str]]]:
+def edge(folder: Path, settings: str = "") -> Iterator[tuple[str, WarmProcess]]:
     """Router, service and edge; gives the router's endpoint, and the process of the edge."""
     with router() as endpoint, running(folder, planning="budget = 0.008\n") as service:
         file = folder / "ros.toml"
@@ -48,14 +50,10 @@ def edge(folder: Path, settings: str = "") -> Iterator[tuple[str, subprocess.Pop
             f'[ros]\nconnect = ["{endpoint}"]\n[service]\nconnect = "{service.endpoint}"\n'
             f'namespace = "{service.namespace}"\ntimeout = 0.5\n{settings}'
         )
-        process = subprocess.Popen(
-            [sys.executable, "-m", "services.cli", "ros", "--config", str(file)],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+        process = WarmProcess(["ros", "--config", str(file)], os.environ)
         try:
-            assert process.stdout is not None
             line = process.stdout.readline()
-            assert endpoint in line, (line, process.stderr and process.stderr.read())
+            assert endpoint in line, (line, process.stderr.read())
             yield endpoint, process
         finally:
             if process.poll() is None:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import io
 import json
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +17,7 @@ from services.cli.arguments.robot import ParamsOptions
 from services.cli.commands.params import as_json, run, show
 from tests.services.parameter_client import Robot
 from tests.services.service_process import Running, running
+from tests.services.warm_process import WarmProcess
 
 G = 9.80665
 
@@ -33,12 +32,9 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 
 
 def params(service: Running, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "services.cli", "params", *words]
     where = ["--connect", service.endpoint, "--namespace", service.namespace]
-    return subprocess.run(
-        [*command, *where], capture_output=True, text=True, timeout=60.0, check=False,
-        env={"COLUMNS": "200", "PATH": "", "USER": "ann"}, cwd=Path(__file__).parents[4],
-    )  # fmt: skip
+    environment = {"COLUMNS": "200", "PATH": "", "USER": "ann"}
+    return WarmProcess(["params", *words, *where], environment).finished(60.0)
 
 
 def test_it_reads_sets_and_goes_back(service: Running) -> None:
