@@ -32,7 +32,7 @@ def judge(scene: Scene, interior: int) -> SpeedPlan:
     return plan
 
 
-@settings(max_examples=300)
+@settings(max_examples=500)
 @given(scene=generated.scenes())
 def test_no_plan_breaks_any_rule(scene: Scene) -> None:
     judge(scene, interior=2)
