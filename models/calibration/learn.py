@@ -107,11 +107,7 @@ def learn(
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
     """
-    wanted = settings or CalibrationSettings()
-    if wanted.stops.turn_rate is None and beside is not None and tells_turns(beside, columns):
-        wanted = dataclasses.replace(
-            wanted, stops=dataclasses.replace(wanted.stops, turn_rate=math.inf)
-        )
+    wanted = _with_curves(settings or CalibrationSettings(), beside, columns)
     log = measure_log(columns, runs, known, ground=ground, settings=wanted)
     measured, mount = log.measured, log.mount
     if not tells_levels(measured) and any(
@@ -144,6 +140,17 @@ def learn(
         measured.dead_time, measured.dive, mount, driven, tuple(warnings),
         objections(tuple(surfaces), measured.dead_time, wanted.coverage), levels,
     )  # fmt: skip
+
+
+def _with_curves(
+    settings: CalibrationSettings, beside: Model | None, columns: Mapping[str, NDArray[Any]]
+) -> CalibrationSettings:
+    """Stops in curves count where it is known what turning costs, unless a user says otherwise."""
+    stops = settings.stops
+    if stops.turn_rate is not None or beside is None or not tells_turns(beside, columns):
+        return settings
+    stops = dataclasses.replace(stops, turn_rate=math.inf)
+    return dataclasses.replace(settings, stops=stops)
 
 
 def with_learned(model: Model, learned: Calibration) -> Model:
