@@ -16,6 +16,9 @@ ALONE = (
 )  # fmt: skip
 """Kernels that every plan needs; the others are for several surfaces and for robots that drive."""
 
+SURFACES = "ground"
+"""What a map with surfaces needs beside them."""
+
 
 def compile_first(meanwhile: str, begins: Iterable[str] = ("",)) -> None:
     """Compile on all cores if nothing is compiled yet, and say so in one line on standard error.

@@ -32,7 +32,7 @@ from services.io.maps.map_file import assumptions, frame_of, map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.path_file import check_paths_on_map, read_paths
 from services.io.plan_file import driven, write_plan_csv
-from services.planning.cold_start import ALONE, compile_first
+from services.planning.cold_start import ALONE, SURFACES, compile_first
 
 _SCENES = (".mcap", ".rrd")
 """Files to look at; all else is CSV."""
@@ -118,7 +118,8 @@ def plan_on(
     quiet: bool = False,
 ) -> PlanResult:
     """Plan and rank on ground that is in memory already; the job gives speed, clear, settings."""
-    compile_first("plans come after that (slopewise warm-up does it ahead)", ALONE)
+    needed = ALONE if elevation_map.terrain_class is None else (*ALONE, SURFACES)
+    compile_first("plans come after that (slopewise warm-up does it ahead)", needed)
     begin = time.perf_counter()
     planner = CandidatePlanner(model, job.settings, job.uncertainty)
     with progress_bar("planning", len(paths), quiet=quiet) as advance:
