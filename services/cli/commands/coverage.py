@@ -18,6 +18,7 @@ from models.errors import ParameterError
 from services.cli.screen import progress_bar
 from services.io.access import fault
 from services.io.logs.log_source import grade_by_map, names_of, read_logs, refuse_wrong_units
+from services.io.logs.unseen_channels import unseen_channels
 from services.io.model_file import find_model, read_model
 
 _PARTS = 4
@@ -38,10 +39,11 @@ class CoverageJob:
 
 @dataclass(frozen=True, slots=True)
 class CoverageResult:
-    """The stops beside what plans allow for them; the model's name."""
+    """The stops beside what plans allow for them; the model's name; doubts in sentences."""
 
     coverage: Coverage
     model: str
+    notes: tuple[str, ...] = ()
 
     @property
     def covers(self) -> bool:
@@ -68,7 +70,7 @@ def run(job: CoverageJob, *, quiet: bool = False) -> CoverageResult:
         except ParameterError as error:
             raise fault(names_of(job.logs), error.field, f"expected {error.expected}") from None
         advance(1)
-    return CoverageResult(found, model.name)
+    return CoverageResult(found, model.name, unseen_channels(model.effect, log.columns))
 
 
 def as_json(result: CoverageResult) -> dict[str, Any]:
@@ -82,6 +84,7 @@ def as_json(result: CoverageResult) -> dict[str, Any]:
         "found": len(found.windows),
         "quantile": found.quantile,
         "covers": result.covers,
+        "notes": list(result.notes),
         "by_speed": _by_range(found, speed),
         "by_grade": _by_range(found, grade),
         "by_session": [
@@ -133,6 +136,8 @@ def show(result: CoverageResult, console: Console) -> None:
     console.print(table)
     covers = "covers" if result.covers else "does not cover"
     console.print(f"the model {covers} the {told['stops']} stops of this log that were measured")
+    for note in result.notes:
+        console.print(f"note: {note}", style="yellow")
 
 
 def _range(ends: list[float], scale: float, unit: str) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from models.parameters import Effect
-from services.cli.commands import simulate
+from services.cli.commands import coverage, simulate
 from services.io.logs.unseen_channels import unseen_channels
 from services.io.model_file import write_model
 from services.io.table import write_csv
@@ -34,6 +34,18 @@ def test_a_lasting_change_begins_at_its_run(tmp_path: Path) -> None:
     rms = np.array([r.rms for r in result.runs])
     assert np.all(rms[:24] < 0.1)
     assert np.median(rms[24:]) > 0.3
+
+
+def test_simulate_and_coverage_say_which_column_is_missing(tmp_path: Path) -> None:
+    wind = Effect(name="headwind", parameters={"c": 0.001, "wind": 1.0, "direction": 0.0})
+    columns, _ = log("clean")
+    table, model = written(tmp_path, "clean", wind)
+    bare = {name: columns[name] for name in ("t", "v", "v_cmd", "pitch")}
+    write_csv({"run": [f"{run}" for run in columns["run"]], **bare}, table)
+    (note,) = simulate.run([table], str(model), quiet=True).notes
+    found = coverage.run(coverage.CoverageJob([table], str(model), None, None, 0.999), quiet=True)
+    assert found.notes == (note,)
+    assert coverage.as_json(found)["notes"] == [note]
 
 
 def test_an_effect_without_its_column_is_said(tmp_path: Path) -> None:
