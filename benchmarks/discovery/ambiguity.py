@@ -20,7 +20,7 @@ from .catalogue import HiddenSet, Order
 from .designs import FIELD, draw
 from .metrics import Metric, figure, record, share
 from .model_tables import tables_of
-from .physics import Floats, Physics, Stops
+from .physics import Floats, Stops
 from .sealed import Inquiry, InquiryFinding, SealedLog
 from .worth import SEEN, TOLD_APART, worth
 
@@ -108,14 +108,11 @@ def _resolve(hidden: HiddenSet, finding: InquiryFinding, inquiry: Inquiry) -> Re
 
 def _needed(hidden: HiddenSet, more: Callable[[int], Stops]) -> int:
     """Fewest further stops after which no rival is near."""
-    base = hidden.truth
-    for effect in hidden.hidden:
-        base = base._replace(**{key: Physics._field_defaults[key] for key in effect.fields})
 
     def told(count: int) -> bool:
         stops = joined(hidden.stops, more(count))
         found = worth(
-            hidden.truth, base, stops, hidden.noise, hidden.scatter, hidden.order.names,
+            hidden.truth, hidden.base, stops, hidden.noise, hidden.scatter, hidden.order.names,
             weighed=len(stops.speed),
         )  # fmt: skip
         return found.apart >= TOLD_APART

@@ -73,6 +73,12 @@ class HiddenSet:
     worth: Worth
 
     @property
+    def base(self) -> Physics:
+        """The world without what is hidden in it."""
+        changed = {key for term in self.hidden for key in term.fields}
+        return self.truth._replace(**{key: Physics._field_defaults[key] for key in changed})
+
+    @property
     def identifiable(self) -> bool:
         """What is to be said of it can be known."""
         return self.worth.shaped if self.order.kind == "off" else self.worth.named

@@ -99,9 +99,7 @@ def outcome(case: PowerCase) -> PowerOutcome:
         return PowerOutcome(
             case, True, found.verdict == "none", False, sure, found.verdict, 0.0, typical
         )
-    fields = {k: 0.0 for term in made.hidden for k in term.fields}
-    base = made.truth._replace(**{k: type(made.truth)._field_defaults[k] for k in fields})
-    change = change_beyond_base(made.truth, base, made.stops, made.noise, made.scatter)
+    change = change_beyond_base(made.truth, made.base, made.stops, made.noise, made.scatter)
     return PowerOutcome(
         case, made.worth.named, sure and named == {case.name}, case.name in named,
         sure and named != {case.name}, found.verdict, change, sizes.get(case.name, np.inf),

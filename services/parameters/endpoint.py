@@ -268,25 +268,24 @@ class ParameterEndpoint:
             _log.warning("a reply could not be sent: %s", error)
 
     def _publish(self) -> None:
-        """Tell of each group that changed; whoever is too slow misses it and may ask."""
+        """Tell each group that changed, then all; whoever is too slow misses it and may ask."""
         changed, self._service.changed = self._service.changed, set()
-        for group in sorted(changed & set(self._service.learner.names())):
-            message = replies.group_message(self._service, group)
-            self._session.put(
-                self._config.key(f"params/{group}"),
-                codec.encode(message, Format.JSON),
-                encoding=codec.encoding_of(ParameterGroup, Format.JSON),
-                congestion_control=zenoh.CongestionControl.DROP,
-            )
-            self._audience.learned(message)
-        if changed:
-            told = replies.read(self._service, ParameterQuestion(), self._config.id)
-            self._session.put(
-                self._config.key("params"),
-                codec.encode(told, Format.JSON),
-                encoding=codec.encoding_of(type(told), Format.JSON),
-                congestion_control=zenoh.CongestionControl.DROP,
-            )
+        if not changed:
+            return
+        told = replies.read(self._service, ParameterQuestion(), self._config.id)
+        for message in told.groups:
+            if message.group in changed:
+                self._put(f"params/{message.group}", message)
+                self._audience.learned(message)
+        self._put("params", told)
+
+    def _put(self, key: str, message: msgspec.Struct) -> None:
+        self._session.put(
+            self._config.key(key),
+            codec.encode(message, Format.JSON),
+            encoding=codec.encoding_of(type(message), Format.JSON),
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
 
 
 def _written(encoding: str) -> Format:

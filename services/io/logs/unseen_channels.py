@@ -31,7 +31,5 @@ def unseen_channels(
         if missing:
             told.append(f"{effect.name} needs {', '.join(missing)}, which the log does not have: 0")
         if gaps:
-            told.append(
-                f"{effect.name} needs {', '.join(gaps)}, which has gaps: 0 in runs with one"
-            )
+            told.append(f"{effect.name} needs {', '.join(gaps)}, which has gaps: 0 there at least")
     return tuple(told)
