@@ -32,9 +32,10 @@ if PROFILE == "default":
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the kernels on all cores before several workers would each compile all of them."""
-    workers = session.config.getoption("numprocesses", default=None)
-    if workers and not hasattr(session.config, "workerinput"):
+    """Compile the kernels on all cores before several workers would each compile all of them, and
+    before a plan is made without the compiler.
+    """
+    if not hasattr(session.config, "workerinput"):
         compile_first("tests begin after that")
 
 

@@ -7,17 +7,17 @@ so that only the first run after an installation or a change of the source pays 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
-import numba
+from numba.core import config
 from numpy.typing import NDArray
 
 import models
 from planner.kernels.borrowing import Borrowing
+from planner.kernels.interpreted import Kernel
 from planner.kernels.stale import forget_stale_kernels
 
 forget_stale_kernels(Path(__file__).parents[1], Path(models.__file__ or "").parent)
@@ -26,8 +26,11 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _COMPILED: dict[str, Any] = {
-    "cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True,
+    "nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True,
+    "boundscheck": None,
 }  # fmt: skip
+
+_NUMBA: Any = config
 
 TILE = 64
 """Candidates worked on together: a tile of rows stays in the first-level cache."""
@@ -41,7 +44,11 @@ def _borrowing(function: Callable[..., Any]) -> Borrowing:
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function for float64 scalars and arrays; NaN keeps its meaning."""
-    return cast(Callable[P, R], numba.njit(**_COMPILED)(function))
+    if _NUMBA.DISABLE_JIT:
+        return function
+    compiled: Any = Kernel(function, targetoptions=_COMPILED)
+    compiled.enable_caching()
+    return cast(Callable[P, R], compiled)
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
@@ -64,14 +71,6 @@ def row_pass(function: Callable[P, R]) -> Callable[P, R]:
     rounding; NaN keeps its meaning.
     """
     return cast(Callable[P, R], Borrowing(function, fastmath={"contract"}))
-
-
-def is_first_run() -> bool:
-    """Nothing is compiled yet, wherever it is kept: the first plan waits for the compiler."""
-    if folder := os.environ.get("NUMBA_CACHE_DIR"):
-        return not any(Path(folder).glob("**/*.nbi"))
-    package = Path(__file__).parents[1]
-    return os.access(package, os.W_OK) and not any(package.glob("*/__pycache__/*.nbi"))
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -55,6 +55,38 @@ class Screen(NamedTuple):
     facets: Facets
 
 
+class Unjudged(NamedTuple):
+    """Blocks that are gathered, with `pad` of them around, and a screen to be filled.
+
+    Attributes:
+        mean: (rows, columns) height of the ground around each block [m].
+    """
+
+    blocks: Blocks
+    mean: Singles
+    pad: int
+    offsets: ScreenOffsets
+    bounds: ScreenBounds
+    reach: float
+    out: Screen
+
+    def part(self, here: tuple[slice, slice], around: tuple[slice, slice]) -> Unjudged:
+        """Some rows and columns of the screen, which lie so among the blocks."""
+        b, out = self.blocks, self.out
+        return self._replace(
+            blocks=b._replace(
+                top=b.top[around], low=b.low[around], middle=b.middle[around],
+                east=b.east[around], north=b.north[around], above=b.above[around],
+                below=b.below[around], hidden=b.hidden[around],
+            ),
+            mean=self.mean[around],
+            out=out._replace(
+                bits=out.bits[here], relief=out.relief[here], lift=out.lift[here],
+                east=out.east[here], north=out.north[here], seen=out.seen[here],
+            ),
+        )  # fmt: skip
+
+
 def screen_of(
     elevation_map: ElevationMap, sizes: SweptSizes, window: tuple[int, int, int, int]
 ) -> Screen:
@@ -65,6 +97,20 @@ def screen_of(
         sizes: of the vehicle.
         window: first row, end row, first column, end column.
     """
+    unfinished = unjudged(elevation_map, sizes, window)
+    look_over(unfinished)
+    return unfinished.out
+
+
+def look_over(unfinished: Unjudged) -> None:
+    """Judge every block of a screen."""
+    _look_around(*unfinished)
+
+
+def unjudged(
+    elevation_map: ElevationMap, sizes: SweptSizes, window: tuple[int, int, int, int]
+) -> Unjudged:
+    """Gather the blocks of a part of a map; arguments as of :func:`screen_of`."""
     resolution = elevation_map.resolution
     cells = cells_of(sizes, resolution)
     offsets, bounds = offsets_of(sizes, cells, resolution), bounds_of(sizes, cells, resolution)
@@ -89,8 +135,8 @@ def screen_of(
         y + (window[0] - 0.5) * resolution, 1.0 / (cells * resolution),
         bounds.cleared, facets,
     )  # fmt: skip
-    _look_around(blocks, pad, offsets, bounds, sizes.reach, out)
-    return out
+    mean = smoothed(blocks.middle, bounds.fit + 1)
+    return Unjudged(blocks, mean, pad, offsets, bounds, sizes.reach, out)
 
 
 @kernel
@@ -113,12 +159,11 @@ def _feel(
 
 @kernel
 def _look_around(
-    blocks: Blocks, pad: int, offsets: ScreenOffsets, bounds: ScreenBounds, reach: float,
-    out: Screen,
+    blocks: Blocks, mean: Singles, pad: int, offsets: ScreenOffsets, bounds: ScreenBounds,
+    reach: float, out: Screen,
 ) -> None:  # fmt: skip
-    """Judge every block by the ground around it; arguments as of :func:`screen_of`."""
+    """Judge every block by the ground around it; arguments as of :class:`Unjudged`."""
     rows, columns = out.bits.shape
-    mean = smoothed(blocks.middle, bounds.fit + 1)
     room = np.empty((12, columns), np.float32)
     s = Surface(
         room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8], room[9],

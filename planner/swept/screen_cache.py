@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 
-from models.arrays import Floats
+from models.arrays import Bools, Floats
 from models.vehicle import Vehicle
 from planner.ground.elevation_map import ElevationMap
+from planner.kernels.interpreted import is_interpreting
 from planner.swept.screen import Screen, screen_of
+from planner.swept.screen_along import blocks_around, screen_along
 from planner.swept.sizes import SweptSizes
 
 _KEPT = 4
@@ -31,6 +33,8 @@ def screen_for(
 ) -> Screen:
     """The screen of this map, which never changes, around all positions (N, M) [m]."""
     global _recent
+    if is_interpreting():
+        return _along(elevation_map, vehicle, sizes, x, y)
     rows, columns = elevation_map.elevation.shape
     window, whole = (0, rows, 0, columns), rows * columns <= _WHOLE
     if not whole:
@@ -42,6 +46,26 @@ def screen_for(
         window = _window(elevation_map, sizes, x, y, _BESIDE)
     screen = screen_of(elevation_map, sizes, window)
     _recent = (((elevation_map, vehicle), window, screen), *_recent[: _KEPT - 1])
+    return screen
+
+
+_last: tuple[_Key, Screen, Bools] | None = None
+"""Of the latest paths that were planned along while kernels run as Python."""
+
+
+def _along(
+    elevation_map: ElevationMap, vehicle: Vehicle, sizes: SweptSizes, x: Floats, y: Floats
+) -> Screen:
+    global _last
+    if _last is not None:
+        (ground, wheeled), screen, judged = _last
+        if ground is elevation_map and wheeled == vehicle:
+            wanted = blocks_around(screen, sizes, x, y)
+            if not np.any(wanted & ~judged):
+                return screen
+    window = _window(elevation_map, sizes, x, y, 0.0)
+    screen, judged = screen_along(elevation_map, sizes, window, x, y)
+    _last = ((elevation_map, vehicle), screen, judged)
     return screen
 
 

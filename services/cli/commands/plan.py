@@ -16,7 +16,7 @@ from models.parameters import Model
 from planner.explain.explain import Explanation, explain
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import Uncertainty
-from planner.path import CandidatePath
+from planner.path import CandidatePath, EvenPath
 from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank
 from planner.plan import SpeedPlan
@@ -32,7 +32,7 @@ from services.io.maps.map_file import assumptions, frame_of, map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.path_file import check_paths_on_map, read_paths
 from services.io.plan_file import driven, write_plan_csv
-from services.planning.cold_start import ALONE, SURFACES, compile_first
+from services.planning.cold_start import ALONE, SURFACES, sooner
 
 _SCENES = (".mcap", ".rrd")
 """Files to look at; all else is CSV."""
@@ -118,22 +118,27 @@ def plan_on(
     quiet: bool = False,
 ) -> PlanResult:
     """Plan and rank on ground that is in memory already; the job gives speed, clear, settings."""
-    needed = ALONE if elevation_map.terrain_class is None else (*ALONE, SURFACES)
-    compile_first("plans come after that (slopewise warm-up does it ahead)", needed)
-    begin = time.perf_counter()
     planner = CandidatePlanner(model, job.settings, job.uncertainty)
-    with progress_bar("planning", len(paths), quiet=quiet) as advance:
-        try:
+
+    def planned() -> tuple[list[EvenPath], list[SpeedPlan], float]:
+        begin = time.perf_counter()
+        with progress_bar("planning", len(paths), quiet=quiet) as advance:
             even = planner.resampled(elevation_map, paths)
             plans = planner.plan(
                 elevation_map, even, start_speed=job.start_speed, clear=job.clear,
                 progress=advance,
             )  # fmt: skip
-        except ParameterError as error:
-            option = error.field in ("speed", "clear")
-            where = (f"--{error.field}", "") if option else (source, error.field)
-            raise InputError(*where, f"expected {error.expected}") from None
-    seconds = time.perf_counter() - begin
+        return even, plans, time.perf_counter() - begin
+
+    needed = ALONE if elevation_map.terrain_class is None else (*ALONE, SURFACES)
+    try:
+        even, plans, seconds = sooner(
+            planned, _stations(paths, elevation_map, job.settings), needed
+        )
+    except ParameterError as error:
+        option = error.field in ("speed", "clear")
+        where = (f"--{error.field}", "") if option else (source, error.field)
+        raise InputError(*where, f"expected {error.expected}") from None
     ranked = rank(plans, job.settings)
     explanation = None
     if job.explain:
@@ -143,6 +148,13 @@ def plan_on(
             start_speed=job.start_speed, clear=job.clear,
         )  # fmt: skip
     return PlanResult(ranked, elevation_map, model, seconds, job.uncertainty, explanation)
+
+
+def _stations(
+    paths: list[CandidatePath], elevation_map: ElevationMap, settings: PlannerSettings
+) -> float:
+    lengths = [np.linalg.norm(np.diff(path.points, axis=0), axis=1).sum() for path in paths]
+    return float(sum(lengths)) / settings.spacing_on(elevation_map.resolution)
 
 
 def checked(

@@ -17,6 +17,7 @@ from rich.text import Text
 from models.parameters import Braking, Model
 from models.surface_braking import SurfaceBraking
 from planner.ground.uncertainty import Uncertainty
+from planner.kernels.interpreted import is_interpreting
 from planner.limiting import Limiting
 from planner.plan import SpeedPlan, Status
 from services.cli.commands import check_view, explain_view
@@ -45,7 +46,7 @@ def write_page(result: PlanResult, job: PlanJob, path: Path) -> None:
         "way known free": clear,
         "survives": _survives(job.uncertainty, result.model),
         "stations every": f"{job.settings.spacing_on(result.elevation_map.resolution):g} m",
-        "planned in": f"{result.seconds:.2f} s",
+        "planned in": f"{result.seconds:.2f} s{', not compiled yet' * is_interpreting()}",
         "date": time.strftime("%Y-%m-%d %H:%M"),
     }
     title = f"{job.path_file.stem} on {job.map_file.stem}"
