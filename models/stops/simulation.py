@@ -10,6 +10,8 @@ force. It replays the stops of a drive log, so that measurement and model can be
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +24,8 @@ from models.effects.effect_law import Place
 from models.laws import braking, crest, wheel_lockup
 from models.parameters import Braking, Model
 from models.quantity import GRAVITY
+
+_PLACE = ("grade", "roll", "yaw", "curvature", "x", "y")
 
 LONGEST = 120.0  # [s] a vehicle that still rolls after this long does not stop
 _HELD = 0.2  # [s] before the stop command over which the speed is averaged
@@ -55,8 +59,27 @@ class GroundTrack:
 
     def at(self, station: float) -> dict[str, float]:
         """Grade, roll, yaw, curvature, x and y at a station."""
-        names = ("grade", "roll", "yaw", "curvature", "x", "y")
-        return {n: float(np.interp(station, self.station, getattr(self, n))) for n in names}
+        return self.reader()(station)
+
+    def reader(self) -> Callable[[float], dict[str, float]]:
+        """:meth:`at` for an integrator, which asks a thousand times a stop."""
+        columns = [self.grade, self.roll, self.yaw, self.curvature, self.x, self.y]
+        rows = np.column_stack(columns).tolist()
+        stations, last = self.station.tolist(), len(rows) - 1
+
+        def at(station: float) -> dict[str, float]:
+            i = bisect_right(stations, station) - 1
+            if 0 <= i < last:
+                beyond = station - stations[i]
+                per = 1.0 / (stations[i + 1] - stations[i])
+                row = [
+                    a + (b - a) * per * beyond for a, b in zip(rows[i], rows[i + 1], strict=True)
+                ]
+            else:
+                row = rows[min(max(i, 0), last)]
+            return dict(zip(_PLACE, row, strict=True))
+
+        return at
 
     def vertical_curvature(self, station: float) -> float:
         """Change of grade along the ground at a station, or of the segment it is in [1/m]."""
@@ -153,10 +176,11 @@ def simulate_stop(
     motion = registry.motion(model.effect, on.sliding_friction, heat)
     onset = station + speed * on.dead_time
     crests = registry.crest_share(model.effect)
+    ground_at = track.reader()
 
     def rates(_: float, state: Floats) -> list[float]:
-        s, v, f, q = state
-        place = track.at(s)
+        s, v, f, q = state.tolist()
+        place = ground_at(s)
         wanted = force_ratio(model, on, place, speed, session_time, level)
         force = f if motion.lag > 0.0 else wanted
         force *= kept_share(max(q, 0.0), motion.fade, motion.fade_tau)
@@ -167,7 +191,9 @@ def simulate_stop(
         if crests is not None:
             force *= float(crest.kept_force(rolling, track.vertical_curvature(s), crests))
         decel = float(braking.deceleration(force, place["grade"]))
-        decel += registry.motion_deceleration(rolling, place["curvature"], place["yaw"], motion)
+        if motion.moves:
+            turn, yaw = place["curvature"], place["yaw"]
+            decel += registry.motion_deceleration(rolling, turn, yaw, motion)
         growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0
         return [v, -decel, growth, GRAVITY * max(force, 0.0) * rolling - q / motion.fade_tau]
 
