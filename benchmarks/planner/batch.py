@@ -11,8 +11,9 @@ from planner.bounds.speed_bounds import speed_bounds
 from planner.ground.braking_ground import ground_along
 from planner.ground.terrain_profile import terrain_profile
 from planner.kernels.limits import planning_limits
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from planner.pipeline.time_optimal_batch import TimeOptimalBatch, solve
 from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
+from planner.swept.hazards import swept_hazards
 
 from ..common.measure import summary, take_turns
 from ..common.scene import SPACING, Scene
@@ -37,6 +38,17 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
         problem = profile_problem(profile, ground, bounds, scalars, start)
         return time_optimal_profile(problem._replace(decel=decel))
 
+    def without_sweep() -> object:
+        ahead = terrain_profile(
+            scene.elevation_map, scene.x, scene.y, scene.count, vehicle.wheelbase,
+            vehicle.track_width,
+        )
+        solved = solve(
+            ahead, ground_along(ahead, model), model, start_speed=0.0, clear=np.inf,
+            speed_limit=None,
+        )  # fmt: skip
+        return np.argsort(solved.cost)
+
     return {
         "plain pass": lambda: plain_pass(
             bounds.speed_sq_max, SPACING, limits.accel, limits.decel, out
@@ -54,7 +66,9 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
         "profile": lambda: fastest(limits.decel),
         "profile, brakes decide": lambda: fastest(_UNBOUNDED),
         "cost": lambda: travel_cost(profile.station, solved.speed_sq, 2.0),
+        "swept footprint": lambda: swept_hazards(scene.elevation_map, profile, model),
         "poses to ranked plans": lambda: np.argsort(scene.plan().cost),
+        "the same without the swept footprint": without_sweep,
     }  # fmt: skip
 
 
