@@ -40,7 +40,11 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
 
     def without_sweep() -> object:
         ahead = terrain_profile(
-            scene.elevation_map, scene.x, scene.y, scene.count, vehicle.wheelbase,
+            scene.elevation_map,
+            scene.x,
+            scene.y,
+            scene.count,
+            vehicle.wheelbase,
             vehicle.track_width,
         )
         solved = solve(

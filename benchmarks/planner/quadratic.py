@@ -43,10 +43,11 @@ def program_of(problem: SmoothingProblem) -> QuadraticProgram:
     """The program around the time-optimal profile."""
     top = problem.speed_sq_max
     accel = np.nan if problem.start_accel is None else problem.start_accel
-    fixed, start, rows, limit = program(
+    fixed, rows, limit = program(
         problem.ds, top, problem.accel_max, problem.decel_max, problem.jerk, accel, top
     )
-    return QuadraticProgram(top, fixed, matrix_of(start, rows).tocsc(), limit)
+    there = rows.any(axis=1).ravel()
+    return QuadraticProgram(top, fixed, matrix_of(rows)[there].tocsc(), limit.ravel()[there])
 
 
 def osqp(problem: SmoothingProblem) -> Callable[[], Floats | None]:

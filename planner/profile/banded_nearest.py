@@ -2,8 +2,9 @@
 
 A primal-dual interior-point method with Mehrotra's corrector. What makes it quick is that its
 linear system has two diagonals beside the main one, so that an iteration costs a few passes along
-the stations. It needs no start and fails only where no point keeps the constraints; general solvers
-for quadratic programs take several times as long for the same problem.
+the stations; rows lie by kinds, so that all but the factors are worked on for many stations at
+once. It needs no start and fails only where no point keeps the constraints; general solvers for
+quadratic programs take several times as long for the same problem.
 
 Source: S. Mehrotra, On the implementation of a primal-dual interior point method, SIAM J. Optim. 2,
 1992; J. Nocedal, S. Wright, Numerical Optimization, 2nd ed., algorithm 16.4.
@@ -15,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from planner.kernels.compiled import inlined, kernel
+from models.arrays import Bools, Floats
+from planner.kernels.compiled import inlined, kernel, row_pass
 from planner.kernels.rows import copy_row
 
 _ITERATIONS = 60
@@ -34,28 +35,18 @@ _LOST = 1e12
 
 
 class _Program(NamedTuple):
-    """What is asked: see :func:`nearest`."""
+    """What is asked, see :func:`nearest`; `open`: (N,) 0 where x is fixed, else 1."""
 
     wanted: Floats
-    fixed: Bools
-    start: Ints
+    open: Floats
     rows: Floats
+    limit: Floats
 
 
-class _Iterate(NamedTuple):
-    """Where the iterations are.
+class _Flat(NamedTuple):
+    """(K N,) each: see :class:`_Iterate`."""
 
-    Attributes:
-        x, step, pull: (N,) point, step, and sum of the rows by their force.
-        band: (N, 3) the factored matrix.
-        slack, force, over_slack, over_force, breach: (R,) of each row.
-        ds, dz: (R,) steps of slack and force.
-    """
-
-    x: Floats
-    step: Floats
-    band: Floats
-    pull: Floats
+    limit: Floats
     slack: Floats
     force: Floats
     over_slack: Floats
@@ -63,206 +54,377 @@ class _Iterate(NamedTuple):
     breach: Floats
     ds: Floats
     dz: Floats
+    along: Floats
+
+
+class _Iterate(NamedTuple):
+    """Where the iterations are.
+
+    Attributes:
+        x, step: (N + 2,) point and step, two zeros behind them.
+        pull: (N,) sum of the rows by their force.
+        band: (3, N) the factored matrix.
+        slack, force, over_slack, over_force, breach: (K, N) of each row.
+        ds, dz, along: (K, N) steps of slack and force; rows times point or step.
+        sums: (6, N) room for what is summed over rows.
+        flat: what is of each row once more, one kind behind the other.
+    """
+
+    x: Floats
+    step: Floats
+    pull: Floats
+    band: Floats
+    slack: Floats
+    force: Floats
+    over_slack: Floats
+    over_force: Floats
+    breach: Floats
+    ds: Floats
+    dz: Floats
+    along: Floats
+    sums: Floats
+    flat: _Flat
 
 
 @kernel
 def nearest(
-    wanted: Floats, fixed: Bools, start: Ints, rows: Floats, limit: Floats,
-    x: Floats, force: Floats,
-) -> int:  # fmt: skip
+    wanted: Floats, fixed: Bools, rows: Floats, limit: Floats, x: Floats, force: Floats
+) -> int:
     """Minimise |x − wanted|² / 2 over rows · x <= limit.
 
     Args:
         wanted: (N,) the other point, N >= 3.
         fixed: (N,) where x is as wanted.
-        start: (N − 1,) rows from start[k] up to start[k + 1] reach x[k], x[k + 1] and x[k + 2].
-        rows: (R, 3) coefficients.
-        limit: (R,) upper limits.
+        rows: (K, 3, N) coefficients of x[k], x[k + 1] and x[k + 2] in K rows for each k; 0 behind
+            the last station, and in all of a row that there is not, whose limit is positive.
+        limit: (K, N) upper limits.
         x: (N,) out, the answer.
-        force: (R,) out, the multipliers of the rows, >= 0.
+        force: (K, N) out, the multipliers of the rows, >= 0.
 
     Returns:
         Iterations, at least one; negative if no point keeps the constraints.
     """
-    n, r = x.shape[0], limit.shape[0]
+    kinds, n = limit.shape
     copy_row(wanted, x)
-    slack, ds, dz, breach = np.empty(r), np.zeros(r), np.zeros(r), np.empty(r)
-    # Divisions are what an iteration costs: one for each of these.
-    over_slack, over_force = np.empty(r), np.empty(r)
-    band, pull, step = np.empty((n, 3)), np.empty(n), np.empty(n)
-    if r == 0:
+    if kinds == 0:
         return 1
-    program = _Program(wanted, fixed, start, rows)
-    state = _Iterate(x, step, band, pull, slack, force, over_slack, over_force, breach, ds, dz)
-    for k in range(n - 2):
-        for i in range(start[k], start[k + 1]):
-            force[i] = 1.0
-            slack[i] = max(limit[i] - _along(rows, x, i, k), 1.0)
+    is_open, few, flat = np.empty(n), np.empty((10, n)), np.zeros((7, kinds * n))
+    many = flat.reshape((7, kinds, n))
+    points = np.zeros((2, n + 2))
+    for k in range(n):
+        is_open[k] = 0.0 if fixed[k] else 1.0
+        points[0, k] = wanted[k]
+    p = _Program(wanted, is_open, rows, limit)
+    # Divisions are what an iteration costs: one for each of two rows here.
+    s = _Iterate(
+        points[0], points[1], few[6], few[7:], many[0], force, many[1], many[2], many[3], many[4],
+        many[5], many[6], few[:6],
+        _Flat(
+            limit.reshape(kinds * n), flat[0], force.reshape(kinds * n), flat[1], flat[2], flat[3],
+            flat[4], flat[5], flat[6],
+        ),
+    )  # fmt: skip
+    _along(p, s.x, s.along)
+    _begin(s.flat.limit, s.flat.along, s.flat.slack, s.flat.force)
+    used = -_ITERATIONS
     for iteration in range(_ITERATIONS):
-        gap, worst, still = _residuals(program, state, limit)
+        gap, worst, still = _residuals(p, s)
         if worst <= _TOLERANCE and still <= _TOLERANCE and gap <= _CENTRED * _TOLERANCE:
-            return iteration + 1
+            used = iteration + 1
+            break
         if not (worst + still + gap < _LOST):
             return -iteration - 1
-        _matrix(start, rows, force, over_slack, band)
-        _hold(band, fixed)
-        if not _factor(band):
+        _matrix(p, s)
+        if not _factor(s.band[0], s.band[1], s.band[2]):
             return -iteration - 1
-        share = _move(program, state, 0.0, 0.0)
-        after = 0.0
-        for i in range(r):
-            after += (slack[i] + share * ds[i]) * (force[i] + share * dz[i])
-        centre = (after / r / gap) ** 3 * gap
-        share = _move(program, state, centre, 1.0)
-        for k in range(n):
-            x[k] += share * step[k]
-        for i in range(r):
-            slack[i] = max(slack[i] + share * ds[i], _LEAST)
-            force[i] = max(force[i] + share * dz[i], _LEAST)
-    return -_ITERATIONS
+        share = _move(p, s, 0.0, 0.0)
+        after = _after(s, share)
+        centre = (after / gap) ** 3 * gap
+        share = _move(p, s, centre, 1.0)
+        _go(s.step, share, s.x)
+        _go_inside(s.flat.ds, share, s.flat.slack)
+        _go_inside(s.flat.dz, share, s.flat.force)
+    for k in range(n):
+        x[k] = s.x[k]
+    return used
 
 
 @kernel
-def room(start: Ints, rows: Floats, limit: Floats, force: Floats, x: Floats) -> float:
+def room(rows: Floats, limit: Floats, force: Floats, x: Floats) -> float:
     """Sum of force times what is left to the limit, where that is positive.
 
-    Arguments as of :func:`nearest`: start (N − 1,), rows (R, 3), limit and force (R,), x (N,).
+    Arguments as of :func:`nearest`: rows (K, 3, N), limit and force (K, N), x (N,).
     """
-    total = 0.0
-    for k in range(x.shape[0] - 2):
-        for i in range(start[k], start[k + 1]):
-            total += force[i] * max(limit[i] - _along(rows, x, i, k), 0.0)
+    n, total = x.shape[0], 0.0
+    for m in range(limit.shape[0]):
+        for k in range(n):
+            along = 0.0
+            for i in range(min(3, n - k)):
+                along += rows[m, i, k] * x[k + i]
+            total += force[m, k] * max(limit[m, k] - along, 0.0)
     return total
 
 
+@row_pass
+def _begin(limit: Floats, along: Floats, slack: Floats, force: Floats) -> None:
+    for k in range(limit.shape[0]):
+        slack[k] = max(limit[k] - along[k], 1.0)
+        force[k] = 1.0
+
+
 @inlined
-def _residuals(program: _Program, state: _Iterate, limit: Floats) -> tuple[float, float, float]:
+def _along(p: _Program, x: Floats, out: Floats) -> None:
+    """Rows times a point, which has two zeros behind it."""
+    kinds, n = out.shape
+    for m in range(kinds):
+        _times(p.rows[m, 0], p.rows[m, 1], p.rows[m, 2], x[:n], x[1 : n + 1], x[2 : n + 2], out[m])
+
+
+@row_pass
+def _times(
+    a: Floats, b: Floats, c: Floats, x: Floats, next_x: Floats, last_x: Floats, out: Floats
+) -> None:
+    for k in range(out.shape[0]):
+        out[k] = a[k] * x[k] + b[k] * next_x[k] + c[k] * last_x[k]
+
+
+@inlined
+def _residuals(p: _Program, s: _Iterate) -> tuple[float, float, float]:
     """Mean of slack times force, largest breach of a row, and largest pull left at a station."""
-    start, rows, x = program.start, program.rows, state.x
-    slack, force, breach = state.slack, state.force, state.breach
-    gap, worst, still = 0.0, 0.0, 0.0
-    for k in range(x.shape[0] - 2):
-        for i in range(start[k], start[k + 1]):
-            gap += slack[i] * force[i]
-            breach[i] = _along(rows, x, i, k) + slack[i] - limit[i]
-            worst = max(worst, abs(breach[i]))
-            state.over_slack[i], state.over_force[i] = 1.0 / slack[i], 1.0 / force[i]
-    _pull(start, rows, force, state.pull)
+    kinds, n = s.slack.shape
+    _along(p, s.x, s.along)
+    _clear(s.sums[0])
+    _clear(s.sums[1])
+    flat = s.flat
+    _breach(flat.along, flat.slack, flat.limit, flat.breach)
+    _inverse(flat.slack, flat.over_slack)
+    _inverse(flat.force, flat.over_force)
+    for m in range(kinds):
+        _add_product(s.slack[m], s.force[m], s.sums[0])
+        _keep_largest(s.breach[m], s.sums[1])
+    gap, worst, still, total = 0.0, 0.0, 0.0, 0.0
+    for k in range(n):
+        gap += s.sums[0, k]
+        worst = max(worst, s.sums[1, k])
+    _pull(p.rows, s.force, s.sums, s.pull)
+    for k in range(n):
+        left = p.open[k] * (p.wanted[k] - s.x[k] - s.pull[k])
+        still = max(still, abs(left))
+        # NaN is in a sum what it is not in a maximum.
+        total += left
+    return gap / (kinds * n) + 0.0 * total, worst, still
+
+
+@row_pass
+def _clear(row: Floats) -> None:
+    for k in range(row.shape[0]):
+        row[k] = 0.0
+
+
+@row_pass
+def _breach(along: Floats, slack: Floats, limit: Floats, out: Floats) -> None:
+    for k in range(out.shape[0]):
+        out[k] = along[k] + slack[k] - limit[k]
+
+
+@row_pass
+def _inverse(row: Floats, out: Floats) -> None:
+    for k in range(row.shape[0]):
+        out[k] = 1.0 / row[k]
+
+
+@row_pass
+def _add_product(row: Floats, other: Floats, total: Floats) -> None:
+    for k in range(row.shape[0]):
+        total[k] += row[k] * other[k]
+
+
+@row_pass
+def _keep_largest(row: Floats, largest: Floats) -> None:
+    for k in range(row.shape[0]):
+        size, most = abs(row[k]), largest[k]
+        largest[k] = (size if size > most else most) + 0.0
+
+
+@inlined
+def _after(s: _Iterate, share: float) -> float:
+    """Mean of slack times force after a share of the steps."""
+    kinds, n = s.slack.shape
+    total = s.sums[0]
+    _clear(total)
+    for m in range(kinds):
+        _add_product_after(s.slack[m], s.ds[m], s.force[m], s.dz[m], share, total)
+    after = 0.0
+    for k in range(n):
+        after += total[k]
+    return float(after / (kinds * n))
+
+
+@row_pass
+def _add_product_after(
+    slack: Floats, ds: Floats, force: Floats, dz: Floats, share: float, total: Floats
+) -> None:
+    for k in range(slack.shape[0]):
+        total[k] += (slack[k] + share * ds[k]) * (force[k] + share * dz[k])
+
+
+@row_pass
+def _go(step: Floats, share: float, x: Floats) -> None:
     for k in range(x.shape[0]):
-        left = program.wanted[k] - x[k] - state.pull[k]
-        still = max(still, 0.0 if program.fixed[k] else abs(left))
-    return gap / slack.shape[0], worst, still
+        x[k] += share * step[k]
+
+
+@row_pass
+def _go_inside(step: Floats, share: float, value: Floats) -> None:
+    for k in range(value.shape[0]):
+        gone = value[k] + share * step[k]
+        value[k] = gone if gone > _LEAST else _LEAST
 
 
 @inlined
-def _move(program: _Program, state: _Iterate, centre: float, corrects: float) -> float:
+def _move(p: _Program, s: _Iterate, centre: float, corrects: float) -> float:
     """Newton's step towards a centre, and the share of it that may be gone."""
-    n, r = state.step.shape[0], state.slack.shape[0]
-    for i in range(r):
-        product = state.slack[i] * state.force[i] - centre + corrects * state.ds[i] * state.dz[i]
-        state.dz[i] = (
-            state.force[i] + (state.force[i] * state.breach[i] - product) * state.over_slack[i]
-        )
-    _pull(program.start, program.rows, state.dz, state.pull)
+    (kinds, n), flat = s.slack.shape, s.flat
+    _force_without_step(flat, centre, corrects)
+    _pull(p.rows, s.dz, s.sums, s.pull)
+    _wanted_step(p.wanted, p.open, s.x[:n], s.pull, s.step[:n])
+    _solve(s.band[0], s.band[1], s.band[2], s.step[:n])
+    _along(p, s.step, s.along)
+    longest = s.sums[0]
+    _clear(longest)
+    _steps(flat.along, flat.breach, flat.force, flat.over_slack, flat.ds, flat.dz)
+    for m in range(kinds):
+        _keep_largest_share(s.ds[m], s.over_slack[m], longest)
+        _keep_largest_share(s.dz[m], s.over_force[m], longest)
+    most = _STEP
     for k in range(n):
-        state.step[k] = 0.0 if program.fixed[k] else program.wanted[k] - state.x[k] - state.pull[k]
-    _solve(state.band, state.step)
-    longest = _STEP
-    for k in range(n - 2):
-        for i in range(program.start[k], program.start[k + 1]):
-            along = _along(program.rows, state.step, i, k)
-            state.ds[i] = -state.breach[i] - along
-            state.dz[i] += state.force[i] * (state.over_slack[i] * along - 1.0)
-            longest = max(
-                longest, max(-state.ds[i] * state.over_slack[i], -state.dz[i] * state.over_force[i])
-            )
-    return _STEP / longest
+        most = max(most, longest[k])
+    return _STEP / most
+
+
+@row_pass
+def _force_without_step(flat: _Flat, centre: float, corrects: float) -> None:
+    slack, force, over_slack = flat.slack, flat.force, flat.over_slack
+    breach, ds, dz = flat.breach, flat.ds, flat.dz
+    for k in range(slack.shape[0]):
+        product = slack[k] * force[k] - centre + corrects * ds[k] * dz[k]
+        dz[k] = force[k] + (force[k] * breach[k] - product) * over_slack[k]
+
+
+@row_pass
+def _wanted_step(wanted: Floats, is_open: Floats, x: Floats, pull: Floats, out: Floats) -> None:
+    for k in range(out.shape[0]):
+        out[k] = is_open[k] * (wanted[k] - x[k] - pull[k])
+
+
+@row_pass
+def _steps(
+    along: Floats, breach: Floats, force: Floats, over_slack: Floats, ds: Floats, dz: Floats
+) -> None:
+    for k in range(along.shape[0]):
+        ds[k] = -breach[k] - along[k]
+        dz[k] += force[k] * (over_slack[k] * along[k] - 1.0)
+
+
+@row_pass
+def _keep_largest_share(step: Floats, over: Floats, largest: Floats) -> None:
+    for k in range(step.shape[0]):
+        share, most = -step[k] * over[k], largest[k]
+        largest[k] = (share if share > most else most) + 0.0
 
 
 @inlined
-def _along(rows: Floats, x: Floats, i: int, k: int) -> float:
-    return float(rows[i, 0] * x[k] + rows[i, 1] * x[k + 1] + rows[i, 2] * x[k + 2])
-
-
-@inlined
-def _pull(start: Ints, rows: Floats, weight: Floats, out: Floats) -> None:
-    """Sum of the rows, each by its weight; three running sums move along the stations."""
+def _pull(rows: Floats, weight: Floats, sums: Floats, out: Floats) -> None:
+    """Sum of the rows, each by its weight."""
     n = out.shape[0]
-    a, b, c = 0.0, 0.0, 0.0
-    for k in range(n - 2):
-        for i in range(start[k], start[k + 1]):
-            w = weight[i]
-            a += w * rows[i, 0]
-            b += w * rows[i, 1]
-            c += w * rows[i, 2]
-        out[k] = a
-        a, b, c = b, c, 0.0
-    out[n - 2], out[n - 1] = a, b
+    for i in range(3):
+        _clear(sums[i])
+        for m in range(weight.shape[0]):
+            _add_product(rows[m, i], weight[m], sums[i])
+    copy_row(sums[0], out)
+    _add(sums[1][: n - 1], out[1:])
+    _add(sums[2][: n - 2], out[2:])
+
+
+@row_pass
+def _add(row: Floats, total: Floats) -> None:
+    for k in range(row.shape[0]):
+        total[k] += row[k]
 
 
 @inlined
-def _matrix(start: Ints, rows: Floats, force: Floats, over_slack: Floats, band: Floats) -> None:
-    """1 + Σ force / slack · rowᵀ row; band[k, m] is element (k, k + m)."""
-    n = band.shape[0]
-    aa, ab, ac, bb, bc, cc = 1.0, 0.0, 0.0, 1.0, 0.0, 1.0
-    for k in range(n - 2):
-        for i in range(start[k], start[k + 1]):
-            w = force[i] * over_slack[i]
-            a, b, c = rows[i, 0], rows[i, 1], rows[i, 2]
-            wa, wb = w * a, w * b
-            aa += wa * a
-            ab += wa * b
-            ac += wa * c
-            bb += wb * b
-            bc += wb * c
-            cc += w * c * c
-        band[k, 0], band[k, 1], band[k, 2] = aa, ab, ac
-        aa, ab, ac, bb, bc, cc = bb, bc, 0.0, cc, 0.0, 1.0
-    band[n - 2, 0], band[n - 2, 1], band[n - 2, 2] = aa, ab, 0.0
-    band[n - 1, 0], band[n - 1, 1], band[n - 1, 2] = bb, 0.0, 0.0
-
-
-@inlined
-def _hold(band: Floats, fixed: Bools) -> None:
-    """Fixed stations take no part."""
-    n = band.shape[0]
+def _matrix(p: _Program, s: _Iterate) -> None:
+    """1 + Σ force / slack · rowᵀ row, without stations that are fixed; band[m, k] is element
+    (k, k + m).
+    """
+    kinds, n = s.slack.shape
+    for i in range(6):
+        _clear(s.sums[i])
+    aa, ab, ac, bb, bc, cc = s.sums[0], s.sums[1], s.sums[2], s.sums[3], s.sums[4], s.sums[5]
+    _product(s.flat.force, s.flat.over_slack, s.flat.along)
+    for m in range(kinds):
+        a, b, c, weight = p.rows[m, 0], p.rows[m, 1], p.rows[m, 2], s.along[m]
+        _add_products(weight, a, a, b, aa, ab)
+        _add_products(weight, c, c, a, cc, ac)
+        _add_products(weight, b, b, c, bb, bc)
+    d, e, f = s.band[0], s.band[1], s.band[2]
+    copy_row(aa, d)
+    _add(bb[: n - 1], d[1:])
+    _add(cc[: n - 2], d[2:])
+    copy_row(ab, e)
+    _add(bc[: n - 1], e[1:])
+    copy_row(ac, f)
     for k in range(n):
-        if fixed[k]:
-            band[k, 0], band[k, 1], band[k, 2] = 1.0, 0.0, 0.0
-        if k + 1 < n and fixed[k + 1]:
-            band[k, 1] = 0.0
-        if k + 2 < n and fixed[k + 2]:
-            band[k, 2] = 0.0
+        d[k] = 1.0 + p.open[k] * d[k]
+        e[k] = e[k] * p.open[k] * p.open[k + 1] if k + 1 < n else 0.0
+        f[k] = f[k] * p.open[k] * p.open[k + 2] if k + 2 < n else 0.0
+
+
+@row_pass
+def _product(row: Floats, other: Floats, out: Floats) -> None:
+    for k in range(row.shape[0]):
+        out[k] = row[k] * other[k]
+
+
+@row_pass
+def _add_products(
+    weight: Floats, row: Floats, by: Floats, other: Floats, total: Floats, total_2: Floats
+) -> None:  # fmt: skip
+    """Weight times row times two others."""
+    for k in range(weight.shape[0]):
+        weighed, more, more_2 = weight[k] * row[k], total[k], total_2[k]
+        total[k] = more + weighed * by[k]
+        total_2[k] = more_2 + weighed * other[k]
 
 
 @inlined
-def _factor(band: Floats) -> bool:
-    """Replace a banded matrix by its factors L D Lᵀ: 1/D in the first column, L in the others."""
-    n = band.shape[0]
+def _factor(d: Floats, e: Floats, f: Floats) -> bool:
+    """Replace a banded matrix by its factors L D Lᵀ: 1/D in the first row, L in the others."""
+    n = d.shape[0]
+    now, later, last, beside = d[0], d[1], d[2], e[0]
     for k in range(n):
-        d, e, f = band[k, 0], band[k, 1], band[k, 2]
-        if not d > 0.0:
+        if not now > 0.0:
             return False
-        over = 1.0 / d
-        band[k, 0], band[k, 1], band[k, 2] = over, e * over, f * over
-        if k + 1 < n:
-            band[k + 1, 0] -= e * e * over
-            band[k + 1, 1] -= e * f * over
-        if k + 2 < n:
-            band[k + 2, 0] -= f * f * over
+        over = 1.0 / now
+        part, part_2 = beside * over, f[k] * over
+        d[k] = over
+        now = later - beside * part
+        later = last - f[k] * part_2
+        last = d[k + 3] if k + 3 < n else 1.0
+        beside, e[k], f[k] = (e[k + 1] if k + 1 < n else 0.0) - beside * part_2, part, part_2
     return True
 
 
 @inlined
-def _solve(band: Floats, x: Floats) -> None:
+def _solve(d: Floats, e: Floats, f: Floats, x: Floats) -> None:
     """Replace x by what the factored matrix maps to it."""
     n = x.shape[0]
     before, before_2 = 0.0, 0.0
     for k in range(n):
         now = x[k] - before
         x[k] = now
-        before, before_2 = before_2 + band[k, 1] * now, band[k, 2] * now
+        before, before_2 = before_2 + e[k] * now, f[k] * now
     after, after_2 = 0.0, 0.0
     for k in range(n - 1, -1, -1):
-        now = x[k] * band[k, 0] - band[k, 1] * after - band[k, 2] * after_2
+        now = x[k] * d[k] - e[k] * after - f[k] * after_2
         x[k], after, after_2 = now, now, after

@@ -10,7 +10,7 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from models.arrays import Bools, Floats, Ints
+from models.arrays import Bools, Floats
 
 _TOLERANCE = 1e-4
 _ITERATIONS = 4000
@@ -18,31 +18,34 @@ _ITERATIONS = 4000
 
 
 def nearest_by_osqp(
-    wanted: Floats, fixed: Bools, start: Ints, rows: Floats, limit: Floats, x: Floats,
-    force: Floats,
-) -> int:  # fmt: skip
+    wanted: Floats, fixed: Bools, rows: Floats, limit: Floats, x: Floats, force: Floats
+) -> int:
     """As :func:`planner.profile.banded_nearest.nearest`; constraints are kept within 1e-4."""
-    n, r = len(wanted), len(limit)
-    a = matrix_of(start, rows)
+    n = len(wanted)
+    a, right = matrix_of(rows), limit.ravel()
     # What is fixed moves to the right.
-    right = limit - a @ np.where(fixed, wanted, 0.0)
+    right = right - a @ np.where(fixed, wanted, 0.0)
     a = a @ sparse.diags(np.where(fixed, 0.0, 1.0))
     solver = osqp.OSQP()
     solver.setup(
-        sparse.eye(n, format="csc"), -wanted, a.tocsc(), np.full(r, -np.inf), right, verbose=False,
-        eps_abs=_TOLERANCE, eps_rel=0.0, max_iter=_ITERATIONS, polishing=False,
+        sparse.eye(n, format="csc"), -wanted, a.tocsc(), np.full(len(right), -np.inf), right,
+        verbose=False, eps_abs=_TOLERANCE, eps_rel=0.0, max_iter=_ITERATIONS, polishing=False,
         scaling=0, rho=1.0,
     )  # fmt: skip
     result = solver.solve(raise_error=False)
     used = max(int(result.info.iter), 1)
     if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
         return -used
-    x[:], force[:] = np.where(fixed, wanted, result.x), np.maximum(result.y, 0.0)
+    x[:] = np.where(fixed, wanted, result.x)
+    force[:] = np.maximum(result.y, 0.0).reshape(force.shape)
     return used
 
 
-def matrix_of(start: Ints, rows: Floats) -> sparse.csr_matrix:
-    """(R, N) matrix of rows over three neighbours, for solvers that know no such rows."""
-    n, r = len(start) + 1, len(rows)
-    columns = np.repeat(np.arange(n - 2), np.diff(start))[:, None] + np.arange(3)
-    return sparse.csr_matrix((rows.ravel(), columns.ravel(), 3 * np.arange(r + 1)), shape=(r, n))
+def matrix_of(rows: Floats) -> sparse.csr_matrix:
+    """(K N, N) matrix of (K, 3, N) rows over three neighbours, for solvers that know no such."""
+    kinds, _, n = rows.shape
+    size, row = (kinds * n, n), np.arange(kinds * n)
+    values = rows.transpose(1, 0, 2).reshape(3, -1)
+    columns = [np.minimum(row % n + i, n - 1) for i in range(3)]
+    parts = [sparse.csr_matrix((v, (row, c)), size) for v, c in zip(values, columns, strict=True)]
+    return sparse.csr_matrix(parts[0] + parts[1] + parts[2])

@@ -56,12 +56,12 @@ def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoot
         first: who is asked first; where it fails, the others are, IPOPT only if it is the first.
     """
     top = problem.speed_sq_max
-    moving = top > REST
     answer = np.zeros(len(top))
-    if not moving.any():
+    last = len(top) - 1 - int((top[::-1] > REST).argmax())
+    if not top[last] > REST:
         return Smoothed(answer, 0)
     # Of the stations of rest at the end only the first takes part.
-    part = _first_stations(problem, int(np.flatnonzero(moving)[-1]) + 2)
+    part = _first_stations(problem, last + 2)
     used = 0
     orders: dict[str, tuple[Callable[..., int], ...]] = {
         "interior_point": (_along_stations, _by_osqp),
@@ -73,12 +73,18 @@ def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoot
         iterations = solver(*part, speed_sq)
         used += abs(iterations)
         if iterations > 0:
-            n = min(len(speed_sq), len(top))
-            np.clip(speed_sq[:n], 0.0, top[:n], out=answer[:n])
-            answer[0] = top[0]
-            answer[~moving] = 0.0
+            _inside(speed_sq, top, answer)
             return Smoothed(answer, used)
     return Smoothed(None, used, f"no profile keeps the jerk limit ({used} iterations)")
+
+
+@kernel
+def _inside(speed_sq: Floats, top: Floats, out: Floats) -> None:
+    """Solvers keep limits to their tolerance; the first station is given, at rest is at rest."""
+    for k in range(min(speed_sq.shape[0], top.shape[0])):
+        within = min(max(speed_sq[k], 0.0), top[k])
+        out[k] = within if top[k] > REST else 0.0
+    out[0] = top[0] if top[0] > REST else 0.0
 
 
 def _first_stations(problem: SmoothingProblem, count: int) -> _Numbers:
@@ -104,22 +110,20 @@ def _along_stations(
     weighed by the multipliers: where that is much, they are taken anew at the answer.
     """
     n = top.shape[0]
-    x, force = np.empty(n), np.empty(0)
+    x, force = np.empty(n), np.empty((0, n))
     around = reachable(ds, top, jerk, start_accel)
     used = 0
     for turn in range(_LINEARISATIONS):
-        fixed, start, rows, limit = program(
-            ds, top, accel_max, decel_max, jerk, start_accel, around
-        )
+        fixed, rows, limit = program(ds, top, accel_max, decel_max, jerk, start_accel, around)
         if turn == 0:
-            force = np.empty(limit.shape[0])
+            force = np.empty(limit.shape)
         else:
             missed = 0.0
             for k in range(n):
                 missed += (speed_sq[k] - top[k]) ** 2
-            if room(start, rows, limit, force, speed_sq) <= _WORTH * 0.5 * missed:
+            if room(rows, limit, force, speed_sq) <= _WORTH * 0.5 * missed:
                 break
-        iterations = nearest(top, fixed, start, rows, limit, x, force)
+        iterations = nearest(top, fixed, rows, limit, x, force)
         used += abs(iterations)
         if iterations < 0:
             return used if turn > 0 else -used
@@ -135,8 +139,8 @@ def _by_osqp(
 ) -> int:  # fmt: skip
     """The same by OSQP, with the first tangents."""
     around = reachable(ds, top, jerk, start_accel)
-    fixed, start, rows, limit = program(ds, top, accel_max, decel_max, jerk, start_accel, around)
-    return nearest_by_osqp(top, fixed, start, rows, limit, speed_sq, np.empty(len(limit)))
+    fixed, rows, limit = program(ds, top, accel_max, decel_max, jerk, start_accel, around)
+    return nearest_by_osqp(top, fixed, rows, limit, speed_sq, np.empty(limit.shape))
 
 
 def _by_ipopt(

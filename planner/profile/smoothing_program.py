@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
+from models.arrays import Bools, Floats
 from planner.kernels.compiled import inlined, kernel
 
 REST = 1e-9
@@ -24,8 +24,8 @@ TIGHTER = 1.5e-4
 FEWEST = 3
 """Stations that a program has at least."""
 
-_MOST_ROWS = 6
-"""Rows for each station at most."""
+_KINDS = 6
+"""Rows for each station."""
 
 _ROUNDS = 6
 """In which the time for a segment and the speed at its end become one another's."""
@@ -82,18 +82,15 @@ def reachable(ds: Floats, top: Floats, jerk: float, start_accel: float) -> Float
     return speed_sq
 
 
-@inlined
-def _row(rows: Floats, limit: Floats, i: int, a: float, b: float, c: float, most: float) -> int:
-    rows[i, 0], rows[i, 1], rows[i, 2], limit[i] = a, b, c, most
-    return i + 1
-
-
 @kernel
 def program(
     ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
     start_accel: float, around: Floats,
-) -> tuple[Bools, Ints, Floats, Floats]:  # fmt: skip
+) -> tuple[Bools, Floats, Floats]:  # fmt: skip
     """The rows a · x[k] + b · x[k + 1] + c · x[k + 2] <= limit.
+
+    Six kinds: v² at a station at most and at least, acceleration along a segment at most and at
+    least, and how much more and less it is in the next one.
 
     Args:
         ds, top, accel_max, decel_max, jerk, start_accel: of the smoothing problem, N >= FEWEST
@@ -101,40 +98,33 @@ def program(
         around: (N,) v² at which the tangents are taken [m²/s²].
 
     Returns:
-        (N,) stations whose v² is given; (N − 1,) first row of each k; (R, 3) a, b, c; (R,) limits.
+        (N,) stations whose v² is given; (6, 3, N) a, b, c, all 0 in rows that there are not;
+        (6, N) limits.
     """
-    n, i = top.shape[0], 0
-    fixed, start = np.empty(n, np.bool_), np.empty(n - 1, np.int64)
-    rows, limit = np.empty((_MOST_ROWS * n, 3)), np.empty(_MOST_ROWS * n)
+    n = top.shape[0]
+    fixed, rows, limit = np.empty(n, np.bool_), np.zeros((_KINDS, 3, n)), np.ones((_KINDS, n))
     for k in range(n):
         fixed[k] = k == 0 or top[k] <= REST
-    for k in range(n - 2):
-        start[k] = i
-        # The last three stations share their rows.
-        for m in range(3 if k == n - 3 else 1):
-            if not fixed[k + m]:
-                a, b, c = 1.0 * (m == 0), 1.0 * (m == 1), 1.0 * (m == 2)
-                i = _row(rows, limit, i, a, b, c, max(top[k + m] - TIGHTER, 0.0))
-                i = _row(rows, limit, i, -a, -b, -c, 0.0)
-        half, half_2 = 0.5 / ds[k], 0.5 / ds[k + 1]
+        if not fixed[k]:
+            rows[0, 0, k], limit[0, k] = 1.0, max(top[k] - TIGHTER, 0.0)
+            rows[1, 0, k], limit[1, k] = -1.0, 0.0
+    for k in range(n - 1):
+        half = 0.5 / ds[k]
         # Stations at rest stay there, and nothing is asked of the segments between them.
-        idle = top[k] <= REST and top[k + 1] <= REST
-        idle_2 = top[k + 1] <= REST and top[k + 2] <= REST
-        if not idle:
-            most, least = accel_max[k] - TIGHTER, -(decel_max[k] - TIGHTER)
-            if k == 0 and not np.isnan(start_accel):
-                reach = jerk * ds[0] / max(np.sqrt(top[0]), 0.05)
-                most, least = min(most, start_accel + reach), max(least, start_accel - reach)
-            i = _row(rows, limit, i, -half, half, 0.0, most)
-            i = _row(rows, limit, i, half, -half, 0.0, -least)
-        if k == n - 3 and not idle_2:
-            i = _row(rows, limit, i, 0.0, -half_2, half_2, accel_max[k + 1] - TIGHTER)
-            i = _row(rows, limit, i, 0.0, half_2, -half_2, decel_max[k + 1] - TIGHTER)
-        if not (idle or idle_2):
-            time, t0, t1, t2 = mid_time(around[k], around[k + 1], around[k + 2], ds[k], ds[k + 1])
-            allowed = jerk * time - 2.0 * TIGHTER
-            t0, t1, t2 = jerk * t0, jerk * t1, jerk * t2
-            i = _row(rows, limit, i, half - t0, -half - half_2 - t1, half_2 - t2, allowed)
-            i = _row(rows, limit, i, -half - t0, half + half_2 - t1, -half_2 - t2, allowed)
-    start[n - 2] = i
-    return fixed, start, rows[:i], limit[:i]
+        if top[k] <= REST and top[k + 1] <= REST:
+            continue
+        most, least = accel_max[k] - TIGHTER, -(decel_max[k] - TIGHTER)
+        if k == 0 and not np.isnan(start_accel):
+            reach = jerk * ds[0] / max(np.sqrt(top[0]), 0.05)
+            most, least = min(most, start_accel + reach), max(least, start_accel - reach)
+        rows[2, 0, k], rows[2, 1, k], limit[2, k] = -half, half, most
+        rows[3, 0, k], rows[3, 1, k], limit[3, k] = half, -half, -least
+        if k == n - 2 or (top[k + 1] <= REST and top[k + 2] <= REST):
+            continue
+        half_2 = 0.5 / ds[k + 1]
+        time, t0, t1, t2 = mid_time(around[k], around[k + 1], around[k + 2], ds[k], ds[k + 1])
+        t0, t1, t2 = jerk * t0, jerk * t1, jerk * t2
+        limit[4, k] = limit[5, k] = jerk * time - 2.0 * TIGHTER
+        rows[4, 0, k], rows[4, 1, k], rows[4, 2, k] = half - t0, -half - half_2 - t1, half_2 - t2
+        rows[5, 0, k], rows[5, 1, k], rows[5, 2, k] = -half - t0, half + half_2 - t1, -half_2 - t2
+    return fixed, rows, limit

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, minimize
 
 from planner.profile.banded_nearest import nearest, room
-from planner.profile.osqp_nearest import nearest_by_osqp
+from planner.profile.osqp_nearest import matrix_of, nearest_by_osqp
 
 Solver = Callable[..., int]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -28,17 +28,20 @@ def solved(solver: Solver, wanted: np.ndarray, fixed: np.ndarray, rows: Rows) ->
 def with_force(
     solver: Solver, wanted: np.ndarray, fixed: np.ndarray, rows: Rows
 ) -> tuple[np.ndarray | None, np.ndarray]:
-    start, coefficients, limit = in_order(rows, len(wanted))
-    x, force = np.empty_like(wanted), np.zeros(len(limit))
-    return x if solver(wanted, fixed, start, coefficients, limit, x, force) > 0 else None, force
+    dense, limit = by_kinds(rows, len(wanted))
+    x, force = np.empty_like(wanted), np.zeros(limit.shape)
+    return x if solver(wanted, fixed, dense, limit, x, force) > 0 else None, force
 
 
-def in_order(rows: Rows, n: int) -> Rows:
-    """Rows by their first station, as the solvers want them."""
+def by_kinds(rows: Rows, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows as the solvers want them: so many for each station, zeros where there are fewer."""
     first, coefficients, limit = rows
-    order = np.argsort(first, kind="stable")
-    start = np.searchsorted(first[order], np.arange(n - 1))
-    return start, np.ascontiguousarray(coefficients[order]), limit[order]
+    kind = np.array([np.sum(first[:i] == k) for i, k in enumerate(first)], np.int64)
+    kinds = int(kind.max(initial=-1)) + 1
+    dense, limits = np.zeros((kinds, 3, n)), np.ones((kinds, n))
+    for i, k in enumerate(first):
+        dense[kind[i], :, k], limits[kind[i], k] = coefficients[i], limit[i]
+    return dense, limits
 
 
 def boxes(upper: np.ndarray) -> Rows:
@@ -93,7 +96,7 @@ def test_on_one_half_space_it_is_the_projection(solver: Solver) -> None:
     found, force = with_force(solver, wanted, free(3), rows)
     by = (normal @ wanted + 4.0) / (normal @ normal)
     np.testing.assert_allclose(found, wanted - by * normal, atol=2e-4)
-    assert force[0] == pytest.approx(by, abs=2e-4)
+    assert force[0, 0] == pytest.approx(by, abs=2e-4)
 
 
 @both
@@ -138,8 +141,8 @@ def test_multipliers_tell_what_a_little_room_would_gain() -> None:
     assert freer is not None
     gained = 0.5 * np.sum((found - wanted) ** 2) - 0.5 * np.sum((freer - wanted) ** 2)
     assert 1e-3 * force.sum() == pytest.approx(gained, rel=0.05)
-    start, coefficients, limit = in_order(more, 8)
-    assert room(start, coefficients, limit, force, found) == pytest.approx(gained, rel=0.05)
+    dense, limit = by_kinds(more, 8)
+    assert room(dense, limit, force, found) == pytest.approx(gained, rel=0.05)
 
 
 @pytest.mark.parametrize("limit", [-1.0, -1e-2])
@@ -153,3 +156,13 @@ def test_where_nothing_keeps_the_constraints_it_says_so(solver: Solver, limit: f
 
 def test_numbers_that_are_none_are_no_answer() -> None:
     assert solved(nearest, np.array([1.0, np.nan, 1.0, 1.0]), free(4), boxes(np.ones(4))) is None
+
+
+@given(st.integers(3, 12), st.integers(0, 10_000))
+def test_general_solvers_get_the_same_rows(n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows = together(boxes(rng.uniform(0.0, 4.0, n)), bends(n, 1.0))
+    dense, limit = by_kinds(rows, n)
+    x = rng.normal(size=n)
+    left = np.sort((limit.ravel() - matrix_of(dense) @ x)[dense.any(axis=1).ravel()])
+    np.testing.assert_allclose(left, np.sort(rows[2] - matrix(n, rows) @ x))

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planner.profile.osqp_nearest import matrix_of
 from planner.profile.smoothing_program import SLOWEST, TIGHTER, mid_time, program
 
 speeds_sq = st.floats(SLOWEST**2, 25.0)
@@ -64,12 +65,12 @@ def test_rows_say_what_is_meant(n: int, seed: int, start_accel: float) -> None:
     if seed % 2 == 0:
         top[-1] = 0.0
     accel_max, decel_max = rng.uniform(0.3, 2.0, (2, n - 1))
-    fixed, start, rows, limit = program(ds, top, accel_max, decel_max, jerk, start_accel, top)
+    fixed, rows, limit = program(ds, top, accel_max, decel_max, jerk, start_accel, top)
     np.testing.assert_array_equal(fixed[1:], top[1:] <= 0.0)
     assert fixed[0]
     x = np.where(fixed, top, top * rng.uniform(0.8, 1.0, n))
-    columns = np.repeat(np.arange(n - 2), np.diff(start))[:, None] + np.arange(3)
-    by_rows = np.sort(np.sum(rows * x[columns], axis=1) - limit)
+    there = rows.any(axis=1).ravel()
+    by_rows = np.sort((matrix_of(rows) @ x - limit.ravel())[there])
 
     accel = np.diff(x) / (2.0 * ds)
     most, least = accel_max - TIGHTER, TIGHTER - decel_max
