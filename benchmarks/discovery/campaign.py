@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from ..common.jobs import finished
-from . import ambiguity, peer
+from . import ambiguity, peer, peers
 from .catalogue import ALL, SetConditions
+from .engine_outcomes import NAMES as ENGINE_NAMES
 from .engine_outcomes import engine_metrics
 from .kept import KeptSets
 from .metrics import effect_row, metrics, record
+from .multibody_outcomes import NAMES as CAR_NAMES
 from .multibody_outcomes import multibody_metrics
 from .score import SetOutcome
 from .tasks import FinishedSet, SetTask, do, tasks
@@ -135,7 +137,7 @@ def result_of(done: Sequence[FinishedSet]) -> Result:
         "sealed": [asdict(d.seal) for d in done],
         "metrics": [record(m) for m in metrics(outcomes)],
         "by_effect": by_effect(outcomes),
-        "peer": peer.summary([d.peer for d in plant], outcomes),
+        "peer": peers.summary([d.peers for d in plant], outcomes),
         "outcomes": [o.record() for o in outcomes],
     }
     cases = [d.rivals for d in done if d.task.rivals is not None]
@@ -147,6 +149,9 @@ def result_of(done: Sequence[FinishedSet]) -> Result:
             "engine": [record(m) for m in engine_metrics(engine)],
             "engine_by_effect": by_what("engine", engine),
             "engine_outcomes": [asdict(o) for o in engine],
+            "engine_peer": peers.world_summary(
+                [d.peers for d in done if d.engine is not None], engine, ENGINE_NAMES
+            ),
         }
     cars = [d.multibody for d in done if d.multibody is not None]
     if cars:
@@ -154,6 +159,9 @@ def result_of(done: Sequence[FinishedSet]) -> Result:
             "multibody": [record(m) for m in multibody_metrics(cars)],
             "multibody_by_effect": by_what("multibody", cars),
             "multibody_outcomes": [asdict(o) for o in cars],
+            "multibody_peer": peers.world_summary(
+                [d.peers for d in done if d.multibody is not None], cars, CAR_NAMES
+            ),
         }
     return result
 

@@ -19,6 +19,7 @@ from .catalogue import ALL
 from .kept import sources_of
 from .metrics import record
 from .multibody_outcomes import HALVES, NAMES, multibody_metrics, multibody_orders
+from .peers import world_summary
 from .tables import tables
 from .tasks import FinishedSet, SetTask, do
 from .world_outcomes import STRENGTHS, WorldOrder, WorldOutcome, by_what
@@ -36,16 +37,17 @@ class KeptOutcome(msgspec.Struct):
 
 def run(
     half: str, share: float, file: Path, console: Console, only: Collection[str] = (),
-    seed: int = 1,
-) -> list[WorldOutcome]:  # fmt: skip
+    seed: int = 1, *, with_peers: bool = False,
+) -> list[FinishedSet]:  # fmt: skip
     """All sets of a share of a half, in this process and the one that investigates.
 
     Args:
         half, share, seed: see :func:`.multibody_outcomes.multibody_orders`.
         file: JSON lines; what is in it by the same sources is not made again.
         console: for the progress. only: these effects, all and clean sets if empty.
+        with_peers: the other methods are asked, too.
     """
-    kept, sources = KeptLines(file), sources_of(repr(ALL))
+    kept, sources = KeptLines(file), sources_of(repr(ALL), *(["peers"] if with_peers else []))
     orders = multibody_orders(share, half, seed)
     wanted = [SetTask(multibody=order) for order in orders if not only or order.what in only]
     known = _found(kept, sources)
@@ -53,15 +55,17 @@ def run(
     def put(line: KeptOutcome) -> None:
         kept.append(b"\n" + msgspec.json.encode(line))
 
-    outcomes = []
+    finished = []
     for task in track(wanted, half, console=console):
         done = known.get(task)
         if done is None:
-            done = do(task, ALL, lambda digest: put(KeptOutcome(sources, promised=digest)))
+            done = do(
+                task, ALL, lambda digest: put(KeptOutcome(sources, promised=digest)),
+                with_peers=with_peers,
+            )  # fmt: skip
             put(KeptOutcome(sources, done=done))
-        assert done.multibody is not None
-        outcomes.append(done.multibody)
-    return outcomes
+        finished.append(done)
+    return finished
 
 
 def _found(kept: KeptLines, sources: str) -> dict[SetTask, FinishedSet]:
@@ -86,9 +90,11 @@ def strengths(console: Console, count: int = 70) -> None:
     console.print(table)
 
 
-def show(outcomes: Sequence[WorldOutcome], console: Console) -> None:
-    """What was reached, effect by strength, and every set."""
+def show(finished: Sequence[FinishedSet], console: Console) -> None:
+    """What was reached, effect by strength, the other methods, and every set."""
+    outcomes = [done.multibody for done in finished if done.multibody is not None]
     result: dict[str, Any] = {
+        "multibody_peer": world_summary([done.peers for done in finished], outcomes, NAMES),
         "multibody": [record(metric) for metric in multibody_metrics(outcomes)],
         "multibody_by_effect": by_what("multibody", outcomes),
     }
@@ -119,6 +125,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the choice of sets")
     parser.add_argument("--out", type=Path, metavar="FILE.jsonl")
     parser.add_argument("--only", nargs="+", default=(), choices=NAMES, metavar="EFFECT")
+    parser.add_argument("--peers", action="store_true", help="ask the other methods, too")
     parser.add_argument("--strengths", action="store_true", help="measure these instead")
     arguments = parser.parse_args()
     console = Console()
@@ -128,7 +135,8 @@ def main() -> None:
         return
     if arguments.out is None:
         parser.error("--out FILE.jsonl is missing")
-    outcomes = run(
-        arguments.half, arguments.share, arguments.out, console, arguments.only, arguments.seed
-    )
-    show(outcomes, console)
+    finished = run(
+        arguments.half, arguments.share, arguments.out, console, arguments.only, arguments.seed,
+        with_peers=arguments.peers,
+    )  # fmt: skip
+    show(finished, console)

@@ -8,22 +8,15 @@ threshold stands for 2 % of the braking force.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 
-from .metrics import record, share
 from .physics import Floats
 from .plant import GRAVITY
-from .score import SetOutcome
 from .sensing import Columns
 
-Row = tuple[tuple[str, ...], SetOutcome]
-Hit = Callable[[Row], bool]
-
-_EFFECTS = (
+EFFECTS = (
     "viscous_resistance", "aerodynamic_drag", "grade_asymmetry", "grade_nonlinearity",
     "cross_slope", "turning_resistance", "directional_surface", "directional_surface",
     "session_drift", "headwind", "headwind", "ambient",
@@ -70,7 +63,7 @@ def name_effects(columns: Columns, configured: dict[str, float]) -> tuple[str, .
     found = model.coefficients()[0]
     weights = np.abs(np.concatenate((found[:1], found[1 + _BASE :])))
     strongest = np.argsort(-weights)
-    return tuple(dict.fromkeys(_EFFECTS[i] for i in strongest if weights[i] > 0.0))
+    return tuple(dict.fromkeys(EFFECTS[i] for i in strongest if weights[i] > 0.0))
 
 
 def _stops(columns: Columns, dead_time: float) -> tuple[list[Floats], list[Floats], list[Floats]]:
@@ -105,38 +98,3 @@ def _features(part: dict[str, Floats], onset: float) -> Floats:
         part["t"], v * np.cos(yaw), v * np.sin(yaw), part["ambient"],
     ]  # fmt: skip
     return -GRAVITY * np.column_stack(terms)
-
-
-def summary(named: Sequence[tuple[str, ...] | None], own: Sequence[SetOutcome]) -> Any:
-    """Its shares beside the workflow's on the same sets; None where it was not installed."""
-    rows = [(n, o) for n, o in zip(named, own, strict=True) if n is not None]
-    if not rows:
-        return None
-    single = [r for r in rows if r[1].kind == "single" and r[1].identifiable]
-    listed = [r for r in single if r[1].truth[0] in _EFFECTS]
-    clean = [r for r in rows if r[1].kind == "clean"]
-
-    def pair(what: str, chosen: list[Row], hit: Hit, mine: Hit) -> dict[str, Any]:
-        return {
-            "what": what,
-            "pysindy": record(share(what, "", 0.0, [hit(r) for r in chosen])),
-            "slopewise": record(share(what, "", 0.0, [mine(r) for r in chosen])),
-        }
-
-    def first(r: Row) -> bool:
-        return r[0][:1] == r[1].truth
-
-    def right(r: Row) -> bool:
-        return r[1].right
-
-    def alarm(r: Row) -> bool:
-        return len(r[0]) > 0
-
-    def own_alarm(r: Row) -> bool:
-        return r[1].verdict == "missing_effect"
-
-    return [
-        pair("right name first, effects in its library", listed, first, right),
-        pair("right name first, all effects", single, first, right),
-        pair("an effect named on clean sets", clean, alarm, own_alarm),
-    ]

@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from ..common.tables import table_of
+from .peers import TITLES
 
 Result = dict[str, Any]
 
@@ -20,9 +21,14 @@ _BY_EFFECT = (
     ("multibody_by_effect", "with the car"),
 )  # fmt: skip
 
+_PEERS = (
+    ("peer", "the same sets"), ("engine_peer", "the same sets of the engine"),
+    ("multibody_peer", "the same sets of the car"),
+)  # fmt: skip
+
 
 def tables(result: Result) -> Iterator[Table]:
-    """What was wanted and reached, then effect by effect, then the other method."""
+    """What was wanted and reached, then effect by effect, then the other methods."""
     for key, title in _METRICS:
         if key in result:
             yield _metrics(title, result[key])
@@ -31,8 +37,9 @@ def tables(result: Result) -> Iterator[Table]:
             yield _by_effect(title, result[key])
     if "ambiguity" in result:
         yield _metrics("telling rivals apart", result["ambiguity"])
-    if isinstance(result.get("peer"), list):
-        yield _peer(result["peer"])
+    for key, title in _PEERS:
+        if isinstance(result.get(key), list):
+            yield _peer(title, result[key])
 
 
 def _metrics(title: str, rows: list[Result]) -> Table:
@@ -84,12 +91,14 @@ def _by_effect(title: str, rows: list[Result]) -> Table:
     return table
 
 
-def _peer(rows: list[Result]) -> Table:
-    table = table_of("the same sets", "PySINDy", "", "slopewise", "", first="what")
+def _peer(title: str, rows: list[Result]) -> Table:
+    keys = [key for key in TITLES if key in rows[0]]
+    columns = (text for key in keys for text in (TITLES[key], ""))
+    table = table_of(title, *columns, first="what")
     for row in rows:
         cells = []
-        for key in ("pysindy", "slopewise"):
-            reached, interval, of = _reached(row[key])
+        for key in keys:
+            reached, interval, of = _reached(row[key]) if key in row else ("–", "", "0")
             cells += [f"{reached} ({of})", interval]
         table.add_row(row["what"], *cells)
     return table

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from multiprocessing import util
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import ambiguity, catalogue, peer
+from . import ambiguity, catalogue, peers
 from .ambiguity import Resolved
 from .catalogue import HiddenSet, Order, SetConditions, spread
 from .engine_outcomes import engine_orders
 from .model_tables import tables_of
 from .multibody_outcomes import multibody_orders
+from .peers import PeerAnswer
 from .score import SetOutcome, score
 from .sealed import Inquiry, InquiryFinding, Seal, SealedLog, seal
 from .world_outcomes import WorldOrder, WorldOutcome
@@ -48,7 +49,7 @@ class FinishedSet:
     Attributes:
         task: that was done. seal: of the truth, promised before anything was asked.
         plant, engine, rivals, multibody: outcome of a task of that kind; rivals may remain None.
-        peer: what the other method named, None where it is not installed or not asked.
+        peers: what the other methods named, those that are installed and were asked.
     """
 
     task: SetTask
@@ -56,8 +57,8 @@ class FinishedSet:
     plant: SetOutcome | None = None
     engine: WorldOutcome | None = None
     rivals: Resolved | None = None
-    peer: tuple[str, ...] | None = None
     multibody: WorldOutcome | None = None
+    peers: dict[str, PeerAnswer] = field(default_factory=dict)
 
 
 def tasks(
@@ -79,17 +80,21 @@ def tasks(
     return spread(found, lambda task: task.world, np.random.default_rng((5, seed)))
 
 
-def do(task: SetTask, conditions: SetConditions, promise: Callable[[str], None]) -> FinishedSet:
+def do(
+    task: SetTask, conditions: SetConditions, promise: Callable[[str], None], *,
+    with_peers: bool = True,
+) -> FinishedSet:  # fmt: skip
     """Make a set, promise its truth, have it investigated, compare.
 
     Args:
         task: what. conditions: of the plant's sets.
         promise: told of the digest of the truth before anything is asked.
+        with_peers: the other methods are asked, too.
     """
     if task.engine is not None:
-        return _in_the_engine(task, task.engine, promise)
+        return _in_the_engine(task, task.engine, promise, with_peers)
     if task.multibody is not None:
-        return _with_the_car(task, task.multibody, promise)
+        return _with_the_car(task, task.multibody, promise, with_peers)
     if task.rivals is not None:
         case = ambiguity.case(task.rivals)
         sealed = _sealed([] if case is None else truth_of(case), promise)
@@ -99,25 +104,32 @@ def do(task: SetTask, conditions: SetConditions, promise: Callable[[str], None])
     hidden = catalogue.make(task.plant, conditions)
     sealed = _sealed(truth_of(hidden), promise)
     finding = _inquiry().ask(SealedLog(hidden.columns, tables_of(hidden.configured)))
-    other = peer.name_effects(hidden.columns, hidden.configured)
-    return FinishedSet(task, sealed, plant=score(hidden, finding), peer=other)
+    others = peers.ask(hidden.columns, hidden.configured) if with_peers else {}
+    return FinishedSet(task, sealed, plant=score(hidden, finding), peers=others)
 
 
-def _in_the_engine(task: SetTask, order: WorldOrder, promise: Callable[[str], None]) -> FinishedSet:
+def _in_the_engine(
+    task: SetTask, order: WorldOrder, promise: Callable[[str], None], with_peers: bool
+) -> FinishedSet:
     from . import engine_sets, worlds
 
     one = worlds.make(engine_sets.ENGINE, order, engine_sets.calibrated)
     sealed, finding = _asked(one, None, promise)
-    return FinishedSet(task, sealed, engine=worlds.judge(engine_sets.ENGINE, one, finding))
+    others = peers.ask(one.columns, one.configured) if with_peers else {}
+    outcome = worlds.judge(engine_sets.ENGINE, one, finding)
+    return FinishedSet(task, sealed, engine=outcome, peers=others)
 
 
-def _with_the_car(task: SetTask, order: WorldOrder, promise: Callable[[str], None]) -> FinishedSet:
+def _with_the_car(
+    task: SetTask, order: WorldOrder, promise: Callable[[str], None], with_peers: bool
+) -> FinishedSet:
     from . import multibody_sets, worlds
 
     one = worlds.make(multibody_sets.MULTIBODY, order, multibody_sets.calibrated)
     sealed, finding = _asked(one, multibody_sets.car_table(), promise)
     outcome = worlds.judge(multibody_sets.MULTIBODY, one, finding)
-    return FinishedSet(task, sealed, multibody=outcome)
+    others = peers.ask(one.columns, one.configured) if with_peers else {}
+    return FinishedSet(task, sealed, multibody=outcome, peers=others)
 
 
 def _asked(
