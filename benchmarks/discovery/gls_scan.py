@@ -30,7 +30,7 @@ SHARE, LENGTH, STOPS = 0.0125, 0.025, 3
 """Practical size: that many stops change by that share, or that many metres if it is more."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Kept:
     """An effect in the model: what it gained when it came in, and whether it matters in size."""
 
@@ -54,8 +54,8 @@ def scan(found: BaseFit, threshold: float = THRESHOLD) -> list[Kept]:
         if best is None or best.gain < threshold:
             break
         kept = [*kept, best]
-        for one in kept[:-1]:
-            kept[kept.index(one)] = _placed_anew(found, every, one, kept)
+        for i, one in enumerate(kept[:-1]):
+            kept[i] = _placed_anew(found, every, one, kept)
         found = found._replace(**likeliest(found, together(found, kept))._asdict())
         kept = [one for one in kept if one is best or _cost(found, one, kept) >= threshold]
     return kept

@@ -169,7 +169,10 @@ def test_orders_hold_every_effect_and_halves_share_no_seed() -> None:
 def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 
-    def fake(task: SetTask, _: object, promise: Callable[[str], None]) -> FinishedSet:
+    def fake(
+        task: SetTask, _: object, promise: Callable[[str], None], *, with_peers: bool
+    ) -> FinishedSet:
+        assert not with_peers
         assert task.multibody is not None
         order = task.multibody
         made.append(order.what)
@@ -193,7 +196,8 @@ def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert again == first
     assert len(made) == 3
     multibody_runner.show(again, screen)
-    named = {m.what: m for m in multibody_outcomes.multibody_metrics(again)}
+    outcomes = [done.multibody for done in again if done.multibody is not None]
+    named = {m.what: m for m in multibody_outcomes.multibody_metrics(outcomes)}
     assert named["right name, medium and large"].hits == 0
     assert named["right name, or it and the build-up that is there, all"].hits == 2
     assert named["wrong name given with confidence"].hits == 2
