@@ -89,7 +89,7 @@ def test_the_base_is_fitted_with_its_dead_time_and_scatter() -> None:
         ("brake_lag", {"lag": 0.13}, 1.0),
         ("headwind", {"wind_drag": 0.02, "wind": 6.0, "wind_direction": 0.0}, 0.02),
         ("wheel_lockup", {"friction": 0.42}, 1.0),
-        ("brake_fade", {"fade": 2e-4, "fade_tau": 110.0}, 0.2),
+        ("brake_fade", {"fade": 3e-3, "fade_tau": 110.0}, 3.0),
     ],
 )
 def test_columns_are_the_speed_that_a_unit_of_an_effect_takes(
