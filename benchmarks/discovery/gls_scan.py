@@ -31,7 +31,7 @@ SHARE, LENGTH, STOPS = 0.0125, 0.025, 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Kept:
+class KeptEffect:
     """An effect in the model: what it gained when it came in, and whether it matters in size."""
 
     candidate: Candidate
@@ -46,9 +46,9 @@ def name_effects(columns: Columns, configured: dict[str, float]) -> tuple[str, .
     return tuple(dict.fromkeys(names))
 
 
-def scan(found: BaseFit, threshold: float = THRESHOLD) -> list[Kept]:
+def scan(found: BaseFit, threshold: float = THRESHOLD) -> list[KeptEffect]:
     """Effects that are kept: the best is added, all are placed anew, what is not needed goes."""
-    every, kept = list(candidates(found)), list[Kept]()
+    every, kept = list(candidates(found)), list[KeptEffect]()
     for _ in range(_MOST):
         best = _best(found, every, kept)
         if best is None or best.gain < threshold:
@@ -61,27 +61,29 @@ def scan(found: BaseFit, threshold: float = THRESHOLD) -> list[Kept]:
     return kept
 
 
-def _placed_anew(found: BaseFit, every: list[Candidate], one: Kept, kept: list[Kept]) -> Kept:
+def _placed_anew(
+    found: BaseFit, every: list[Candidate], one: KeptEffect, kept: list[KeptEffect]
+) -> KeptEffect:
     """The same effect at the point of its grid that suits best beside the others."""
     alike = [other for other in every if other.name == one.candidate.name]
     others = together(found, [other for other in kept if other is not one])
     best = int(np.argmax(gains(found, others, alike)))
-    return Kept(alike[best], one.gain)
+    return KeptEffect(alike[best], one.gain)
 
 
-def _cost(found: BaseFit, one: Kept, kept: list[Kept]) -> float:
+def _cost(found: BaseFit, one: KeptEffect, kept: list[KeptEffect]) -> float:
     """What leaving it out would cost."""
     others = together(found, [other for other in kept if other is not one])
     numbers = one.candidate.numbers * float(np.log(len(found.lost)))
     return likeliest(found, others, 60).fit - found.fit - numbers
 
 
-def together(found: BaseFit, kept: list[Kept]) -> Floats:
+def together(found: BaseFit, kept: list[KeptEffect]) -> Floats:
     """(n, BINS, k) columns of the base and of what is kept."""
     return np.concatenate([found.base, *(one.candidate.columns for one in kept)], axis=2)
 
 
-def _best(found: BaseFit, every: list[Candidate], kept: list[Kept]) -> Kept | None:
+def _best(found: BaseFit, every: list[Candidate], kept: list[KeptEffect]) -> KeptEffect | None:
     """The effect that gains most beside the base and what is kept."""
     known = together(found, kept)
     there = {one.candidate.name for one in kept} - {_ANYWHERE}
@@ -95,7 +97,7 @@ def _best(found: BaseFit, every: list[Candidate], kept: list[Kept]) -> Kept | No
     refitted = []
     for _, one in ranked:
         fit = likeliest(found, np.concatenate((known, one.columns), axis=2), 60).fit
-        refitted.append(Kept(one, found.fit - fit - one.numbers * float(np.log(stops))))
+        refitted.append(KeptEffect(one, found.fit - fit - one.numbers * float(np.log(stops))))
     return max(refitted, key=lambda one: one.gain, default=None)
 
 
@@ -121,12 +123,12 @@ def gains(found: BaseFit, known: Floats, every: list[Candidate]) -> Floats:
     return result
 
 
-def matters(found: BaseFit, one: Kept, kept: list[Kept]) -> bool:
+def matters(found: BaseFit, one: KeptEffect, kept: list[KeptEffect]) -> bool:
     """What the other columns cannot take up of it changes stops by a practical size."""
     return size(found, one, kept) >= 1.0
 
 
-def size(found: BaseFit, one: Kept, kept: list[Kept]) -> float:
+def size(found: BaseFit, one: KeptEffect, kept: list[KeptEffect]) -> float:
     """Change of stops by it that the other columns cannot take up, over the practical one."""
     others = together(found, [other for other in kept if other is not one])
     own = one.candidate.columns

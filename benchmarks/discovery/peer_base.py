@@ -22,7 +22,7 @@ BASE = 5
 """Columns of the base: four coefficients and the dead time."""
 
 
-class Scatter(NamedTuple):
+class StopScatter(NamedTuple):
     """Standard deviations: of a sample's speed [m/s], of friction [1], of the dead time [s]."""
 
     sample: float
@@ -45,7 +45,7 @@ class BaseFit(NamedTuple):
     base: Floats
     force: Floats
     shape: Floats
-    scatter: Scatter
+    scatter: StopScatter
     fit: float
 
 
@@ -59,7 +59,7 @@ def fit_base(columns: Columns, configured: dict[str, float]) -> BaseFit:
     Raises:
         ValueError: fewer than eight stops are long enough.
     """
-    dead_time, scatter = configured["dead_time"], Scatter(0.02, 0.02, 0.01)
+    dead_time, scatter = configured["dead_time"], StopScatter(0.02, 0.02, 0.01)
     values = np.array([configured[key] for key in ("m_m", "b_m", "m_b", "b_b")])
     for _ in range(4):
         t = traces_of(columns, dead_time)
@@ -86,15 +86,15 @@ def fit_base(columns: Columns, configured: dict[str, float]) -> BaseFit:
 class Likeliest(NamedTuple):
     """The scatter that suits best, and −2 log likelihood with it."""
 
-    scatter: Scatter
+    scatter: StopScatter
     fit: float
 
 
 def likeliest(stops: BaseFit, columns: Floats, most: int = 120) -> Likeliest:
-    """Scatter of the stops with these (n, BINS, k) columns fitted, ``most`` likelihoods tried."""
+    """Scatter of the stops with these (n, BINS, k) columns fitted; ``most`` likelihoods tried."""
 
     def unlikely(logs: Floats) -> float:
-        scatter = Scatter(*np.exp(np.clip(logs, -9.0, 1.0)))
+        scatter = StopScatter(*np.exp(np.clip(logs, -9.0, 1.0)))
         rows, wanted = whitened(stops, columns, scatter)
         best = np.linalg.lstsq(rows, wanted, rcond=None)[0]
         left = wanted - rows @ best
@@ -104,10 +104,10 @@ def likeliest(stops: BaseFit, columns: Floats, most: int = 120) -> Likeliest:
     corners = np.vstack((start, start + 0.4 * np.eye(3)))
     options = {"maxfev": most, "initial_simplex": corners, "xatol": 0.01, "fatol": 0.02}
     found = minimize(unlikely, start, method="Nelder-Mead", options=options)
-    return Likeliest(Scatter(*np.exp(np.clip(found.x, -9.0, 1.0)).tolist()), float(found.fun))
+    return Likeliest(StopScatter(*np.exp(np.clip(found.x, -9.0, 1.0)).tolist()), float(found.fun))
 
 
-def whitened(stops: BaseFit, columns: Floats, scatter: Scatter) -> tuple[Floats, Floats]:
+def whitened(stops: BaseFit, columns: Floats, scatter: StopScatter) -> tuple[Floats, Floats]:
     """(n BINS, k) columns and (n BINS,) speed lost as rows of unit noise; empty bins are 0."""
     root = np.linalg.cholesky(_covariance(stops, scatter))
     both = np.concatenate((columns, stops.lost[:, :, None]), axis=2)
@@ -116,7 +116,7 @@ def whitened(stops: BaseFit, columns: Floats, scatter: Scatter) -> tuple[Floats,
     return rows[:, :-1], rows[:, -1]
 
 
-def _covariance(stops: BaseFit, scatter: Scatter) -> Floats:
+def _covariance(stops: BaseFit, scatter: StopScatter) -> Floats:
     t = stops.traces
     filled = (t.samples > 0).astype(float)
     sample = scatter.sample**2
@@ -130,5 +130,5 @@ def _covariance(stops: BaseFit, scatter: Scatter) -> Floats:
     return both
 
 
-def _log_determinant(stops: BaseFit, scatter: Scatter) -> float:
+def _log_determinant(stops: BaseFit, scatter: StopScatter) -> float:
     return float(np.sum(np.linalg.slogdet(_covariance(stops, scatter))[1]))

@@ -43,7 +43,7 @@ class PeerAnswer:
 Answers = Mapping[str, PeerAnswer]
 
 
-class Judged(NamedTuple):
+class JudgedSet(NamedTuple):
     """A set as both see it: sets of names that are right, what slopewise was, what peers said."""
 
     allowed: Sequence[frozenset[str]]
@@ -70,7 +70,12 @@ def ask(columns: Columns, configured: dict[str, float]) -> dict[str, PeerAnswer]
 def summary(answers: Sequence[Answers], own: Sequence[SetOutcome]) -> list[dict[str, Any]] | None:
     """Shares of all on the same sets of the plant; None where nobody was asked."""
     rows = [
-        (o, Judged((frozenset(o.truth),), o.right, o.wrong, o.verdict == "missing_effect", given))
+        (
+            o,
+            JudgedSet(
+                (frozenset(o.truth),), o.right, o.wrong, o.verdict == "missing_effect", given
+            ),
+        )
         for given, o in zip(answers, own, strict=True)
         if given
     ]
@@ -97,7 +102,7 @@ def world_summary(
 ) -> list[dict[str, Any]] | None:  # fmt: skip
     """Shares of all on the same sets of a world of physics; None where nobody was asked."""
     rows = [
-        (o, Judged(tuple(frozenset(one) for one in names.get(o.what, ())), o.right, o.wrong,
+        (o, JudgedSet(tuple(frozenset(one) for one in names.get(o.what, ())), o.right, o.wrong,
                    o.verdict == "missing_effect", given))
         for given, o in zip(answers, own, strict=True)
         if given
@@ -114,8 +119,8 @@ def world_summary(
 
 
 def _row(
-    what: str, rows: Sequence[Judged], hit: Callable[[Judged, tuple[str, ...]], bool],
-    mine: Callable[[Judged], bool],
+    what: str, rows: Sequence[JudgedSet], hit: Callable[[JudgedSet, tuple[str, ...]], bool],
+    mine: Callable[[JudgedSet], bool],
 ) -> dict[str, Any]:  # fmt: skip
     found: dict[str, Any] = {"what": what}
     for key in PEERS:
@@ -125,29 +130,29 @@ def _row(
     return found | {"slopewise": record(share(what, "", 0.0, [mine(j) for j in rows]))}
 
 
-def _first(judged: Judged, named: tuple[str, ...]) -> bool:
+def _first(judged: JudgedSet, named: tuple[str, ...]) -> bool:
     return frozenset(named[:1]) in judged.allowed
 
 
-def _exact(judged: Judged, named: tuple[str, ...]) -> bool:
+def _exact(judged: JudgedSet, named: tuple[str, ...]) -> bool:
     return frozenset(named) in judged.allowed
 
 
-def _wrong(judged: Judged, named: tuple[str, ...]) -> bool:
+def _wrong(judged: JudgedSet, named: tuple[str, ...]) -> bool:
     return bool(named) and not any(frozenset(named) <= names for names in judged.allowed)
 
 
-def _alarm(_: Judged, named: tuple[str, ...]) -> bool:
+def _alarm(_: JudgedSet, named: tuple[str, ...]) -> bool:
     return bool(named)
 
 
-def _own_right(judged: Judged) -> bool:
+def _own_right(judged: JudgedSet) -> bool:
     return judged.right
 
 
-def _own_wrong(judged: Judged) -> bool:
+def _own_wrong(judged: JudgedSet) -> bool:
     return judged.wrong
 
 
-def _own_alarm(judged: Judged) -> bool:
+def _own_alarm(judged: JudgedSet) -> bool:
     return judged.alarm

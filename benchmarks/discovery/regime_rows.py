@@ -22,18 +22,19 @@ class Rows(NamedTuple):
     stop: NDArray[np.int64]
 
 
-class Left(NamedTuple):
+class Remainder(NamedTuple):
     """Sum of squares that a fit leaves, and how many rows it is of."""
 
     energy: float
     rows: int
 
 
-def left_by_fit(rows: Rows, columns: Floats, stops: Mask) -> Left:
+def left_by_fit(rows: Rows, columns: Floats, stops: Mask) -> Remainder:
+    """What least squares of (rows, k) columns leave of the rows of some stops."""
     used = stops[rows.stop] & np.any(rows.base != 0.0, axis=1)
     x, y = columns[used], rows.wanted[used]
     left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-    return Left(float(left @ left), len(y))
+    return Remainder(float(left @ left), len(y))
 
 
 def energy_p_value(rows: Rows, known: Mask, tested: Mask) -> float:

@@ -92,13 +92,15 @@ def _by_effect(title: str, rows: list[Result]) -> Table:
 
 
 def _peer(title: str, rows: list[Result]) -> Table:
+    """Intervals beside two methods; more would be too wide with them."""
     keys = [key for key in TITLES if key in rows[0]]
-    columns = (text for key in keys for text in (TITLES[key], ""))
+    several = len(keys) > 2
+    columns = [text for key in keys for text in ([TITLES[key]] if several else [TITLES[key], ""])]
     table = table_of(title, *columns, first="what")
     for row in rows:
         cells = []
         for key in keys:
             reached, interval, of = _reached(row[key]) if key in row else ("–", "", "0")
-            cells += [f"{reached} ({of})", interval]
+            cells += [of] if several else [f"{reached} ({of})", interval]
         table.add_row(row["what"], *cells)
     return table
