@@ -61,7 +61,9 @@ def _stop(figure: Any, evidence: Evidence) -> Any:
     axes = figure.add_subplot()
     axes.plot(evidence.time, evidence.speed, ".", ms=6, color=INK, label="measured")
     axes.plot(evidence.time, evidence.speed_before, color=SECOND, lw=1.6, label="as configured")
-    axes.plot(evidence.time, evidence.speed_after, color=FIRST, lw=1.6, label="with what was found")
+    if evidence.changed:
+        found = evidence.speed_after
+        axes.plot(evidence.time, found, color=FIRST, lw=1.6, label="with what was found")
     axes.axvline(0.0, color=INK, lw=0.8, ls=":")
     axes.set(xlabel="time since the stop command [s]", ylabel="speed [m/s]", ylim=(0.0, None))
     axes.legend(fontsize=8.5)
@@ -70,17 +72,19 @@ def _stop(figure: Any, evidence: Evidence) -> Any:
 
 def _distance(figure: Any, evidence: Evidence) -> Any:
     axes = figure.add_subplot()
-    order = np.argsort(evidence.distance)
+    # By what was predicted: sorted by what was measured, mere scatter would look like a trend.
+    order = np.argsort(evidence.configured)
     number = np.arange(1, len(order) + 1)
-    for way, colour, label in (
-        (evidence.configured, SECOND, "as configured"),
-        (evidence.found, FIRST, "with what was found"),
-    ):
+    ways = [(evidence.configured, SECOND, "as configured")]
+    if evidence.changed:
+        ways.append((evidence.found, FIRST, "with what was found"))
+    for way, colour, label in ways:
         off = way[order] - evidence.distance[order]
         axes.plot(number, off, "o", ms=3.4, color=colour, label=label, alpha=0.85)
     axes.axhline(0.0, color=INK, lw=0.8)
     axes.set(
-        xlabel="stops, shortest first", ylabel="predicted less measured\nstopping distance [m]"
+        xlabel="stops, shortest predicted first",
+        ylabel="predicted less measured\nstopping distance [m]",
     )
     axes.legend(fontsize=8.5)
     return figure

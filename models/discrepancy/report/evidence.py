@@ -41,9 +41,11 @@ class Evidence:
 
     Attributes:
         axes: the most telling first. x, y: (S,) where each stop began [m], None without places.
-        distance: (S,) measured [m]; configured, found: (S,) simulated.
-        time, speed: (T,) of the stop that changes most, measured [s], [m/s]; speed_before,
-            speed_after: (T,) simulated. scatter: of the force, for bands.
+        distance: (S,) measured [m]; configured, found: (S,) simulated, the same where the model
+            stays as configured.
+        time, speed: (T,) of the stop that changes most, or is missed most where none does,
+            measured [s], [m/s]; speed_before, speed_after: (T,) simulated.
+        scatter: of the force, for bands.
     """
 
     axes: tuple[AxisResidual, ...]
@@ -57,6 +59,11 @@ class Evidence:
     speed_before: Floats
     speed_after: Floats
     scatter: float
+
+    @property
+    def changed(self) -> bool:
+        """What was found stops otherwise than the model as configured."""
+        return not np.array_equal(self.found, self.configured)
 
 
 def evidence_of(
@@ -73,14 +80,15 @@ def evidence_of(
         )
         for f in located
     )
-    simulated = [distances(table, h) for h in (configured, best)]
-    i = int(np.argmax(np.abs(simulated[1] - simulated[0]))) if best.added else 0
+    written = configured if decision.kept_as_it_was else best
+    simulated = [distances(table, h) for h in (configured, written)]
+    i = _most_telling(table.distance, *simulated)
     one = table.take([i])
     used = one.spread[0] > 0.0
     measured_at = np.einsum("km,m->k", one.average[0], one.time[0])[used]
     speeds = [
         np.einsum("km,m->k", one.average[0], simulate(one, h, one.held, one.time)[0][0])[used]
-        for h in (configured, best)
+        for h in (configured, written)
     ]
     placed = {"x", "y"} <= table.logged
     return Evidence(
@@ -96,6 +104,12 @@ def evidence_of(
         speeds[1],
         decision.explanation.fit.noise.scatter,
     )
+
+
+def _most_telling(measured: Floats, before: Floats, after: Floats) -> int:
+    """The stop that changes most, or where none does the one that the model misses most."""
+    changed = np.abs(after - before)
+    return int(np.argmax(changed if changed.any() else np.abs(measured - before)))
 
 
 def missing_force(table: StopTable, hypothesis: Hypothesis) -> Floats:
