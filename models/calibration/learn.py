@@ -44,6 +44,7 @@ from models.stop_logs.ground_grade import Dive
 from models.stop_logs.measure import Measured, Slope
 from models.stop_logs.measured_log import MeasuredLog, measure_stops
 from models.stop_logs.mount_offset import Mount
+from models.stop_logs.sinking_commands import sinking_commands
 from models.surface_braking import SurfaceBraking, UphillBraking
 
 _FIRST_STATE = 2_000_000
@@ -126,6 +127,7 @@ def learn(
         measured = beside_uphill(measured, uneven.value, known)
         surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
     warnings += notes(surfaces[0], mount, known, uneven)
+    warnings += sinking_commands(columns, log.windows)
     good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
     driven = speed_error(columns, runs, good)
     braking = _braking(known, surfaces, measured.dead_time, uneven)

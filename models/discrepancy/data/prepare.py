@@ -18,6 +18,7 @@ from models.parameters import Model
 from models.stop_logs.measure import Measured, Slope
 from models.stop_logs.measured_log import is_mapped, measure_stops, too_few
 from models.stop_logs.mount_offset import Mount
+from models.stop_logs.sinking_commands import sinking_commands
 
 _BY_HEADINGS = "ground driven in several directions"
 
@@ -60,6 +61,7 @@ def prepare(
     others = [w for w in windows if not w.usable]
     if others:
         notes.append(f"{len(others)} of {len(windows)} stops could not be compared")
+    notes.extend(sinking_commands(columns, windows))
     return tabulate(columns, runs, records, others, log.measured.dead_time), notes
 
 

@@ -1,0 +1,51 @@
+"""Commands that sink towards a stop instead of falling to 0: braking begins before the command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.arrays import Floats
+from models.stop_logs.find_stops import StopWindow
+
+_BEFORE = 1.0  # [s] looked at
+_SUNK = 0.95
+"""Share of its largest value there that the last command before 0 has at most."""
+
+_MOST = 0.5
+"""Share of the stops from which it is said."""
+
+
+def sinking_commands(
+    columns: Mapping[str, NDArray[Any]], windows: Sequence[StopWindow]
+) -> tuple[str, ...]:
+    """A sentence where most stops that are learned from were told by and by, else none.
+
+    Args:
+        columns: channels of a drive log, (n,): ``t`` [s] and ``v_cmd`` [m/s].
+        windows: stops of the log.
+    """
+    kept = np.array([_last_command(columns, w) for w in windows if w.usable])
+    sunk = kept[kept <= _SUNK]
+    if len(kept) == 0 or len(sunk) <= _MOST * len(kept):
+        return ()
+    share = f"{100.0 * float(np.median(sunk)):.0f} %"
+    words = (
+        f"in {len(sunk)} of {len(kept)} stops the commanded speed sank before it was 0, to {share} "
+        "of what it had been: the vehicle slowed before it was told to stop, and the dead time is "
+        "too short for a command that falls at once"
+    )
+    return (words,)
+
+
+def _last_command(columns: Mapping[str, NDArray[Any]], window: StopWindow) -> float:
+    """The last command before 0 as a share of the largest of the second before it."""
+    before = slice(window.begin, window.command)
+    time = np.asarray(columns["t"][before], np.float64)
+    command: Floats = np.asarray(columns["v_cmd"][before], np.float64)
+    recent = command[time >= columns["t"][window.command] - _BEFORE]
+    largest = float(np.max(recent, initial=0.0))
+    return float(recent[-1]) / largest if largest > 0.0 else 1.0

@@ -1,0 +1,45 @@
+"""Whoever learns from commands that sank before they were 0 is told so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.calibration.learn import learn
+from models.stop_logs.find_stops import find_stops
+from models.stop_logs.sinking_commands import sinking_commands
+from tests.models.discrepancy.logs import log
+from tests.models.models_for_tests import BASE
+
+
+def sunk_to(share: float, seconds: float = 0.4) -> tuple[dict[str, np.ndarray], list[slice]]:
+    """A log whose commands sink to a share of what they were before each falls to 0."""
+    columns, runs = log("clean")
+    columns = dict(columns)
+    command, t = columns["v_cmd"].copy(), columns["t"]
+    for i in np.flatnonzero((command[1:] <= 0.0) & (command[:-1] > 0.0)) + 1:
+        before = (t > t[i] - seconds) & (np.arange(len(t)) < i) & (command > 0.0)
+        command[before] *= np.linspace(1.0, share, before.sum())
+    columns["v_cmd"] = command
+    return columns, runs
+
+
+def said(columns: dict[str, np.ndarray], runs: list[slice]) -> tuple[str, ...]:
+    good = np.ones(len(columns["t"]), np.bool_)
+    return sinking_commands(columns, [w for run in runs for w in find_stops(columns, run, good)])
+
+
+def test_commands_that_fall_at_once_are_as_they_should_be() -> None:
+    assert said(*log("clean")) == ()
+
+
+@pytest.mark.parametrize("share", [0.9, 0.7])
+def test_commands_that_sink_are_said_with_their_share(share: float) -> None:
+    (words,) = said(*sunk_to(share))
+    assert f"to {100 * share:.0f} % of what it had been" in words
+
+
+def test_a_calibration_warns_of_them() -> None:
+    warned = learn(*sunk_to(0.8), BASE.braking).warnings
+    assert any("commanded speed sank" in words for words in warned)
+    assert not any("sank" in words for words in learn(*log("clean"), BASE.braking).warnings)
