@@ -120,6 +120,9 @@ OSCILLATION_KNOTS: Annotated[
 USUAL_OSCILLATION: Annotated[
     float, Row("m/s", _RECORDINGS, "prior std of that curve: larger hides more of a lag or drag")
 ] = 0.006
+USUAL_BEND: Annotated[
+    float, Row("1", _USUAL, "prior std of the base's slope within a stop: larger hides more drag")
+] = 0.006
 QUICK_BUILD_UP: Annotated[
     float, Row("s", _USUAL, "lag from which the curve lasts longer and may be larger")
 ] = 0.08

@@ -17,6 +17,7 @@ from scipy.stats import chi2
 
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.restraint import along_one_axis, plainer_one, told_apart, weak
+from models.discrepancy.decide.second_look import weighed_again
 from models.discrepancy.decide.size import (
     ChangeOfStops,
     change_between,
@@ -104,18 +105,24 @@ def decide(
     nothing = replace(found, best=ScoredExplanation(plain, found.best.score))
     if not found.best.names:
         return _with_build_up_alone(table, found.best, nothing, large, trace, settings)
-    best, others = found.best, found.others
     # Where the model's own shape is a little wrong, likelihoods differ by that for no reason.
     doubt = max(settings.rival, BELIEVED_SHARE * sure[0].chi_square) if sure else settings.rival
+    again = weighed_again(table, found, doubt)
+    found = found if again is None else again
+    best, others = found.best, found.others
+    refitted = next((e for e in (best, *others) if not e.names), _far(plain))
+    if not best.names:
+        return _with_build_up_alone(table, refitted, nothing, large, trace, settings)
     plainer = plainer_one(table, best, others, doubt if sure else 0.0, settings)
     if plainer is not None:
         others = (best, *(e for e in others if e.names != plainer.names))
         best = plainer
-    refitted = next((e for e in others if not e.names), _far(plain))
     if weak(table, best, refitted, located):
-        seen = [f for f in located if f.p_value < settings.structure]
-        patterns = _large(table, seen, settings)
-        return _with_build_up_alone(table, refitted, nothing, patterns, (), settings)
+        if again is not None:
+            return _with_build_up_alone(table, refitted, nothing, large, trace, settings)
+        return _with_patterns(table, refitted, nothing, located, settings)
+    if again is not None:  # a wrong shape of the model is in the likelihoods now
+        doubt = settings.rival
     others = tuple(e for e in others if not _unusually_small(e))
     near = [
         e for e in others
@@ -143,6 +150,16 @@ def decide(
     confidence = _confidences(best, found, sizes, settings)
     verdict = Verdict.AMBIGUOUS if rivals else Verdict.MISSING_EFFECT
     return replace(made, verdict=verdict, rivals=rivals, confidence=confidence)
+
+
+def _with_patterns(
+    table: StopTable, refitted: ScoredExplanation, nothing: Identified, located: list[Followed],
+    settings: DiscrepancySettings,
+) -> Decision:  # fmt: skip
+    """Where no effect is believed, and the refitted model may disagree along some axes."""
+    seen = [f for f in located if f.p_value < settings.structure]
+    patterns = _large(table, seen, settings)
+    return _with_build_up_alone(table, refitted, nothing, patterns, (), settings)
 
 
 def _is_rival(other: ScoredExplanation, made: Decision) -> bool:

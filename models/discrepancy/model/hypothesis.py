@@ -21,8 +21,11 @@ from models.parameters import Effect, Model
 LAWFUL = len(NAMES) + 1
 """Numbers of the model's own law: four shifts and the dead time."""
 
-BASE = LAWFUL + OSCILLATION
-"""Numbers before those of the effects: the law's, then the oscillation of the body."""
+NUISANCES = OSCILLATION + 1
+"""Numbers that are no part of the model: the oscillation of the body, and the base's shape."""
+
+BASE = LAWFUL + NUISANCES
+"""Numbers before those of the effects: the law's, then the nuisances."""
 
 
 def builds_up(effect: Effect) -> bool:
@@ -47,6 +50,8 @@ class Hypothesis:
         oscillation: (OSCILLATION,) of the body at the onset, see
             :mod:`models.discrepancy.model.body_oscillation` [m/s].
         oscillates: whether it may be anything but zero.
+        bend: of the base's shape, see :mod:`models.discrepancy.model.base_shape`, as a share of the
+            weight. bends: whether it may be anything but zero.
     """
 
     model: Model
@@ -55,6 +60,8 @@ class Hypothesis:
     added: tuple[Effect, ...] = ()
     oscillation: Floats = field(default_factory=lambda: np.zeros(OSCILLATION))
     oscillates: bool = False
+    bend: float = 0.0
+    bends: bool = False
 
     @classmethod
     def configured(cls, model: Model) -> Hypothesis:
@@ -74,13 +81,13 @@ class Hypothesis:
     def free(self) -> Floats:
         """(P,) the free numbers."""
         own = [e.parameters[n] for e in self.added for n in free_parameters(e)]
-        return np.array([*self.shift, self.dead_time, *self.oscillation, *own])
+        return np.array([*self.shift, self.dead_time, *self.oscillation, self.bend, *own])
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
         """(P,), (P,) lowest and highest of each free number, physical signs and sizes."""
         low, high = [-np.inf] * 4 + [0.0], [np.inf] * 4 + [10.0]
-        low, high = low + [-np.inf] * OSCILLATION, high + [np.inf] * OSCILLATION
+        low, high = low + [-np.inf] * NUISANCES, high + [np.inf] * NUISANCES
         for effect in self.added:
             for name in free_parameters(effect):
                 least, most = LAWS[effect.name].parameters[name].fit_bounds
@@ -96,7 +103,7 @@ class Hypothesis:
             for e in self.added
             for n in free_parameters(e)
         ]
-        return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *[0.01] * OSCILLATION, *own])
+        return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *[0.01] * NUISANCES, *own])
 
     def moved(self, free: Floats) -> Hypothesis:
         """The same with other numbers (P,), in the order of :attr:`free`."""
@@ -109,5 +116,5 @@ class Hypothesis:
             added.append(replace(effect, parameters=values, covariance=None))
         return replace(
             self, shift=np.array(free[:4]), dead_time=float(free[4]), added=tuple(added),
-            oscillation=np.array(free[LAWFUL:BASE]),
+            oscillation=np.array(free[LAWFUL : LAWFUL + OSCILLATION]), bend=float(free[BASE - 1]),
         )  # fmt: skip

@@ -15,8 +15,7 @@ from scipy.optimize import minimize
 
 from models.arrays import Bools, Floats
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.body_oscillation import OSCILLATION
-from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.hypothesis import NUISANCES, Hypothesis
 from models.discrepancy.model.prediction import predict
 from models.discrepancy.thresholds import (
     FORCE_STEP,
@@ -175,7 +174,7 @@ def estimate(
         capped: see :class:`Noise`.
     """
     z = shapes(table, hypothesis, capped)
-    fitted = len(hypothesis.free) - OSCILLATION
+    fitted = len(hypothesis.free) - NUISANCES
     correlation = _correlation(table, residual, z)
     own, used = _own(table, correlation)
     z, r = own @ z, np.einsum("skj,sj->sk", own, residual)

@@ -15,13 +15,20 @@ from models.arrays import Floats
 from models.calibration.force_fit import WEAK_PRIOR
 from models.discrepancy.data.stop_ground import ground_of
 from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.base_shape import shape_column
 from models.discrepancy.model.body_oscillation import (
     OSCILLATION,
     oscillation_columns,
     oscillation_size,
 )
 from models.discrepancy.model.brakes import lag_of
-from models.discrepancy.model.hypothesis import BASE, LAWFUL, Hypothesis, free_parameters
+from models.discrepancy.model.hypothesis import (
+    BASE,
+    LAWFUL,
+    NUISANCES,
+    Hypothesis,
+    free_parameters,
+)
 from models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
 from models.discrepancy.model.prediction import (
     force_of,
@@ -43,6 +50,7 @@ from models.discrepancy.thresholds import (
     NOISE_PASSES,
     OSCILLATES,
     QUICK_BUILD_UP,
+    USUAL_BEND,
 )
 from models.effects.effect_law import Enters
 from models.effects.registry import LAWS
@@ -91,9 +99,11 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     base = _observed(table, hypothesis)
     columns = np.zeros((*table.time.shape, len(free)))
     if hypothesis.oscillates:
-        columns[:, :, LAWFUL:BASE] = oscillation_columns(
+        columns[:, :, LAWFUL : LAWFUL + OSCILLATION] = oscillation_columns(
             table, hypothesis.dead_time, lag_of(hypothesis)
         )
+    if hypothesis.bends:
+        columns[:, :, BASE - 1] = shape_column(table, hypothesis.dead_time)
     wanted, shares = _wanted_changes(table, hypothesis, steps)
     columns[:, :, wanted] = integral(table, hypothesis, shares, np.ones(len(wanted), np.bool_))
     for i in (LAWFUL - 1, *range(BASE, len(free))):
@@ -136,8 +146,10 @@ def _wanted_changes(
 
 
 def _observed(table: StopTable, hypothesis: Hypothesis) -> Floats:
-    """(S, M) fall of the speed that is read, with the oscillation of the body it is read on."""
+    """(S, M) fall of the speed that is read, with all nuisances."""
     fall = predict(table, hypothesis)
+    if hypothesis.bends:
+        fall = fall + hypothesis.bend * shape_column(table, hypothesis.dead_time)
     if not hypothesis.oscillates:
         return fall
     curve = oscillation_columns(table, hypothesis.dead_time, lag_of(hypothesis))
@@ -151,6 +163,7 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
     own[:4] = 1.0 / np.square(WEAK_PRIOR)
     own[4] = 1.0
     own[LAWFUL:BASE] = 1.0 / oscillation_size(lag_of(hypothesis)) ** 2
+    own[BASE - 1] = 1.0 / USUAL_BEND**2
     return own
 
 
@@ -209,7 +222,7 @@ def fit(
     between = white.split(white.bins @ residual(table, here)[:, :, None])[0][:, 0]
     # Few stops tell less of their scatter than its likelihood pretends.
     count = len(table)
-    covariance *= count / max(count - (len(here.free) - OSCILLATION), 1)
+    covariance *= count / max(count - (len(here.free) - NUISANCES), 1)
     covariance = _robust(np.asarray(covariance, np.float64), x, r, count)
     each = r[:count] ** 2 + np.sum(r[count:].reshape(count, -1) ** 2, axis=1)
     each = each - 2.0 * np.log(white.weight) + white.log_volume
