@@ -111,18 +111,14 @@ def decide(
     found = found if again is None else again
     best, others = found.best, found.others
     refitted = next((e for e in (best, *others) if not e.names), _far(plain))
-    if not best.names:
-        return _with_build_up_alone(table, refitted, nothing, large, trace, settings)
     plainer = plainer_one(table, best, others, doubt if sure else 0.0, settings)
     if plainer is not None:
         others = (best, *(e for e in others if e.names != plainer.names))
         best = plainer
-    if weak(table, best, refitted, located):
-        if again is not None:
-            return _with_build_up_alone(table, refitted, nothing, large, trace, settings)
-        return _with_patterns(table, refitted, nothing, located, settings)
-    if again is not None:  # a wrong shape of the model is in the likelihoods now
-        doubt = settings.rival
+    if not best.names or weak(table, best, refitted, located):
+        seen, told = (large, trace) if again else (_patterns(table, located, settings), ())
+        return _with_build_up_alone(table, refitted, nothing, seen, told, settings)
+    doubt = settings.rival if again else doubt  # a wrong shape is in the likelihoods then
     others = tuple(e for e in others if not _unusually_small(e))
     near = [
         e for e in others
@@ -152,14 +148,11 @@ def decide(
     return replace(made, verdict=verdict, rivals=rivals, confidence=confidence)
 
 
-def _with_patterns(
-    table: StopTable, refitted: ScoredExplanation, nothing: Identified, located: list[Followed],
-    settings: DiscrepancySettings,
-) -> Decision:  # fmt: skip
-    """Where no effect is believed, and the refitted model may disagree along some axes."""
-    seen = [f for f in located if f.p_value < settings.structure]
-    patterns = _large(table, seen, settings)
-    return _with_build_up_alone(table, refitted, nothing, patterns, (), settings)
+def _patterns(
+    table: StopTable, located: list[Followed], settings: DiscrepancySettings
+) -> list[Followed]:
+    """Axes along which the refitted model disagrees enough to matter."""
+    return _large(table, [f for f in located if f.p_value < settings.structure], settings)
 
 
 def _is_rival(other: ScoredExplanation, made: Decision) -> bool:
