@@ -42,9 +42,12 @@ class EffectColumn:
         return search_of(self.name)
 
     def effect(self, strength: float) -> Effect:
-        """The effect with a strength."""
+        """The effect with a strength, or the nearest that there can be."""
         how = self.search
-        own = {} if how.whole else {how.strength: how.offset + strength}
+        own: dict[str, float] = {}
+        if not how.whole:
+            low, high = LAWS[self.name].parameters[how.strength].bounds
+            own[how.strength] = min(max(how.offset + strength, low), high)
         return Effect(name=self.name, parameters={**own, **self.inner})
 
 
