@@ -15,8 +15,6 @@ from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.quantity import GRAVITY
 
-_LEAST = 0.1  # [m/s]
-
 
 def shape_column(table: StopTable, dead_time: float) -> Floats:
     """(S, M) change of the fall of speed by a force that is 1/2 of the weight more at the onset and
@@ -25,7 +23,7 @@ def shape_column(table: StopTable, dead_time: float) -> Floats:
     Args:
         table: stops. dead_time: until the onset [s].
     """
-    held = np.maximum(table.held, _LEAST)[:, None]
+    held = table.held[:, None]
     after = table.time > dead_time
     force = np.where(after, np.clip(table.speed / held, 0.0, 1.0) - 0.5, 0.0)
     step = table.time[:, 1:2] - table.time[:, :1]
