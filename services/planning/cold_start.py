@@ -27,8 +27,8 @@ ALONE = (
 SURFACES = "ground"
 """What a map with surfaces needs beside them."""
 
-FEW = 3000
-"""Stations that Python plans along sooner than the compiler is done, at some 10 ms each."""
+FEW = 800
+"""Stations that Python plans along much sooner than the compiler is done, at some 15 ms each."""
 
 T = TypeVar("T")
 
