@@ -40,11 +40,14 @@ class _Program(NamedTuple):
     wanted: Floats
     open: Floats
     rows: Floats
-    limit: Floats
 
 
-class _Flat(NamedTuple):
-    """(K N,) each: see :class:`_Iterate`."""
+class _Rows(NamedTuple):
+    """Of each row, (K, N), or (K N,) one kind behind the other: its limit, and where it is.
+
+    Attributes:
+        ds, dz: steps of slack and force. along: the row times point or step.
+    """
 
     limit: Floats
     slack: Floats
@@ -64,26 +67,17 @@ class _Iterate(NamedTuple):
         x, step: (N + 2,) point and step, two zeros behind them.
         pull: (N,) sum of the rows by their force.
         band: (3, N) the factored matrix.
-        slack, force, over_slack, over_force, breach: (K, N) of each row.
-        ds, dz, along: (K, N) steps of slack and force; rows times point or step.
+        each, flat: the rows, by kinds and one kind behind the other: the same memory.
         sums: (6, N) room for what is summed over rows.
-        flat: what is of each row once more, one kind behind the other.
     """
 
     x: Floats
     step: Floats
     pull: Floats
     band: Floats
-    slack: Floats
-    force: Floats
-    over_slack: Floats
-    over_force: Floats
-    breach: Floats
-    ds: Floats
-    dz: Floats
-    along: Floats
+    each: _Rows
+    flat: _Rows
     sums: Floats
-    flat: _Flat
 
 
 @kernel
@@ -114,17 +108,14 @@ def nearest(
     for k in range(n):
         is_open[k] = 0.0 if fixed[k] else 1.0
         points[0, k] = wanted[k]
-    p = _Program(wanted, is_open, rows, limit)
-    # Divisions are what an iteration costs: one for each of two rows here.
-    s = _Iterate(
-        points[0], points[1], few[6], few[7:], many[0], force, many[1], many[2], many[3], many[4],
-        many[5], many[6], few[:6],
-        _Flat(
-            limit.reshape(kinds * n), flat[0], force.reshape(kinds * n), flat[1], flat[2], flat[3],
-            flat[4], flat[5], flat[6],
-        ),
+    p = _Program(wanted, is_open, rows)
+    each = _Rows(limit, many[0], force, many[1], many[2], many[3], many[4], many[5], many[6])
+    by_kind = _Rows(
+        limit.reshape(kinds * n), flat[0], force.reshape(kinds * n), flat[1], flat[2], flat[3],
+        flat[4], flat[5], flat[6],
     )  # fmt: skip
-    _along(p, s.x, s.along)
+    s = _Iterate(points[0], points[1], few[6], few[7:], each, by_kind, few[:6])
+    _along(p, s.x, s.each.along)
     _begin(s.flat.limit, s.flat.along, s.flat.slack, s.flat.force)
     used = -_ITERATIONS
     for iteration in range(_ITERATIONS):
@@ -191,8 +182,8 @@ def _times(
 @inlined
 def _residuals(p: _Program, s: _Iterate) -> tuple[float, float, float]:
     """Mean of slack times force, largest breach of a row, and largest pull left at a station."""
-    kinds, n = s.slack.shape
-    _along(p, s.x, s.along)
+    kinds, n = s.each.slack.shape
+    _along(p, s.x, s.each.along)
     _clear(s.sums[0])
     _clear(s.sums[1])
     flat = s.flat
@@ -200,13 +191,13 @@ def _residuals(p: _Program, s: _Iterate) -> tuple[float, float, float]:
     _inverse(flat.slack, flat.over_slack)
     _inverse(flat.force, flat.over_force)
     for m in range(kinds):
-        _add_product(s.slack[m], s.force[m], s.sums[0])
-        _keep_largest(s.breach[m], s.sums[1])
+        _add_product(s.each.slack[m], s.each.force[m], s.sums[0])
+        _keep_largest(s.each.breach[m], s.sums[1])
     gap, worst, still, total = 0.0, 0.0, 0.0, 0.0
     for k in range(n):
         gap += s.sums[0, k]
         worst = max(worst, s.sums[1, k])
-    _pull(p.rows, s.force, s.sums, s.pull)
+    _pull(p.rows, s.each.force, s.sums, s.pull)
     for k in range(n):
         left = p.open[k] * (p.wanted[k] - s.x[k] - s.pull[k])
         still = max(still, abs(left))
@@ -249,11 +240,11 @@ def _keep_largest(row: Floats, largest: Floats) -> None:
 @inlined
 def _after(s: _Iterate, share: float) -> float:
     """Mean of slack times force after a share of the steps."""
-    kinds, n = s.slack.shape
+    (kinds, n), each = s.each.slack.shape, s.each
     total = s.sums[0]
     _clear(total)
     for m in range(kinds):
-        _add_product_after(s.slack[m], s.ds[m], s.force[m], s.dz[m], share, total)
+        _add_product_after(each.slack[m], each.ds[m], each.force[m], each.dz[m], share, total)
     after = 0.0
     for k in range(n):
         after += total[k]
@@ -284,18 +275,18 @@ def _go_inside(step: Floats, share: float, value: Floats) -> None:
 @inlined
 def _move(p: _Program, s: _Iterate, centre: float, corrects: float) -> float:
     """Newton's step towards a centre, and the share of it that may be gone."""
-    (kinds, n), flat = s.slack.shape, s.flat
+    (kinds, n), flat = s.each.slack.shape, s.flat
     _force_without_step(flat, centre, corrects)
-    _pull(p.rows, s.dz, s.sums, s.pull)
+    _pull(p.rows, s.each.dz, s.sums, s.pull)
     _wanted_step(p.wanted, p.open, s.x[:n], s.pull, s.step[:n])
     _solve(s.band[0], s.band[1], s.band[2], s.step[:n])
-    _along(p, s.step, s.along)
+    _along(p, s.step, s.each.along)
     longest = s.sums[0]
     _clear(longest)
     _steps(flat.along, flat.breach, flat.force, flat.over_slack, flat.ds, flat.dz)
     for m in range(kinds):
-        _keep_largest_share(s.ds[m], s.over_slack[m], longest)
-        _keep_largest_share(s.dz[m], s.over_force[m], longest)
+        _keep_largest_share(s.each.ds[m], s.each.over_slack[m], longest)
+        _keep_largest_share(s.each.dz[m], s.each.over_force[m], longest)
     most = _STEP
     for k in range(n):
         most = max(most, longest[k])
@@ -303,7 +294,7 @@ def _move(p: _Program, s: _Iterate, centre: float, corrects: float) -> float:
 
 
 @row_pass
-def _force_without_step(flat: _Flat, centre: float, corrects: float) -> None:
+def _force_without_step(flat: _Rows, centre: float, corrects: float) -> None:
     slack, force, over_slack = flat.slack, flat.force, flat.over_slack
     breach, ds, dz = flat.breach, flat.ds, flat.dz
     for k in range(slack.shape[0]):
@@ -357,13 +348,13 @@ def _matrix(p: _Program, s: _Iterate) -> None:
     """1 + Σ force / slack · rowᵀ row, without stations that are fixed; band[m, k] is element
     (k, k + m).
     """
-    kinds, n = s.slack.shape
+    kinds, n = s.each.slack.shape
     for i in range(6):
         _clear(s.sums[i])
     aa, ab, ac, bb, bc, cc = s.sums[0], s.sums[1], s.sums[2], s.sums[3], s.sums[4], s.sums[5]
     _product(s.flat.force, s.flat.over_slack, s.flat.along)
     for m in range(kinds):
-        a, b, c, weight = p.rows[m, 0], p.rows[m, 1], p.rows[m, 2], s.along[m]
+        a, b, c, weight = p.rows[m, 0], p.rows[m, 1], p.rows[m, 2], s.each.along[m]
         _add_products(weight, a, a, b, aa, ab)
         _add_products(weight, c, c, a, cc, ac)
         _add_products(weight, b, b, c, bb, bc)
