@@ -57,14 +57,9 @@ class GroundTrack:
         zero = np.zeros(1)
         return cls(zero, np.array([grade]), zero, zero, zero, zero, zero)
 
-    def at(self, station: float) -> dict[str, float]:
-        """Grade, roll, yaw, curvature, x and y at a station."""
-        return self.reader()(station)
-
     def reader(self) -> Callable[[float], dict[str, float]]:
-        """:meth:`at` for an integrator, which asks a thousand times a stop."""
-        columns = [self.grade, self.roll, self.yaw, self.curvature, self.x, self.y]
-        rows = np.column_stack(columns).tolist()
+        """What tells grade, roll, yaw, curvature, x and y at a station, a thousand times a stop."""
+        rows = np.column_stack([getattr(self, name) for name in _PLACE]).tolist()
         stations, last = self.station.tolist(), len(rows) - 1
 
         def at(station: float) -> dict[str, float]:
@@ -131,7 +126,7 @@ def force_ratio(
     Args:
         model: effects and motion resistance.
         on: braking model of the surface.
-        place: as of :meth:`GroundTrack.at`.
+        place: as of :meth:`GroundTrack.reader`.
         onset_speed: v_i; below the trained range the coefficients at its lower end hold [m/s].
         session_time: [s]. level: share of full application, that of the model if left out.
     """

@@ -24,7 +24,7 @@ def weighed_again(table: StopTable, found: Identified, doubt: float) -> Identifi
     """
     best = found.best
     near = [e for e in found.others if e.names and e.score < best.score + doubt]
-    if not near and (len(best.names) == 1 or not _in_motion(best.fit.hypothesis)):
+    if not near and (len(best.names) == 1 or not _without_motion(best.fit.hypothesis)):
         return None
     near += [e for e in found.others if not e.names]
     asked: dict[tuple[str, ...], Hypothesis] = {}
@@ -41,15 +41,11 @@ def weighed_again(table: StopTable, found: Identified, doubt: float) -> Identifi
     return replace(found, best=looked[0], others=(*looked[1:], *rest))
 
 
-def _in_motion(hypothesis: Hypothesis) -> list[int]:
-    """Which of its effects are terms of motion: a base of the wrong shape looks like them."""
-    return [
-        i for i, effect in enumerate(hypothesis.added) if LAWS[effect.name].enters is Enters.MOTION
-    ]
-
-
 def _without_motion(hypothesis: Hypothesis) -> list[Hypothesis]:
+    """Without each of its terms of motion: a base of the wrong shape looks like them."""
     added = hypothesis.added
     return [
-        replace(hypothesis, added=(*added[:i], *added[i + 1 :])) for i in _in_motion(hypothesis)
+        replace(hypothesis, added=(*added[:i], *added[i + 1 :]))
+        for i, effect in enumerate(added)
+        if LAWS[effect.name].enters is Enters.MOTION
     ]
