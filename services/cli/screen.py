@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -23,3 +24,8 @@ def progress_bar(what: str, total: int, *, quiet: bool = False) -> Iterator[Call
     with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
         task = progress.add_task(what, total=total)
         yield lambda done: progress.advance(task, done)
+
+
+def say_ready(as_json: bool, words: str, facts: dict[str, object]) -> None:
+    """The line of a command that runs until a signal: who waits for it reads standard output."""
+    print(json.dumps({"ready": True, **facts}) if as_json else f"slopewise: {words}", flush=True)

@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -244,8 +245,10 @@ class Service:
             self.plans.learn(slowed(self.plans.parameters, speed, words))
 
 
-def serve(config: ServiceConfig, seconds: float | None = None) -> None:
-    """Run until a signal asks to stop."""
+def serve(
+    config: ServiceConfig, seconds: float | None, ready: Callable[[str, dict[str, object]], None]
+) -> None:
+    """Run until a signal asks to stop, or for so long; once it answers, `ready` is told."""
     import signal
 
     _log.addFilter(NowAndThen())
@@ -259,8 +262,9 @@ def serve(config: ServiceConfig, seconds: float | None = None) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: service.stop())
     with service:
-        listens = ", ".join(config.zenoh.listen) if config.zenoh.mode != "client" else "a router"
-        print(f"slopewise: {config.key('plan')} answers at {listens}", flush=True)
+        listens = config.zenoh.listen if config.zenoh.mode != "client" else ("a router",)
+        plan = config.key("plan")
+        ready(f"{plan} answers at {', '.join(listens)}", {"plan": plan, "listens": [*listens]})
         systemd.tell(systemd.READY)
         service.wait(seconds)
         systemd.tell(systemd.STOPPING)

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -99,8 +100,10 @@ def _output(settings: GuardSettings, session: zenoh.Session) -> Any:
     return RosOutput(session, settings.ros, f"{settings.ros.node}_watch")
 
 
-def serve(config: Path, seconds: float | None = None) -> None:
-    """Guard until a signal asks to end, or for so long.
+def serve(
+    config: Path, seconds: float | None, ready: Callable[[str, dict[str, object]], None]
+) -> None:
+    """Guard until a signal asks to end, or for so long; once it does, `ready` is told.
 
     Raises:
         InputError: settings, a file named in them, or nobody is where they point.
@@ -114,10 +117,8 @@ def serve(config: Path, seconds: float | None = None) -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: watch.end())
         reaction = settings.timing.reaction
-        print(
-            f"slopewise: guards {settings.zenoh.namespace}; any single fault is a stop within "
-            f"{reaction:.2f} s",
-            flush=True,
-        )
+        guarded = settings.zenoh.namespace
+        words = f"guards {guarded}; any single fault is a stop within {reaction:.2f} s"
+        ready(words, {"guards": guarded, "reaction": reaction})
         watch.run(seconds)
         watch.close()

@@ -418,9 +418,9 @@ def demo(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where map, paths, plans and report go.")
     ] = Path("out/demo"),
+    as_json: AsJson = False,
 ) -> None:
     """Plan a dozen candidates over a generated hill, and write a page to look at."""
     from services.cli.commands import demo as command
 
-    page = command.run(out)
-    typer.echo(f"\nLook at {page}")
+    say(as_json, command, command.run(out))

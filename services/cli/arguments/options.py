@@ -157,6 +157,9 @@ Sheet = Annotated[
 ]
 Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the answer.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
+JsonLine = Annotated[
+    bool, typer.Option("--json", help="Say in JSON that it is ready; a line on standard output.")
+]
 
 
 class ResultView(Protocol):

@@ -18,6 +18,7 @@ from services.cli.arguments.options import (
     ClearDistance,
     Columns,
     Connect,
+    JsonLine,
     LogFiles,
     Namespace,
     PathFile,
@@ -36,6 +37,7 @@ def serve(
     config: Annotated[
         Path, typer.Option("--config", "-c", metavar="service.toml", help="The service's settings.")
     ],
+    as_json: JsonLine = False,
 ) -> None:
     """Answer questions for plans over zenoh until a signal asks to stop.
 
@@ -43,7 +45,7 @@ def serve(
     """
     from services.cli.commands import serve as command
 
-    command.run(config)
+    command.run(config, as_json=as_json)
 
 
 @app.command("warm-up")
@@ -62,6 +64,7 @@ def ros(
     config: Annotated[
         Path, typer.Option("--config", "-c", metavar="ros.toml", help="The edge's settings.")
     ],
+    as_json: JsonLine = False,
 ) -> None:
     """Give a robot with ROS 2 speed limits: paths, maps and odometry in, limits out.
 
@@ -71,7 +74,7 @@ def ros(
     """
     from services.cli.commands import ros as command
 
-    command.run(config)
+    command.run(config, as_json=as_json)
 
 
 @app.command()
@@ -79,6 +82,7 @@ def guard(
     config: Annotated[
         Path, typer.Option("--config", "-c", metavar="guard.toml", help="The guard's settings.")
     ],
+    as_json: JsonLine = False,
 ) -> None:
     """Stand between command and base: pass, slow or stop what could not be stopped any more.
 
@@ -89,7 +93,7 @@ def guard(
     """
     from services.cli.commands import guard as command
 
-    command.run(config)
+    command.run(config, as_json=as_json)
 
 
 @dataclass(frozen=True, slots=True)

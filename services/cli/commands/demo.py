@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -22,19 +23,36 @@ _START = (6.0, 24.0)
 _MODEL = "atv"
 
 
-def run(folder: Path) -> Path:
-    """Generate, plan, write; returns the page."""
+class Demo(NamedTuple):
+    """What was planned, and the page that shows it."""
+
+    result: planning.PlanResult
+    page: Path
+
+
+def run(folder: Path) -> Demo:
+    """Generate, plan, write."""
     folder.mkdir(parents=True, exist_ok=True)
     map_file, path_file = folder / "map.npz", folder / "paths.csv"
     write_map_npz(hillside(), map_file)
     write_paths_csv(fan(), path_file)
     job = planning.PlanJob(map_file, path_file, _MODEL, 1.5, np.inf, PlannerSettings())
     result = planning.run(job)
-    plan_view.show(result, Console())
     planning.write_csv(result, folder / "plan.csv")
     page = folder / "report.html"
     plan_view.write_page(result, job, page)
-    return page
+    return Demo(result, page)
+
+
+def as_json(demo: Demo) -> dict[str, Any]:
+    """For machines."""
+    return {**plan_view.as_json(demo.result), "page": str(demo.page)}
+
+
+def show(demo: Demo, console: Console) -> None:
+    """For people."""
+    plan_view.show(demo.result, console)
+    console.print(f"\nLook at {demo.page}", soft_wrap=True)
 
 
 def hillside(seed: int = 7) -> ElevationMap:

@@ -26,13 +26,13 @@ def schema() -> str:
 
 
 def run(model_file: str, casadi: Path | None, c_folder: Path | None) -> ExportResult:
-    """Write what is wanted of a model.
+    """Write what is wanted of a model; if that is nothing, only say what there is.
 
     Raises:
-        InputError: the model cannot be read, or nothing is wanted.
+        InputError: no model, or one that cannot be read.
     """
-    if casadi is None and c_folder is None:
-        raise InputError("export", "", "expected --casadi FILE, --c FOLDER or --json-schema")
+    if not model_file:
+        raise InputError("export", "M.toml", "expected a model file, or --json-schema")
     model = read_model(find_model(model_file))
     from services.export.c_code import write_c
     from services.export.functions import functions_of, write_functions

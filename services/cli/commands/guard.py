@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
 from models.errors import InputError
+from services.cli.screen import say_ready
 
 
-def run(config_file: Path, seconds: float | None = None) -> None:
+def run(config_file: Path, seconds: float | None = None, as_json: bool = False) -> None:
     """Guard until a signal comes, or for so long.
 
     Raises:
@@ -18,4 +20,4 @@ def run(config_file: Path, seconds: float | None = None) -> None:
         raise InputError("guard", "", "needs zenoh: pip install eclipse-zenoh")
     from services.guard.watch import serve
 
-    serve(config_file, seconds)
+    serve(config_file, seconds, partial(say_ready, as_json))

@@ -8,9 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from models.errors import InputError
+from services.cli.screen import say_ready
 
 
-def run(config_file: Path, seconds: float | None = None) -> None:
+def run(config_file: Path, seconds: float | None = None, as_json: bool = False) -> None:
     """Serve ROS 2 until a signal comes, or for so long.
 
     Raises:
@@ -44,6 +45,7 @@ def run(config_file: Path, seconds: float | None = None) -> None:
         edge = stack.enter_context(Edge(settings, sessions[0], sessions[-1]))
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: edge.stop())
-        names = ", ".join(settings.topics.paths)
-        print(f"slopewise: {names} of ROS 2 at {', '.join(settings.ros.connect)}", flush=True)
+        paths, at = settings.topics.paths, settings.ros.connect
+        words = f"{', '.join(paths)} of ROS 2 at {', '.join(at)}"
+        say_ready(as_json, words, {"paths": [*paths], "connects": [*at]})
         edge.wait(seconds)

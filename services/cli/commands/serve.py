@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
 from models.errors import InputError
+from services.cli.screen import say_ready
 from services.settings.service import read_config
 
 
-def run(config_file: Path, seconds: float | None = None) -> None:
+def run(config_file: Path, seconds: float | None = None, as_json: bool = False) -> None:
     """Serve until a signal comes, or for so long.
 
     Raises:
@@ -23,4 +25,4 @@ def run(config_file: Path, seconds: float | None = None) -> None:
         raise InputError(str(config_file), "page.enabled", words)
     from services.daemon.daemon import serve
 
-    serve(config, seconds)
+    serve(config, seconds, partial(say_ready, as_json))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
 import subprocess
 import sys
@@ -12,13 +13,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
+from services.cli import app
 from services.cli.commands import demo
 from services.io.maps.map_file import write_map_npz
 from services.io.path_file import write_paths_csv
 from tests import oracle
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import real_data
+from tests.services.service_process import free_port
+from tests.services.warm_process import WarmProcess
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +45,29 @@ def test_help_teaches_and_is_quick() -> None:
     for command in ("plan", "simulate", "bench", "demo"):
         assert command in result.stdout
     assert min(seconds) < 2.0  # a bound for any machine; the benchmark gives the real figure
+
+
+def test_every_command_speaks_to_machines() -> None:
+    groups = dict(typer.main.get_command(app.app).commands)  # type: ignore[attr-defined]
+    commands = [*groups.pop("fleet").commands.values(), *groups.values()]
+    assert len(commands) > 18
+    for command in commands:
+        assert "--json" in [word for option in command.params for word in option.opts], command
+
+
+def test_a_command_that_runs_on_says_when_it_is_ready(tmp_path: Path) -> None:
+    config = tmp_path / "service.toml"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    config.write_text(f'model = "atv"\nnamespace = "machines"\n[zenoh]\nlisten = ["{endpoint}"]\n')
+    process = WarmProcess(["serve", "--config", str(config), "--json"], os.environ)
+    try:
+        assert process.stdout is not None
+        assert json.loads(process.stdout.readline()) == {
+            "ready": True, "plan": "machines/v1/plan", "listens": [endpoint],
+        }  # fmt: skip
+    finally:
+        process.terminate()
+        process.wait(10.0)
 
 
 def test_help_imports_nothing_heavy() -> None:

@@ -24,7 +24,7 @@ from services.export.functions import (
 )
 from services.export.schema import model_schema
 from services.io.model_file import find_model, model_from_dict, read_model, shipped_models
-from tests.services.command_line import here
+from tests.services.command_line import here, one_line_of
 
 POINTS = 10_000
 EXACT = 1e-9
@@ -186,5 +186,7 @@ def test_the_command_writes_and_tells(tmp_path: Path) -> None:
     told = json.loads(done.stdout)
     assert all(Path(file).exists() for file in told["files"])
     assert "stopping_distance" in {f["name"] for f in told["functions"]}
-    assert here("export", "atv").returncode == 2
+    listed = json.loads(here("export", "atv", "--json").stdout)
+    assert (listed["functions"], listed["files"]) == (told["functions"], [])
+    one_line_of(here("export"), "expected a model file")
     assert here("export", "nobody", "--c", tmp_path).returncode == 2
