@@ -12,7 +12,7 @@ from planner.horizon.answer import PlanarState
 from planner.horizon.horizon import Horizon, HorizonSettings
 from planner.path import PathBatch
 
-from .policies import CYCLE, HORIZON, Planned, View, with_lead
+from .policies import CYCLE, HORIZON, Planned, View, free_for_the_front, with_lead
 from .tracking import DriveCommand
 
 _STRIDE = 2  # points of the route from one station to the next
@@ -51,7 +51,7 @@ class MovingHorizon:
         seen = view.state
         state = PlanarState(x=seen.x, y=seen.y, heading=seen.yaw, speed=max(seen.speed, 0.0))
         ahead = _ahead(view)
-        clear = max(view.station + view.clear - self._reserve - ahead.begins, 0.0)
+        clear = free_for_the_front(view.station + view.clear - self._reserve - ahead.begins)
         answer = self._horizon.step(state, ahead.paths, view.elevation_map, clear=clear)
         wanted = answer.command
         if wanted.stop:

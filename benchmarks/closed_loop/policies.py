@@ -20,6 +20,7 @@ from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 
+from .quad import QUAD
 from .route import Route
 from .sensors import EstimatedState
 from .tracking import DriveCommand
@@ -41,7 +42,8 @@ class View:
         state: estimate of its motion. station: along the route [m].
         route: to be followed.
         elevation_map: ground as known.
-        clear: along the route to the nearest obstacle or the end of sight [m].
+        clear: along the route, for the middle of the wheelbase, until the front of the vehicle is
+            at the nearest obstacle or the end of sight [m].
         known: along the route to ground that is unknown [m].
     """
 
@@ -57,6 +59,15 @@ def with_lead(plan: SpeedPlan, time: float) -> tuple[float, float]:
     """Speed of a plan at a time, and its acceleration a little later: brakes need time to act."""
     now, first, last = np.interp(time + np.array((0.0, *_LEAD)), plan.time, plan.speed)
     return float(now), float((last - first) / (_LEAD[1] - _LEAD[0]))
+
+
+def free_for_the_front(clear: float) -> float:
+    """What a planner is told: how far the way is free for the front of the vehicle [m].
+
+    Args:
+        clear: of the middle of the wheelbase, as in a :class:`View` [m].
+    """
+    return max(clear, 0.0) + QUAD.shape.front
 
 
 class Policy(Protocol):
@@ -122,7 +133,7 @@ class Planned:
         points = view.route.points(view.station, HORIZON)
         path = CandidatePath("route", points)
         (plan,) = self._planner.plan(
-            view.elevation_map, [path], start_speed=speed, clear=max(clear, 0.0)
+            view.elevation_map, [path], start_speed=speed, clear=free_for_the_front(clear)
         )
         return plan
 

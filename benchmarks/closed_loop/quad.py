@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from models.parameters import Limits, Terrain
 from models.vehicle import Vehicle
 
+OVERHANG = 0.95
+"""From the middle of the wheelbase to the front of the body [m]."""
+
 QUAD = Vehicle(
     mass=500.0, wheelbase=1.2, track_width=1.0, cg_x=0.6, cg_z=0.55, wheel_radius=0.28,
     drive="ackermann", max_wheel_speed=6.0, max_drive_force=3600.0, max_drive_power=14000.0,
+    front_overhang=OVERHANG - 0.6, rear_overhang=OVERHANG - 0.6,
 )  # fmt: skip
 """Data sheet: weighed and measured, so the planner may know it."""
-
-OVERHANG = 0.95
-"""From the middle of the wheelbase to the front of the body [m]."""
 
 ROLLING = Terrain(motion_resistance=0.08, lateral_resistance=0.2, slip_track=1.0)
 """Data sheet: the most that rolling costs on any of the surfaces."""
