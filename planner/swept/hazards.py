@@ -28,6 +28,10 @@ from planner.swept.wheel_path import Ground, Pose
 _BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
 
 
+_LEAST_SPACING = 0.001
+"""Of stations [m], however short a path is: ground behind it is looked at in such steps."""
+
+
 class HazardRows(NamedTuple):
     """What kernels read of :class:`Hazards`; (N, M) each, or (0, 0) where there is nothing."""
 
@@ -85,7 +89,9 @@ def swept_hazards(
     sizes = swept_sizes(vehicle, elevation_map.resolution)
     ground = Ground(elevation_map.elevation, *elevation_map.origin, 1.0 / elevation_map.resolution)
     stations, candidates = profile.x.shape
-    spacing = np.hypot(profile.x[1] - profile.x[0], profile.y[1] - profile.y[0])
+    # The first station may be next to the second one, where a vehicle is on its previous plan.
+    steps = np.hypot(np.diff(profile.x[:3], axis=0), np.diff(profile.y[:3], axis=0))
+    spacing = np.maximum(steps.max(axis=0), _LEAST_SPACING)
     code, found = empty(stations, candidates).view(np.int64), np.zeros((candidates, 4))
     bars = np.where(np.isin(_BAR_OF_KIND, list(lifted)), 0, _BAR_OF_KIND)
     looked = sweep(
@@ -97,7 +103,12 @@ def swept_hazards(
     if sizes.fine:
         ride = ride_of(model, sizes, float(np.clip(spacing.min(), 0.5 * spacing.max(), None)))
         behind = ground_behind(
-            ground, profile, run_up(sizes, ride.spacing), sizes.half_length, sizes.half_width
+            ground,
+            profile,
+            run_up(sizes, ride.spacing),
+            spacing,
+            sizes.half_length,
+            sizes.half_width,
         )
         rough = rough_speeds(behind, profile.front, ride, spacing)
 

@@ -14,14 +14,15 @@ from planner.swept.wheel_path import Ground
 
 
 def ground_behind(
-    ground: Ground, profile: TerrainProfile, stations: int, half_length: float, half_width: float
-) -> Singles:
+    ground: Ground, profile: TerrainProfile, stations: int, spacing: Floats, half_length: float,
+    half_width: float,
+) -> Singles:  # fmt: skip
     """Ground under the front wheels of a vehicle that came straight to the first station.
 
     Args:
         ground: map.
         profile: M candidates.
-        stations: B, as far apart as the first two of each candidate.
+        stations: B. spacing: (M,) distance between them [m].
         half_length, half_width: of the wheels [m].
 
     Returns:
@@ -29,8 +30,8 @@ def ground_behind(
     """
     behind = np.empty((stations, *profile.front.shape[1:]), np.float32)
     start = _Start(
-        profile.x[:2], profile.y[:2], profile.heading_x[0], profile.heading_y[0], profile.z[0],
-        profile.front[0],
+        profile.x[0], profile.y[0], profile.heading_x[0], profile.heading_y[0], spacing,
+        profile.z[0], profile.front[0],
     )  # fmt: skip
     flat = ground.elevation.reshape(-1)
     _sample(ground, flat, start, half_length, half_width, behind)
@@ -38,14 +39,15 @@ def ground_behind(
 
 
 class _Start(NamedTuple):
-    """The first two positions (2, M) [m]; heading, height of the ground [m] and the ground under
-    the front wheels at the first one, (M,) and (2, M).
+    """Position [m], heading and spacing [m], (M,); height of the ground there, (M,), and under the
+    front wheels, (2, M) [m].
     """
 
     x: Floats
     y: Floats
     heading_x: Floats
     heading_y: Floats
+    spacing: Floats
     level: Floats
     front: Singles
 
@@ -64,9 +66,7 @@ def _sample(
     across, up = np.empty(candidates), np.empty(candidates)
     cell = np.empty(candidates, np.int64)
     for k in range(stations - 1, -1, -1):
-        _straight_back(
-            start.x[0], start.y[0], start.x[1], start.y[1], float(stations - k), back_x, back_y
-        )
+        _straight_back(start, float(stations - k), back_x, back_y)
         on_grid(frame, back_x, back_y, start.heading_x, start.heading_y, poses)
         for side in range(2):
             ahead, aside = offset(side, half_length, half_width)
@@ -77,10 +77,8 @@ def _sample(
 
 
 @row_pass
-def _straight_back(
-    x: Floats, y: Floats, next_x: Floats, next_y: Floats, steps: float, out_x: Floats,
-    out_y: Floats,
-) -> None:  # fmt: skip
-    for j in range(x.shape[0]):
-        out_x[j] = x[j] - steps * (next_x[j] - x[j])
-        out_y[j] = y[j] - steps * (next_y[j] - y[j])
+def _straight_back(start: _Start, steps: float, out_x: Floats, out_y: Floats) -> None:
+    for j in range(out_x.shape[0]):
+        back = steps * start.spacing[j]
+        out_x[j] = start.x[j] - back * start.heading_x[j]
+        out_y[j] = start.y[j] - back * start.heading_y[j]

@@ -5,9 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from planner.ground.terrain_profile import terrain_profile
 from planner.limiting import Limiting
 from planner.plan import Status
-from tests.planner.scenes import ATV, assert_sound, labels, plan_one, straight, tables_with
+from planner.swept.hazards import swept_hazards
+from tests.planner.scenes import (
+    ATV,
+    assert_sound,
+    labels,
+    model_of,
+    plan_one,
+    straight,
+    tables_with,
+)
 from tests.planner.swept.scenes import Height, ground, met
 
 
@@ -98,6 +108,23 @@ def test_the_start_does_not_forget_the_ground_behind() -> None:
     found = met(ground(wave(0.04, 1.0), x=(-9.0, 25.0)), straight(20.0))
     rough = found.hazards.rows.rough_speed[:, 0]
     assert rough[:5].max() < 1.15 * rough[50:150].mean()
+
+
+@pytest.mark.parametrize("short", [0.05, 1e-3, 1e-7])
+def test_a_short_first_step_is_no_spacing(short: float) -> None:
+    """A vehicle that crawls along its previous plan is next to a station of it; one that has
+    nothing left to drive is at the last one."""
+    scene, model = ground(wave(0.04, 1.0), x=(-9.0, 25.0)), model_of(tables_with())
+    even = np.arange(0.0, 20.0, 0.1)
+    found = []
+    for along in (even, np.concatenate([[even[1] - short], even[1:]]), [0.0, short]):
+        x = np.asarray(along, np.float64)[:, None]
+        y, counts = np.zeros_like(x), np.array([len(x)])
+        vehicle = model.vehicle
+        profile = terrain_profile(scene, x, y, counts, vehicle.wheelbase, vehicle.track_width)
+        found.append(swept_hazards(scene, profile, model).rows.rough_speed[:, 0])
+    np.testing.assert_allclose(found[1][10:], found[0][10:], rtol=0.1)
+    assert np.all(found[2] > 0.0)
 
 
 def test_the_plan_is_slower_and_says_why() -> None:
