@@ -123,9 +123,7 @@ USUAL_OSCILLATION: Annotated[
 USUAL_BEND: Annotated[
     float, Row("1", _USUAL, "prior std of the base's slope within a stop: larger hides more drag")
 ] = 0.006
-QUICK_BUILD_UP: Annotated[
-    float, Row("s", _USUAL, "lag from which the curve lasts longer and may be larger")
-] = 0.08
+QUICK_BUILD_UP: Annotated[float, Row("s", _USUAL, "lag from which the curve lasts longer")] = 0.08
 OTHER_SHAPE: Annotated[
     float, Row("m/s²", _THEORY, "prior std by lag: two equal lags against one differ by as much")
 ] = 0.4

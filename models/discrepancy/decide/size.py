@@ -64,7 +64,7 @@ def sizes_of(
 
     Where the log tells it from other numbers of everything else beyond doubt, that is its own share
     of a stop; else what they cannot take up. As the speed falls the base's own shape is a little
-    wrong in every vehicle: terms of motion need more.
+    wrong in every vehicle: terms of motion need more, unless that shape is fitted along.
 
     A build-up of the brakes is there in every vehicle and every stop: what counts is what it
     changes on the whole, and only where it takes longer than usual.
@@ -83,8 +83,8 @@ def sizes_of(
         rest = replace(found.hypothesis, added=(*added[:i], *added[i + 1 :]))
         without = fit_either_way(output, rest, found.noise, rounds=1)
         gain = without.deviance - here.deviance
-        in_motion = LAWS[effect.name].enters is Enters.MOTION
-        own = gain > (MOTION_BEYOND_DOUBT if in_motion else PLAIN_EVIDENCE)
+        base_like = LAWS[effect.name].enters is Enters.MOTION and not found.hypothesis.bends
+        own = gain > (MOTION_BEYOND_DOUBT if base_like else PLAIN_EVIDENCE)
         if builds_up(effect):
             size = _on_the_whole(np.abs(ends - distances(table, without.hypothesis)), least)
             if lag_of(found.hypothesis) < _usual_build_up(table, found):

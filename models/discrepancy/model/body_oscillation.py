@@ -16,6 +16,7 @@ import numpy as np
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.thresholds import (
+    LEAST_LAG,
     OSCILLATION_KNOTS,
     OTHER_SHAPE,
     QUICK_BUILD_UP,
@@ -30,7 +31,7 @@ def oscillation_size(lag: float) -> float:
     Args:
         lag: time constant of the build-up [s].
     """
-    return USUAL_OSCILLATION + OTHER_SHAPE * max(lag - QUICK_BUILD_UP, 0.0)
+    return USUAL_OSCILLATION + OTHER_SHAPE * max(lag - LEAST_LAG, 0.0)
 
 
 OSCILLATION = len(OSCILLATION_KNOTS) - 2
