@@ -156,6 +156,32 @@ def room(rows: Floats, limit: Floats, force: Floats, x: Floats) -> float:
     return total
 
 
+@kernel
+def keeps_none(most: Floats, fixed: Bools, rows: Floats, limit: Floats, force: Floats) -> bool:
+    """Do multipliers prove that no point from 0 to ``most`` keeps the rows?
+
+    A sum of the rows, each times its force, is below the sum of their limits at every point that
+    keeps them. Where it is above it even at the lowest point of the box, there is none: Farkas'
+    lemma, which holds for forces of any origin. An iteration that diverges leads to such forces.
+
+    Args:
+        most: (N,) highest x, that of stations which are fixed. fixed, rows, limit: as of
+            :func:`nearest`. force: (K, N) multipliers, >= 0.
+    """
+    kinds, n = limit.shape
+    least, highest, size = 0.0, 0.0, 0.0
+    for k in range(n):
+        pull = 0.0
+        for m in range(kinds):
+            highest += force[m, k] * limit[m, k]
+            for i in range(min(3, k + 1)):
+                pull += rows[m, i, k - i] * force[m, k - i]
+        moved = pull * most[k]
+        size += abs(moved)
+        least += moved if fixed[k] else min(moved, 0.0)
+    return bool(least - highest > _TOLERANCE * (size + abs(highest)))
+
+
 @row_pass
 def _begin(limit: Floats, along: Floats, slack: Floats, force: Floats) -> None:
     for k in range(limit.shape[0]):

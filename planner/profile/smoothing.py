@@ -4,7 +4,8 @@ The fastest profile is, within hundredths of a percent, the one nearest to the t
 from below, which is a quadratic program. Its one nonlinear constraint, the time in which the
 acceleration changes, stands there as its tangent (see :mod:`planner.profile.smoothing_program`):
 the program's set lies inside the exact one, so what it returns may be driven. An interior-point
-method along the stations solves it; where that fails OSQP is asked. Either can be asked first by a
+method along the stations solves it; where that fails OSQP is asked, unless the failure itself
+proves that there is nothing to find. Either can be asked first by a
 setting, as can IPOPT, which solves the exact program. An answer depends on nothing that was solved
 before.
 """
@@ -18,7 +19,7 @@ import numpy as np
 
 from models.arrays import Floats
 from planner.kernels.compiled import kernel
-from planner.profile.banded_nearest import nearest, room
+from planner.profile.banded_nearest import keeps_none, nearest, room
 from planner.profile.osqp_nearest import nearest_by_osqp
 from planner.profile.smoothing_problem import SmoothingProblem
 from planner.profile.smoothing_program import FEWEST, REST, TIGHTER, program, reachable
@@ -31,6 +32,10 @@ _LINEARISATIONS = 4
 
 _WORTH = 0.05
 """Share of the distance to the time-optimal profile for which tangents are taken anew."""
+
+
+NO_PROFILE = 0
+"""In place of iterations: it is proven that no profile keeps the tangents' limits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +80,8 @@ def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoot
         if iterations > 0:
             _inside(speed_sq, top, answer)
             return Smoothed(answer, used)
+        if iterations == NO_PROFILE:
+            return Smoothed(None, used, "no profile keeps the jerk limit")
     return Smoothed(None, used, f"no profile keeps the jerk limit ({used} iterations)")
 
 
@@ -104,7 +111,8 @@ def _along_stations(
     ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
     start_accel: float, speed_sq: Floats,
 ) -> int:  # fmt: skip
-    """The answer of the interior-point method; its iterations, negative if there is none.
+    """The answer of the interior-point method; its iterations, negative if it finds none, and
+    :data:`NO_PROFILE` if there surely is none.
 
     Far below the profile of the tangents these give time away. What more exact ones allow is
     weighed by the multipliers: where that is much, they are taken anew at the answer.
@@ -126,7 +134,9 @@ def _along_stations(
         iterations = nearest(top, fixed, rows, limit, x, force)
         used += abs(iterations)
         if iterations < 0:
-            return used if turn > 0 else -used
+            if turn > 0:
+                return used
+            return NO_PROFILE if keeps_none(top, fixed, rows, limit, force) else -used
         for k in range(n):
             speed_sq[k] = x[k]
             around[k] = min(max(x[k], 0.0), top[k])

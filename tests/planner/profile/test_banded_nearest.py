@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import LinearConstraint, minimize
+from scipy.optimize import LinearConstraint, linprog, minimize
 
-from planner.profile.banded_nearest import nearest, room
+from planner.profile.banded_nearest import keeps_none, nearest, room
 from planner.profile.osqp_nearest import matrix_of, nearest_by_osqp
 
 Solver = Callable[..., int]
@@ -152,6 +152,33 @@ def test_where_nothing_keeps_the_constraints_it_says_so(solver: Solver, limit: f
     first = np.zeros(2, np.int64)
     rows = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     assert solved(solver, np.ones(3), free(3), (first, rows, np.full(2, limit))) is None
+
+
+@settings(max_examples=200, deadline=None)
+@given(n=st.integers(3, 30), seed=st.integers(0, 2**20), most=st.sampled_from([0.01, 0.1, 1.0]))
+def test_only_where_scipy_finds_nothing_multipliers_prove_it(
+    n: int, seed: int, most: float
+) -> None:
+    """Whatever the multipliers are, they prove nothing where there is a point; those of a failure
+    prove it nearly always."""
+    rng = np.random.default_rng(seed)
+    upper = rng.uniform(0.5, 2.0, n)
+    fixed = free(n)
+    fixed[rng.integers(0, n, 2)] = True
+    rows = together(boxes(upper), bends(n, most))
+    there = linprog(
+        np.zeros(n), matrix(n, rows), rows[2], bounds=np.column_stack((upper * fixed, upper))
+    )
+    dense, limit = by_kinds(rows, n)
+    x, force = np.empty(n), np.zeros(limit.shape)
+    found = nearest(upper, fixed, dense, limit, x, force)
+    proven = [
+        keeps_none(upper, fixed, dense, limit, by)
+        for by in (force, *rng.exponential(1.0, (20, *limit.shape)) ** 3)
+    ]
+    assert not (there.status == 0 and any(proven))
+    if found < 0 and there.status == 2:
+        assert proven[0]
 
 
 def test_numbers_that_are_none_are_no_answer() -> None:
