@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 
 import numpy as np
 
@@ -52,9 +52,11 @@ def working(cores: list[set[int]]) -> Iterator[None]:
 
 
 def _work(cores: set[int]) -> None:
-    """Sort numbers for ever: busy with processor, caches and memory."""
+    """Sort numbers while the benchmark lives: busy with processor, caches and memory."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, cores)
     numbers = np.random.default_rng(0).random(500_000)
-    while True:
+    # Whoever is killed ends nobody.
+    benchmark = parent_process()
+    while benchmark is not None and benchmark.is_alive():
         np.sort(numbers)
