@@ -116,6 +116,22 @@ def test_a_thousand_candidates_a_second_keep_nobody_waiting(tmp_path: Path) -> N
         print(f"answered in time {share:.3f} of {honest.asked - asked}")
 
 
+def test_a_question_that_outlasts_its_deadline_is_given_up_and_counted(tmp_path: Path) -> None:
+    """No machine plans a thousand candidates within a tenth of a second."""
+    with running(tmp_path) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        paths = [{"name": f"{i}", "points": straight(45.0, 3, 1e-6 * i)} for i in range(1000)]
+        (reply,) = session.get(
+            f"{service.key('plan')}?deadline=0.1", timeout=3.0,
+            payload=msgspec.msgpack.encode({"speed": 1.0, "paths": paths}),
+            encoding=f"{MACHINE};slopewise.plan_request.v1",
+        )  # fmt: skip
+        assert reply.ok is not None
+        assert msgspec.msgpack.decode(reply.ok.payload.to_bytes())["status"] == "busy"
+        assert robot.status(20.0)["counters"]["given_up"] == 1
+
+
 @pytest.mark.parametrize("text", ["-1", "nan", "inf", "0", "tomorrow"])
 def test_deadlines_that_are_none_are_refused(service: Running, text: str) -> None:
     with service.session() as session:
@@ -182,7 +198,7 @@ def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
         )
         assert honest.fastest <= fastest + 1e-9
         counters = status["counters"]
-        # A quick machine gives up none of the questions that it has taken.
+        # A quick machine gives up none of the questions that it has taken: that has its own test.
         for kind in (
             "busy", "refused", "stops_too_many", "stops_contradictory",
             "map_updates_refused", "params_malformed",
