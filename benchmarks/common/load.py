@@ -56,7 +56,7 @@ def _work(cores: set[int]) -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, cores)
     numbers = np.random.default_rng(0).random(500_000)
-    # Whoever is killed ends nobody.
+    # A benchmark that is killed does not end its processes.
     benchmark = parent_process()
     while benchmark is not None and benchmark.is_alive():
         np.sort(numbers)

@@ -211,7 +211,7 @@ SLIDING_QUANTILE: Annotated[
     float, Row("1", _SETS, "of the force: where a friction cap is tried that nearly all stops meet")
 ] = 0.6
 LEAST_LAG: Annotated[
-    float, Row("s", _USUAL, "lag from which it has a name; shorter ones end in a tenth of a second")
+    float, Row("s", _USUAL, "lag from which it has a name and a shape; shorter ones end in 0.1 s")
 ] = 0.036
 LAG_BLURS: Annotated[float, Row("std", _SETS, "the same, in standard deviations of the onset")] = (
     2.5

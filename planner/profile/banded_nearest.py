@@ -169,14 +169,13 @@ def keeps_none(most: Floats, fixed: Bools, rows: Floats, limit: Floats, force: F
             :func:`nearest`. force: (K, N) multipliers, >= 0.
     """
     kinds, n = limit.shape
+    pull = np.empty(n)
+    _pull(rows, force, np.empty((3, n)), pull)
     least, highest, size = 0.0, 0.0, 0.0
     for k in range(n):
-        pull = 0.0
         for m in range(kinds):
             highest += force[m, k] * limit[m, k]
-            for i in range(min(3, k + 1)):
-                pull += rows[m, i, k - i] * force[m, k - i]
-        moved = pull * most[k]
+        moved = pull[k] * most[k]
         size += abs(moved)
         least += moved if fixed[k] else min(moved, 0.0)
     return bool(least - highest > _TOLERANCE * (size + abs(highest)))

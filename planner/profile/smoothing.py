@@ -5,9 +5,8 @@ from below, which is a quadratic program. Its one nonlinear constraint, the time
 acceleration changes, stands there as its tangent (see :mod:`planner.profile.smoothing_program`):
 the program's set lies inside the exact one, so what it returns may be driven. An interior-point
 method along the stations solves it; where that fails OSQP is asked, unless the failure itself
-proves that there is nothing to find. Either can be asked first by a
-setting, as can IPOPT, which solves the exact program. An answer depends on nothing that was solved
-before.
+proves that there is nothing to find. Either can be asked first by a setting, as can IPOPT, which
+solves the exact program. An answer depends on nothing that was solved before.
 """
 
 from __future__ import annotations
@@ -33,8 +32,7 @@ _LINEARISATIONS = 4
 _WORTH = 0.05
 """Share of the distance to the time-optimal profile for which tangents are taken anew."""
 
-
-NO_PROFILE = 0
+_NO_PROFILE = 0
 """In place of iterations: it is proven that no profile keeps the tangents' limits."""
 
 
@@ -80,7 +78,7 @@ def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoot
         if iterations > 0:
             _inside(speed_sq, top, answer)
             return Smoothed(answer, used)
-        if iterations == NO_PROFILE:
+        if iterations == _NO_PROFILE:
             return Smoothed(None, used, "no profile keeps the jerk limit")
     return Smoothed(None, used, f"no profile keeps the jerk limit ({used} iterations)")
 
@@ -112,7 +110,7 @@ def _along_stations(
     start_accel: float, speed_sq: Floats,
 ) -> int:  # fmt: skip
     """The answer of the interior-point method; its iterations, negative if it finds none, and
-    :data:`NO_PROFILE` if there surely is none.
+    ``_NO_PROFILE`` if there surely is none.
 
     Far below the profile of the tangents these give time away. What more exact ones allow is
     weighed by the multipliers: where that is much, they are taken anew at the answer.
@@ -136,7 +134,7 @@ def _along_stations(
         if iterations < 0:
             if turn > 0:
                 return used
-            return NO_PROFILE if keeps_none(top, fixed, rows, limit, force) else -used
+            return _NO_PROFILE if keeps_none(top, fixed, rows, limit, force) else -used
         for k in range(n):
             speed_sq[k] = x[k]
             around[k] = min(max(x[k], 0.0), top[k])

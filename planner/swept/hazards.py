@@ -27,7 +27,6 @@ from planner.swept.wheel_path import Ground, Pose
 
 _BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
 
-
 _LEAST_SPACING = 0.001
 """Of stations [m], however short a path is: ground behind it is looked at in such steps."""
 
@@ -103,13 +102,9 @@ def swept_hazards(
     if sizes.fine:
         ride = ride_of(model, sizes, float(np.clip(spacing.min(), 0.5 * spacing.max(), None)))
         behind = ground_behind(
-            ground,
-            profile,
-            run_up(sizes, ride.spacing),
-            spacing,
-            sizes.half_length,
+            ground, profile, run_up(sizes, ride.spacing), spacing, sizes.half_length,
             sizes.half_width,
-        )
+        )  # fmt: skip
         rough = rough_speeds(behind, profile.front, ride, spacing)
 
     def obstacle(j: int, k: int) -> Obstacle | None:
