@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -127,9 +128,20 @@ def validate_covariance(name: str, covariance: Matrix | None, size: int) -> None
         return
     if len(covariance) != size or any(len(row) != size for row in covariance):
         raise ParameterError(name, f"a {size} x {size} matrix")
+    if flaw := _expected_of(tuple(map(tuple, covariance))):
+        raise ParameterError(name, flaw)
+
+
+@lru_cache(maxsize=512)
+def _expected_of(covariance: Matrix) -> str:
+    """What a square matrix fails to be; "" where it is a covariance.
+
+    Models are made again and again with the same ones: each surface of a model has its own.
+    """
     matrix = np.asarray(covariance)
     scale = float(np.max(np.abs(matrix)))
     if not (np.isfinite(scale) and np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * scale)):
-        raise ParameterError(name, "a finite symmetric matrix")
+        return "a finite symmetric matrix"
     if np.linalg.eigvalsh(matrix)[0] < -1e-9 * scale:
-        raise ParameterError(name, "a positive semidefinite matrix, got a negative eigenvalue")
+        return "a positive semidefinite matrix, got a negative eigenvalue"
+    return ""

@@ -24,7 +24,7 @@ from uuid import uuid4
 import zenoh
 
 from models.errors import InputError
-from services.daemon import systemd, warm_up
+from services.daemon import allocator, systemd, warm_up
 from services.daemon.quiet_log import NowAndThen
 from services.dashboard.board import Board
 from services.dashboard.parameter_board import ParameterBoard
@@ -252,6 +252,7 @@ def serve(
     import signal
 
     _log.addFilter(NowAndThen())
+    allocator.keep_compact()
     compile_first("nobody is answered until that is done (slopewise warm-up does it ahead)")
     service: Any = Service(config)
     # What was built up to now stays: the collector need not look at it again between questions.

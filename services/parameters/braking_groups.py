@@ -70,7 +70,7 @@ class BrakingGroups(ParameterGroups):
         self._weaker: dict[tuple[str, str], int] = {}
         self._dead_times: deque[float] = deque(maxlen=_DEAD_TIMES)
         self._aged = time.monotonic()
-        self._known: tuple[Braking, list[str]] | None = None
+        self._known: Braking | None = None
         self._all: dict[str, LearnedForce] | None = None
         self._on_surface: dict[str, Braking] = {}
         self._stronger: list[str] = []
@@ -93,7 +93,6 @@ class BrakingGroups(ParameterGroups):
             distance = stop.onset_speed * late + stop.onset_speed**2 / (2.0 * slowing)
         planned = self.expected(surface, stop.onset_speed, stop.grade)
         done = self._online.take(stop, surface)
-        self._changed()
         if done.outcome is Acceptance.GATED and stop.force_ratio < planned:
             self._insist(stop, surface, source, planned)
         else:
@@ -102,6 +101,7 @@ class BrakingGroups(ParameterGroups):
             self._taught[surface] = time.monotonic()
         if 0.0 <= stop.dead_time <= _MOST_DEAD_TIME:
             self._dead_times.append(stop.dead_time)
+        self._changed()
         return StopTaught(
             time.monotonic(), source, surface, stop.onset_speed, stop.grade, predicted, distance,
             done.outcome.value,
@@ -120,7 +120,6 @@ class BrakingGroups(ParameterGroups):
             below = self._online.coefficients(surface).copy()
             below[3] -= planned - stop.force_ratio
             self._online.doubt(surface, below)
-            self._changed()
             self._weaker.pop((surface, source))
 
     def _begin(self, surface: str) -> None:
@@ -220,8 +219,18 @@ class BrakingGroups(ParameterGroups):
         return min(ages.values()) if len(ages) == len(self.names()) else 0.0
 
     def in_use(self, ages: Mapping[str, float]) -> Braking:
-        """The braking model to plan with; ages [s] widen the scatter of their surface."""
-        used, _ = self._limited(ages)
+        """The braking model to plan with; ages [s] widen the scatter of their surface.
+
+        Without ages looked up until something changes: learning from one stop asks several times.
+        """
+        if ages:
+            return self._late(self._limit(ages))
+        if self._known is None:
+            self._known = self._late(self._limit({}))
+        return self._known
+
+    def _late(self, used: Braking) -> Braking:
+        """With brakes that answer no sooner than those of the last stops."""
         late = self.dead_time()
         tables = {
             name: table if table.dead_time is None
@@ -230,23 +239,13 @@ class BrakingGroups(ParameterGroups):
         }  # fmt: skip
         return dataclasses.replace(used, dead_time=max(used.dead_time, late), terrain=tables)
 
-    def _limited(self, ages: Mapping[str, float]) -> tuple[Braking, list[str]]:
-        """What was learned, as far above the file as it may be; looked up until something changes.
-
-        Learning from one stop asks several times.
-        """
-        if not ages:
-            if self._known is None:
-                self._known = self._limit({})
-            return self._known
-        return self._limit(ages)
-
-    def _limit(self, ages: Mapping[str, float]) -> tuple[Braking, list[str]]:
+    def _limit(self, ages: Mapping[str, float]) -> Braking:
+        """What was learned, as far above the file as it may be."""
         drift = self._uncertainty.drift
         older = {name: drift * math.sqrt(age / HOUR) for name, age in ages.items()}
         used = braking_in_use(self._prior, self._learned(), older)
         used, self._stronger = limited(self._prior, used, self._settings.most_above_file)
-        return used, self._stronger
+        return used
 
     def dead_time(self) -> float:
         """Of the last stops the median [s]; brakes that answer sooner are given no credit."""
@@ -349,6 +348,7 @@ class BrakingGroups(ParameterGroups):
             self._put(surface, one, 0.0)
         if late is not None:
             self._dead_times = deque([late] * _DEAD_TIMES, maxlen=_DEAD_TIMES)
+            self._changed()
 
     def _put(self, surface: str, one: LearnedForce | None, age: float) -> None:
         self._changed()

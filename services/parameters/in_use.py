@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -43,6 +44,13 @@ class ParametersInUse:
     def identity(self) -> tuple[int, int]:
         """Differs where plans may."""
         return self.version, self.serial
+
+    def flagged(self, flags: tuple[str, ...], version: int) -> ParametersInUse:
+        """The same model with other words beside it; nothing is worked out anew."""
+        same = copy(self)
+        object.__setattr__(same, "flags", flags)
+        object.__setattr__(same, "version", version)
+        return same
 
     def message(self) -> messages.Parameters:
         """As replies and status tell it."""

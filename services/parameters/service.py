@@ -234,8 +234,8 @@ class ParameterService:
             self._looked = now
             self.learner.age()
             self._bring()
-        elif self.flags() != list(self.in_use.flags):
-            self._bring()
+        else:
+            self._flag()
 
     def degraded(self) -> list[str]:
         """Why plans are slower than they need be."""
@@ -284,8 +284,14 @@ class ParameterService:
             self._bring(self._log.version + 1)
             self._log.commit(states, cause, who, seen=seen, learned=learned, moments=moments)
             self.changed |= groups
-        if tuple(self.flags()) != self.in_use.flags or not groups:
-            self._bring()
+        self._flag()
+
+    def _flag(self) -> None:
+        """Tell what is not as it should be; the model is the same, and so are plans."""
+        flags, version = tuple(self.flags()), self._log.version
+        if (flags, version) != (self.in_use.flags, self.in_use.version):
+            self.in_use = self.in_use.flagged(flags, version)
+            self._apply(self.in_use)
 
     def _bring(self, version: int | None = None) -> None:
         model, age, oldest = self.learner.in_use()

@@ -18,10 +18,12 @@ class Notices:
 
     def say(self, words: str) -> None:
         """Something happened just now; one thread at a time."""
-        said = {w: at for w, at in self._said.items() if w != words}
-        said[words] = time.monotonic()
+        # Each keeps its place, so that what is told changes no oftener than what there is to tell.
+        said = {**self._said, words: time.monotonic()}
+        while len(said) > _MOST:
+            del said[min(said, key=said.__getitem__)]
         # Swapped whole: other threads may read meanwhile.
-        self._said = dict(list(said.items())[-_MOST:])
+        self._said = said
 
     def take_back(self, words: str) -> None:
         """It is as it should be again."""

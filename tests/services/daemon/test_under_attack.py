@@ -21,14 +21,16 @@ from tests.services.parameter_client import Robot, send_ground, speeds_of
 from tests.services.service_process import Running, free_port, running
 
 LONG = "SLOPEWISE_ATTACK" in os.environ
-SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "8"))
-WARM, ALONE = (10.0, 10.0) if LONG else (8.0, 6.0)
+SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "12"))
+WARM, ALONE = (30.0, 10.0) if LONG else (6.0, 6.0)
 IN_TIME = 0.1
-SHARE = 0.75 if LONG else 0.4
+SHARE = 0.99 if LONG else 0.4
 """Of what the robot is answered alone, at least. The long form has a machine of its own. Beside
 other tests on two processors a third of the answers may come late through no fault of the service;
 a robot that is starved, as without shares of its own, is told "busy" nearly every time.
 """
+MORE_MEMORY = 1.05 if LONG else 1.2
+"""Than in the first seconds under attack, medians: much comes and goes with a question."""
 
 
 class Honest:
@@ -63,12 +65,16 @@ class Honest:
             return str(told["status"])
         return "nobody"
 
-    def drive(self, seconds: float) -> None:
-        until = time.monotonic() + seconds
-        while time.monotonic() < until:
-            begun = time.monotonic()
+    def drive(self, seconds: float) -> float:
+        """The memory of the service meanwhile [MB]: the median of the second half of the time."""
+        start = time.monotonic()
+        memory = []
+        while (begun := time.monotonic()) < start + seconds:
             self.ask()
+            if begun > start + 0.5 * seconds:
+                memory.append(resident(self.service))
             time.sleep(max(0.05 - (time.monotonic() - begun), 0.0))
+        return float(np.median(memory))
 
 
 def resident(service: Running) -> float:
@@ -163,6 +169,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         yield started
 
 
+@pytest.mark.timeout(900)
 def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
     port = free_port()
     # Whether there is time to smooth a plan makes it a little faster or slower, too.
@@ -176,12 +183,12 @@ def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
         fastest, honest.fastest = honest.fastest, 0.0
         honest.asked = honest.answered = 0
         honest.took.clear()
-        with attacked(service, SECONDS + 30.0, port):
-            honest.drive(WARM)
-            warm, asked, answered = resident(service), honest.asked, honest.answered
+        with attacked(service, WARM + SECONDS + 20.0, port):
+            warm = honest.drive(WARM)
+            asked, answered = honest.asked, honest.answered
             honest.took.clear()
-            honest.drive(SECONDS)
-            now = resident(service)
+            honest.drive(SECONDS - WARM)
+            now = honest.drive(WARM)
             status = robot.status(20.0)
         share = (honest.answered - answered) / (honest.asked - asked)
         slowed = list(honest.took)
@@ -209,4 +216,4 @@ def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
         assert sum(counters.get(kind, 0) for kind in untimely) > 0
         # On a machine that is busy otherwise the robot alone is not always answered in time either.
         assert share >= SHARE * alone
-        assert now <= 1.2 * warm
+        assert now <= MORE_MEMORY * warm

@@ -93,6 +93,24 @@ def test_without_a_store_it_learns_and_says_that_nothing_is_kept() -> None:
         service.roll_back(1, "", "me")
 
 
+def test_words_beside_the_model_are_told_without_planning_anew() -> None:
+    """Whoever makes them come and go would keep planners at work for nothing."""
+    heard: list[ParametersInUse] = []
+    service = ParameterService(ServiceConfig(model="atv"), atv(), apply=heard.append)
+    stopped(service, 1, 0.42)
+    service.tick()
+    before = service.in_use
+    for n in range(2, 30):
+        assert stopped(service, n, 0.9, distance=30.0).status == "refused"
+        service.tick()
+    service.alive("nobody", is_alive=True)
+    told = service.in_use
+    assert told.flags == ("stops of robot contradict themselves",)
+    assert told.identity == before.identity
+    assert told.model is before.model
+    assert heard[-1] is told
+
+
 @pytest.mark.parametrize("how", ["noise", "insane", "not JSON", "another vehicle"])
 def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path, how: str) -> None:
     first = started(store)
