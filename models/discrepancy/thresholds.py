@@ -171,6 +171,9 @@ OSCILLATES: Annotated[
 MOST_WIDER: Annotated[
     float, Row("1", _SETS, "factor by which scattering stops widen an interval at most")
 ] = 2.0
+LEAST_FRICTION: Annotated[float, Row("1", _COMPUTATION, "no place is more slippery than that")] = (
+    0.02
+)
 LEAST_FORCE: Annotated[
     float, Row("1", _GUARD, "median force by which frictions of stops are divided at least")
 ] = 0.01

@@ -19,6 +19,7 @@ from models.discrepancy.data.prepare import prepare
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide import no_harm
 from models.discrepancy.decide.gap import compared
+from models.discrepancy.decide.model_form import as_in_the_model
 from models.discrepancy.decide.revised import revised
 from models.discrepancy.decide.verdict import Decision, decide
 from models.discrepancy.findings import Experiment, Findings, Verdict
@@ -100,6 +101,7 @@ def _investigated(
     if any(builds_up(decision.explanation.fit.hypothesis.added[i]) for i in decision.named):
         located = follow(table, base, wanted.seed)
     progress.reach(Stage.LEFT)
+    decision = as_in_the_model(output, decision)
     floor = found.best.fit.noise  # what was found and is not named is no noise either
     gaps = compared(table, base, decision.explanation.fit, floor, wanted)
     decision, gaps = no_harm.that_predicts(table, base, decision, gaps, wanted)

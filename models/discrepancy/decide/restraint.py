@@ -8,7 +8,8 @@ import numpy as np
 
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.size import change_between
-from models.discrepancy.search.candidates import is_placed, search_of
+from models.discrepancy.model.hypothesis import is_placed
+from models.discrepancy.search.candidates import search_of
 from models.discrepancy.search.identify import ScoredExplanation, holds
 from models.discrepancy.search.locate import WITHIN, Followed, follow
 from models.discrepancy.settings import DiscrepancySettings

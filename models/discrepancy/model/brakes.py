@@ -22,6 +22,7 @@ from models.effects import registry
 from models.effects.brake_fade import kept_share
 from models.effects.brake_lag import missing_share
 from models.laws import crest, wheel_lockup
+from models.laws.sideways_slide import share_along
 from models.parameters import Effect
 from models.quantity import GRAVITY
 
@@ -86,7 +87,11 @@ def brought_force(
             q = heat(table, terms.fade_tau, speed, time, onset, even)
             passes = kept_share(q, terms.fade, terms.fade_tau)
     given = force * passes
-    given, passes = np.minimum(given, cap), np.where(given > cap, 0.0, passes)
+    slides = given > cap
+    if hypothesis.drifts and slides.any():
+        slowed = speed / table.held[:, None]
+        cap = cap * share_along(slowed, place.grade, place.roll, terms.friction)
+    given, passes = np.where(slides, cap, given), np.where(slides, 0.0, passes)
     share = crest_of(hypothesis)
     if share is not None:
         kept = crest.kept_force(speed, place.vertical_curvature, share)

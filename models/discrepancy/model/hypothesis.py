@@ -33,6 +33,12 @@ def builds_up(effect: Effect) -> bool:
     return LAWS[effect.name].enters is Enters.LAG
 
 
+def is_placed(effect: Effect) -> bool:
+    """Whether it acts in one place, which is found by trying."""
+    how = LAWS[effect.name].search
+    return how is not None and how.placed
+
+
 def free_parameters(effect: Effect) -> tuple[str, ...]:
     """Names that a fit may move continuously."""
     known = LAWS[effect.name].parameters
@@ -52,6 +58,9 @@ class Hypothesis:
         oscillates: whether it may be anything but zero.
         bend: of the base's shape, see :mod:`models.discrepancy.model.base_shape`, as a share of the
             weight. bends: whether it may be anything but zero.
+        slips: where another surface is, friction caps the force, at δ more than it is on the level;
+            without it the force is δ more or less there on any slope.
+        drifts: wheels that friction caps slide sideways on a cross slope, as locked ones do.
     """
 
     model: Model
@@ -62,6 +71,8 @@ class Hypothesis:
     oscillates: bool = False
     bend: float = 0.0
     bends: bool = False
+    slips: bool = False
+    drifts: bool = False
 
     @classmethod
     def configured(cls, model: Model) -> Hypothesis:

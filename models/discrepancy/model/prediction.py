@@ -17,7 +17,8 @@ from models.arrays import Bools, Floats
 from models.discrepancy.data.stop_ground import StopGround, ground_of, session_time
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.brakes import brought_force, crest_of, lagged, motion_of
-from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.hypothesis import Hypothesis, is_placed
+from models.discrepancy.model.slippery import taken_by_sliding
 from models.discrepancy.thresholds import (
     LEAST_TURNING_SPEED,
     OUTPUT_SWEEPS,
@@ -46,7 +47,7 @@ def predict(
     t = table.time if time is None else time
     place = ground_of(table) if ground is None else ground
     terms = motion_of(hypothesis)
-    wanted = (1.0 + stronger) * wanted_force(table, hypothesis, place)
+    wanted = (1.0 + stronger) * wanted_force(table, hypothesis, place, v)
     step = t[:, 1:2] - t[:, :1]
     brought = brought_force(table, hypothesis, wanted, v, place, t)
     rest = np.sin(place.grade) + brought.given - brought.force
@@ -66,18 +67,25 @@ def passed(table: StopTable, hypothesis: Hypothesis) -> Floats:
     return brought_force(table, hypothesis, wanted, table.speed, place, table.time).passes
 
 
-def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) -> Floats:
-    """(S, M) F_b/W before lag, fade and friction cap."""
+def wanted_force(
+    table: StopTable, hypothesis: Hypothesis, place: StopGround, speed: Floats | None = None
+) -> Floats:
+    """(S, M) F_b/W before lag, fade and the friction cap of all ground.
+
+    Args:
+        table: stops. hypothesis: what to believe. place: what is met.
+        speed: (S, M) in place of the one measured [m/s].
+    """
     model = hypothesis.model
     onset = np.maximum(table.held, model.braking.speed_range[0])[:, None]
     shift_m, shift_b = _lines(hypothesis.shift, onset)
-    force = np.empty_like(place.grade)
+    force, level = np.empty_like(place.grade), np.empty_like(onset)
     names = np.array(table.terrain)
     for name in set(table.terrain):
         rows = names == name
         on = model.braking.on(name) if name else model.braking
         m, b = _lines(np.array([on.m_m, on.b_m, on.m_b, on.b_b]), onset[rows])
-        here = place.grade[rows]
+        here, level[rows] = place.grade[rows], b + shift_b[rows]
         if on.uphill is not None:
             up, _ = _lines(np.array([on.uphill.m_m, on.uphill.b_m, 0.0, 0.0]), onset[rows])
             m = np.where(here > 0.0, up, m)
@@ -92,9 +100,15 @@ def wanted_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) ->
         values = registry.validate(effect)
         changed = (table.run >= values["run"])[:, None]
         force = np.where(changed, LAWS[effect.name].law(force, *values.values()), force)
+    slippery = [e for e in hypothesis.added if hypothesis.slips and is_placed(e)]
     for effect in everywhere:
-        if LAWS[effect.name].enters in (Enters.GROUND, Enters.LASTING):
+        if LAWS[effect.name].enters in (Enters.GROUND, Enters.LASTING) and effect not in slippery:
             force = force + force_of(table, effect, place)
+    v = table.speed if speed is None else speed
+    for effect in slippery:
+        force = force + taken_by_sliding(
+            effect, force, level, place, v / table.held[:, None], drifts=hypothesis.drifts
+        )
     return force
 
 

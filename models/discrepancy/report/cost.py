@@ -10,9 +10,8 @@ import numpy as np
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.gap import distances
 from models.discrepancy.findings import PlannedStop, StopCost
-from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.hypothesis import Hypothesis, is_placed
 from models.discrepancy.report.experiment import sheet_of
-from models.discrepancy.search.candidates import is_placed
 from models.discrepancy.search.refine import Fit
 from models.discrepancy.thresholds import PICTURED_GRADE, PICTURED_HEADINGS, PICTURED_SPEED
 from models.parameters import Braking, Model

@@ -19,10 +19,10 @@ import numpy as np
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.findings import Experiment, PlannedStop
-from models.discrepancy.model.hypothesis import BASE
+from models.discrepancy.model.hypothesis import BASE, is_placed
 from models.discrepancy.model.noise import Whitener, whitener
 from models.discrepancy.model.prediction import predict
-from models.discrepancy.search.candidates import is_placed, search_of
+from models.discrepancy.search.candidates import search_of
 from models.discrepancy.search.refine import Fit, jacobian
 from models.discrepancy.thresholds import (
     MOST_REPEATS,

@@ -58,12 +58,6 @@ def search_of(name: str) -> Search:
     return found
 
 
-def is_placed(effect: Effect) -> bool:
-    """Whether it acts in one place, which is found by trying."""
-    how = LAWS[effect.name].search
-    return how is not None and how.placed
-
-
 def is_cap(name: str) -> bool:
     """Whether an effect caps the force: it shows less in what it takes than in stops that no longer
     differ.

@@ -11,12 +11,12 @@ import numpy as np
 
 from models.arrays import Floats
 from models.discrepancy.data.stop_table import StopTable
+from models.discrepancy.model.hypothesis import is_placed
 from models.discrepancy.search import screening
 from models.discrepancy.search.candidates import (
     EffectColumn,
     candidates,
     finer_patches,
-    is_placed,
     share_of,
 )
 from models.discrepancy.search.patches import WeighedPatches, left_of, without_effect

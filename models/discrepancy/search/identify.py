@@ -39,6 +39,7 @@ from models.discrepancy.search.refine import (
     Fit,
     as_output,
     fit_either_way,
+    fit_other_forms,
     fit_with_scatter,
     noise_of,
     prior_precision,
@@ -148,6 +149,7 @@ def identify(
         best = ordered[0]
         deep = [e for e in ordered if len(e.names) == level + 1]
         beam = [e for e in deep[:BEAM] if e.score < best.score + BEAM_WIDTH]
+        beam += _slippery(best, deep[len(beam) :])
     known = _with_build_up(table, known, best)
     best = min(known.values(), key=lambda e: e.score)
     others = sorted((e for e in known.values() if e.names != best.names), key=lambda e: e.score)
@@ -157,13 +159,26 @@ def identify(
     return Identified(best, tuple(others), absorbed, visible)
 
 
+def _slippery(
+    best: ScoredExplanation, others: Sequence[ScoredExplanation]
+) -> list[ScoredExplanation]:
+    """Places that are slippery, where friction that caps all ground is ahead of them so far.
+
+    One cap imitates several places, and is fewer numbers than the first of them.
+    """
+    if not any(map(is_cap, best.names)):
+        return []
+    return [e for e in others if e.fit.hypothesis.slips][:1]
+
+
 def _again(
     table: StopTable, known: dict[tuple[str, ...], ScoredExplanation], noise: Noise, near: float
 ) -> dict[tuple[str, ...], ScoredExplanation]:
     """All explanations weighed anew, those far off forgotten but for the base."""
     result = {}
     for names, e in known.items():
-        if names and e.score > near + 3.0 * BEAM_WIDTH:
+        far = e.score > near + 3.0 * BEAM_WIDTH
+        if names and far and not e.fit.hypothesis.slips:
             continue
         # Speeds are the explanation's own now: noise of the measured ones no longer matters.
         output = as_output(table, e.fit)
@@ -328,5 +343,5 @@ def _refined(table: StopTable, fit: Fit, candidate: EffectColumn, strength: floa
     fits = [refit(table, t, noise, rounds=1) for t in trials]
     best = min(fits, key=lambda f: f.deviance)
     if candidate.search.placed and fit.deviance - best.deviance > WORTH_MOVING:
-        best = moved_patch(table, best, len(best.hypothesis.added) - 1)
+        best = fit_other_forms(table, moved_patch(table, best, len(best.hypothesis.added) - 1))
     return best

@@ -28,6 +28,7 @@ from models.discrepancy.model.hypothesis import (
     NUISANCES,
     Hypothesis,
     free_parameters,
+    is_placed,
 )
 from models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
 from models.discrepancy.model.prediction import (
@@ -134,7 +135,14 @@ def _wanted_changes(
     i = BASE
     for effect in hypothesis.added:
         own = free_parameters(effect)
-        if LAWS[effect.name].enters is Enters.GROUND:
+        if hypothesis.slips and is_placed(effect):
+            for j in range(i, i + len(own)):
+                free = hypothesis.free
+                free[j] += steps[j]
+                there = wanted_force(table, hypothesis.moved(free), place)
+                shares.append((there - wanted) / float(steps[j]))
+                numbers.append(j)
+        elif LAWS[effect.name].enters is Enters.GROUND:
             here = force_of(table, effect, place)
             for j, name in enumerate(own, start=i):
                 values = {**effect.parameters, name: effect.parameters[name] + float(steps[j])}
@@ -304,12 +312,36 @@ def fit_with_scatter(
 
 
 def fit_either_way(table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int = 2) -> Fit:
-    """As :func:`fit_with_scatter`; whether a friction cap hides scatter is left to likelihood."""
+    """As :func:`fit_with_scatter`; likelihood decides whether a friction cap hides scatter, and
+    which form effects have: see :func:`fit_other_forms`.
+    """
     found = fit_with_scatter(table, hypothesis, noise, rounds)
-    if not any(LAWS[name].enters is Enters.CAP for name in hypothesis.names):
-        return found
-    other = replace(noise, capped=not noise.capped)
-    return min(found, fit_with_scatter(table, hypothesis, other, rounds), key=lambda f: f.deviance)
+    if any(LAWS[name].enters is Enters.CAP for name in hypothesis.names):
+        other = fit_with_scatter(table, hypothesis, replace(noise, capped=not noise.capped), rounds)
+        found = min(found, other, key=lambda f: f.deviance)
+    return fit_other_forms(table, found)
+
+
+def fit_other_forms(table: StopTable, found: Fit) -> Fit:
+    """The best of the forms that effects in it may have, at no more numbers.
+
+    Places may be slippery, or take the same force on any slope. Wheels that slide may drift on a
+    cross slope, or hold the vehicle's line, as anti-lock brakes do.
+    """
+    caps = any(LAWS[name].enters is Enters.CAP for name in found.hypothesis.names)
+    leans = bool(table.roll.any())
+    if any(map(is_placed, found.hypothesis.added)):
+        slips = not found.hypothesis.slips
+        other = replace(found.hypothesis, slips=slips, drifts=leans and (slips or caps))
+        found = min(found, _refit(table, other, found.noise), key=lambda f: f.deviance)
+    if leans and (caps or found.hypothesis.slips):
+        other = replace(found.hypothesis, drifts=not found.hypothesis.drifts)
+        found = min(found, _refit(table, other, found.noise), key=lambda f: f.deviance)
+    return found
+
+
+def _refit(table: StopTable, hypothesis: Hypothesis, noise: Noise) -> Fit:
+    return fit_with_scatter(table, hypothesis, noise, rounds=1)
 
 
 def likely_scatter(between: Floats, power: Floats) -> float:

@@ -1,0 +1,41 @@
+"""Places where friction caps the force: what wheels that slide there take of it.
+
+A wet or icy place does not change the force by the same everywhere in it. Brakes that would bring
+more than its friction lock, and bring no more whatever the slope; on a cross slope the vehicle
+drifts as well. Brakes that would bring less feel nothing. The model's own effect knows one change
+of force for a place, so this is how explanations are weighed, not what is written.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.arrays import Floats
+from models.discrepancy.data.stop_ground import StopGround
+from models.discrepancy.thresholds import LEAST_FRICTION
+from models.effects.surface_patch import share_inside
+from models.laws.sideways_slide import share_along
+from models.laws.wheel_lockup import friction_cap
+from models.parameters import Effect
+
+
+def taken_by_sliding(
+    patch: Effect, force: Floats, level: Floats, place: StopGround, slowed: Floats, *, drifts: bool
+) -> Floats:
+    """(S, M) what a slippery place adds to F_b/W, never more than 0.
+
+    Args:
+        patch: its δ is the change on level ground. force: (S, M) that is wanted, F_b/W.
+        level: (S, 1) that on level ground. place: what is met.
+        slowed: (S, M) speed as a share of that at the command. drifts: wheels slide sideways, too.
+    """
+    p = patch.parameters
+    friction = np.maximum(level + p["delta"], LEAST_FRICTION)
+    cap = np.asarray(friction_cap(place.grade, place.roll, friction))
+    if drifts:
+        cap = cap * np.where(
+            force > cap, share_along(slowed, place.grade, place.roll, friction), 1.0
+        )
+    taken: Floats = np.minimum(force, cap) - force
+    taken *= share_inside(place.x, place.y, p["x"], p["y"], p["radius"])
+    return taken
