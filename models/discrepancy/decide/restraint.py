@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from models.discrepancy.thresholds import (
     PLAIN_EVIDENCE,
     TOLD_APART,
 )
-from models.effects.effect_law import Search
+from models.effects.effect_law import Enters, Search
 from models.effects.registry import LAWS
 from models.effects.surface_patch import share_inside
 from models.parameters import Effect
@@ -129,3 +130,14 @@ def along_one_axis(table: StopTable, best: ScoredExplanation) -> list[str]:
         if shape:
             shapes.setdefault(shape, []).append(name)
     return next((sorted(names) for names in shapes.values() if len(names) > 1), [])
+
+
+def build_up_under_a_cap(names: Sequence[str]) -> list[str]:
+    """A build-up of the brakes and a friction cap among names, [] without both.
+
+    A cap cuts off the long end of a build-up: together they fit brakes whose force grows in another
+    way, and slow brakes alone or locking wheels alone as well as they fit both.
+    """
+    ways = {LAWS[name].enters: name for name in names}
+    both = [ways[way] for way in (Enters.LAG, Enters.CAP) if way in ways]
+    return both if len(both) > 1 else []

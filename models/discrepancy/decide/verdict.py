@@ -16,7 +16,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.restraint import along_one_axis, plainer_one, told_apart, weak
+from models.discrepancy.decide.restraint import (
+    along_one_axis,
+    build_up_under_a_cap,
+    plainer_one,
+    told_apart,
+    weak,
+)
 from models.discrepancy.decide.second_look import weighed_again
 from models.discrepancy.decide.size import (
     ChangeOfStops,
@@ -131,7 +137,7 @@ def decide(
     small = _too_small(best, sizes)
     if all(size.practical < 1.0 for size in sizes):
         return _without_names(table, nothing, large, (*small, *trace), settings)
-    doubted = _doubted(table, plain, best, others, left, located, settings)
+    doubted = _doubted(table, plain, best, sizes, others, left, located, settings)
     if doubted is not None:
         words, axis = doubted
         return Decision(Verdict.UNKNOWN, nothing.best, axis=axis, notes=(words, *small))
@@ -190,8 +196,9 @@ def _too_small(best: ScoredExplanation, sizes: Sequence[ChangeOfStops]) -> tuple
 
 
 def _doubted(
-    table: StopTable, base: Fit, best: ScoredExplanation, others: tuple[ScoredExplanation, ...],
-    left: list[Followed], located: list[Followed], settings: DiscrepancySettings,
+    table: StopTable, base: Fit, best: ScoredExplanation, sizes: Sequence[ChangeOfStops],
+    others: tuple[ScoredExplanation, ...], left: list[Followed], located: list[Followed],
+    settings: DiscrepancySettings,
 ) -> tuple[str, Followed | None] | None:  # fmt: skip
     """Why the names that fit best are not given, and the axis to look along; None if they are."""
     sure = [f for f in left if f.p_value < settings.structure]
@@ -207,6 +214,15 @@ def _doubted(
     if first is not None and len(set(names)) > BELIEVED_NAMES:
         words = f"{', '.join(names)} together came nearest, and left a pattern along "
         return f"{words}{first.axis.name}: the cause is likely another one", first
+    mattering = [
+        e.name
+        for e, size in zip(best.fit.hypothesis.added, sizes, strict=True)
+        if size.practical >= 1.0
+    ]
+    if both := build_up_under_a_cap(mattering):
+        words = f"{' and '.join(both)} together came nearest; "
+        within = next((f for f in located if f.axis.name in WITHIN), None)
+        return words + "a force that builds up in another way looks like both", within
     together = along_one_axis(table, best)
     if together and not told_apart(best, others, together, left):
         words = f"{' and '.join(together)} together imitate it; "

@@ -183,6 +183,8 @@ def _again(
         # Speeds are the explanation's own now: noise of the measured ones no longer matters.
         output = as_output(table, e.fit)
         found = fit_either_way(output, e.fit.hypothesis, noise, rounds=1)
+        if e.score < near + BEAM_WIDTH:
+            found = fit_other_forms(output, found)
         result[names] = replace(e, fit=found, score=score(found, len(table)))
     return result
 
@@ -343,5 +345,7 @@ def _refined(table: StopTable, fit: Fit, candidate: EffectColumn, strength: floa
     fits = [refit(table, t, noise, rounds=1) for t in trials]
     best = min(fits, key=lambda f: f.deviance)
     if candidate.search.placed and fit.deviance - best.deviance > WORTH_MOVING:
-        best = fit_other_forms(table, moved_patch(table, best, len(best.hypothesis.added) - 1))
-    return best
+        best = moved_patch(table, best, len(best.hypothesis.added) - 1)
+    return (
+        fit_other_forms(table, best) if candidate.search.placed or is_cap(candidate.name) else best
+    )

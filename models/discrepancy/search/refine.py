@@ -312,14 +312,12 @@ def fit_with_scatter(
 
 
 def fit_either_way(table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int = 2) -> Fit:
-    """As :func:`fit_with_scatter`; likelihood decides whether a friction cap hides scatter, and
-    which form effects have: see :func:`fit_other_forms`.
-    """
+    """As :func:`fit_with_scatter`; whether a friction cap hides scatter is left to likelihood."""
     found = fit_with_scatter(table, hypothesis, noise, rounds)
-    if any(LAWS[name].enters is Enters.CAP for name in hypothesis.names):
-        other = fit_with_scatter(table, hypothesis, replace(noise, capped=not noise.capped), rounds)
-        found = min(found, other, key=lambda f: f.deviance)
-    return fit_other_forms(table, found)
+    if not any(LAWS[name].enters is Enters.CAP for name in hypothesis.names):
+        return found
+    other = replace(noise, capped=not noise.capped)
+    return min(found, fit_with_scatter(table, hypothesis, other, rounds), key=lambda f: f.deviance)
 
 
 def fit_other_forms(table: StopTable, found: Fit) -> Fit:

@@ -49,6 +49,13 @@ def seen(axis: str, p_value: float) -> Any:
     return SimpleNamespace(axis=SimpleNamespace(name=axis), p_value=p_value)
 
 
+def test_a_build_up_under_a_friction_cap_is_no_name() -> None:
+    both = ["wheel_lockup", "cross_slope", "brake_lag"]
+    assert restraint.build_up_under_a_cap(both) == ["brake_lag", "wheel_lockup"]
+    assert restraint.build_up_under_a_cap(["wheel_lockup", "cross_slope"]) == []
+    assert restraint.build_up_under_a_cap(["brake_lag", "brake_fade"]) == []
+
+
 def test_two_effects_along_one_axis_are_no_name() -> None:
     stops = table("clean")
     both = restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "viscous_resistance"))

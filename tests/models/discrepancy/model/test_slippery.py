@@ -14,7 +14,7 @@ from models.discrepancy.data.stop_ground import ground_of
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import Hypothesis
 from models.discrepancy.model.prediction import simulate, wanted_force
-from models.discrepancy.search.refine import fit_base, fit_either_way
+from models.discrepancy.search.refine import fit_base, fit_either_way, fit_other_forms
 from models.parameters import Effect
 from models.quantity import GRAVITY as G
 from tests.models.discrepancy.logs import table
@@ -96,6 +96,7 @@ def test_likelihood_tells_whether_sliding_wheels_drift(*, drifts: bool) -> None:
     noise = fit_base(stops, Hypothesis.configured(BASE)).noise
     told = np.einsum("skm,sm->sk", stops.average, speed)
     measured = replace(stops, speed=speed, binned=told)
-    found = fit_either_way(measured, replace(true, drifts=not drifts), noise)
+    wrong = fit_either_way(measured, replace(true, drifts=not drifts), noise)
+    found = fit_other_forms(measured, wrong)
     assert found.hypothesis.drifts is drifts
     assert found.hypothesis.added[0].parameters["mu"] == pytest.approx(MU, abs=0.01)
