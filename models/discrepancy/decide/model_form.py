@@ -6,15 +6,12 @@ from dataclasses import replace
 
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.decide.verdict import Decision
+from models.discrepancy.model.hypothesis import Hypothesis, is_placed
+from models.discrepancy.search.candidates import is_cap
 from models.discrepancy.search.refine import fit_with_scatter
 
-_FORMS = {
-    "slips": "that place is slippery: friction caps the force there, where the model changes it by "
-    "the same on any slope",
-    "drifts": "wheels that slide drift sideways on cross slopes and slow less, which the model "
-    "leaves out",
-}
-"""What the form that fits best is, by the attribute of the hypothesis."""
+_SLIPPERY = "that place is slippery: friction caps the force there, on any slope"
+_DRIFTS = "wheels that slide drift sideways on cross slopes, and slow less"
 
 
 def as_in_the_model(table: StopTable, decision: Decision) -> Decision:
@@ -23,11 +20,18 @@ def as_in_the_model(table: StopTable, decision: Decision) -> Decision:
     What is compared, written and kept as a margin then belongs to what is planned with.
     """
     found = decision.explanation.fit
-    forms = [form for form in _FORMS if getattr(found.hypothesis, form)]
-    if not forms:
+    words = _left_out(found.hypothesis)
+    if not words:
         return decision
     plain = replace(found.hypothesis, slips=False, drifts=False)
     made = fit_with_scatter(table, plain, found.noise, rounds=1)
-    words = (_FORMS[form] for form in forms)
     explanation = replace(decision.explanation, fit=made)
     return replace(decision, explanation=explanation, notes=(*decision.notes, *words))
+
+
+def _left_out(hypothesis: Hypothesis) -> tuple[str, ...]:
+    """What such effects do that their forms in a model do not."""
+    slips = hypothesis.slips and any(map(is_placed, hypothesis.added))
+    drifts = hypothesis.drifts and (slips or any(map(is_cap, hypothesis.names)))
+    told = ((_SLIPPERY, slips), (_DRIFTS, drifts))
+    return tuple(f"{words}, which the model leaves out" for words, is_so in told if is_so)
