@@ -152,12 +152,11 @@ def clean(path: CandidatePath) -> tuple[Floats, Floats | None]:
     """
     points = path.points
     keep = np.ones(len(points), np.bool_)
-    last = 0
-    for i in range(1, len(points)):
-        if np.hypot(*(points[i] - points[last])) < _DUPLICATE:
-            keep[i] = False
-        else:
-            last = i
+    if np.any(np.hypot(*np.diff(points, axis=0).T) < _DUPLICATE):
+        last = 0
+        for i in range(1, len(points)):
+            keep[i] = not np.hypot(*(points[i] - points[last])) < _DUPLICATE
+            last = i if keep[i] else last
     limit = path.speed_limit
     if limit is not None and not keep.all():
         groups = np.cumsum(keep) - 1
