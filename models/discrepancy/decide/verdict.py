@@ -85,7 +85,7 @@ class Decision:
     @property
     def named(self) -> tuple[int, ...]:
         """Which of the explanation's effects are named."""
-        return tuple(i for i, size in enumerate(self.sizes) if size.practical >= 1.0)
+        return _mattering(self.sizes)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -154,6 +154,10 @@ def decide(
     return replace(made, verdict=verdict, rivals=rivals, confidence=confidence)
 
 
+def _mattering(sizes: Sequence[ChangeOfStops]) -> tuple[int, ...]:
+    return tuple(i for i, size in enumerate(sizes) if size.practical >= 1.0)
+
+
 def _patterns(
     table: StopTable, located: list[Followed], settings: DiscrepancySettings
 ) -> list[Followed]:
@@ -214,12 +218,8 @@ def _doubted(
     if first is not None and len(set(names)) > BELIEVED_NAMES:
         words = f"{', '.join(names)} together came nearest, and left a pattern along "
         return f"{words}{first.axis.name}: the cause is likely another one", first
-    mattering = [
-        e.name
-        for e, size in zip(best.fit.hypothesis.added, sizes, strict=True)
-        if size.practical >= 1.0
-    ]
-    if both := build_up_under_a_cap(mattering):
+    added = best.fit.hypothesis.added
+    if both := build_up_under_a_cap([added[i].name for i in _mattering(sizes)]):
         words = f"{' and '.join(both)} together came nearest; "
         within = next((f for f in located if f.axis.name in WITHIN), None)
         return words + "a force that builds up in another way looks like both", within

@@ -17,12 +17,12 @@ from models.arrays import Floats
 from models.discrepancy.data.stop_ground import StopGround
 from models.discrepancy.data.stop_table import StopTable
 from models.discrepancy.model.hypothesis import Hypothesis
+from models.discrepancy.model.slippery import given_under
 from models.discrepancy.thresholds import HEATINGS, LEAST_COOLING, LEAST_MEAN_FORCE
 from models.effects import registry
 from models.effects.brake_fade import kept_share
 from models.effects.brake_lag import missing_share
 from models.laws import crest, wheel_lockup
-from models.laws.sideways_slide import share_along
 from models.parameters import Effect
 from models.quantity import GRAVITY
 
@@ -87,11 +87,9 @@ def brought_force(
             q = heat(table, terms.fade_tau, speed, time, onset, even)
             passes = kept_share(q, terms.fade, terms.fade_tau)
     given = force * passes
-    slides = given > cap
-    if hypothesis.drifts and slides.any():
-        slowed = speed / table.held[:, None]
-        cap = cap * share_along(slowed, place.grade, place.roll, terms.friction)
-    given, passes = np.where(slides, cap, given), np.where(slides, 0.0, passes)
+    slowed = speed / table.held[:, None]
+    given, slides = given_under(cap, given, terms.friction, place, slowed, drifts=hypothesis.drifts)
+    passes = np.where(slides, 0.0, passes)
     share = crest_of(hypothesis)
     if share is not None:
         kept = crest.kept_force(speed, place.vertical_curvature, share)

@@ -1,4 +1,4 @@
-"""Places where friction caps the force: what wheels that slide there take of it.
+"""Friction that caps the force, on all ground or in places: what is left where wheels slide.
 
 A wet or icy place does not change the force by the same everywhere in it. Brakes that would bring
 more than its friction lock, and bring no more whatever the slope; on a cross slope the vehicle
@@ -10,13 +10,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
+from models.arrays import Bools, Floats
 from models.discrepancy.data.stop_ground import StopGround
 from models.discrepancy.thresholds import LEAST_FRICTION
 from models.effects.surface_patch import share_inside
 from models.laws.sideways_slide import share_along
 from models.laws.wheel_lockup import friction_cap
 from models.parameters import Effect
+
+
+def given_under(
+    cap: Floats, force: Floats, friction: Floats | float, place: StopGround, slowed: Floats, *,
+    drifts: bool,
+) -> tuple[Floats, Bools]:  # fmt: skip
+    """(S, M) what a friction cap leaves of a force F_b/W, and where wheels slide.
+
+    Args:
+        cap: (S, M) by the friction, μ_s. force, place, slowed, drifts: as of
+            :func:`taken_by_sliding`.
+    """
+    slides = force > cap
+    if drifts and slides.any():
+        cap = cap * share_along(slowed, place.grade, place.roll, friction)
+    return np.where(slides, cap, force), slides
 
 
 def taken_by_sliding(
@@ -32,10 +48,7 @@ def taken_by_sliding(
     p = patch.parameters
     friction = np.maximum(level + p["delta"], LEAST_FRICTION)
     cap = np.asarray(friction_cap(place.grade, place.roll, friction))
-    if drifts:
-        cap = cap * np.where(
-            force > cap, share_along(slowed, place.grade, place.roll, friction), 1.0
-        )
-    taken: Floats = np.minimum(force, cap) - force
+    given, _ = given_under(cap, force, friction, place, slowed, drifts=drifts)
+    taken: Floats = given - force
     taken *= share_inside(place.x, place.y, p["x"], p["y"], p["radius"])
     return taken

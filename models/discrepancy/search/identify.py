@@ -50,6 +50,7 @@ from models.discrepancy.thresholds import (
     BEAM,
     BEAM_WIDTH,
     FURTHER_PRICE,
+    LEAST_FRICTION,
     LENIENT_ALARM,
     NAMES_REFITTED,
     SLIDING_QUANTILE,
@@ -339,7 +340,7 @@ def _refined(table: StopTable, fit: Fit, candidate: EffectColumn, strength: floa
         strong = replace(h, shift=np.zeros(4)).plus(candidate.effect(strength))
         free = strong.free
         sliding = np.quantile(table.force / np.cos(table.grade[:, -1]), SLIDING_QUANTILE)
-        free[-1] = max(float(sliding), 0.02)
+        free[-1] = max(float(sliding), LEAST_FRICTION)
         trials.append(strong.moved(free))
     refit = fit_either_way if is_cap(candidate.name) else fit_with_scatter
     fits = [refit(table, t, noise, rounds=1) for t in trials]

@@ -38,6 +38,7 @@ from models.discrepancy.model.prediction import (
     simulate,
     wanted_force,
 )
+from models.discrepancy.search.candidates import is_cap
 from models.discrepancy.thresholds import (
     BUILD_UP_SEEN,
     DERIVATIVE_STEP,
@@ -314,7 +315,7 @@ def fit_with_scatter(
 def fit_either_way(table: StopTable, hypothesis: Hypothesis, noise: Noise, rounds: int = 2) -> Fit:
     """As :func:`fit_with_scatter`; whether a friction cap hides scatter is left to likelihood."""
     found = fit_with_scatter(table, hypothesis, noise, rounds)
-    if not any(LAWS[name].enters is Enters.CAP for name in hypothesis.names):
+    if not any(map(is_cap, hypothesis.names)):
         return found
     other = replace(noise, capped=not noise.capped)
     return min(found, fit_with_scatter(table, hypothesis, other, rounds), key=lambda f: f.deviance)
@@ -326,7 +327,7 @@ def fit_other_forms(table: StopTable, found: Fit) -> Fit:
     Places may be slippery, or take the same force on any slope. Wheels that slide may drift on a
     cross slope, or hold the vehicle's line, as anti-lock brakes do.
     """
-    caps = any(LAWS[name].enters is Enters.CAP for name in found.hypothesis.names)
+    caps = any(map(is_cap, found.hypothesis.names))
     leans = bool(table.roll.any())
     if any(map(is_placed, found.hypothesis.added)):
         slips = not found.hypothesis.slips
