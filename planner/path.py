@@ -1,36 +1,26 @@
 """Candidate paths: from a polyline as somebody drew it to even stations with a usable curvature.
 
 A polyline may be noisy, hold duplicate points or kinks between distant vertices; differentiated
-twice it would be useless. A parametric smoothing spline is drawn through it, as stiff as the noise
-of the points asks for. Cusps (the vehicle would have to turn round) are refused: a plan is driven
-forward.
+twice it would be useless. So it is cleaned first, and a smooth curve is drawn through it.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import splev, splprep
 
 from models.arrays import Floats, Ints
 from models.errors import ParameterError
 from models.vehicle import Vehicle
 from planner.kernels.compiled import read_only
+from planner.raw_polyline import arc, clean, without_noise
+from planner.smooth_path import smooth
 
 MAX_STATIONS = 200_000
 """Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""
 
-_DUPLICATE = 1e-3  # [m] points closer than that are one
-_CUSP = np.deg2rad(120.0)  # a turn sharper than that from one segment to the next is a cusp
-_STRAY = 0.25  # [m] noise up to which a polyline is still a path
-_ROUNDING = 0.03  # [m] how far a corner between distant vertices may be rounded off
-_ROUNDING_SHARE = 0.02  # the same as a share of the distance between vertices
-_SHARP = 0.5  # [rad] corners that turn less are rounded off less
-_FINEST = 2e-4  # [m] a polyline is never taken to be more exact than this
-_DENSE = 0.5  # [m] between distant vertices the polyline counts at least this often
 _FEWEST = 3
 
 
@@ -141,51 +131,6 @@ def _columns(arrays: list[Floats], rows: int) -> Floats:
     return out
 
 
-def clean(path: CandidatePath) -> tuple[Floats, Floats | None]:
-    """Points and speed limits without duplicates.
-
-    Returns:
-        (n, 2) points [m], n >= 2, and (n,) limits [m/s] if there are any.
-
-    Raises:
-        ParameterError: too short, a cusp, or driven backwards.
-    """
-    points = path.points
-    keep = np.ones(len(points), np.bool_)
-    if np.any(np.hypot(*np.diff(points, axis=0).T) < _DUPLICATE):
-        last = 0
-        for i in range(1, len(points)):
-            keep[i] = not np.hypot(*(points[i] - points[last])) < _DUPLICATE
-            last = i if keep[i] else last
-    limit = path.speed_limit
-    if limit is not None and not keep.all():
-        groups = np.cumsum(keep) - 1
-        lowest = np.full(groups[-1] + 1, np.inf)
-        np.minimum.at(lowest, groups, limit)
-        limit = lowest
-    points = points[keep]
-    if len(points) < 2:
-        raise ParameterError("points", "at least 2 distinct points, all are the same place")
-    steps = np.diff(points, axis=0)
-    headings = np.arctan2(steps[:, 1], steps[:, 0])
-    turns = np.abs(np.angle(np.exp(1j * np.diff(headings))))
-    # Noise makes short segments point anywhere; a cusp is one that survives at vehicle scale.
-    long_enough = np.minimum(np.hypot(*steps[:-1].T), np.hypot(*steps[1:].T)) > _STRAY
-    if np.any(cusp := (turns > _CUSP) & long_enough):
-        i = int(np.flatnonzero(cusp)[0]) + 1
-        raise ParameterError(
-            f"points[{i}]",
-            f"a path without cusps: it turns by {np.rad2deg(turns[i - 1]):.0f}° at "
-            f"({points[i, 0]:.2f}, {points[i, 1]:.2f}); split it there",
-        )
-    if path.yaw is not None:
-        yaw = path.yaw[keep][:-1]
-        backwards = np.cos(yaw - headings) < 0.0
-        if np.mean(backwards) > 0.5:
-            raise ParameterError("yaw", "the direction of travel: this path is driven backwards")
-    return points, limit
-
-
 def resample(path: CandidatePath | EvenPath, spacing: float) -> EvenPath:
     """Even stations along a smoothed path; a path that has them already stays as it is.
 
@@ -203,10 +148,9 @@ def resample(path: CandidatePath | EvenPath, spacing: float) -> EvenPath:
     """
     if isinstance(path, EvenPath):
         return path
-    points, limit = clean(path)
-    share = _arc(points) / _arc(points)[-1]
-    points, stray = _average_noise(points)
-    along = _arc(points)
+    points, limit = clean(path.points, path.speed_limit, path.yaw)
+    drawn = arc(points)
+    points, along, stray = without_noise(points, drawn)
     length = float(along[-1])
     # A length that is a whole number of spacings but for rounding gets no station more.
     count = max(int(np.ceil(length / spacing - 1e-6)) + 1, _FEWEST)
@@ -218,8 +162,8 @@ def resample(path: CandidatePath | EvenPath, spacing: float) -> EvenPath:
     if len(points) == 2:
         even = points[0] + (wanted / length)[:, None] * (points[1] - points[0])
     else:
-        even = _smooth(points, along, wanted, stray)
-    limits = None if limit is None else _lowest_around(wanted / length, share, limit)
+        even = smooth(points, along, count, stray)
+    limits = None if limit is None else _lowest_around(wanted / length, drawn / drawn[-1], limit)
     return EvenPath(path.name, even, limits)
 
 
@@ -242,64 +186,6 @@ def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:
         if limits is not None and path.speed_limit is not None:
             limits[:n, j] = path.speed_limit
     return PathBatch(tuple(path.name for path in paths), x, y, count, limits)
-
-
-def noise(points: Floats) -> float:
-    """Noise of points (n, 2) [m], robust: third differences of a smooth path nearly vanish.
-
-    Fewer than 8 points have none.
-    """
-    if len(points) < 8:
-        return 0.0
-    third = np.diff(points, n=3, axis=0)
-    return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0))
-
-
-def _arc(points: Floats) -> Floats:
-    return np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-
-
-def _average_noise(points: Floats) -> tuple[Floats, float]:
-    """Average neighbours until noise no longer decides where a segment points.
-
-    Returns:
-        Points, and the noise that is left in them [m].
-    """
-    stray = noise(points)
-    while len(points) > 16 and stray > 0.1 * np.median(np.diff(_arc(points))):
-        inner = points[1 : 1 + (len(points) - 2) // 2 * 2]
-        points = np.concatenate((points[:1], 0.5 * (inner[::2] + inner[1::2]), points[-1:]))
-        stray = max(stray / np.sqrt(2.0), noise(points))
-    return points, min(stray, _STRAY)
-
-
-def _smooth(points: Floats, along: Floats, wanted: Floats, noise_left: float) -> Floats:
-    # Between distant vertices a spline would swing out: pin it to the polyline in between.
-    dense_along = np.union1d(along, np.arange(0.0, along[-1], _DENSE))
-    dense = np.stack([np.interp(dense_along, along, points[:, i]) for i in range(2)], axis=1)
-    # The farther apart and the sharper its corners, the less a polyline says how they are meant.
-    headings = np.unwrap(np.arctan2(*np.diff(points, axis=0).T[::-1]))
-    turns = np.abs(np.diff(headings, prepend=headings[0], append=headings[-1]))
-    sharpness = np.minimum(np.maximum(turns[:-1], turns[1:]) / _SHARP, 1.0)
-    piece = np.clip(np.searchsorted(along, dense_along, side="right") - 1, 0, len(along) - 2)
-    rounding = np.minimum(_ROUNDING_SHARE * np.diff(along) * sharpness, _ROUNDING)[piece]
-    stray = np.maximum(noise_left, np.maximum(rounding, _FINEST))
-    weights = 1.0 / stray
-    weights[[0, -1]] *= 100.0
-    with warnings.catch_warnings():
-        # FITPACK complains where it cannot use up all of the freedom that it was given.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        spline, _ = splprep(
-            dense.T, w=weights, u=dense_along, s=len(dense), k=min(3, len(dense) - 1)
-        )
-    # The spline's own length differs a little from the polyline's: even out once more.
-    fine = np.linspace(0.0, along[-1], 4 * len(wanted) + 1)
-    drawn = np.stack(splev(fine, spline), axis=1)
-    arc = _arc(drawn)
-    parameter = np.interp(np.linspace(0.0, arc[-1], len(wanted)), arc, fine)
-    even: Floats = np.stack(splev(parameter, spline), axis=1)
-    even[0], even[-1] = points[0], points[-1]
-    return even
 
 
 def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:

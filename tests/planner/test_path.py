@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.errors import ParameterError
-from planner.path import MAX_STATIONS, CandidatePath, batch, clean, joined, noise, resample
+from planner.path import MAX_STATIONS, CandidatePath, batch, joined, resample
+from planner.raw_polyline import clean, noise
 from tests.planner.scenes import arc, straight
 
 
@@ -141,14 +142,14 @@ def test_duplicate_points_change_nothing(copies: int) -> None:
 
 def test_the_lowest_limit_of_duplicates_holds() -> None:
     points = np.array([(0.0, 0.0), (5.0, 0.0), (5.0, 0.0), (5.0, 0.0), (9.0, 0.0)])
-    kept, limit = clean(CandidatePath("d", points, speed_limit=np.array([3.0, 2.0, 1.0, 4.0, 3.0])))
+    kept, limit = clean(points, np.array([3.0, 2.0, 1.0, 4.0, 3.0]), None)
     np.testing.assert_array_equal(kept[:, 0], (0.0, 5.0, 9.0))
     np.testing.assert_array_equal(limit, (3.0, 1.0, 3.0))
 
 
 def test_points_creeping_by_less_than_a_millimetre_are_not_all_dropped() -> None:
     points = np.stack([np.arange(20_000) * 2e-4, np.zeros(20_000)], axis=1)
-    kept, _ = clean(CandidatePath("creep", points))
+    kept, _ = clean(points, None, None)
     assert kept[-1, 0] > 3.99
     assert steps_of(kept).min() >= 1e-3 - 1e-12
 

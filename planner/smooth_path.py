@@ -1,0 +1,139 @@
+"""The smooth curve that a polyline means, on even stations.
+
+A parametric smoothing spline (FITPACK's) goes through the polyline, as stiff as its noise asks for
+and as close to its corners as their distance says that they are meant. What is around FITPACK is
+compiled: a question brings dozens of paths, and each is only a hundred points long.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.interpolate import splprep
+
+from models.arrays import Floats
+from models.errors import ParameterError
+from planner.kernels.compiled import inlined, kernel
+
+_ROUNDING = 0.03  # [m] how far a corner between distant vertices may be rounded off
+_ROUNDING_SHARE = 0.02  # the same as a share of the distance between vertices
+_SHARP = 0.5  # [rad] corners that turn less are rounded off less
+_FINEST = 2e-4  # [m] a polyline is never taken to be more exact than this
+_DENSE = 0.5  # [m] between distant vertices the polyline counts at least this often
+_FINER = 4  # pieces of the curve per station whose lengths are added up
+_ENDS = 100.0  # the ends of a polyline count so much more than what is between
+_INVALID = 10  # FITPACK's word for input that it does not take
+
+
+def smooth(points: Floats, along: Floats, count: int, stray: float) -> Floats:
+    """Even stations on the smooth curve through a polyline.
+
+    Args:
+        points: (n, 2) vertices, n >= 3, no two in a row at one place [m].
+        along: (n,) distance along the polyline from its first vertex [m].
+        count: of stations wanted, N >= 2. stray: noise of the vertices [m].
+
+    Returns:
+        (N, 2) stations, equally far apart along the curve; the first and the last are the
+        polyline's own ends [m].
+    """
+    dense_along, dense, weights = _between_vertices(points, along, stray)
+    degree = min(3, len(dense) - 1)
+    # Asked for all it knows FITPACK does not warn where it cannot use all of its freedom.
+    ((knots, (x, y), _), _), _, fault, words = splprep(
+        dense.T, w=weights, u=dense_along, s=len(dense), k=degree, full_output=True
+    )
+    if fault >= _INVALID:
+        raise ParameterError("points", f"a polyline that a spline can follow: {words}")
+    return _evenly(knots, x, y, degree, along[-1], count, points[0], points[-1])
+
+
+@kernel
+def _between_vertices(points: Floats, along: Floats, stray: float) -> tuple[Floats, Floats, Floats]:
+    """Distances along, places (m, 2) and weights of what the spline is drawn through.
+
+    Between distant vertices a spline would swing out: it is pinned to the polyline in between.
+    The farther apart and the sharper its corners, the less a polyline says how they are meant.
+    """
+    n = points.shape[0]
+    most = n + int(along[-1] / _DENSE) + 1
+    dense_along, dense, weights = np.empty(most), np.empty((most, 2)), np.empty(most)
+    m, between = 0, 0
+    turn = 0.0
+    dx, dy = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1]
+    for i in range(n - 1):
+        length, turn_next = along[i + 1] - along[i], 0.0
+        if i + 2 < n:
+            dx_next = points[i + 2, 0] - points[i + 1, 0]
+            dy_next = points[i + 2, 1] - points[i + 1, 1]
+            turn_next = abs(math.atan2(dx * dy_next - dy * dx_next, dx * dx_next + dy * dy_next))
+            dx, dy = dx_next, dy_next
+        sharpness = min(max(turn, turn_next) / _SHARP, 1.0)
+        rounding = min(_ROUNDING_SHARE * length * sharpness, _ROUNDING)
+        weight = 1.0 / max(stray, rounding, _FINEST)
+        turn = turn_next
+        at = along[i]
+        while at < along[i + 1]:
+            share = (at - along[i]) / length
+            dense_along[m], weights[m] = at, weight
+            for axis in range(2):
+                dense[m, axis] = points[i, axis] + share * (points[i + 1, axis] - points[i, axis])
+            m += 1
+            while between * _DENSE <= at:
+                between += 1
+            at = between * _DENSE
+    dense_along[m], weights[m] = along[-1], weights[m - 1]
+    dense[m] = points[-1]
+    weights[0] *= _ENDS
+    weights[m] *= _ENDS
+    return dense_along[: m + 1], dense[: m + 1], weights[: m + 1]
+
+
+@kernel
+def _evenly(
+    knots: Floats, x: Floats, y: Floats, degree: int, length: float, count: int, first: Floats,
+    last: Floats,
+) -> Floats:  # fmt: skip
+    """Stations at even distances along a spline whose parameter runs from 0 to ``length``.
+
+    Its own length differs a little from the polyline's that its parameter is.
+    """
+    pieces = _FINER * count
+    arc = np.empty(pieces + 1)
+    arc[0] = 0.0
+    local = np.empty((degree + 1, 2))
+    span = degree
+    x_before, y_before, span = _at(knots, x, y, degree, span, 0.0, local)
+    for i in range(1, pieces + 1):
+        x_here, y_here, span = _at(knots, x, y, degree, span, length * i / pieces, local)
+        arc[i] = arc[i - 1] + math.hypot(x_here - x_before, y_here - y_before)
+        x_before, y_before = x_here, y_here
+    even = np.empty((count, 2))
+    even[0], even[-1] = first, last
+    span, i = degree, 0
+    for j in range(1, count - 1):
+        wanted = arc[-1] * j / (count - 1)
+        while arc[i + 1] < wanted:
+            i += 1
+        parameter = length * (i + (wanted - arc[i]) / (arc[i + 1] - arc[i])) / pieces
+        even[j, 0], even[j, 1], span = _at(knots, x, y, degree, span, parameter, local)
+    return even
+
+
+@inlined
+def _at(
+    knots: Floats, x: Floats, y: Floats, degree: int, span: int, parameter: float, local: Floats
+) -> tuple[float, float, int]:
+    """A place on a spline, by de Boor's rule, and the knot before it, looked for from ``span``."""
+    while span + 1 < x.shape[0] and knots[span + 1] <= parameter:
+        span += 1
+    for i in range(degree + 1):
+        local[i, 0], local[i, 1] = x[span - degree + i], y[span - degree + i]
+    for level in range(1, degree + 1):
+        for i in range(degree, level - 1, -1):
+            low, high = knots[span - degree + i], knots[span + 1 + i - level]
+            share = (parameter - low) / (high - low)
+            for axis in range(2):
+                local[i, axis] = (1.0 - share) * local[i - 1, axis] + share * local[i, axis]
+    return local[degree, 0], local[degree, 1], span
