@@ -63,7 +63,7 @@ def on_one_surface(grade: Floats, sin_roll: Floats, surface: Floats, margin: flo
     """
     lower_slope, lower_intercept, dead_time, slowest, fastest = empty(5, *grade.shape)
     upper_slope, upper_intercept = lower_slope, lower_intercept
-    two = margin > 0.0 or has_kink(surface)
+    two = margin > 0.0 or _kinked(surface)
     between = (grade, grade)
     if two:
         between = grade_between(grade)
@@ -115,10 +115,12 @@ def _forces_on_one_surface(
         _trained_row(around, surface, margin, out.trained[k])
 
 
-@inlined
-def has_kink(surface: Floats) -> bool:
+def _kinked(surface: Floats) -> bool:
     """Other slope coefficients uphill: the force bends where the grade changes sign."""
     return bool((surface[UP_M_M] != surface[M_M]) | (surface[UP_B_M] != surface[B_M]))
+
+
+has_kink = inlined(_kinked)
 
 
 @row_pass

@@ -57,11 +57,11 @@ def blocks_of(
         level = float(known[0]) if len(known) else 0.0
         i, j = max(-row, 0), max(-column, 0)
         part[i : i + inside.shape[0], j : j + inside.shape[1]] = inside - level
+    facets = np.empty((rows - 2, columns - 2, 4), np.float32)
+    _tilt(part, facets)
     top, low, middle, east, north, above, below = np.empty((7, *shape), np.float32)
     hidden = np.empty(shape, np.uint8)
-    facets = np.empty((rows - 2, columns - 2, 4), np.float32)
     out = Blocks(top, low, middle, east, north, above, below, hidden, facets, level)
-    _tilt(part, facets)
     _gather(cells, out)
     for edge in (facets[0], facets[-1], facets[:, 0], facets[:, -1]):
         edge[:, 0] = np.nan
@@ -95,6 +95,17 @@ def _gather(cells: int, out: Blocks) -> None:
     the mean of their facets.
     """
     rows, columns = out.top.shape
+    if cells == 1:
+        for r in range(rows):
+            for c in range(columns):
+                height = out.facets[r, c, 0]
+                unknown = height != height
+                out.top[r, c] = out.low[r, c] = out.middle[r, c] = height
+                out.east[r, c] = height if unknown else out.facets[r, c, 1]
+                out.north[r, c] = height if unknown else out.facets[r, c, 2]
+                out.above[r, c] = out.below[r, c] = np.float32(0.0)
+                out.hidden[r, c] = 1 if unknown else 0
+        return
     size = cells * cells
     facets, middle = out.facets, 0.5 * (cells - 1)
     for r in range(rows):

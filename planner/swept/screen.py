@@ -11,7 +11,6 @@ does not show (``cleared`` of :class:`planner.swept.sizes.SweptSizes`).
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,12 +18,13 @@ import numpy as np
 from models.arrays import Bytes, Ints, Singles
 from planner.ground.elevation_map import ElevationMap
 from planner.kernels.compiled import kernel
+from planner.swept.around import Around
 from planner.swept.blocks import Blocks, blocks_of, smoothed
 from planner.swept.screen_reach import ScreenBounds, ScreenOffsets, bounds_of, cells_of, offsets_of
 from planner.swept.sizes import SweptSizes
 from planner.swept.surfaces import FacetRow, Surface, bend, felt, fit, range_of, stood_on, warp
 from planner.swept.tyre_profile import Facets
-from planner.swept.verdicts import judge_body, judge_relief, nearest, unseen
+from planner.swept.verdicts import BODY, UNSEEN, judge_body, judge_relief, nearest, unseen
 
 
 class Screen(NamedTuple):
@@ -70,55 +70,66 @@ class Unjudged(NamedTuple):
     reach: float
     out: Screen
 
-    def part(self, here: tuple[slice, slice], around: tuple[slice, slice]) -> Unjudged:
-        """Some rows and columns of the screen, which lie so among the blocks."""
-        b, out = self.blocks, self.out
-        return self._replace(
-            blocks=b._replace(
-                top=b.top[around], low=b.low[around], middle=b.middle[around],
-                east=b.east[around], north=b.north[around], above=b.above[around],
-                below=b.below[around], hidden=b.hidden[around],
-            ),
-            mean=self.mean[around],
-            out=out._replace(
-                bits=out.bits[here], relief=out.relief[here], lift=out.lift[here],
-                east=out.east[here], north=out.north[here], seen=out.seen[here],
-            ),
-        )  # fmt: skip
+
+class Judged(NamedTuple):
+    """Which blocks of a screen are judged; the others in its window are suspect."""
+
+    around: Around
+    screen: Screen
 
 
 def screen_of(
-    elevation_map: ElevationMap, sizes: SweptSizes, window: tuple[int, int, int, int]
-) -> Screen:
+    elevation_map: ElevationMap, sizes: SweptSizes, around: Around, known: Judged | None = None
+) -> Judged:
     """Look over a part of a map.
 
     Args:
-        elevation_map: ground.
-        sizes: of the vehicle.
-        window: first row, end row, first column, end column.
+        elevation_map: ground. sizes: of the vehicle.
+        around: which of its blocks are judged at least.
+        known: of the same map and vehicle; what is judged there already is taken over.
     """
-    unfinished = unjudged(elevation_map, sizes, window)
-    look_over(unfinished)
-    return unfinished.out
+    unfinished = _gathered(elevation_map, sizes, around.window)
+    out = unfinished.out
+    out.bits.fill(UNSEEN | BODY)
+    for part in (out.relief, out.lift):
+        part.fill(np.inf)
+    for part in (out.east, out.north, out.seen):
+        part.fill(0.0)
+    if known is None:
+        _look_around(*unfinished[:-1], around.first, around.ends, out)
+        return Judged(around, out)
+    _take_over(known, around.window, out)
+    before = known.around.within(around)
+    _look_around(*unfinished[:-1], around.first, before.first, out)
+    _look_around(*unfinished[:-1], before.ends, around.ends, out)
+    return Judged(around, out)
 
 
-def look_over(unfinished: Unjudged) -> None:
-    """Judge every block of a screen."""
-    _look_around(*unfinished)
+def _take_over(known: Judged, window: tuple[int, int, int, int], out: Screen) -> None:
+    """What another screen knows of a window of the same map."""
+    there = known.around.window
+    top, left = max(window[0], there[0]), max(window[2], there[2])
+    end, right = min(window[1], there[1]), min(window[3], there[3])
+    if top >= end or left >= right:
+        return
+    old = np.s_[top - there[0] : end - there[0], left - there[2] : right - there[2]]
+    new = np.s_[top - window[0] : end - window[0], left - window[2] : right - window[2]]
+    for name in ("bits", "relief", "lift", "east", "north", "seen"):
+        getattr(out, name)[new] = getattr(known.screen, name)[old]
 
 
-def unjudged(
+def _gathered(
     elevation_map: ElevationMap, sizes: SweptSizes, window: tuple[int, int, int, int]
 ) -> Unjudged:
-    """Gather the blocks of a part of a map; arguments as of :func:`screen_of`."""
+    """The blocks of a window: first row, end row, first column, end column of the map's blocks."""
     resolution = elevation_map.resolution
     cells = cells_of(sizes, resolution)
     offsets, bounds = offsets_of(sizes, cells, resolution), bounds_of(sizes, cells, resolution)
     widest = max(int(np.abs(part).max(initial=0)) for part in (offsets.body, offsets.near))
-    pad = 2 + max(widest, bounds.fit)
-    rows = math.ceil((window[1] - window[0]) / cells)
-    columns = math.ceil((window[3] - window[2]) / cells)
-    first_row, first_column = window[0] - pad * cells, window[2] - pad * cells
+    # What continues into unknown ground is the same wherever the window begins.
+    pad = 2 + max(widest, 2 * bounds.fit + 1)
+    rows, columns = window[1] - window[0], window[3] - window[2]
+    first_row, first_column = (window[0] - pad) * cells, (window[2] - pad) * cells
     blocks = blocks_of(
         elevation_map.elevation, first_row, first_column, cells,
         (rows + 2 * pad, columns + 2 * pad),
@@ -131,8 +142,8 @@ def unjudged(
         blocks.level,
     )  # fmt: skip
     out = Screen(
-        bits, relief, lift, east, north, seen, x + (window[2] - 0.5) * resolution,
-        y + (window[0] - 0.5) * resolution, 1.0 / (cells * resolution),
+        bits, relief, lift, east, north, seen, x + (window[2] * cells - 0.5) * resolution,
+        y + (window[0] * cells - 0.5) * resolution, 1.0 / (cells * resolution),
         bounds.cleared, facets,
     )  # fmt: skip
     mean = smoothed(blocks.middle, bounds.fit + 1)
@@ -141,14 +152,14 @@ def unjudged(
 
 @kernel
 def _feel(
-    i: int, pad: int, blocks: Blocks, offsets: Ints, rim: Singles, edge: np.float32, s: Surface,
+    i: int, left: int, blocks: Blocks, offsets: Ints, rim: Singles, edge: np.float32, s: Surface,
     highest: Singles,
 ) -> None:  # fmt: skip
-    """What a wheel feels around each block of row i, its rim taken off."""
+    """What a wheel feels around each block of row i from column `left` on, its rim taken off."""
     columns = highest.shape[0]
     for n in range(offsets.shape[0]):
-        k, j = i + offsets[n, 0], pad + offsets[n, 1]
-        x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
+        k, j = i + offsets[n, 0], left + offsets[n, 1]
+        x, y = np.float32(j - left) * edge, np.float32(k - i) * edge
         end = j + columns
         row = FacetRow(
             blocks.middle[k, j:end], blocks.above[k, j:end], blocks.east[k, j:end],
@@ -160,20 +171,25 @@ def _feel(
 @kernel
 def _look_around(
     blocks: Blocks, mean: Singles, pad: int, offsets: ScreenOffsets, bounds: ScreenBounds,
-    reach: float, out: Screen,
+    reach: float, first: Ints, ends: Ints, out: Screen,
 ) -> None:  # fmt: skip
-    """Judge every block by the ground around it; arguments as of :class:`Unjudged`."""
-    rows, columns = out.bits.shape
-    room = np.empty((12, columns), np.float32)
-    s = Surface(
-        room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8], room[9],
-        room[10], room[11],
-    )  # fmt: skip
+    """Judge blocks by the ground around them; arguments as of :class:`Unjudged`.
+
+    Of each row those from `first` to before `ends`, (rows,) each.
+    """
     m, edge = bounds.fit, bounds.edge
-    west, east = slice(pad - m, pad - m + columns), slice(pad + m, pad + m + columns)
-    here = slice(pad, pad + columns)
-    for r in range(rows):
-        i = r + pad
+    for r in range(out.bits.shape[0]):
+        columns = ends[r] - first[r]
+        if columns <= 0:
+            continue
+        room = np.empty((12, columns), np.float32)
+        s = Surface(
+            room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8],
+            room[9], room[10], room[11],
+        )  # fmt: skip
+        i, left, done = r + pad, pad + first[r], slice(first[r], ends[r])
+        west, east = slice(left - m, left - m + columns), slice(left + m, left + m + columns)
+        here = slice(left, left + columns)
         fit(mean[i][west], mean[i][here], mean[i][east], np.float32(m) * edge, s)
         bend(mean[i - m][here], mean[i][here], mean[i + m][here], np.float32(m) * edge, s)
         warp(
@@ -182,8 +198,8 @@ def _look_around(
         )  # fmt: skip
         room[6], room[7] = -np.float32(np.inf), np.float32(np.inf)
         for n in range(offsets.body.shape[0]):
-            k, j = i + offsets.body[n, 0], pad + offsets.body[n, 1]
-            x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
+            k, j = i + offsets.body[n, 0], left + offsets.body[n, 1]
+            x, y = np.float32(j - left) * edge, np.float32(k - i) * edge
             range_of(
                 blocks.top[k, j : j + columns], blocks.low[k, j : j + columns], x, y, s,
                 s.highest, s.lowest,
@@ -193,11 +209,11 @@ def _look_around(
                 # wheels feel the body reaches farther.
                 room[11] = s.lowest
         room[8], room[9], room[10] = -np.float32(np.inf), np.float32(np.inf), -np.float32(np.inf)
-        _feel(i, pad, blocks, offsets.near, offsets.rim, edge, s, s.near)
-        _feel(i, pad, blocks, offsets.under, offsets.arch, edge, s, s.under)
+        _feel(i, left, blocks, offsets.near, offsets.rim, edge, s, s.near)
+        _feel(i, left, blocks, offsets.under, offsets.arch, edge, s, s.under)
         for n in range(offsets.base.shape[0]):
-            k, j = i + offsets.base[n, 0], pad + offsets.base[n, 1]
-            x, y = np.float32(j - pad) * edge, np.float32(k - i) * edge
+            k, j = i + offsets.base[n, 0], left + offsets.base[n, 1]
+            x, y = np.float32(j - left) * edge, np.float32(k - i) * edge
             end = j + columns
             stood_on(
                 FacetRow(
@@ -206,14 +222,14 @@ def _look_around(
                 ),
                 x, y, edge, s,
             )  # fmt: skip
-        judge_body(s, bounds, out.bits[r])
-        out.east[r], out.north[r] = s.east, s.north
-        judge_relief(s, bounds, out.relief[r], out.lift[r])
+        judge_body(s, bounds, out.bits[r][done])
+        out.east[r][done], out.north[r][done] = s.east, s.north
+        judge_relief(s, bounds, out.relief[r][done], out.lift[r][done])
         if offsets.near.shape[0] == 0:
-            out.relief[r], out.lift[r] = np.float32(0.0), np.float32(0.0)
-        seen = out.seen[r]
+            out.relief[r][done], out.lift[r][done] = np.float32(0.0), np.float32(0.0)
+        seen = out.seen[r][done]
         seen[:] = np.float32(reach)
         for n in range(offsets.hidden.shape[0]):
-            k, j = i + offsets.hidden[n, 0], pad + offsets.hidden[n, 1]
+            k, j = i + offsets.hidden[n, 0], left + offsets.hidden[n, 1]
             nearest(blocks.hidden[k, j : j + columns], offsets.distance[n], seen)
-        unseen(seen, np.float32(reach), out.bits[r])
+        unseen(seen, np.float32(reach), out.bits[r][done])

@@ -120,8 +120,10 @@ def test_a_large_map_is_looked_over_around_the_candidates() -> None:
     x, y = np.array([[20.0], [30.0]]), np.array([[20.0], [25.0]])
     screen = screen_for(scene, vehicle, sizes, x, y)
     assert screen.bits.size < 0.1 * scene.elevation.size
-    assert screen_for(scene, vehicle, sizes, x[:1] + 1.0, y[:1]) is screen
-    assert screen_for(scene, vehicle, sizes, x + 15.0, y) is not screen
+    assert screen_for(scene, vehicle, sizes, x[:1] + 0.01, y[:1]) is screen
+    further = screen_for(scene, vehicle, sizes, x + 15.0, y)
+    assert further is not screen
+    assert screen_for(scene, vehicle, sizes, x + 15.3, y + 0.2) is further
 
 
 @pytest.mark.parametrize("resolution", [0.05, 0.1, 0.2])
