@@ -8,6 +8,7 @@ import numpy as np
 
 from models.arrays import Floats, Ints
 from planner.kernels.compiled import inlined, kernel
+from planner.raw_polyline import arc
 
 _WINDOW = 1.0
 _DRIFT = 0.1
@@ -25,7 +26,7 @@ class Polyline(NamedTuple):
 
     def arc(self) -> Floats:
         """Distance from the first station in the plan view, (N,) [m]."""
-        return _arc(Polyline(np.ascontiguousarray(self.x), np.ascontiguousarray(self.y)))
+        return arc(np.stack((self.x, self.y), axis=1))
 
     def foot(
         self, points: Polyline, low: int = 0, high: int | None = None
@@ -52,14 +53,6 @@ def project(
     share = (to_x * dx + to_y * dy) / max(dx * dx + dy * dy, 1e-18)
     inside = min(max(share, 0.0), 1.0)
     return share, (inside * dx - to_x) ** 2 + (inside * dy - to_y) ** 2
-
-
-@kernel
-def _arc(line: Polyline) -> Floats:
-    arc = np.zeros(line.x.shape[0])
-    for i in range(1, line.x.shape[0]):
-        arc[i] = arc[i - 1] + np.hypot(line.x[i] - line.x[i - 1], line.y[i] - line.y[i - 1])
-    return arc
 
 
 @kernel

@@ -56,7 +56,7 @@ class Screen(NamedTuple):
 
 
 class Unjudged(NamedTuple):
-    """Blocks that are gathered, with `pad` of them around, and a screen to be filled.
+    """Blocks that are gathered, with `pad` of them around, and a screen that is all suspect yet.
 
     Attributes:
         mean: (rows, columns) height of the ground around each block [m].
@@ -90,18 +90,13 @@ def screen_of(
     """
     unfinished = _gathered(elevation_map, sizes, around.window)
     out = unfinished.out
-    out.bits.fill(UNSEEN | BODY)
-    for part in (out.relief, out.lift):
-        part.fill(np.inf)
-    for part in (out.east, out.north, out.seen):
-        part.fill(0.0)
     if known is None:
-        _look_around(*unfinished[:-1], around.first, around.ends, out)
+        _look_around(*unfinished, around.first, around.ends)
         return Judged(around, out)
     _take_over(known, around.window, out)
     before = known.around.within(around)
-    _look_around(*unfinished[:-1], around.first, before.first, out)
-    _look_around(*unfinished[:-1], before.ends, around.ends, out)
+    _look_around(*unfinished, around.first, before.first)
+    _look_around(*unfinished, before.ends, around.ends)
     return Judged(around, out)
 
 
@@ -134,8 +129,9 @@ def _gathered(
         elevation_map.elevation, first_row, first_column, cells,
         (rows + 2 * pad, columns + 2 * pad),
     )  # fmt: skip
-    bits = np.empty((rows, columns), np.uint8)
-    relief, lift, east, north, seen = np.empty((5, rows, columns), np.float32)
+    bits = np.full((rows, columns), UNSEEN | BODY, np.uint8)
+    relief, lift = np.full((2, rows, columns), np.inf, np.float32)
+    east, north, seen = np.zeros((3, rows, columns), np.float32)
     x, y = elevation_map.origin
     facets = Facets(
         blocks.facets, x + first_column * resolution, y + first_row * resolution, 1.0 / resolution,
@@ -171,7 +167,7 @@ def _feel(
 @kernel
 def _look_around(
     blocks: Blocks, mean: Singles, pad: int, offsets: ScreenOffsets, bounds: ScreenBounds,
-    reach: float, first: Ints, ends: Ints, out: Screen,
+    reach: float, out: Screen, first: Ints, ends: Ints,
 ) -> None:  # fmt: skip
     """Judge blocks by the ground around them; arguments as of :class:`Unjudged`.
 
