@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ _RANGES = {
     "speed": (0.2, 4.0), "grade": (-0.2, 0.2), "roll": (-0.2, 0.2), "distance": (1.0, 20.0),
     "deceleration": (0.0, 4.0), "lateral_accel": (-2.0, 2.0), "curvature": (-0.3, 0.3),
     "yaw": (-3.0, 3.0), "x": (-20.0, 20.0), "y": (-20.0, 20.0), "ground_force": (0.0, 0.05),
+    "session_time": (0.0, 3600.0),
 }  # fmt: skip
 
 
@@ -56,6 +58,8 @@ def _header(model: Model, name: str, made: list[ModelFunction]) -> str:
         f"#ifndef {guard}",
         f"#define {guard}",
         "",
+        "#include <math.h>",
+        "",
     ]
     rng = np.random.default_rng(0)
     for one in made:
@@ -75,6 +79,10 @@ def _header(model: Model, name: str, made: list[ModelFunction]) -> str:
 
 def _array(name: str, rows: Any, shape: str) -> str:
     one = rows.shape[1] == 1
-    body = [", ".join(f"{float(v):.17g}" for v in row) for row in rows]
+    body = [", ".join(_number(float(v)) for v in row) for row in rows]
     inside = ", ".join(body if one else (f"{{{row}}}" for row in body))
     return f"static const double {name}{shape} = {{{inside}}};"
+
+
+def _number(value: float) -> str:
+    return "INFINITY" if value == math.inf else f"{value:.17g}"

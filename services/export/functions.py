@@ -1,15 +1,17 @@
 """Laws of one model as CasADi functions, for people with solvers and controllers of their own.
 
 They are the laws of :mod:`models.laws` themselves, called with symbols, so there is no second
-writing of any formula. What a stop along changing ground is, is left to whoever integrates it:
-``deceleration`` is all that it takes.
+writing of any formula; a stop on an even slope is that of :mod:`services.export.even_slope`. What a
+stop along changing ground is, is left to whoever integrates it.
 """
 
 from __future__ import annotations
 
 import contextlib
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,8 @@ import numpy as np
 from models.effects import registry
 from models.effects.effect_law import Place
 from models.laws import braking, wheel_loads
-from models.parameters import Braking, Model
+from models.parameters import Model
+from services.export.even_slope import EvenSlope, choose
 
 _SPEED, _GRADE = ("speed", "m/s"), ("grade", "rad, uphill positive")
 _ROLL = ("roll", "rad, left side up positive")
@@ -56,7 +59,7 @@ def functions_of(model: Model) -> list[ModelFunction]:
         ca.GlobalOptions.setNumpyMode(-1)  # symbols in, symbols out
     found = []
     for surface in ("", *model.braking.terrain):
-        found += _of_surface(model, model.braking.on(surface), surface)
+        found += _of_surface(model, surface)
     vehicle, terms = model.vehicle, registry.motion(model.effect)
     sizes = vehicle.wheelbase, vehicle.cg_x, vehicle.cg_z
     slowing = ("deceleration", "m/s^2, positive while slowing")
@@ -92,53 +95,61 @@ def functions_of(model: Model) -> list[ModelFunction]:
     return found
 
 
-def _of_surface(model: Model, table: Braking, surface: str) -> list[ModelFunction]:
+def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
     end = f"_{surface}" if surface else ""
     on = f" on {surface}" if surface else ""
-    terms = registry.motion(model.effect, table.sliding_friction)
-    scale, dead = registry.force_scale(model.effect), table.dead_time + terms.lag
+    # A surface that may turn out to be in another state counts as the worse of both.
+    names = (surface, *model.braking.states_of(surface))
+    ways = [EvenSlope(model, model.braking.on(name)) for name in names]
 
     def ratio(speed: Any, grade: Any, extra: Any) -> Any:
-        v = np.fmax(speed, table.speed_range[0])
-        force = braking.force_ratio(grade, v, table.m_m, table.b_m, table.m_b, table.b_b)
-        if table.uphill is not None:
-            up = braking.force_ratio(
-                grade, v, table.uphill.m_m, table.uphill.b_m, table.m_b, table.b_b
-            )
-            rises = 0.5 * (1.0 + np.sign(grade))
-            force = rises * up + (1.0 - rises) * force
-        held = model.terrain.rolling_while_braking
-        force = scale * force
-        force = braking.force_ratio_at_level(force, held, table.share_at()) + extra
-        return np.fmin(force, terms.friction * np.cos(grade)) if terms.friction < 1e6 else force
+        min_force = reduce(np.fmin, (way.force(speed, grade, extra) for way in ways))
+        return choose(trained(grade), min_force, 0.0)
 
     def slowing(speed: Any, grade: Any, extra: Any) -> Any:
         return braking.deceleration(ratio(speed, grade, extra), grade)
 
+    def strongest(speed: Any, grade: Any, extra: Any) -> Any:
+        max_force = reduce(np.fmax, (way.force(speed, grade, extra, upper=True) for way in ways))
+        return braking.deceleration(max_force, grade)
+
     def distance(speed: Any, grade: Any, extra: Any) -> Any:
-        decel = slowing(speed, grade, extra)
-        return braking.stopping_distance(speed, decel, dead, table.distance_offset)
+        return reduce(np.fmax, (way.distance(speed, grade, extra) for way in ways))
 
     def bound(clear: Any, grade: Any, extra: Any) -> Any:
-        # F_b/W is linear in the speed at onset: the weaker end is weaker than all between.
-        ends = [slowing(v, grade, extra) + 0.0 * clear for v in table.speed_range]
-        decel = np.fmin(*ends)
-        return braking.speed_of_stopping_distance(clear, decel, dead, table.distance_offset)
+        return reduce(np.fmin, (way.speed_bound(clear, grade, extra) for way in ways))
 
-    state, here = (_SPEED, _GRADE, _GROUND), f"{on}, constant grade"
+    def trained(grade: Any) -> Any:
+        return reduce(operator.mul, (way.trained(grade) for way in ways))
+
+    state, here = (_SPEED, _GRADE, _GROUND), f"{on}, straight along a constant grade"
+    decel = ("deceleration", "m/s^2")
     return [
-        _made(f"force_ratio{end}", state, ("force_ratio", "1"), f"F_b/W{on}", ratio),
-        _made(f"deceleration{end}", state, ("deceleration", "m/s^2"), f"full brakes{on}", slowing),
+        _made(f"force_ratio{end}", state, ("force_ratio", "1"),
+              f"least F_b/W of full, cold brakes{on}; 0 on grades that were not trained", ratio),
+        _made(f"deceleration{end}", state, decel, f"least of full, cold brakes{on}", slowing),
+        _made(f"max_deceleration{end}", state, decel,
+              f"most of full brakes{on}: for the loads of axles", strongest),
         _made(f"stopping_distance{end}", state, ("distance", "m"),
-              f"from command to rest{here}", distance),
+              f"from command to rest{here}; infinite where no stop is known", distance),
         _made(f"speed_bound{end}", (("distance", "m"), _GRADE, _GROUND), ("speed", "m/s"),
-              f"highest that stops within a distance{here}", bound),
-        _made(f"ground_force{end}",
-              (_GRADE, _ROLL, ("x", "m"), ("y", "m"), ("yaw", "rad")), ("force_ratio", "1"),
-              f"what effects of the place add to F_b/W{on}",
-              lambda g, r, x, y, yaw: registry.ground_term(
-                  model.effect, Place(g, r, x, y, yaw, 0.0)) + 0.0 * (r + x + y + yaw)),
+              f"stops within a distance{here}; 0 where nothing may drive", bound),
+        _ground_force(model, end, on),
     ]  # fmt: skip
+
+
+def _ground_force(model: Model, end: str, on: str) -> ModelFunction:
+    """With the time of the session as an input where an effect changes with it."""
+    inputs = (_GRADE, _ROLL, ("x", "m"), ("y", "m"), ("yaw", "rad"))
+    if any("session_time" in registry.law_of(effect).depends_on for effect in model.effect):
+        inputs = (*inputs, ("session_time", "s, since the session began"))
+
+    def term(grade: Any, roll: Any, x: Any, y: Any, yaw: Any, time: Any = 0.0) -> Any:
+        here = Place(grade, roll, x, y, yaw, time)
+        return registry.ground_term(model.effect, here) + 0.0 * (roll + x + y + yaw + time)
+
+    meaning = f"what effects of the place add to F_b/W{on}"
+    return _made(f"ground_force{end}", inputs, ("force_ratio", "1"), meaning, term)
 
 
 def _made(
