@@ -21,6 +21,7 @@ from models.quantity import (
     validate_range,
 )
 from models.surface_braking import SurfaceBraking, UphillBraking, validate_hull
+from models.surface_names import states_of
 from models.vehicle import Vehicle
 
 
@@ -146,7 +147,7 @@ class Braking:
 
     def states_of(self, surface: str) -> tuple[str, ...]:
         """Names of the states that a surface may turn out to be in; "" is the base."""
-        return tuple(n for n, table in self.terrain.items() if table.state_of == surface)
+        return states_of(self.terrain, surface)
 
     def on(self, surface: str) -> Braking:
         """The braking model on a named surface; one without a table of its own is the base."""

@@ -14,9 +14,9 @@ import numpy as np
 
 from models.arrays import Floats
 from models.parameters import Model
+from models.surface_names import resolve_class
 from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from planner.ground.elevation_map import ElevationMap
-from planner.ground.surface_table import is_known, resolve_surface
 from planner.ground.terrain_profile import terrain_profile
 from planner.ground.uncertainty import Uncertainty
 from planner.limiting import Limiting
@@ -141,8 +141,7 @@ class WhatIf:
 
 def _learned_surface(model: Model, name: str) -> str:
     """The surface that the class is for sure, else the ground that the model learned on."""
-    surfaces = resolve_surface(model.braking, name)
-    return surfaces[0] if is_known(model, name) else ""
+    return resolve_class(model.braking.terrain, name) or ""
 
 
 def _stopping_at_once(ground: BrakingGround) -> BrakingGround:

@@ -8,9 +8,6 @@ from models.arrays import Floats, Ints
 from planner.ground.footprint import POINTS, CellFrame, CellPoses, offset, on_grid
 from planner.kernels.compiled import inlined, kernel, row_pass
 
-MAX_CLASSES = 62
-"""Surfaces one map can tell apart: a station keeps those under its wheels as bits of an int64."""
-
 
 @kernel
 def surfaces_under_wheels(

@@ -9,6 +9,7 @@ from models.effects import registry
 from models.effects.effect_law import Enters
 from models.errors import ParameterError
 from models.parameters import Braking, Model
+from models.surface_names import candidate_surfaces, resolve_class
 from planner.ground.terrain_profile import TerrainProfile
 from planner.ground.uncertainty import Uncertainty
 
@@ -21,34 +22,6 @@ from planner.ground.uncertainty import Uncertainty
 
 MOST_SURFACES = 62
 """A station's surfaces are bits of one integer, one of them ground never braked on."""
-
-
-def resolve_surface(braking: Braking, name: str) -> tuple[str, ...]:
-    """Names of the surfaces that a map's class may be; "" is the base.
-
-    ``#3`` is a class known by its number: the table with that `class_id`, else the third table.
-    With a surface come the states that it may turn out to be in. A surface that the model does not
-    know may be any that it knows.
-    """
-    own = _own_surface(braking, name)
-    return ("", *braking.terrain) if own is None else (own, *braking.states_of(own))
-
-
-def _own_surface(braking: Braking, name: str) -> str | None:
-    """The surface that a map's class is; None if the model does not know it."""
-    tables = list(braking.terrain)
-    if name == "" or name in braking.terrain:
-        return name
-    if name.startswith("#") and name[1:].isdecimal():
-        number = int(name[1:])
-        for table in tables:
-            if braking.terrain[table].class_id == number:
-                return table
-        if number == 0:
-            return ""
-        if number <= len(tables) and braking.terrain[tables[number - 1]].class_id is None:
-            return tables[number - 1]
-    return None
 
 
 def surface_table(
@@ -85,10 +58,9 @@ def surface_table(
     bits = np.zeros(len(class_names), np.int64)
     strange = False
     for index, name in enumerate(class_names):
-        surfaces = resolve_surface(model.braking, name)
-        for surface in surfaces:
+        for surface in candidate_surfaces(model.braking.terrain, name):
             bits[index] |= 1 << names.index(surface)
-        if uncertainty is not None and len(surfaces) == len(names) and not is_known(model, name):
+        if uncertainty is not None and resolve_class(model.braking.terrain, name) is None:
             bits[index] |= 1 << len(names)
             strange = True
     if uncertainty is not None and strange:
@@ -116,11 +88,6 @@ def frictions(model: Model, uncertainty: Uncertainty | None) -> tuple[float, flo
 def braking_on(model: Model, surface: str) -> Braking:
     """The braking model on a named surface; "" is the base."""
     return model.braking.on(surface) if surface else model.braking
-
-
-def is_known(model: Model, name: str) -> bool:
-    """Is the class one that the model has learned, or the ground that it learned on?"""
-    return _own_surface(model.braking, name) is not None
 
 
 def surface_bits(profile: TerrainProfile, class_bits: Ints) -> Ints:

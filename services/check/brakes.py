@@ -15,6 +15,7 @@ from models.arrays import Bools, Floats
 from models.effects import registry
 from models.effects.effect_law import Enters, Place
 from models.parameters import Braking, Model
+from models.surface_names import candidate_surfaces
 from services.check.ground import LineGround
 from services.check.line import Line
 
@@ -83,7 +84,7 @@ def brakes_along(
     tables = [model.braking.on(name) if name else model.braking for name in names]
     on = np.zeros((len(names), len(ground.grade)), np.bool_)
     for index, name in enumerate(class_names):
-        for surface in _surfaces_of(model.braking, name):
+        for surface in candidate_surfaces(model.braking.terrain, name):
             on[names.index(surface)] |= ground.classes[index]
     nameless = ~on.any(axis=0)
     for surface in ("", *model.braking.states_of("")):
@@ -176,24 +177,3 @@ def _friction(model: Model, table: Braking) -> float:
 
 def _outside(bounds: tuple[float, float], values: Floats) -> Floats:
     return np.maximum(np.maximum(bounds[0] - values, values - bounds[1]), 0.0)
-
-
-def _surfaces_of(braking: Braking, name: str) -> list[str]:
-    """Surfaces that a class of the map may be: its own with its states, or any if it is unknown.
-
-    A class ``#3`` is known by its number: the table with that ``class_id``, else the third one if
-    it has no number of its own; 0 is the base.
-    """
-    tables = list(braking.terrain)
-    if name == "" or name in braking.terrain:
-        return [name, *braking.states_of(name)]
-    if name.startswith("#") and name[1:].isdecimal():
-        number = int(name[1:])
-        own = [t for t in tables if braking.terrain[t].class_id == number]
-        if own:
-            return [own[0], *braking.states_of(own[0])]
-        if number == 0:
-            return ["", *braking.states_of("")]
-        if number <= len(tables) and braking.terrain[tables[number - 1]].class_id is None:
-            return [tables[number - 1], *braking.states_of(tables[number - 1])]
-    return ["", *tables]

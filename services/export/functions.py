@@ -140,16 +140,16 @@ def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
 
 def _ground_force(model: Model, end: str, on: str) -> ModelFunction:
     """With the time of the session as an input where an effect changes with it."""
-    inputs = (_GRADE, _ROLL, ("x", "m"), ("y", "m"), ("yaw", "rad"))
+    inputs = [_GRADE, _ROLL, ("x", "m"), ("y", "m"), ("yaw", "rad")]
     if any("session_time" in registry.law_of(effect).depends_on for effect in model.effect):
-        inputs = (*inputs, ("session_time", "s, since the session began"))
+        inputs.append(("session_time", "s, since the session began"))
 
     def term(grade: Any, roll: Any, x: Any, y: Any, yaw: Any, time: Any = 0.0) -> Any:
         here = Place(grade, roll, x, y, yaw, time)
         return registry.ground_term(model.effect, here) + 0.0 * (roll + x + y + yaw + time)
 
     meaning = f"what effects of the place add to F_b/W{on}"
-    return _made(f"ground_force{end}", inputs, ("force_ratio", "1"), meaning, term)
+    return _made(f"ground_force{end}", tuple(inputs), ("force_ratio", "1"), meaning, term)
 
 
 def _made(

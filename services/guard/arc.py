@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from models.arrays import Bools, Floats, Ints
+from models.surface_names import resolve_class
 from services.guard.ground import GuardGround
 from services.guard.model_reader import GuardModel, stands_for
 
@@ -111,16 +112,9 @@ def arc_ahead(
 
 def surface_rows(model: GuardModel, ground: GuardGround) -> Ints:
     """For each surface that the map names, the row of the model; -1 where it knows none."""
-    names = list(model.surfaces)
-    numbers = {s.class_id: k for k, s in enumerate(model.surfaces.values()) if s.class_id}
-    found = []
-    for name in ground.names:
-        row = names.index(name) if name in names else -1
-        if name.startswith("#") and name[1:].isdecimal():
-            number = int(name[1:])
-            row = numbers.get(number, 0 if number == 0 else -1)
-        found.append(row)
-    return np.array(found)
+    rows, tables = list(model.surfaces), {n: s for n, s in model.surfaces.items() if n}
+    surfaces = [resolve_class(tables, name) for name in ground.names]
+    return np.array([-1 if surface is None else rows.index(surface) for surface in surfaces])
 
 
 def _below(

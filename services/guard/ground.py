@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from models.arrays import Bools, Floats, Ints
-from models.errors import ParameterError
+from models.errors import InputError, ParameterError
+from services.io.maps import npz_map_file
 from services.wire.messages import MapUpdate
 
 _HIGHEST = 1e5
@@ -56,6 +58,24 @@ class GuardGround:
         i = np.clip(np.rint((y - self.origin[1]) / self.resolution), 0, rows - 1)
         found: Ints = self.classes[i.astype(np.int64), j.astype(np.int64)]
         return found
+
+
+def read_ground(path: Path) -> GuardGround:
+    """The ground in an .npz file, read as plans read it.
+
+    Raises:
+        InputError: names the file and the array.
+    """
+    info = npz_map_file.read_info(path)
+    heights, classes, names, _ = npz_map_file.read_layers(path)
+    update = MapUpdate(
+        source=str(path), sequence=1, elevation=heights, resolution=info.resolution,
+        origin=info.origin, terrain_class=classes, class_names=list(names),
+    )  # fmt: skip
+    try:
+        return ground_of(update, None)
+    except ParameterError as error:
+        raise InputError(str(path), error.field, f"expected {error.expected}") from None
 
 
 def ground_of(update: MapUpdate, known: GuardGround | None) -> GuardGround:

@@ -139,6 +139,11 @@ class _ModelReader:
         tables = {"": braking}
         for name, table in self._table(braking, "braking.terrain", "terrain", {}).items():
             tables[name] = {**braking, "class_id": None, "state_of": None, **table}
+        for name, table in tables.items():
+            of = table.get("state_of")
+            if of and (of not in tables or of == name):
+                words = f'expected "" for the base or another surface of the file, got {of!r}'
+                raise self._fault(f"braking.terrain.{name}.state_of", words)
         rolls_on = min(held, resistance)
         return GuardModel(
             {name: self._surface(table, name, rolls_on, effects) for name, table in tables.items()},
@@ -175,6 +180,9 @@ class _ModelReader:
             grades = rolls = (-0.5 * np.pi, 0.5 * np.pi)
         lag = registry.motion(effects).lag
         caps = [number("sliding_friction", NO_LIMIT, above=0.0), registry.motion(effects).friction]
+        class_id = table.get("class_id")
+        if class_id is not None and type(class_id) is not int:
+            raise self._fault(f"{where}.class_id", f"expected a whole number, got {class_id!r}")
         worse = SPREAD * number("force_std", 0.0, least=0.0)
         scatter = SPREAD * number("force_scatter", 0.0, least=0.0)
         kept = (1.0 - margin) * max(1.0 - scatter, 0.1)
@@ -187,7 +195,7 @@ class _ModelReader:
             number("dead_time", least=0.0) + lag + SPREAD * number("dead_time_std", 0.0, least=0.0),
             number("distance_offset", 0.0, least=0.0), number("speed_error", 0.0, least=0.0),
             speeds[0], speeds[1], grades, rolls, min(caps), min(max(applied, 0.0), 1.0),
-            rolls_on, table.get("class_id"), table.get("state_of"),
+            rolls_on, class_id, table.get("state_of"),
             (1.0 + margin) * (1.0 + scatter) / kept, 2.0 * worse,
         )  # fmt: skip
 

@@ -21,6 +21,7 @@ import zenoh
 
 from services.guard.core import BaseWord
 from services.guard.decide import stop
+from services.guard.ground import read_ground
 from services.guard.heart import Heart
 from services.guard.model_reader import read_guard_model
 from services.guard.session import hurry, open_session
@@ -110,6 +111,8 @@ def serve(
     """
     settings = read_guard_settings(config)
     read_guard_model(model_path(settings))  # what cannot be read is said before anything moves
+    if settings.map:
+        read_ground(Path(settings.map))
     if not hurry():
         _log.warning("no priority: others on this machine may delay the guard")
     with open_session(settings) as session:

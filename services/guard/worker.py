@@ -16,13 +16,12 @@ import time
 from collections import deque
 from pathlib import Path
 
-import numpy as np
 import zenoh
 
 from models.errors import InputError, ParameterError
 from services.guard.core import BaseWord, Guard
 from services.guard.decide import stop
-from services.guard.ground import GuardGround, ground_of
+from services.guard.ground import GuardGround, ground_of, read_ground
 from services.guard.heart import Heart
 from services.guard.messages import GuardStatus
 from services.guard.model_reader import read_guard_model
@@ -50,7 +49,7 @@ class Worker:
     def __init__(self, settings: GuardSettings, session: zenoh.Session, heart: Heart) -> None:
         """Read the model, meet the others."""
         model = read_guard_model(model_path(settings))
-        self._known = _map_of(settings.map)
+        self._known = read_ground(Path(settings.map)) if settings.map else None
         self.guard = Guard(settings, model, self._known)
         self._settings, self._session, self._heart = settings, session, heart
         self._wire = _wire(settings, session)
@@ -182,21 +181,6 @@ def _wire(settings: GuardSettings, session: zenoh.Session) -> Wire:
     from services.guard.ros_wire import RosWire
 
     return RosWire(session, settings.ros)
-
-
-def _map_of(path: str) -> GuardGround | None:
-    if not path:
-        return None
-    try:
-        with np.load(path) as data:
-            heights = data["elevation"].astype(np.float64)
-            if "known" in data:
-                heights = np.where(data["known"], heights, np.nan)
-            x, y = (float(v) for v in data["origin"])
-            return GuardGround(heights, float(data["resolution"]), (x, y))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        words = f"expected elevation, resolution and origin in an .npz: {error}"
-        raise InputError(path, "", words) from None
 
 
 def main() -> None:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from models.arrays import Floats, Ints
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
-from services.io.access import fault
+from services.io.access import fault, write_atomic
 from services.io.bags.recording import is_bag
 from services.io.maps import geotiff_file, height_error, npz_map_file
 from services.io.maps.grid import MAX_CELLS, Around, MapInfo, check_physical, in_words
-from services.io.maps.npz_map_file import write_map_npz
 
 __all__ = ["MapInfo", "frame_of", "known_heights", "map_info", "read_map", "write_map_npz"]
 
@@ -95,6 +96,22 @@ def read_map(
         )
     except ParameterError as error:
         raise fault(path, error.field, f"expected {error.expected}") from None
+
+
+def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:
+    """Write a map so that reading it gives the same one; all or nothing."""
+    arrays: dict[str, Any] = {
+        "elevation": elevation_map.elevation,
+        "resolution": np.float64(elevation_map.resolution),
+        "origin": np.asarray(elevation_map.origin, np.float64),
+        "height_std": np.float64(elevation_map.height_std),
+    }
+    if elevation_map.terrain_class is not None:
+        arrays["terrain_class"] = elevation_map.terrain_class
+        arrays["terrain_names"] = np.asarray(elevation_map.class_names, np.str_)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    write_atomic(path, buffer.getvalue())
 
 
 def assumptions(path: Path) -> tuple[str, ...]:

@@ -9,7 +9,6 @@ optional `terrain_names` names them. Other arrays are left alone.
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import Bools, Floats, Ints
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.surface_bits import MAX_CLASSES
-from services.io.access import fault, write_atomic
+from models.surface_names import MAX_CLASSES, number_names
+from services.io.access import fault
 from services.io.maps import height_error
 from services.io.maps.grid import MapInfo
 from services.io.maps.npz_archive import Archive
@@ -71,22 +69,6 @@ def _height_std(archive: Archive, path: Path, known: Bools) -> float | None:
     return height_error.one_for_all(counted)
 
 
-def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:
-    """Write a map so that reading it gives the same one; all or nothing."""
-    arrays: dict[str, Any] = {
-        "elevation": elevation_map.elevation,
-        "resolution": np.float64(elevation_map.resolution),
-        "origin": np.asarray(elevation_map.origin, np.float64),
-        "height_std": np.float64(elevation_map.height_std),
-    }
-    if elevation_map.terrain_class is not None:
-        arrays["terrain_class"] = elevation_map.terrain_class
-        arrays["terrain_names"] = np.asarray(elevation_map.class_names, np.str_)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
-    write_atomic(path, buffer.getvalue())
-
-
 def _numbered(
     path: Path, classes: NDArray[Any], names: tuple[str, ...] | None
 ) -> tuple[Ints, tuple[str, ...]]:
@@ -95,7 +77,7 @@ def _numbered(
         words = f"expected 0 … {highest}, got {classes[wrong].flat[0]}"
         raise fault(path, f"terrain_class{bad}", words)
     if names is None:
-        names = ("", *(f"#{number}" for number in range(1, int(classes.max()) + 1)))
+        names = number_names(int(classes.max()))
     return classes.astype(np.int64), names
 
 

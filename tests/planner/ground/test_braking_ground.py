@@ -13,7 +13,6 @@ from models.laws import braking as law
 from models.parameters import Model
 from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from planner.ground.elevation_map import ElevationMap
-from planner.ground.surface_table import resolve_surface
 from planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from planner.path import CandidatePath, batch
 from tests.planner.scenes import ground_map, model_of, plane, straight, tables_with
@@ -86,25 +85,6 @@ def test_a_lasting_change_scales_and_shifts_the_force() -> None:
 
 
 # --------------------------------------------------------------------------------- surfaces
-
-
-def test_class_names_find_their_tables() -> None:
-    tables = tables_with()
-    tables["braking"]["terrain"] = {
-        "grass": ICE, "ice": ICE | {"class_id": 7}, "mud": ICE,
-    }  # fmt: skip
-    braking = model_of(tables).braking
-    assert resolve_surface(braking, "") == ("",)
-    assert resolve_surface(braking, "mud") == ("mud",)
-    assert resolve_surface(braking, "#7") == ("ice",)
-    assert resolve_surface(braking, "#0") == ("",)
-    assert resolve_surface(braking, "#1") == ("grass",)
-    assert resolve_surface(braking, "#3") == ("mud",)
-    # A table with a number of its own is not meant by its place in the file.
-    everything = ("", "grass", "ice", "mud")
-    assert resolve_surface(braking, "#2") == everything
-    assert resolve_surface(braking, "#4") == everything
-    assert resolve_surface(braking, "gravel") == everything
 
 
 def test_ice_holds_from_the_station_before_it_to_the_one_after() -> None:

@@ -15,8 +15,8 @@ from affine import Affine
 from models.errors import InputError
 from models.parameters import Braking
 from models.surface_braking import SurfaceBraking
+from models.surface_names import resolve_class
 from planner.ground.elevation_map import ElevationMap, height_at
-from planner.ground.surface_table import resolve_surface
 from services.io.maps.grid import MapInfo
 from services.io.maps.map_file import map_info, read_map, write_map_npz
 from tests.services.faults import fault_in, real_data
@@ -356,7 +356,7 @@ def test_classes_by_number(tmp_path: Path) -> None:
         speed_range=(0.0, 1.0), grade_range=(-1.0, 1.0),
         terrain={name: SurfaceBraking() for name in ("gravel", "sand", "mud")},
     )  # fmt: skip
-    assert resolve_surface(braking, elevation_map.class_names[3]) == ("mud",)
+    assert resolve_class(braking.terrain, elevation_map.class_names[3]) == "mud"
 
 
 def test_classes_by_number_with_names(tmp_path: Path) -> None:
