@@ -11,17 +11,66 @@ _JUMPED = 5
 """So many messages in a row that agree with each other are right about a clock."""
 
 
+DRIFT = 1e-4
+"""Rate at which two clocks drift apart: crystals stay within 100 ppm [s/s].
+
+Lateness that grows more slowly is not seen, and larger one is forgotten at that rate."""
+
+STEP = 0.02
+"""Quicker than the quickest message by more than that, its clock was set forward [s]."""
+
+RECOVERY = 10.0
+"""Time from a step of a clock until the ages that it left uncertain are certain again [s]."""
+
+
 class SenderClock:
     """One sender's.
 
     Attributes:
         lead: of the quickest message: how far the sender's clock is ahead of the one here [s].
+        stamp: of the newest message, on the sender's clock [s]. steps: how often it was set.
     """
 
     def __init__(self) -> None:
         """Nothing was heard yet."""
-        self.lead = -math.inf
+        self.lead = self.stamp = -math.inf
+        self.steps = 0
         self._doubtful: list[float] = []
+        self._at = self._late = 0.0
+        self._uncertain = self._recovers = 0.0
+
+    @property
+    def is_known(self) -> bool:
+        """Return True after the first message with a stamp."""
+        return math.isfinite(self.stamp)
+
+    def lateness(self, stamp: float, at: float, known: float = 0.0) -> float:
+        """How late a message is [s]: what is known of it, and what it is later than the quickest.
+
+        A message is never later than the one before it was on arrival and the time since then.
+        After a step of the sender's clock that is all that is known, so it is what is returned; the
+        excess is given up over :data:`RECOVERY`. A stamp that repeats is as old as it is.
+
+        Args:
+            stamp: on the sender's clock [s]; messages come in the order in which they were sent.
+            at: arrival, monotonic [s]. known: age by a clock that both share, 0 without one [s].
+        """
+        lead, passed = stamp - at, max(at - self._at, 0.0)
+        if stamp == self.stamp:
+            return max(self._late + passed, known)
+        recovered = min(self._uncertain, self._recovers * passed)
+        self._uncertain -= recovered
+        self.lead -= recovered
+        if self.is_known and (stamp < self.stamp or lead > self.lead + STEP + DRIFT * passed):
+            latest = self._late + passed
+            growth = max(self.lead - (self.stamp - self._at), 0.0)
+            self._uncertain += latest - growth
+            self._recovers = self._uncertain / RECOVERY
+            self.lead, self.steps = lead + latest, self.steps + 1
+        self.lead = max(self.lead - DRIFT * passed, lead)
+        self.stamp, self._at = stamp, at
+        self._late = max(self.lead - lead, known)
+        return self._late
 
     def judge(self, lead: float, early: float) -> str:
         """Why a message cannot be of now; empty if it can, "jumped" if the clock was set.
