@@ -74,7 +74,7 @@ class Feed(Generic[T]):
         while len(self._senders) > _MOST_SENDERS:
             self._senders.pop(next(iter(self._senders)))
         try:
-            if not lateness.take(time, now, numbered=sequence is not None):
+            if not lateness.take(time, now, sequence):
                 self.counters[f"{self.name} repeated or late"] += 1
                 return False
         except ParameterError as error:

@@ -83,14 +83,15 @@ class Lateness:
         self._max_latency, self._wall = max_latency, wall
         self._clock = SenderClock()
         self._at, self.late = -math.inf, 0.0
+        self._number: int | None = None
         self.stamps, self.repeated, self.stepped = ARRIVAL, False, -math.inf
 
-    def take(self, stamp: float | None, at: float, *, numbered: bool = True) -> bool:
+    def take(self, stamp: float | None, at: float, number: int | None = None) -> bool:
         """Record a message; False if it is older than the newest one.
 
         Args:
             stamp: on the sender's clock [s]; None: it has none. at: its arrival, monotonic [s].
-            numbered: its number shows that it was sent after the last one.
+            number: counts the messages of the sender; None: they are not numbered.
 
         Raises:
             ParameterError: the stamp is no number, or later than now by a shared clock.
@@ -98,18 +99,19 @@ class Lateness:
         known = 0.0
         if stamp is not None:
             known = self._checked(stamp, at)
-            if not numbered and 0.0 < self._clock.stamp - stamp < _REORDERED:
+            if number is None and 0.0 < self._clock.stamp - stamp < _REORDERED:
                 return False
         self.repeated = stamp == self._clock.stamp or (stamp is None and self._clock.is_known)
         if stamp is not None:
             steps = self._clock.steps
-            self.late = self._clock.lateness(stamp, at, known)
+            sent = 0 if number is None or self._number is None else number - self._number
+            self.late = self._clock.lateness(stamp, at, known, sent)
             self.stamps = GROWTH if self._wall is None else SHARED
             self.stepped = at if self._clock.steps > steps else self.stepped
         elif self.repeated:
             # A sender that leaves out its stamp may repeat itself.
             self.late = self._clock.lateness(self._clock.stamp, at)
-        self._at = at
+        self._at, self._number = at, number
         return True
 
     def _checked(self, stamp: float, at: float) -> float:

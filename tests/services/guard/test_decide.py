@@ -138,9 +138,7 @@ def test_silence_is_a_stop_and_lasts_until_rest() -> None:
     assert it.word(1.21).decision.action == "stop"  # it still moves
     feed(it, 1.3, speed=0.0)
     assert it.word(1.31).decision.action == "pass"
-    assert it.word(1.31 + 0.21).decision.reason == (
-        "odometry is 0.22 s old (arrival), limit 0.2 s"
-    )
+    assert it.word(1.31 + 0.21).decision.reason == ("odometry is 0.22 s old (arrival), limit 0.2 s")
 
 
 def test_repeated_and_late_commands_do_not_count() -> None:
