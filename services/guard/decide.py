@@ -91,7 +91,7 @@ def decide(
     Args:
         scene: vehicle and ground. motion: now. command: of whoever plans.
         stands: how long the command may hold until the next, or until somebody stops [s].
-        late: how old the motion is, and how long a word to the base is on its way [s].
+        late: age of the motion, and transport time of a word to the base [s].
         load: share of ``min_load`` that is kept in every stop.
         reached: speed to which the vehicle may have accelerated meanwhile [m/s].
     """

@@ -38,7 +38,6 @@ class Feed(Generic[T]):
     refused: str = ""
     _value: T | None = None
     _at: float = -math.inf
-    _last: dict[str, int] = field(default_factory=dict)
     _senders: dict[str, Lateness] = field(default_factory=dict)
     _events: dict[str, tuple[float, str]] = field(default_factory=dict)
 
@@ -58,29 +57,24 @@ class Feed(Generic[T]):
             value: of the message. now: its arrival, monotonic [s].
             sender, sequence: who numbered it, and how. time: its stamp on the sender's clock [s].
         """
-        if sequence is not None:
-            last = self._last.get(sender)
-            if last is not None and sequence <= last and now - self._at <= self.deadline:
-                self.counters[f"{self.name} repeated or late"] += 1
-                return False
-            if last is not None and sequence > last + 1:
-                self.counters[f"{self.name} lost"] += sequence - last - 1
-            self._last[sender] = sequence
-            while len(self._last) > _MOST_SENDERS:
-                self._last.pop(next(iter(self._last)))
-        known = self._senders.pop(sender, None)
-        lateness = known or Lateness(self.max_latency, self.wall)
+        lateness = self._senders.pop(sender, None) or Lateness(self.max_latency, self.wall)
         self._senders[sender] = lateness
         while len(self._senders) > _MOST_SENDERS:
             self._senders.pop(next(iter(self._senders)))
+        last = lateness.number
+        is_old = sequence is not None and last is not None and sequence <= last
         try:
-            if not lateness.take(time, now, sequence):
+            if (is_old and now - self._at <= self.deadline) or not lateness.take(
+                time, now, sequence
+            ):
                 self.counters[f"{self.name} repeated or late"] += 1
                 return False
         except ParameterError as error:
             self.drop(f"{self.name} rejected: stamp: expected {error.expected}")
             self._record("refused stamp", now, self.refused)
             return False
+        if sequence is not None and last is not None and sequence > last + 1:
+            self.counters[f"{self.name} lost"] += sequence - last - 1
         self.newest, self._value, self._at = lateness, value, now
         self.has_messages, self.refused = True, ""
         self.counters[self.name] += 1

@@ -61,7 +61,7 @@ class GuardTiming:
     """How long what is heard may be believed, and how quick a fault is answered.
 
     Attributes:
-        clock: of the stamps in messages; shared: this machine's wall clock.
+        clock: clock of stamps; shared: the wall clock of this machine.
     """
 
     period: float = quantity(

@@ -1,4 +1,4 @@
-"""Maps and parameters for the guard, read by a thread of their own so that none delays a command.
+"""Maps and parameters for the guard, read by a separate thread so that none delays a command.
 
 Nothing is dropped unnoticed. Of parameters the newest of each group waits. Maps wait in order, and
 after a lost one the ground is unknown until the next whole map; none can be requested.
@@ -36,7 +36,7 @@ class KnownMap:
 
     Attributes:
         ground: None before the first whole map, and after a lost update until the next one.
-        reason: why there is none, as text. counters: of updates.
+        reason: why it is missing, as text. counters: of updates.
     """
 
     def __init__(self, ground: GuardGround | None) -> None:

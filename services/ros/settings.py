@@ -107,7 +107,7 @@ class Timing:
     """How often, how long things hold, and how far is looked.
 
     Attributes:
-        clock: of the stamps of odometry; shared: this machine's wall clock.
+        clock: clock of odometry's stamps; shared: the wall clock of this machine.
     """
 
     period: float = quantity(

@@ -91,7 +91,7 @@ class VehicleState:
         return self._lateness.bound(now)
 
     def stamps(self) -> str:
-        """What the stamps of odometry show, and what is wrong with them."""
+        """Use of the stamps of odometry, and faults seen in them, as text."""
         lateness = self._lateness
         repeated = ", repeated" if lateness.repeated else ""
         stepped = ", clock set" if self._inbox.clock() - lateness.stepped <= RECOVERY else ""

@@ -69,6 +69,7 @@ class Lateness:
 
     Attributes:
         stamps: :data:`SHARED`, :data:`GROWTH` or :data:`ARRIVAL`.
+        number: number of the newest message; None: it has none.
         repeated: the newest message has the stamp of the one before it.
         stepped: when the sender's clock was last seen to be set, monotonic [s].
     """
@@ -83,7 +84,7 @@ class Lateness:
         self._max_latency, self._wall = max_latency, wall
         self._clock = SenderClock()
         self._at, self.late = -math.inf, 0.0
-        self._number: int | None = None
+        self.number: int | None = None
         self.stamps, self.repeated, self.stepped = ARRIVAL, False, -math.inf
 
     def take(self, stamp: float | None, at: float, number: int | None = None) -> bool:
@@ -104,14 +105,14 @@ class Lateness:
         self.repeated = stamp == self._clock.stamp or (stamp is None and self._clock.is_known)
         if stamp is not None:
             steps = self._clock.steps
-            sent = 0 if number is None or self._number is None else number - self._number
+            sent = 0 if number is None or self.number is None else number - self.number
             self.late = self._clock.lateness(stamp, at, known, sent)
             self.stamps = GROWTH if self._wall is None else SHARED
             self.stepped = at if self._clock.steps > steps else self.stepped
         elif self.repeated:
-            # A sender that leaves out its stamp may repeat itself.
+            # A sender that omits its stamp may repeat itself.
             self.late = self._clock.lateness(self._clock.stamp, at)
-        self._at, self._number = at, number
+        self._at, self.number = at, self.number if number is None else number
         return True
 
     def _checked(self, stamp: float, at: float) -> float:

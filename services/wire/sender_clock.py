@@ -34,7 +34,7 @@ class SenderClock:
 
     Attributes:
         lead: of the quickest message: how far the sender's clock is ahead of the one here [s].
-        stamp: of the newest message, on the sender's clock [s]. steps: how often it was set.
+        stamp: stamp of the newest message, on the sender's clock [s]. steps: how often it was set.
     """
 
     def __init__(self) -> None:
@@ -56,7 +56,7 @@ class SenderClock:
 
         A message is never later than the one before it was on arrival and the time since then.
         After a step of the sender's clock that is all that is known, so it is what is returned; the
-        excess is given up over :data:`RECOVERY`. A stamp that repeats is as old as it is.
+        excess is given up over :data:`RECOVERY`. A repeated stamp is not refreshed.
 
         Args:
             stamp: on the sender's clock [s]; messages come in the order in which they were sent.

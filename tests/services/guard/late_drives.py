@@ -117,10 +117,10 @@ class Scene:
         self.by = str(rng.choice(["clear", "map"]))
         self.deadline = float(rng.choice([0.2, 0.5, 1.0]))
         self.at = float(rng.uniform(1.0, 4.0))
-        most = BOUND
+        max_delay = BOUND
         if self.kind == "constant" and self.clock == "shared":
-            most = 2.0 if rng.random() < 0.3 else self.deadline
-        self.base, self.base_of_clear = (float(d) for d in rng.uniform(0.0, most, 2))
+            max_delay = 2.0 if rng.random() < 0.3 else self.deadline
+        self.base, self.base_of_clear = (float(d) for d in rng.uniform(0.0, max_delay, 2))
         self.rate = float(rng.uniform(0.02, 1.0))
         self.spread = float(rng.uniform(0.0, 0.3))
         self.leap = float(rng.choice([-5.0, 5.0]))
@@ -134,8 +134,8 @@ class Scene:
         if self.kind in ("growing", "step and growth"):
             base += grown
         if self.kind == "jitter":
-            most = max(BOUND - base, 0.0) if self.clock == "none" else self.spread
-            base += float(self.rng.uniform(0.0, most))
+            max_delay = max(BOUND - base, 0.0) if self.clock == "none" else self.spread
+            base += float(self.rng.uniform(0.0, max_delay))
         return min(base, BOUND) if name == "command" else base
 
     def steps(self, now: float) -> float:
@@ -147,8 +147,8 @@ class Scene:
     def stamp(self, now: float) -> float | None:
         if self.clock == "none":
             return None
-        own = 1.7e9 + now + (0.0 if self.local else self.steps(now))
-        return own if self.clock == "shared" else own - 1.69e9
+        stamp = 1.7e9 + now + (0.0 if self.local else self.steps(now))
+        return stamp if self.clock == "shared" else stamp - 1.69e9
 
 
 @dataclass
@@ -167,7 +167,7 @@ class Outcome:
 def _guard(scene: Scene, now: Callable[[], float]) -> Guard:
     timing: dict[str, Any] = {"command": 1.0, "motion": scene.deadline}
     timing["clear"] = max(scene.deadline, 0.5)
-    judgement = GuardJudgement(awaits_clear=scene.by == "clear")
+    strictness = GuardJudgement(awaits_clear=scene.by == "clear")
     heights = np.zeros((40, 160))
     if scene.by == "map":
         face = round(scene.wall / _CELL)
@@ -175,7 +175,7 @@ def _guard(scene: Scene, now: Callable[[], float]) -> Guard:
         heights[:, face + 20 :] = 1.5  # cell 20 is at x = 0
     ground = GuardGround(heights, _CELL, (-20 * _CELL, -20 * _CELL))
     if not _HAS_STAMPS:
-        settings = GuardSettings(model="atv", timing=GuardTiming(**timing), judgement=judgement)
+        settings = GuardSettings(model="atv", timing=GuardTiming(**timing), judgement=strictness)
         return Guard(settings, MODEL, ground)
     from services.wire.lateness import WallClock
 
@@ -183,7 +183,7 @@ def _guard(scene: Scene, now: Callable[[], float]) -> Guard:
         "clock": "shared" if scene.clock == "shared" else "unknown",
         "max_latency": scene.max_latency,
     }
-    settings = GuardSettings(model="atv", timing=GuardTiming(**timing), judgement=judgement)
+    settings = GuardSettings(model="atv", timing=GuardTiming(**timing), judgement=strictness)
     return Guard(settings, MODEL, ground, WallClock(lambda: scene.wall_clock(now()), now))
 
 
@@ -195,7 +195,7 @@ def _take(feed: Callable[..., Any], content: Any, at: float, sequence: int, time
 
 
 def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
-    """Full speed toward the wall; what became of it."""
+    """Drive at full speed toward the wall."""
     rng = scene.rng
     plant = Plant(
         accel=float(rng.uniform(0.8, 2.5)), slowing=float(rng.uniform(0.5, 3.0)),
@@ -209,29 +209,23 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
     if scene.kind == "loss":
         lines["motion"].lost = scene.at, scene.at + float(rng.uniform(0.3, 3.0))
     transport = float(rng.uniform(0.0, 0.02))
-    words: list[tuple[float, float, bool]] = []
+    sent: list[tuple[float, float, bool]] = []
     limit = scene.wall if scene.by == "clear" else scene.wall - 0.5 * _CELL - _FRONT
     out = Outcome(-1.0, 0.0, 0.0, 0.0, [], set(), set())
-    wanted, still = float(rng.uniform(2.0, 4.0)), 0.0
+    requested, still = float(rng.uniform(2.0, 4.0)), 0.0
     for k in range(round(seconds / _STEP)):
         now = clock[0] = k * _STEP
-        if k % 4 == 0:
-            pose = VehicleMotion(PlanarPose(plant.x, 0.0, 0.0), plant.speed)
-            lines["motion"].send(pose, now)
-        if k % 10 == 0:
-            lines["clear"].send(max(scene.wall - plant.x, 0.0), now)
-            goal = max(limit - 1.5 - plant.x, 0.0) if scene.slows else np.inf
-            speed = min(wanted, float(np.sqrt(2.0 * goal)))
-            lines["command"].send((BaseCommand(speed, 0.0), 1), now)
+        goal = max(limit - 1.5 - plant.x, 0.0) if scene.slows else np.inf
+        _send(lines, k, plant, scene.wall, min(requested, float(np.sqrt(2.0 * goal))))
         if k % 10 == 5:
             _bring(guard, lines, scene, now)
-            word = guard.word(now).decision
-            out.actions.append(word.action)
-            out.reasons.add(word.reason)
+            decision = guard.word(now).decision
+            out.actions.append(decision.action)
+            out.reasons.add(decision.reason)
             out.flags.update(guard.flags(now))
-            words.append((now + transport, word.command.speed, word.brake))
-        while words and words[0][0] <= now:
-            _, speed, brake = words.pop(0)
+            sent.append((now + transport, decision.command.speed, decision.brake))
+        while sent and sent[0][0] <= now:
+            _, speed, brake = sent.pop(0)
             plant.receive(speed, brake, now)
         plant.step(now)
         out.moving_time += _STEP * (plant.speed > CONTACT)
@@ -242,6 +236,16 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
             break
     out.distance, out.depth = plant.x, plant.x - limit
     return out
+
+
+def _send(lines: dict[str, Line], k: int, plant: Plant, wall: float, requested: float) -> None:
+    now = k * _STEP
+    if k % 4 == 0:
+        pose = VehicleMotion(PlanarPose(plant.x, 0.0, 0.0), plant.speed)
+        lines["motion"].send(pose, now)
+    if k % 10 == 0:
+        lines["clear"].send(max(wall - plant.x, 0.0), now)
+        lines["command"].send((BaseCommand(requested, 0.0), 1), now)
 
 
 def _bring(guard: Guard, lines: dict[str, Line], scene: Scene, now: float) -> None:

@@ -110,9 +110,9 @@ def test_a_clear_distance_is_counted_from_where_it_was_measured() -> None:
 
 def test_a_vehicle_may_have_reached_what_it_was_given_since_it_was_measured() -> None:
     scene = GuardScene(MODEL, (rows_of(MODEL),), FLAT, 3.0)
-    motion, wanted = VehicleMotion(PlanarPose(0.0, 0.0, 0.0), 1.0), BaseCommand(1.0, 0.0)
-    slow = decide(scene, motion, wanted, stands=0.1, late=0.2, load=0.5)
-    fast = decide(scene, motion, wanted, stands=0.1, late=0.2, load=0.5, reached=4.0)
+    motion, command = VehicleMotion(PlanarPose(0.0, 0.0, 0.0), 1.0), BaseCommand(1.0, 0.0)
+    slow = decide(scene, motion, command, stands=0.1, late=0.2, load=0.5)
+    fast = decide(scene, motion, command, stands=0.1, late=0.2, load=0.5, reached=4.0)
     assert (slow.action, fast.action) == ("pass", "stop")
     back = decide(scene, motion._replace(speed=0.0), BaseCommand(-1.0, 0.0), stands=0.1, late=0.2,
                   load=0.5, reached=1.0)  # fmt: skip
@@ -132,23 +132,23 @@ def test_messages_of_before_are_read() -> None:
 def collisions(drives: list[Scene]) -> tuple[list[str], dict[tuple[str, str], list[Outcome]]]:
     """Drives that ended in the wall at speed, and all outcomes by clock and delay."""
     done: dict[tuple[str, str], list[Outcome]] = {}
-    bad = []
+    ended = []
     for scene in drives:
         outcome = drive(scene)
         done.setdefault((scene.clock, scene.kind), []).append(outcome)
         if outcome.contact > CONTACT:
-            bad.append(f"{scene.seed} {scene.clock} {scene.kind}: {outcome.contact:.2f} m/s")
-    return bad, done
+            ended.append(f"{scene.seed} {scene.clock} {scene.kind}: {outcome.contact:.2f} m/s")
+    return ended, done
 
 
 def test_late_messages_end_no_drive_in_the_wall() -> None:
     """Constant, growing and jittering delay, frozen sensors, set clocks, lost odometry."""
-    bad, done = collisions(scenes(136))
-    assert not bad
+    ended, done = collisions(scenes(136))
+    assert not ended
     for (clock, kind), outcomes in done.items():
         moved = sum(outcome.distance > 1.0 for outcome in outcomes)
         assert moved >= len(outcomes) // 2, (clock, kind)  # a guard that never passes is no proof
-    flags = {key: set().union(*(o.flags for o in found)) for key, found in done.items()}
+    flags = {key: set().union(*(o.flags for o in outcomes)) for key, outcomes in done.items()}
     assert "stamps of odometry are repeated" in flags["unknown", "repeated"]
     assert "the clock that stamps odometry was set" in flags["unknown", "step"]
     assert any("s late" in flag for flag in flags["unknown", "growing"])
@@ -157,19 +157,19 @@ def test_late_messages_end_no_drive_in_the_wall() -> None:
 
 @pytest.mark.nightly
 def test_late_messages_end_none_of_a_thousand_drives_in_the_wall() -> None:
-    bad, done = collisions(scenes(1000))
+    ended, done = collisions(scenes(1000))
     actions = Counter(itertools.chain.from_iterable(o.actions for f in done.values() for o in f))
-    print(f"{len(bad)} collisions in {sum(map(len, done.values()))} drives, {dict(actions)}")
-    assert not bad
+    print(f"{len(ended)} collisions in {sum(map(len, done.values()))} drives, {dict(actions)}")
+    assert not ended
 
 
 def test_a_planner_that_brakes_by_itself_loses_no_time() -> None:
     """Without delay, in the default settings: the mean speed with the latency and without it."""
     speeds = []
     for latency in (0.0, 0.2):
-        found = [
+        outcomes = [
             drive(Scene(n, "unknown", "constant", no_delay=True, slows=True, max_latency=latency))
             for n in range(12)
         ]
-        speeds.append(sum(o.distance for o in found) / sum(o.moving_time for o in found))
+        speeds.append(sum(o.distance for o in outcomes) / sum(o.moving_time for o in outcomes))
     assert speeds[1] == pytest.approx(speeds[0], rel=0.01)

@@ -161,7 +161,7 @@ def test_a_map_that_cannot_be_read_takes_the_ground_away(guard: GuardProcess) ->
         robot.wait_for("stop", reason="no map")
 
 
-def test_a_lost_patch_is_a_stop_until_a_whole_map_comes(guard: GuardProcess) -> None:
+def test_a_lost_patch_is_a_stop_until_the_next_whole_map(guard: GuardProcess) -> None:
     with driving(guard) as robot:
         robot.put("map", replace(flat(2, 2), sequence=2, patch=True))
         time.sleep(0.3)

@@ -31,7 +31,7 @@ def update(sequence: int, *, patch: bool = False, height: float = 0.0) -> MapUpd
     )  # fmt: skip
 
 
-def test_a_patch_that_is_missing_takes_the_ground_away_until_a_whole_map() -> None:
+def test_a_missing_patch_removes_the_ground_until_the_next_whole_map() -> None:
     known = KnownMap(None)
     known.take(update(1))
     known.take(update(2, patch=True, height=1.0))
@@ -48,7 +48,7 @@ def test_a_patch_that_is_missing_takes_the_ground_away_until_a_whole_map() -> No
     assert not known.reason
     known.take(update(8, patch=True, height=3.0))  # a repeated one changes nothing
     assert known.ground.elevation[0, 0] == 2.0
-    known.take(update(4, patch=True))  # late, or of a source that counts anew
+    known.take(update(4, patch=True))  # late, or of a source that counts from one again
     assert known.reason == LOST
 
 
@@ -75,7 +75,7 @@ def taken(updates: Updates, guard: Guard, reason: str | None) -> None:
     raise AssertionError(f"expected {reason!r}, got {missing!r}")
 
 
-def test_a_queue_that_overflows_is_told_and_parameters_are_not_crowded_out(
+def test_a_queue_that_overflows_is_reported_and_parameters_are_not_crowded_out(
     session: zenoh.Session,
 ) -> None:
     guard = Guard(GuardSettings(model="atv"), MODEL, None)

@@ -83,15 +83,15 @@ def test_late_odometry_never_raises_a_limit(planner: PlanService, ground: KnownG
 def test_who_drives_at_the_limit_can_stop_though_odometry_is_late(
     planner: PlanService, ground: KnownGround, late: float
 ) -> None:
-    """At 3.5 m/s toward unknown ground; it follows at once what is planned for where it was."""
+    """At 3.5 m/s toward unknown ground; it follows what is planned for where it was."""
     behind = round(late / TIMING.period)
     speed = 3.5
     driven = [(0.1 * speed * k, speed) for k in range(behind + 1)]
     for k in range(200):
         x, (then, measured) = driven[-1][0], driven[k]
         reply = ask(planner, ground, then, measured, f"{late} {k}")
-        told = told_by(reply, then, 0.0, TIMING, late)
-        speed = max(speed - 0.15, 0.0) if told.stop else told.limit
-        assert told.stop or x + stopping_distance(speed) <= KNOWN - _BODY, (x, speed)
+        advice = told_by(reply, then, 0.0, TIMING, late)
+        speed = max(speed - 0.15, 0.0) if advice.stop else advice.limit
+        assert advice.stop or x + stopping_distance(speed) <= KNOWN - _BODY, (x, speed)
         driven.append((x + speed * TIMING.period, speed))
     assert KNOWN - 4.0 < driven[-1][0] < KNOWN
