@@ -93,7 +93,16 @@ def check_clock(facts: Facts) -> Iterator[Misfit]:
         return
     for name, topic in sorted(facts.seen.topics.items()):
         stamps = np.array(topic.stamps)
-        if len(stamps) < 3 or topic.kind in (_PATH, _GRID_MAP) or not stamps.any():
+        if len(stamps) < 3 or topic.kind in (_PATH, _GRID_MAP):
+            continue
+        if not stamps.any() or np.mean(np.diff(stamps) == 0.0) > 0.5:
+            if topic.kind == _ODOMETRY:
+                state = "are repeated" if stamps.any() else "are not filled in"
+                yield Misfit(
+                    "stamps", MisfitSeverity.ERROR,
+                    f"stamps of {name} {state}: a delay that grows cannot be seen",
+                    "stamp each message when it is measured; else declare timing.max_latency",
+                )  # fmt: skip
             continue
         late = np.array(topic.at[-len(stamps) :]) - stamps
         if abs(float(np.median(late))) > _LATE:

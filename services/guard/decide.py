@@ -84,29 +84,33 @@ def decide(
     stands: float,
     late: float,
     load: float,
+    reached: float = 0.0,
 ) -> GuardDecision:
     """Judge one command.
 
     Args:
         scene: vehicle and ground. motion: now. command: of whoever plans.
         stands: how long the command may hold until the next, or until somebody stops [s].
-        late: how old the motion is [s]. load: share of ``min_load`` that is kept in every stop.
+        late: age of the motion, and transport time of a word to the base [s].
+        load: share of ``min_load`` that is kept in every stop.
+        reached: speed to which the vehicle may have accelerated meanwhile [m/s].
     """
     model = scene.model
     if not all(map(math.isfinite, (*motion.pose, motion.speed, *command))):
         return stop("a number in command or motion is none")
-    now, wanted = abs(motion.speed), abs(command.speed)
-    if now < _CREEP and wanted < _CREEP:
+    fastest = max(motion.speed, reached, key=abs)
+    now, wanted, moving = abs(motion.speed), abs(command.speed), abs(fastest)
+    if moving < _CREEP and wanted < _CREEP:
         if abs(command.yaw_rate) < _CREEP:
             return GuardDecision("pass", STILL, True, "", 0.0)  # it stands, and is held
         return _turning_on_the_spot(scene, motion, command)
-    forward = command.speed >= 0.0 if now < _CREEP else motion.speed >= 0.0
-    reverses = now >= _CREEP and wanted >= _CREEP and (command.speed >= 0.0) != forward
+    forward = command.speed >= 0.0 if moving < _CREEP else fastest >= 0.0
+    reverses = moving >= _CREEP and wanted >= _CREEP and (command.speed >= 0.0) != forward
     # The way back is judged once the vehicle stands.
     target = 0.0 if reverses else wanted
     turn = command.yaw_rate / max(now, wanted, _CREEP) * (1.0 if forward else -1.0)
     curvature = min(max(turn, -_TIGHTEST), _TIGHTEST)
-    top = max(now, target)
+    top = max(moving, target)
     way = arc_ahead(
         model, scene.tables[0], scene.ground, motion.pose, curvature, forward=forward,
         length=_look(model, top, stands + late, scene.clear),
@@ -116,14 +120,14 @@ def decide(
     if plainly_fine(model, scene.tables, way, top, stands + late, least, span):
         allowed, reason = min(top, _capped(scene, way)), ""
     else:
-        speeds = np.append(top * np.arange(1, _SPEEDS + 1) / _SPEEDS, now)
+        speeds = np.append(top * np.arange(1, _SPEEDS + 1) / _SPEEDS, moving)
         held = np.append(np.full(_SPEEDS, stands + late), late)
         stops = stops_along(model, scene.tables, way, speeds, held, least)
         inside = stops.distance <= end
         fine = (inside & stops.loaded & stops.cornering)[:-1]
         bad = _SPEEDS if fine.all() else int(np.argmin(fine))
         allowed = min(0.0 if bad == 0 else float(speeds[bad - 1]), _capped(scene, way))
-        if now >= _CREEP and not inside[-1]:
+        if moving >= _CREEP and not inside[-1]:
             return stop(_why(way, scene.clear, end), allowed)
         reason = "" if fine.all() else _cause(stops, bad, way, scene.clear, end)
     given = min(target, allowed)

@@ -1,9 +1,13 @@
 """What travels to and from the guard where there is no ROS 2; SI, as all messages of the service.
 
 Every message counts up for its sender, so that one that is repeated, or comes late, is known.
+``time`` is when it was measured or sent, on a clock of the sender [s]; without it a delay that
+grows cannot be seen.
 """
 
 from __future__ import annotations
+
+from msgspec import field
 
 from services.wire.messages import Message, Name, NotNegative, Number
 
@@ -15,6 +19,7 @@ class GuardCommand(Message, frozen=True):
     sequence: Number
     speed: float
     yaw_rate: float
+    time: float | None = None
 
 
 class GuardMotion(Message, frozen=True):
@@ -26,6 +31,7 @@ class GuardMotion(Message, frozen=True):
     y: float
     heading: float
     speed: float
+    time: float | None = None
 
 
 class GuardClear(Message, frozen=True):
@@ -34,6 +40,7 @@ class GuardClear(Message, frozen=True):
     source: Name
     sequence: Number
     distance: NotNegative
+    time: float | None = None
 
 
 class GuardOutput(Message, frozen=True):
@@ -60,6 +67,7 @@ class GuardStatus(Message, frozen=True):
 
     ``counters``: since the start. ``ages``: of what it hears [s], −1 of what never came.
     ``flags``: what is not as it should be. ``last``: the last reason to slow or stop.
+    ``stamps``: of each message kind that came, `shared clock`, `growth only` or `none`.
     """
 
     uptime: float
@@ -69,3 +77,4 @@ class GuardStatus(Message, frozen=True):
     seconds: dict[str, float]
     flags: list[str]
     last: str
+    stamps: dict[str, str] = field(default_factory=dict)

@@ -82,12 +82,12 @@ class RosWire(RosOutput):
                     if message is None:
                         feed.drop()
                     elif topic == self._odometry:
-                        motion = self._motion(message)
-                        guard.motions.take(motion, received.at, sender, sequence)
+                        motion, time = self._motion(message), _stamp_of(message)
+                        guard.motions.take(motion, received.at, sender, sequence, time)
                         self.stamp = message.header.stamp
                     else:
-                        told = _command_of(message), sequence or 0
-                        commanded |= guard.commands.take(told, received.at, sender, sequence)
+                        told, time = (_command_of(message), sequence or 0), _stamp_of(message)
+                        commanded |= guard.commands.take(told, received.at, sender, sequence, time)
                 except ParameterError as error:
                     feed.drop()
                     self.inbox.refuse(topic, str(error))
@@ -117,6 +117,14 @@ def _command_of(message: Any) -> BaseCommand:
     if twist.linear.y:
         raise ParameterError("twist.linear.y", f"0, it drives ahead, got {twist.linear.y:g}")
     return command
+
+
+def _stamp_of(message: Any) -> float | None:
+    """Stamp of a header [s]; None without one, or where it is not filled in."""
+    if not hasattr(message, "header"):
+        return None
+    stamp = message.header.stamp
+    return float(stamp.sec + 1e-9 * stamp.nanosec) or None
 
 
 def _numbered(received: Received) -> tuple[str, int | None]:

@@ -58,7 +58,11 @@ class GuardRos:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardTiming:
-    """How long what is heard may be believed, and how quick a fault is answered."""
+    """How long what is heard may be believed, and how quick a fault is answered.
+
+    Attributes:
+        clock: clock of stamps; shared: the wall clock of this machine.
+    """
 
     period: float = quantity(
         "s", "From one word to the base to the next, at least.", default=0.05, at_least=0.01,
@@ -82,6 +86,15 @@ class GuardTiming:
     stands: float = quantity(
         "s", "A command is taken to hold for so long before anything is done about it.",
         default=0.1, at_least=0.0, at_most=2.0,
+    )  # fmt: skip
+    clock: Literal["unknown", "shared"] = "unknown"
+    max_latency: float = quantity(
+        "s", "Longest delay from measurement to arrival; unused where stamps show it.",
+        default=0.2, at_least=0.0, at_most=2.0,
+    )  # fmt: skip
+    transport: float = quantity(
+        "s", "From the guard to the base, if not in the dead time of the model.", default=0.02,
+        at_least=0.0, at_most=1.0,
     )  # fmt: skip
 
     def __post_init__(self) -> None:

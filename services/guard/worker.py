@@ -1,7 +1,7 @@
 """The process that decides. It is begun by the one that watches it, :mod:`services.guard.watch`.
 
-One thread takes what came and answers a command at once; another takes up maps and parameters, so
-that a large map delays no command. Run as ``python -m services.guard.worker SETTINGS FD``.
+One thread takes what came and answers a command at once; another reads maps and parameters, see
+:mod:`services.guard.updates`. Run as ``python -m services.guard.worker SETTINGS FD``.
 """
 
 from __future__ import annotations
@@ -13,34 +13,29 @@ import socket
 import sys
 import threading
 import time
-from collections import deque
 from pathlib import Path
 
 import zenoh
 
-from models.errors import InputError, ParameterError
 from services.guard.core import BaseWord, Guard
 from services.guard.decide import stop
-from services.guard.ground import GuardGround, ground_of, read_ground
+from services.guard.ground import read_ground
 from services.guard.heart import Heart
 from services.guard.messages import GuardStatus
 from services.guard.model_reader import read_guard_model
 from services.guard.session import hurry, open_session
 from services.guard.settings import GuardSettings, model_path, read_guard_settings
-from services.guard.zenoh_wire import Wire, ZenohWire, format_of
+from services.guard.updates import Updates
+from services.guard.zenoh_wire import Wire, ZenohWire
 from services.ros.inbox import Inbox
 from services.wire import codec
 from services.wire.codec import Format
-from services.wire.messages import MapUpdate
-from services.wire.parameter_messages import ParameterGroup
 
 _log = logging.getLogger("slopewise")
 _STATUS = 1.0
 _ORPHAN = 10.0
 _RESUMES = 0.1
 """After it was held up, what waited in sockets is let pass for so long [s]."""
-
-_LARGEST_MAP = 256_000_000
 
 
 class Worker:
@@ -49,28 +44,21 @@ class Worker:
     def __init__(self, settings: GuardSettings, session: zenoh.Session, heart: Heart) -> None:
         """Read the model, meet the others."""
         model = read_guard_model(model_path(settings))
-        self._known = read_ground(Path(settings.map)) if settings.map else None
-        self.guard = Guard(settings, model, self._known)
+        known = read_ground(Path(settings.map)) if settings.map else None
+        self.guard = Guard(settings, model, known)
         self._settings, self._session, self._heart = settings, session, heart
         self._wire = _wire(settings, session)
         self._begun = self._told = time.monotonic()
         self._stopped = threading.Event()
-        self._updates: deque[zenoh.Sample] = deque(maxlen=32)
-        self._news = threading.Event()
-        self._taken: deque[GuardGround | ParameterGroup | None] = deque(maxlen=64)
         space = settings.zenoh.namespace
-        self._declared = [
-            session.declare_subscriber(f"{space}/v1/map", self._on_update),
-            session.declare_subscriber(f"{space}/v1/params/*", self._on_update),
-        ]
+        self._updates = Updates(session, space, known)
         self._status = session.declare_publisher(
             f"{space}/v1/guard/status", congestion_control=zenoh.CongestionControl.DROP
         )
-        self._reader = threading.Thread(target=self._read_updates, daemon=True)
 
     def run(self) -> None:
         """Until told to end, or until nobody watches any more."""
-        self._reader.start()
+        self._updates.open()
         period, due = self._settings.timing.period, time.monotonic()
         orphaned: float | None = None
         last, deaf = time.monotonic(), 0.0
@@ -83,7 +71,7 @@ class Worker:
                 self.guard.forget()
                 deaf = now + _RESUMES
             commanded = now >= deaf and self._wire.take(self.guard, found)
-            self._take_updates()
+            self._updates.take(self.guard)
             now = last = time.monotonic()
             silent = self._heart.silent()
             if commanded or now >= due:
@@ -105,8 +93,7 @@ class Worker:
     def close(self) -> None:
         """Say stop once more, and leave."""
         self._wire.say(BaseWord(stop("the guard is leaving"), 0))
-        for declared in self._declared:
-            declared.undeclare()
+        self._updates.close()
         self._wire.close()
 
     def _word(self, now: float, silent: bool) -> BaseWord:
@@ -124,55 +111,10 @@ class Worker:
             uptime=now - self._begun, reaction=self._settings.timing.reaction,
             counters=dict(self.guard.counters), ages=self.guard.ages(now),
             seconds=self.guard.times(), flags=[*self.guard.flags(now), *refused],
-            last=self.guard.last,
+            last=self.guard.last, stamps=self.guard.stamps(),
         )  # fmt: skip
         encoding = codec.encoding_of(GuardStatus, Format.JSON)
         self._status.put(codec.encode(status, Format.JSON), encoding=encoding)
-
-    # ------------------------------------------------------------------ maps and parameters
-
-    def _on_update(self, sample: zenoh.Sample) -> None:
-        self._updates.append(sample)
-        self._news.set()
-
-    def _read_updates(self) -> None:
-        while not self._stopped.is_set():
-            self._news.wait(1.0)
-            self._news.clear()
-            while self._updates:
-                sample = self._updates.popleft()
-                key = str(sample.key_expr)
-                try:
-                    self._taken.append(self._read(key, sample))
-                except (InputError, ParameterError) as error:
-                    _log.warning("%s: %s", key, error)
-                    if key.endswith("/map"):
-                        # GuardGround that could not be read may be other than what is known.
-                        self._taken.append(None)
-
-    def _read(self, key: str, sample: zenoh.Sample) -> GuardGround | ParameterGroup:
-        raw = sample.payload.to_bytes()
-        if key.endswith("/map"):
-            encoding = str(sample.encoding)
-            update = codec.decode(MapUpdate, raw, encoding, key, _LARGEST_MAP)
-            self._known = ground_of(update, self._known)
-            return self._known
-        encoding = codec.encoding_of(ParameterGroup, format_of(raw))
-        return codec.decode(ParameterGroup, raw, encoding, key, _LARGEST_MAP)
-
-    def _take_updates(self) -> None:
-        changed = False
-        while self._taken:
-            update = self._taken.popleft()
-            if update is None:
-                self.guard.maps.drop()
-            elif isinstance(update, GuardGround):
-                self.guard.maps.take(update, time.monotonic())
-            else:
-                self.guard.learned.take(update)
-                changed = True
-        if changed:
-            self.guard.learn()
 
 
 def _wire(settings: GuardSettings, session: zenoh.Session) -> Wire:

@@ -116,14 +116,14 @@ class ZenohWire(OutputWire):
         if name == "motion":
             m = decoded(GuardMotion, received, name)
             motion = VehicleMotion(PlanarPose(m.x, m.y, m.heading), m.speed)
-            guard.motions.take(motion, received.at, m.source, m.sequence)
+            guard.motions.take(motion, received.at, m.source, m.sequence, m.time)
         elif name == "clear":
             c = decoded(GuardClear, received, name)
-            guard.clear(c.distance, received.at, c.source, c.sequence)
+            guard.clear(c.distance, received.at, c.source, c.sequence, c.time)
         else:
             k = decoded(GuardCommand, received, name)
             command = BaseCommand(k.speed, k.yaw_rate), k.sequence
-            return guard.commands.take(command, received.at, k.source, k.sequence)
+            return guard.commands.take(command, received.at, k.source, k.sequence, k.time)
         return False
 
     def close(self) -> None:

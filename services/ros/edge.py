@@ -196,7 +196,8 @@ class Edge:
             self._tell(self._no(outcome.stop.reason if outcome.stop else "no answer"))
             self._show(None, motion)
             return
-        told = speed_limit.told_by(reply, motion.x, motion.y, self.settings.timing)
+        late = self._state.late(self._clock())
+        told = speed_limit.told_by(reply, motion.x, motion.y, self.settings.timing, late)
         # The limit goes first: the profile takes longer to write.
         self._tell(told)
         plan = next((p for p in reply.plans if p.candidate == reply.chosen), None)
@@ -234,6 +235,7 @@ class Edge:
         reply = None if self._outcome is None else self._outcome.reply
         flags = [] if reply is None else reply.flags
         values = [("limit [m/s]", f"{told.limit:.3f}"), ("stop", str(told.stop).lower())]
+        values.append(("stamps", self._state.stamps()))
         if self._outcome is not None:
             values.append(("answer in [ms]", f"{1e3 * self._outcome.seconds:.1f}"))
         if reply is not None:

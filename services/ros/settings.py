@@ -104,7 +104,11 @@ class Topics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """How often, how long things hold, and how far is looked."""
+    """How often, how long things hold, and how far is looked.
+
+    Attributes:
+        clock: clock of odometry's stamps; shared: the wall clock of this machine.
+    """
 
     period: float = quantity(
         "s", "From one limit to the next, if nothing new comes.", default=0.1, at_least=0.01,
@@ -120,6 +124,11 @@ class Timing:
     odometry_age: float = quantity(
         "s", "Odometry older than that tells no speed.", default=0.3, above=0.0
     )
+    clock: Literal["unknown", "shared"] = "unknown"
+    max_latency: float = quantity(
+        "s", "Longest delay from measurement to arrival; unused where stamps show it.",
+        default=0.2, at_least=0.0, at_most=2.0,
+    )  # fmt: skip
     transform_age: float = quantity(
         "s", "A transform older than that tells no place; fixed ones hold.", default=1.0, above=0.0
     )

@@ -15,6 +15,8 @@ from services.ros.frames import Frames
 from services.ros.inbox import Received, decoded
 from services.ros.node import Node
 from services.ros.settings import EdgeSettings
+from services.wire.lateness import Lateness, WallClock
+from services.wire.sender_clock import RECOVERY
 
 
 class VehicleState:
@@ -43,6 +45,9 @@ class VehicleState:
                 self._inbox.all_of.add(name)
         self._motion: OdometrySample | None = None
         self._at = -float("inf")
+        timing = settings.timing
+        wall = WallClock() if timing.clock == "shared" else None
+        self._lateness = Lateness(timing.max_latency, wall)
         self._teller: SampleTeller | None = None
         if topics.imu and topics.command:
             wheels = ("v_left", "v_right") if topics.joints and settings.wheels.left else ()
@@ -72,15 +77,25 @@ class VehicleState:
         Args:
             now: monotonic clock [s]. frame: of the candidates.
         """
-        age = now - self._at
         if self._motion is None:
             return None, "no odometry"
-        if age > self._settings.timing.odometry_age:
-            return None, f"odometry is {age:.1f} s old"
+        if old := self._lateness.objection(now, self._settings.timing.odometry_age):
+            return None, f"odometry is {old}"
         try:
             return self._frames.motion_in(frame, self._motion, now), ""
         except ParameterError as error:
             return None, f"expected {error.expected}"
+
+    def late(self, now: float) -> float:
+        """Age of the motion that is not exceeded, if clocks or delay are as declared [s]."""
+        return self._lateness.bound(now)
+
+    def stamps(self) -> str:
+        """Use of the stamps of odometry, and faults seen in them, as text."""
+        lateness = self._lateness
+        repeated = ", repeated" if lateness.repeated else ""
+        stepped = ", clock set" if self._inbox.clock() - lateness.stepped <= RECOVERY else ""
+        return f"{lateness.stamps}{repeated}{stepped}"
 
     def clock(self) -> int:
         """The time of ROS [ns]: that of the last odometry and what passed since then.
@@ -92,7 +107,11 @@ class VehicleState:
         return self._motion.stamp + round(1e9 * (self._inbox.clock() - self._at))
 
     def _on_odometry(self, message: Any, at: float) -> None:
-        self._motion, self._at = ros.motion_of(message), at
+        motion = ros.motion_of(message)
+        # The next odometry is awaited where the stamp of one is refused.
+        if not self._lateness.take(1e-9 * motion.stamp or None, at):
+            return
+        self._motion, self._at = motion, at
         if self._teller is not None:
             self._teller.now.put(at, v=self._motion.speed)
             self._teller.sample(at)

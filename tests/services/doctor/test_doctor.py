@@ -103,6 +103,15 @@ def seen(messages: list[Message]) -> Seen:
     return collector.seen
 
 
+def restamped(stamp: float) -> Seen:
+    """A drive whose odometry has the same stamp throughout [s]."""
+    messages = drive()
+    for _, topic, _, message in messages:
+        if topic == "/odom":
+            message.header = header(stamp, "map")
+    return seen(messages)
+
+
 class _Map:
     def __init__(self, t: float, frame: str) -> None:
         self.header = header(t, frame)
@@ -173,6 +182,8 @@ SEEN_MISTAKES = {
     "percentage": (lambda: seen(drive(percentage=True)), "a limit in percent"),
     "slow odometry": (lambda: seen(drive(rate=4.0)), "rate"),
     "late stamps": (lambda: seen(drive(late=3.0)), "clock"),
+    "no stamps": (lambda: restamped(0.0), "stamps"),
+    "repeated stamps": (lambda: restamped(1_800_000_000.0), "stamps"),
     "wrong wheel": (lambda: seen(drive(scale=1.25)), "odometry against itself"),
     "old map": (lambda: with_map(seen(drive()), age=60.0), "map"),
     "no transform": (lambda: with_map(seen(drive(frame="odom"))), "frames"),

@@ -138,7 +138,7 @@ def test_silence_is_a_stop_and_lasts_until_rest() -> None:
     assert it.word(1.21).decision.action == "stop"  # it still moves
     feed(it, 1.3, speed=0.0)
     assert it.word(1.31).decision.action == "pass"
-    assert it.word(1.31 + 0.21).decision.reason == "odometry is 0.22 s old"
+    assert it.word(1.31 + 0.21).decision.reason == ("odometry is 0.22 s old (arrival), limit 0.2 s")
 
 
 def test_repeated_and_late_commands_do_not_count() -> None:
@@ -205,7 +205,7 @@ def test_what_was_learned_can_make_stops_longer_and_not_shorter_unless_trusted()
             it.learned.take(group(b_b=b_b))
             it.learn()
             it.motions.take(VehicleMotion(PlanarPose(0.0, 0.0, 0.0), 0.0), 1.0)
-            it.clear(3.0, 1.0, "s", 1)
+            it.clear(4.0, 1.0, "s", 1)
             it.commands.take((BaseCommand(4.0, 0.0), 1), 1.0)
             found[name] = it.word(1.0).decision.command.speed
         assert (found["weak"] < found["file"]) == weak

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from services.wire.codec import Format
 from tests.services.command_line import slopewise
@@ -158,6 +159,18 @@ def test_a_map_that_cannot_be_read_takes_the_ground_away(guard: GuardProcess) ->
     with driving(guard) as robot:
         robot.session.put(f"{SPACE}/v1/map", b"{}", encoding=Format.JSON.value)
         robot.wait_for("stop", reason="no map")
+
+
+def test_a_lost_patch_is_a_stop_until_the_next_whole_map(guard: GuardProcess) -> None:
+    with driving(guard) as robot:
+        robot.put("map", replace(flat(2, 2), sequence=2, patch=True))
+        time.sleep(0.3)
+        assert robot.last()["action"] == "pass"
+        robot.put("map", replace(flat(2, 2), sequence=4, patch=True))
+        robot.wait_for("stop", reason="a map patch was lost; waiting for a whole map")
+        robot.speed = 0.0
+        robot.put("map", replace(flat(), sequence=5))
+        robot.wait_for("pass")
 
 
 def test_settings_that_cannot_be_used(tmp_path: Path) -> None:

@@ -146,7 +146,10 @@ def test_messages_that_say_nothing_are_counted() -> None:
     assert motion is not None
     assert (motion.speed, why) == (1.5, "")
     assert vehicle.motion(2.1, "map") == (None, "expected a transform from odom to map, got none")
-    assert vehicle.motion(9.0, "odom") == (None, "odometry is 7.0 s old")
+    assert vehicle.motion(9.0, "odom") == (
+        None,
+        "odometry is 7.00 s old (arrival and growth of delay), limit 0.3 s",
+    )
 
 
 def transforms(*links: tuple[str, str, float, float, float]) -> Any:
@@ -184,6 +187,7 @@ def test_odometry_is_carried_over_to_the_frame_of_the_paths() -> None:
         assert motion.heading == pytest.approx(0.0 if frame == "odom" else np.pi / 2)
         assert motion.speed == 1.5
     # A transform that nobody renews is none after a second; the fixed one holds.
+    message.header = grid_maps.header("odom", 6, 500_000_000)
     give(vehicle, 6.5, odom=message)
     assert vehicle.motion(6.5, "map") == (None, "expected a transform from odom to map, got none")
     give(vehicle, 6.6, tf=transforms(("map", "odom", 3.0, 4.0, 0.0)), odom=message)

@@ -209,13 +209,16 @@ def test_limits_within_20_ms(tmp_path: Path) -> None:
     assert np.percentile(took, 99) < 0.020, np.percentile(took, [50, 90, 99, 100])
 
 
-def test_a_silent_hour_makes_the_limit_expire(tmp_path: Path) -> None:
-    """The edge's own clock is put forward by an hour while nothing comes; then paths come again."""
+def test_a_silent_hour_makes_the_limit_expire(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All clocks are put forward by an hour while nothing comes; then paths come again."""
     from services.ros.edge import Edge
     from services.ros.settings import Asked, EdgeSettings, RosSettings
     from tests.services.ros import ros_peer
 
     ahead = [0.0]
+    monkeypatch.setattr(ros_peer, "AHEAD", ahead)
     with router() as endpoint, running(tmp_path) as service:
         settings = EdgeSettings(
             ros=RosSettings(connect=(endpoint,)),

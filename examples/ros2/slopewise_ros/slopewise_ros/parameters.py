@@ -42,6 +42,8 @@ EDGE: dict[str, object] = {
     "timing.life": 0.5,
     "timing.path_age": 3.0,
     "timing.odometry_age": 0.3,
+    "timing.clock": "unknown",
+    "timing.max_latency": 0.2,
     "timing.transform_age": 1.0,
     "timing.horizon": 60.0,
     "timing.launch": 0.15,

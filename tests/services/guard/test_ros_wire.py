@@ -1,0 +1,48 @@
+"""Stamps of ROS messages that the guard receives."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import pytest
+import zenoh
+
+pytest.importorskip("rosbags", reason="the ros extra is not installed")
+
+from services.guard.core import Guard
+from services.guard.ros_wire import RosWire
+from services.guard.settings import GuardRos, GuardSettings, GuardTiming
+from services.ros.node import Node
+from services.settings.service import ZenohSettings
+from services.settings.session import zenoh_config
+from tests.services.guard.test_decide import FLAT, MODEL
+from tests.services.ros.test_drive_samples import command
+from tests.services.ros.test_late_odometry import stamped
+
+
+@pytest.mark.parametrize("late", [0.0, 2.0])
+def test_header_stamps_are_read(late: float) -> None:
+    """Odometry that was sent 2 s ago is 2 s old; an unfilled stamp does not exist."""
+    settings = GuardSettings(
+        model="atv", ros=GuardRos(enabled=True), timing=GuardTiming(clock="shared")
+    )
+    guard = Guard(settings, MODEL, FLAT)
+    with zenoh.open(zenoh_config(ZenohSettings(mode="peer", listen=()))) as session:
+        wire = RosWire(session, settings.ros)
+        with Node(session, 0, "/", "robot") as node:
+            odom = node.publisher("odom", "nav_msgs/msg/Odometry")
+            twist = node.publisher("cmd_vel_nav", "geometry_msgs/msg/TwistStamped")
+            time.sleep(0.2)
+            unfilled: Any = command(1.0)
+            unfilled.header.stamp.sec = 0
+            odom.send(stamped(1.0, time.time() - late))
+            twist.send(unfilled)
+            time.sleep(0.2)
+            wire.take(guard, wire.inbox.take(wire.topics, time.monotonic() + 5.0))
+        wire.close()
+    now = time.monotonic()
+    assert guard.stamps() == {"command": "none", "odometry": "shared clock"}
+    assert late < guard.motions.age(now) < late + 1.0
+    if late:
+        assert "s old (stamp), limit 0.2 s" in guard.motions.missing(now)
