@@ -23,6 +23,15 @@ MapFile = Annotated[
         metavar="MAP", help="Elevation map: GeoTIFF in metres, .npz, or GridMap in a bag."
     ),
 ]
+NoDataValue = Annotated[
+    str | None,
+    typer.Option(
+        "--nodata",
+        metavar="VALUE",
+        help="Height of the map that marks unknown ground; none: all its heights are ground. Left "
+        "out, markers are looked for, and told.",
+    ),
+]
 PathFile = Annotated[
     Path,
     typer.Argument(
