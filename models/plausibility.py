@@ -1,6 +1,6 @@
 """Numbers of a model file that no vehicle has, and keys that contradict each other.
 
-Whoever reads a model file asks here: the ranges stand where the quantities are declared, the
+Every reader of model files calls this: ranges stand where the quantities are declared,
 contradictions below. Values in another unit (km/h, mm, t, ms, degrees, m/s² for a share of the
 weight) mostly show in one of the two, and the unit that would explain them is named.
 """
@@ -23,8 +23,9 @@ Table: TypeAlias = Mapping[str, Any]
 _FORCE = (0.02, 1.5)
 """F_b/W on level ground: wheels that roll freely on a hard road, and tyres on dry tarmac twice."""
 
-_SLOPE_MARGIN = 2.5
-"""Of the force on level ground, that on trained slopes; their own force is not part of it."""
+_SLOPE_SHARE = 1.5
+"""Share of the force on level ground by which that on trained slopes may differ: noisy logs
+are fitted with coefficients that reverse the force at a corner."""
 
 _SPEED_MARGIN = 1.5
 """Of the wheels' speed, up to which limits and trained speeds may lie above it: downhill, slip."""
@@ -38,7 +39,7 @@ _POWER = (0.05, 1000.0)
 _DECEL_MARGIN = 3.0
 """Of the strongest braking, up to which the service deceleration may lie above it: worn brakes."""
 
-_LEAST_ROLLOVER = 0.1
+_MIN_ROLLOVER = 0.1
 """Half of the track over the height of the centre of gravity; below, 6° of roll tip the vehicle."""
 
 
@@ -89,8 +90,8 @@ def _surfaces(braking: Table) -> Iterator[tuple[str, Table]]:
     """The braking model on each surface, with what it has of the base."""
     yield "braking", braking
     for name, table in braking.get("terrain", {}).items():
-        own = {"speed_range", "grade_range"} & table.keys()
-        hull = {"speed_by_grade": None} if own else {}
+        ranges = {"speed_range", "grade_range"} & table.keys()
+        hull = {"speed_by_grade": None} if ranges else {}
         yield f"braking.terrain.{name}", {**braking, **hull, **table}
 
 
@@ -101,9 +102,9 @@ def _check_ranges(where: str, table: Table, kind: type[Any]) -> None:
             continue
         low, high = field.metadata["plausible"]
         if not in_range(value, field.metadata):
-            words = f"{describe_range(field.metadata)}, got {value:g}"
+            expected = f"{describe_range(field.metadata)}, got {value:g}"
             guess = unit_guess(value, field.metadata["unit"], low, high)
-            raise ParameterError(f"{where}.{field.name}", words + guess)
+            raise ParameterError(f"{where}.{field.name}", expected + guess)
         _check(_Bound(f"{where}.{field.name}", field.metadata["unit"], value, low, high, ""))
 
 
@@ -111,10 +112,10 @@ def _check(bound: _Bound) -> None:
     if bound.low <= bound.value <= bound.high:
         return
     what = "a force over weight of " if bound.key.endswith("b_b") else ""
-    words = f"{what}{rounded(bound.low)} … {rounded(bound.high)} [{bound.unit}]{bound.by}"
+    expected = f"{what}{rounded(bound.low)} … {rounded(bound.high)} [{bound.unit}]{bound.by}"
     computed = bound.unit == "1" and bound.by
     guess = "" if computed else unit_guess(bound.value, bound.unit, bound.low, bound.high)
-    raise ParameterError(bound.key, f"{words}, got {bound.value:g}{guess}")
+    raise ParameterError(bound.key, f"{expected}, got {bound.value:g}{guess}")
 
 
 def _check_angles(where: str, table: Table) -> None:
@@ -135,7 +136,7 @@ def _of_vehicle(v: Table) -> Iterator[_Bound]:
     yield _Bound("vehicle.cg_x", "m", v["cg_x"], 0.02 * base, 0.98 * base, by)
     yield _Bound("vehicle.wheel_radius", "m", radius, 0.02 * base, 0.5 * base, by)
     by = f" with a track of {track:g} m and wheels of {radius:g} m"
-    yield _Bound("vehicle.cg_z", "m", v["cg_z"], 0.2 * radius, 0.5 * track / _LEAST_ROLLOVER, by)
+    yield _Bound("vehicle.cg_z", "m", v["cg_z"], 0.2 * radius, 0.5 * track / _MIN_ROLLOVER, by)
     by = f" with wheels of {radius:g} m"
     for key in ("ground_clearance", "max_step", "wheel_travel", "wheel_width"):
         if v.get(key) is not None:
@@ -145,8 +146,8 @@ def _of_vehicle(v: Table) -> Iterator[_Bound]:
         yield _Bound("vehicle.width", "m", v["width"], track, 3.0 * track, by)
     for key in ("front_overhang", "rear_overhang"):
         if v.get(key) is not None:
-            words = f" with a wheelbase of {base:g} m"
-            yield _Bound(f"vehicle.{key}", "m", v[key], 0.0, 3.0 * base, words)
+            limits = f" with a wheelbase of {base:g} m"
+            yield _Bound(f"vehicle.{key}", "m", v[key], 0.0, 3.0 * base, limits)
     low, high = (share * weight for share in _THRUST)
     by = f" with a mass of {mass:g} kg{unit_guess(mass, 'kg', *_masses(thrust))}"
     yield _Bound("vehicle.max_drive_force", "N", thrust, low, high, by)
@@ -198,13 +199,14 @@ def _of_force(where: str, table: Table) -> Iterator[_Bound]:
     corners = [(g, v) for g in table["grade_range"] for v in speeds]
     for grade, speed in [(g, max(v, low)) for g, v in hull] if hull else corners:
         uphill = (table.get("uphill") if grade > 0.0 else None) or {}
-        own = {**table, **uphill}
-        slope = own["m_m"] * speed + own["b_m"]
+        slope_table = {**table, **uphill}
+        slope = slope_table["m_m"] * speed + slope_table["b_m"]
         level = _level(table, speed)
-        force, most = slope * grade + level, min(_FORCE[1], _SLOPE_MARGIN * level)
-        if not 0.0 < force <= most:
-            key = "m_m" if abs(own["m_m"] * speed) > abs(own["b_m"]) else "b_m"
+        force, highest = slope * grade + level, min(_FORCE[1], (1.0 + _SLOPE_SHARE) * level)
+        lowest = (1.0 - _SLOPE_SHARE) * level
+        if not lowest <= force <= highest:
+            key = "m_m" if abs(slope_table["m_m"] * speed) > abs(slope_table["b_m"]) else "b_m"
             by = f" as a force over weight at {speed:g} m/s and {grade:g} rad, with {key} ="
-            by += f" {own[key]:g} ({rounded(own[key] / GRAVITY)} if that is m/s²)"
+            by += f" {slope_table[key]:g} ({rounded(slope_table[key] / GRAVITY)} if that is m/s²)"
             part = f"{where}.uphill" if uphill else where
-            yield _Bound(f"{part}.{key}", "1", force, 0.0, most, by)
+            yield _Bound(f"{part}.{key}", "1", force, lowest, highest, by)

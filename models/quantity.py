@@ -133,9 +133,9 @@ def unit_guess(value: object, unit: str, low: float, high: float) -> str:
     """Units in which a number would lie within the bounds of its key; "" if it would in none."""
     if not isinstance(value, int | float) or math.isinf(high):
         return ""
-    own = "" if unit == "1" else f" {unit}"
+    suffix = "" if unit == "1" else f" {unit}"
     fitting = [
-        f"{value:g} {name} would be {rounded(factor * value)}{own}"
+        f"{value:g} {name} would be {rounded(factor * value)}{suffix}"
         for name, factor in _FOREIGN.get(unit, ())
         if low <= factor * value <= high
     ]

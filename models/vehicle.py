@@ -119,9 +119,9 @@ class Vehicle:
     def __post_init__(self) -> None:
         validate_quantities(self)
         if not self.cg_x < self.wheelbase:
-            words = f"less than the wheelbase of {self.wheelbase:g} m, got {self.cg_x:g}"
-            words += unit_guess(self.cg_x, "m", 0.02 * self.wheelbase, 0.98 * self.wheelbase)
-            raise ParameterError("cg_x", words)
+            expected = f"less than the wheelbase of {self.wheelbase:g} m, got {self.cg_x:g}"
+            guess = unit_guess(self.cg_x, "m", 0.02 * self.wheelbase, 0.98 * self.wheelbase)
+            raise ParameterError("cg_x", expected + guess)
         if self.width is not None and self.width < self.track_width:
             raise ParameterError(
                 "width", f"at least the track width of {self.track_width:g} m, got {self.width:g}"

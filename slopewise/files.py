@@ -22,8 +22,8 @@ def read_map(file: File, nodata: float | Literal["none"] | None = None) -> Eleva
 
     Args:
         file: of any of these kinds.
-        nodata: a height that marks missing data [m]. Left out, undeclared ones are looked for, and
-            ``assumed`` of the map tells which were found; "none" takes all heights as they are.
+        nodata: a height that marks missing data [m]. By default undeclared ones are detected, and
+            named in ``assumed`` of the map; "none": all heights are ground.
 
     Raises:
         InputError: not a map in metres, or no cell is known.

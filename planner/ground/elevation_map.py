@@ -28,7 +28,7 @@ class ElevationMap:
         terrain_class: (rows, cols) index into ``class_names``, or None where nobody classified.
         class_names: name of each class; index 0 is the base surface.
         height_std: error of the heights of cells against each other [m], one for all.
-        assumed: what its source leaves open, and what it is taken for instead, in sentences.
+        assumed: assumptions made of its source, in sentences.
     """
 
     elevation: Floats

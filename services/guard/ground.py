@@ -67,8 +67,8 @@ def ground_of(update: MapUpdate, known: GuardGround | None) -> GuardGround:
     heights = update.elevation
     if heights.ndim != 2 or min(heights.shape) < 2:
         raise ParameterError("elevation", f"at least 2 x 2 cells, got shape {heights.shape}")
-    others = [known.elevation] if update.patch and known is not None else []
-    heights, _ = known_heights(heights, None, others)
+    around = [known.elevation] if update.patch and known is not None else []
+    heights, _ = known_heights(heights, None, around)
     classes = None if update.terrain_class is None else _classes_of(update)
     if not update.patch:
         names = tuple(update.class_names or ("",))

@@ -166,8 +166,8 @@ class MapStore:
         return one.clock.delay(lead)
 
     def _say_assumed(self, elevation_map: ElevationMap) -> None:
-        for words in elevation_map.assumed:
-            self._notices.say(f"map: {words}")
+        for assumption in elevation_map.assumed:
+            self._notices.say(f"map: {assumption}")
 
     def lose(self) -> None:
         """Say that an update could not be read: what is known may be out of date."""
@@ -244,14 +244,14 @@ def _whole(update: MapUpdate) -> ElevationMap:
     )
 
 
-def _heights(update: MapUpdate, *others: Floats) -> tuple[Floats, tuple[str, ...]]:
-    """Heights, NaN where unknown, beside others of the map, and what is assumed of them."""
+def _heights(update: MapUpdate, *around: Floats) -> tuple[Floats, tuple[str, ...]]:
+    """Heights, NaN where unknown, and assumptions made of them; `around`: the map they change."""
     heights = update.elevation
     if heights.ndim != 2 or heights.size == 0:
         raise ParameterError("elevation", f"cells (rows, columns), got shape {heights.shape}")
     check_physical(update.resolution, update.origin, heights.shape)
-    known, markers = no_data.known_heights(heights, None, others)
-    return known, no_data.in_words(markers, remedy="")
+    known, markers = no_data.known_heights(heights, None, around)
+    return known, no_data.describe(markers, remedy="")
 
 
 def _classes(update: MapUpdate) -> np.ndarray:

@@ -28,8 +28,8 @@ NoDataValue = Annotated[
     typer.Option(
         "--nodata",
         metavar="VALUE",
-        help="Height of the map that marks unknown ground; none: all its heights are ground. Left "
-        "out, markers are looked for, and told.",
+        help="Height of the map that marks unknown ground; none: all its heights are ground. "
+        "By default undeclared no-data values are detected and reported.",
     ),
 ]
 PathFile = Annotated[

@@ -67,8 +67,8 @@ def show(result: CheckResult, console: Console, most: int = 30) -> None:
         console.print(_table(bad[:most]))
     if len(bad) > most:
         console.print(f"… and {len(bad) - most} more plans; --json gives all")
-    told = [note for report in result.reports for note in report.notes]
-    for note in dict.fromkeys([*result.notes, *told]):
+    of_plans = [note for report in result.reports for note in report.notes]
+    for note in dict.fromkeys([*result.notes, *of_plans]):
         console.print(Text(f"note: {note}"), style="dim")
 
 

@@ -49,7 +49,8 @@ class FleetDiscrepancyJob:
         by_folder: logs of a folder are of one vehicle; else each file is of its own.
         map_file: elevation map that the logs' x, y lie on, if there is one.
         topics: topic mapping of the bags. settings: how sure to be.
-        pages: draw a page for each vehicle and one for the fleet. nodata: of the map.
+        pages: draw a page for each vehicle and one for the fleet. nodata: height that marks
+            unknown ground [m], see `--nodata`.
     """
 
     logs: Sequence[Path]

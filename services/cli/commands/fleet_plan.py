@@ -52,7 +52,7 @@ class FleetPlanResult:
         model: its name. planned: candidates of this run. resumed: those that were there already.
         statuses: number of candidates by status. driven: those that may be driven.
         strays: parts in the folder that are of other paths. seconds: it took.
-        notes: what the map leaves open, and what is assumed instead.
+        notes: assumptions made of the map.
     """
 
     model: str

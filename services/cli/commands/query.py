@@ -80,8 +80,8 @@ def _map_version(client: PlanClient) -> int:
 
 def _update(file: Path, nodata: NoData) -> MapUpdate:
     ground = read_map(file, nodata=nodata)
-    for words in ground.assumed:
-        _log.warning("%s: %s", file, words)
+    for assumption in ground.assumed:
+        _log.warning("%s: %s", file, assumption)
     return MapUpdate(
         source=f"query-{os.getpid()}-{time.time_ns()}", sequence=1, elevation=ground.elevation,
         resolution=ground.resolution, origin=ground.origin, terrain_class=ground.terrain_class,

@@ -45,8 +45,8 @@ def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData
         float(y[placed].min()) - margin, float(y[placed].max()) + margin,
     )  # fmt: skip
     elevation_map = read_map(map_file, around=around, nodata=nodata)
-    for words in elevation_map.assumed:
-        _log.warning("%s: %s", map_file, words)
+    for assumption in elevation_map.assumed:
+        _log.warning("%s: %s", map_file, assumption)
     grade = np.full(len(x), np.nan)
     for run in log.runs:
         here = np.flatnonzero(placed[run]) + run.start

@@ -65,21 +65,20 @@ class GeotiffWindows:
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """What the file leaves open, and what it is taken for instead, in sentences.
+        """Assumptions made of the file, in sentences.
 
-        Undeclared markers are those of cells all over the file, and of all that was read.
+        Undeclared no-data values are those of cells all over the file, and of the windows read.
         """
-        assert self._all_over is not None  # read, whatever windows were
-        told = no_data.in_words(self.markers)
+        assert self._all_over is not None  # detects those of the file where no window was read
+        found = no_data.describe(self.markers)
         if self.georeferenced:
-            return told
-        return ("the map names no coordinate system: its grid is taken to be in metres", *told)
+            return found
+        return ("the map names no coordinate system: its grid is taken to be in metres", *found)
 
     def read(self, rows: slice, columns: slice) -> Floats:
         """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.
 
-        What marks missing data is told by heights of the whole file, so that neighbouring windows
-        are not taken for different ground.
+        No-data values are detected from heights of the whole file, so that all windows agree.
 
         Raises:
             InputError: the file is damaged there.
@@ -95,7 +94,7 @@ class GeotiffWindows:
         spots = []
         for rows in _spread(self.info.rows):
             for columns in _spread(self.info.columns):
-                spot, markers = no_data.without_usual(self._read(rows, columns), self._nodata)
+                spot, markers = no_data.without_common(self._read(rows, columns), self._nodata)
                 spots.append(spot)
                 self.markers.update(markers)
         heights = no_data.ends_of(spots)

@@ -63,7 +63,7 @@ def elevation_map_of(message: Any, layer: str = "", nodata: NoData = None) -> El
     return ElevationMap(
         elevation=heights[::-1, ::-1].T, resolution=edge, origin=(x, y),
         height_std=height_error.assumed(edge) if std is None else std,
-        assumed=no_data.in_words(markers),
+        assumed=no_data.describe(markers),
     )  # fmt: skip
 
 

@@ -81,7 +81,7 @@ def read_map(
     else:
         heights, classes, names, told = npz_map_file.read_layers(path)
         heights, markers = no_data.known_heights(heights, nodata)
-        heights, assumed = heights[cells], no_data.in_words(markers)
+        heights, assumed = heights[cells], no_data.describe(markers)
         classes = None if classes is None else classes[cells]
         std = height_error.assumed(info.resolution) if told is None else told
     if not np.isfinite(heights).any():

@@ -1,9 +1,10 @@
 """Heights that mark missing data although the map does not declare them.
 
-Unknown are, whoever wrote the map: heights beyond 100 km, the usual markers of mapping tools, and a
-value that stands apart from all other heights, repeated exactly. Real ground is continuous: between
-a plateau and the ground below lie heights of its flanks, so that no gap wider than everything else
-on the map is left. A map of one to three heights tells no marker from terraces, and keeps all.
+Unknown are, in maps of any format: heights beyond 100 km, the markers that mapping tools write, and
+a value that stands apart from all other heights, repeated exactly. Real ground is continuous:
+between a plateau and the ground below lie the heights of its flanks, which leave no gap wider than
+everything else on the map. In a map of one to three heights each may be a terrace, and all are
+kept.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ HIGHEST = 1e5
 UNSCALED = (-99999.0, -32768.0, -32767.0, -9999.0)
 """Markers of GDAL, ESRI, SRTM and GEBCO [m]: below all land, also as a raw value before scaling."""
 
-USUAL = (*UNSCALED, 9999.0, 32767.0, 65535.0, 99999.0)
+COMMON = (*UNSCALED, 9999.0, 32767.0, 65535.0, 99999.0)
 """Those above all land as well [m], with the highest numbers of 16 bits."""
 
-_LEAST = min(abs(value) for value in USUAL)
+_MIN_COMMON = min(abs(value) for value in COMMON)
 
-_APART = (-999.0,)
+_ISOLATED = (-999.0,)
 """Markers that ground may have, on other planets [m]: markers only where nothing is near."""
 
 _MIN_GAP = 100.0
@@ -58,52 +59,53 @@ def nodata_of(text: str | None) -> NoData:
 
 
 def known_heights(
-    heights: Floats, nodata: NoData = None, others: Sequence[Floats] = ()
+    heights: Floats, nodata: NoData = None, around: Sequence[Floats] = ()
 ) -> tuple[Floats, tuple[float, ...]]:
     """Heights with NaN where unknown, and the values that were found to be undeclared markers.
 
     Args:
         heights: any shape [m]; NaN where unknown.
-        nodata: what the user says of them.
-        others: heights of the same map beside these, markers taken out, any shape [m].
+        nodata: value that the user declares.
+        around: further heights of the same map, markers removed, any shape [m].
     """
-    known, found = without_usual(heights, nodata)
+    known, detected = without_common(heights, nodata)
     if nodata != "none":
-        for marker in _standing_apart([known, *others]):
+        for marker in _isolated_ends([known, *around]):
             if (cells := known == marker).any():
                 known[cells] = np.nan
-                found.add(marker)
-    return known, tuple(sorted(found))
+                detected.add(marker)
+    return known, tuple(sorted(detected))
 
 
-def without_usual(heights: Floats, nodata: NoData) -> tuple[Floats, set[float]]:
+def without_common(heights: Floats, nodata: NoData) -> tuple[Floats, set[float]]:
     """The same, of what marks missing data on any map."""
     known = _without(heights, nodata)
-    far = np.abs(known) >= (HIGHEST if nodata == "none" else _LEAST)
+    far = np.abs(known) >= (HIGHEST if nodata == "none" else _MIN_COMMON)
     if not far.any():
         return known, set()
     values = known[far]
     beyond = np.abs(values) >= HIGHEST
-    usual = np.isin(values, () if nodata == "none" else USUAL)
-    known[far] = np.where(beyond | usual, np.nan, values)
-    found = {*values[beyond & np.isfinite(values)][:1].tolist(), *values[usual].tolist()}
-    return known, found
+    common = np.isin(values, () if nodata == "none" else COMMON)
+    known[far] = np.where(beyond | common, np.nan, values)
+    detected = {*values[beyond & np.isfinite(values)][:1].tolist(), *values[common].tolist()}
+    return known, detected
 
 
 def known_raw(raw: Floats, nodata: NoData, dtype: str) -> tuple[Floats, set[float]]:
     """Numbers of a file that are scaled to heights later, with NaN for :data:`UNSCALED`, and them.
 
     Args:
-        raw: any shape; NaN where unknown. nodata: what the user says of them.
-        dtype: of the file. Its ends, of 16 bits and more, are markers, too, but for 0.
+        raw: numbers of the file, any shape; NaN where unknown.
+        nodata: value that the user declares.
+        dtype: number type of the file. Its ends, of 16 bits and more, are markers too, except 0.
     """
     known, kind = _without(raw, nodata), np.dtype(dtype)
     markers = set(UNSCALED)
     if kind.kind in "iu" and kind.itemsize > 1:
         markers |= {float(np.iinfo(kind).max), float(np.iinfo(kind).min)} - {0.0}
-    found = set() if nodata == "none" else {value for value in markers if (known == value).any()}
-    known[np.isin(known, list(found))] = np.nan
-    return known, found
+    detected = {value for value in markers if nodata != "none" and (known == value).any()}
+    known[np.isin(known, list(detected))] = np.nan
+    return known, detected
 
 
 def _without(heights: Floats, nodata: NoData) -> Floats:
@@ -121,7 +123,7 @@ def ends_of(parts: Sequence[Floats]) -> Floats:
     if not parts:
         return np.empty(0)
     ends = _ends(parts, *_span(parts))
-    # Two of each inner one: with them there is ground beside the lowest and the highest.
+    # Two of each inner one: with them there is ground apart from the lowest and the highest.
     counts = [
         min(_count(parts, ends[0]), _MIN_COUNT),
         2,
@@ -132,7 +134,7 @@ def ends_of(parts: Sequence[Floats]) -> Floats:
     return heights[np.isfinite(heights)]
 
 
-def _standing_apart(parts: Sequence[Floats]) -> list[float]:
+def _isolated_ends(parts: Sequence[Floats]) -> list[float]:
     """The lowest and the highest of all heights, where they are apart as only markers are."""
     parts = [part for part in parts if np.isfinite(part).any()]
     if not parts:
@@ -141,14 +143,14 @@ def _standing_apart(parts: Sequence[Floats]) -> list[float]:
     if high - low <= _MIN_GAP:
         return []
     low, above, below, high = _ends(parts, low, high)
-    found, known = [], sum(int(np.count_nonzero(np.isfinite(part))) for part in parts)
+    isolated, known = [], sum(int(np.count_nonzero(np.isfinite(part))) for part in parts)
     for value, gap, span in ((low, above - low, high - above), (high, high - below, below - low)):
         count = _count(parts, value)
         # Of two or three heights each may be a terrace.
         alone = above < below and gap > span and min(count, known - count) >= _MIN_COUNT
-        if gap > _MIN_GAP and (alone or value in _APART):
-            found.append(value)
-    return found
+        if gap > _MIN_GAP and (alone or value in _ISOLATED):
+            isolated.append(value)
+    return isolated
 
 
 def _span(parts: Sequence[Floats]) -> tuple[float, float]:
@@ -159,7 +161,7 @@ def _span(parts: Sequence[Floats]) -> tuple[float, float]:
 
 
 def _ends(parts: Sequence[Floats], low: float, high: float) -> tuple[float, float, float, float]:
-    """The lowest height, the next, the last but one and the highest; infinite if there is none."""
+    """The lowest height, the next, the last but one and the highest; infinite if missing."""
     above = min(float(np.min(part, where=part > low, initial=np.inf)) for part in parts)
     below = max(float(np.max(part, where=part < high, initial=-np.inf)) for part in parts)
     return low, above, below, high
@@ -172,8 +174,8 @@ def _count(parts: Sequence[Floats], value: float) -> int:
 REMEDY = "; --nodata none takes them as heights"
 
 
-def in_words(markers: Iterable[float], remedy: str = REMEDY) -> tuple[str, ...]:
-    """A sentence about undeclared markers; none where there are none."""
+def describe(markers: Iterable[float], remedy: str = REMEDY) -> tuple[str, ...]:
+    """A sentence about undeclared markers; empty without any."""
     values = ", ".join(f"{value:.6g}" for value in sorted(markers))
-    words = f"cells of {values} m are unknown ground: no height, but an undeclared no-data value"
-    return (words + remedy,) if values else ()
+    sentence = f"cells of {values} m are unknown ground: no height, but an undeclared no-data value"
+    return (sentence + remedy,) if values else ()

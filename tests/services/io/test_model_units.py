@@ -111,35 +111,35 @@ def changed(key: str, value: Any) -> dict[str, Any]:
 
 
 def refusals(file: Path) -> list[str]:
-    found = []
+    refused = []
     for read in (read_model, read_guard_model):
         with pytest.raises(InputError) as caught:
             read(file)
         assert len(str(caught.value).splitlines()) == 1
         assert str(caught.value).startswith(str(file))
-        found.append(str(caught.value))
-    return found
+        refused.append(str(caught.value))
+    return refused
 
 
-@pytest.mark.parametrize(("key", "value", "words"), WRONG)
+@pytest.mark.parametrize(("key", "value", "fragment"), WRONG)
 def test_planner_and_guard_refuse_it_and_name_the_unit(
-    tmp_path: Path, key: str, value: Any, words: str
+    tmp_path: Path, key: str, value: Any, fragment: str
 ) -> None:
     planner, guard = refusals(written(tmp_path, changed(key, value)))
-    assert words in planner
+    assert fragment in planner
     table = key.rsplit(".", 1)[0]
     assert f"{table}." in planner
     assert f"{table}." in guard
 
 
-@pytest.mark.parametrize(("name", "parameters", "words"), EFFECTS)
+@pytest.mark.parametrize(("name", "parameters", "fragment"), EFFECTS)
 def test_parameters_of_effects(
-    tmp_path: Path, name: str, parameters: dict[str, float], words: str
+    tmp_path: Path, name: str, parameters: dict[str, float], fragment: str
 ) -> None:
     tables = {**ATV, "effect": [{"name": name, "parameters": parameters}]}
     for refusal in refusals(written(tmp_path, tables)):
         assert "effect[0].parameters." in refusal
-        assert words in refusal
+        assert fragment in refusal
 
 
 def scaled(**vehicle: float) -> dict[str, Any]:

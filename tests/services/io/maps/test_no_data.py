@@ -1,4 +1,4 @@
-"""Undeclared no-data values: unknown ground in every reader, told, and real ground left alone."""
+"""Undeclared no-data values: unknown in every reader, reported, and real ground unchanged."""
 
 from __future__ import annotations
 
@@ -46,16 +46,16 @@ def holed(marker: float, ground: np.ndarray = ROUGH) -> np.ndarray:
 
 
 @pytest.mark.parametrize("marker", MARKERS)
-def test_a_marker_is_unknown_and_told_and_the_ground_stays(marker: float) -> None:
+def test_a_marker_is_unknown_and_reported_and_the_ground_stays(marker: float) -> None:
     heights = holed(marker)
-    known, found = known_heights(heights)
+    known, detected = known_heights(heights)
     np.testing.assert_array_equal(np.isnan(known), heights == marker)
     np.testing.assert_array_equal(known[heights != marker], heights[heights != marker])
-    assert found == (marker,)
+    assert detected == (marker,)
 
 
 def plateau(step: float) -> np.ndarray:
-    """An exactly flat top beside rough ground, a sheer face between them."""
+    """An exactly flat top next to rough ground, a sheer face between them."""
     heights = ROUGH.copy()
     heights[:, 30:] = ROUGH.max() + step
     return heights
@@ -90,9 +90,9 @@ REAL_GROUND = {
 
 @pytest.mark.parametrize("name", REAL_GROUND)
 def test_ground_loses_no_cell(name: str) -> None:
-    known, found = known_heights(REAL_GROUND[name])
+    known, detected = known_heights(REAL_GROUND[name])
     np.testing.assert_array_equal(known, REAL_GROUND[name])
-    assert found == ()
+    assert detected == ()
 
 
 @given(
@@ -110,10 +110,10 @@ def test_whatever_the_ground_a_marker_far_from_it_is_never_ground(
     gap = np.min(np.abs(rest - marker))
     if gap <= max(100.0, np.ptp(rest)):
         return
-    known, found = known_heights(heights)
+    known, detected = known_heights(heights)
     assert np.isnan(known[3:7, 3:7]).all()
     assert np.isfinite(known).sum() == 144 - 16
-    assert found == (marker,)
+    assert detected == (marker,)
 
 
 def test_real_maps_lose_no_cell(data: Path) -> None:
@@ -124,36 +124,36 @@ def test_real_maps_lose_no_cell(data: Path) -> None:
         with rasterio.open(data / "dem" / name) as dataset:
             declared = dataset.read(1, masked=True)
         assert np.isfinite(ground.elevation).sum() == np.ma.count(declared)
-        assert not any("no-data" in words for words in ground.assumed)
+        assert not any("no-data" in message for message in ground.assumed)
     table = np.loadtxt(data / "dem/ColmenarRocks_Nominal_10cmDEM.csv")
-    known, found = known_heights(table)
+    known, detected = known_heights(table)
     np.testing.assert_array_equal(known, table)
-    assert found == ()
+    assert detected == ()
 
 
 # What the user says
 
 
-def test_what_the_user_declares_is_unknown_and_not_told() -> None:
+def test_what_the_user_declares_is_unknown_and_not_reported() -> None:
     heights = ROUGH.astype(np.float32).astype(np.float64)
     heights[:5] = np.float32(421.37)
-    known, found = known_heights(heights, 421.37)
+    known, detected = known_heights(heights, 421.37)
     assert np.isnan(known[:5]).all()
     assert np.isfinite(known[5:]).all()
-    assert found == ()
+    assert detected == ()
 
 
 def test_with_none_only_what_is_no_height_at_all_is_unknown() -> None:
     for marker in (-9999.0, -500.0, -999.0):
-        known, found = known_heights(holed(marker), "none")
+        known, detected = known_heights(holed(marker), "none")
         np.testing.assert_array_equal(known, holed(marker))
-        assert found == ()
-    known, found = known_heights(holed(-LARGEST), "none")
+        assert detected == ()
+    known, detected = known_heights(holed(-LARGEST), "none")
     assert np.isnan(known).any()
-    assert found == (-LARGEST,)
+    assert detected == (-LARGEST,)
 
 
-def test_words_of_the_option() -> None:
+def test_values_of_the_option() -> None:
     assert nodata_of(None) is None
     assert nodata_of("None") == "none"
     assert nodata_of("-9999") == -9999.0
@@ -187,9 +187,9 @@ def test_geotiff(tmp_path: Path, dtype: str, marker: float, profile: dict[str, A
     path = geotiff(tmp_path / "m.tif", raw.astype(dtype), **profile)
     ground = read_map(path)
     np.testing.assert_array_equal(np.isnan(ground.elevation[::-1]), raw == marker)
-    (words,) = (w for w in ground.assumed if "no-data" in w)
-    assert f"{float(marker):.6g}" in words
-    assert "--nodata none" in words
+    (message,) = (w for w in ground.assumed if "no-data" in w)
+    assert f"{float(marker):.6g}" in message
+    assert "--nodata none" in message
     if dtype == "int16":
         assert np.isfinite(read_map(path, nodata="none").elevation).all()
 
@@ -199,10 +199,10 @@ def test_a_declared_value_stays_unknown_whatever_the_user_says(tmp_path: Path) -
     for nodata in (None, -7.0, "none"):
         ground = read_map(path, nodata=nodata)  # type: ignore[arg-type]
         assert np.isnan(ground.elevation).sum() == 800
-        assert not any("no-data" in words for words in ground.assumed)
+        assert not any("no-data" in message for message in ground.assumed)
 
 
-def test_a_window_of_markers_alone_is_told_by_the_rest_of_the_file(tmp_path: Path) -> None:
+def test_a_window_of_markers_alone_is_detected_by_the_rest_of_the_file(tmp_path: Path) -> None:
     heights = np.tile(ROUGH, (60, 40)).astype(np.float32)  # 2400 x 2400 cells
     heights[1000:1400, 800:1500] = -500.0
     path = geotiff(tmp_path / "m.tif", heights)
@@ -212,7 +212,7 @@ def test_a_window_of_markers_alone_is_told_by_the_rest_of_the_file(tmp_path: Pat
     part = read_map(path, around=(x, x + 20.0, y, y + 120.0))
     assert np.isnan(part.elevation).any()
     with windows.opened(path) as ground:
-        assert any("-500" in words for words in ground.assumed)  # before any window was read
+        assert any("-500" in message for message in ground.assumed)  # before any window was read
         vehicle: Vehicle = read_model(find_model("atv")).vehicle
         line = np.stack([np.linspace(x, x + 20.0, 30), np.full(30, y)], axis=1)
         (window,) = windows.windows(
@@ -244,7 +244,7 @@ def test_a_grid_map_in_a_recording(tmp_path: Path) -> None:
     path = bag(tmp_path / "b", ("/map", GRID_MAP, grid_maps.grid_map(holed(-9999.0))))
     ground = read_map(path)
     assert np.isnan(ground.elevation).sum() == 800
-    assert any("-9999" in words for words in ground.assumed)
+    assert any("-9999" in message for message in ground.assumed)
     assert np.isfinite(read_map(path, nodata="none").elevation).all()
 
 
@@ -261,8 +261,8 @@ def update(heights: np.ndarray, sequence: int, **more: Any) -> MapUpdate:
 @pytest.mark.parametrize("marker", [-9999.0, -500.0])
 def test_service_and_guard_know_the_same_of_whole_maps_and_patches(marker: float) -> None:
     store = MapStore()
-    whole, patch = update(holed(marker), 1), update(np.full((6, 6), marker), 2, patch=True)
-    assert store.take(whole, "map")
+    full, patch = update(holed(marker), 1), update(np.full((6, 6), marker), 2, patch=True)
+    assert store.take(full, "map")
     assert store.ground is not None
     elevation = store.ground.elevation_map.elevation
     np.testing.assert_array_equal(np.isnan(elevation), holed(marker) == marker)
@@ -270,7 +270,7 @@ def test_service_and_guard_know_the_same_of_whole_maps_and_patches(marker: float
     assert f"{marker:g}" in flag
     assert store.take(patch, "map")
     assert np.isnan(store.ground.elevation_map.elevation[:6, :6]).all()
-    guarded = ground_of(patch, ground_of(whole, None))
+    guarded = ground_of(patch, ground_of(full, None))
     np.testing.assert_array_equal(guarded.elevation, store.ground.elevation_map.elevation)
 
 
@@ -301,16 +301,16 @@ def planned(tmp_path: Path, *options: str, marker: float = -9999.0) -> Any:
     )
 
 
-def test_plan_stops_before_a_marker_and_tells_it(tmp_path: Path) -> None:
+def test_plan_stops_before_a_marker_and_reports_it(tmp_path: Path) -> None:
     result = planned(tmp_path)
     assert result.exit_code == 0, result.output
-    told = json.loads(result.stdout)
-    (plan,) = told["plans"]
+    reply = json.loads(result.stdout)
+    (plan,) = reply["plans"]
     assert plan["status"] == "blocked"
     assert max(plan["columns"]["z"]) < 101.0
     driven = np.array(plan["columns"]["speed"]) > 0.0
     assert np.array(plan["columns"]["x"])[driven].max() < 20.0
-    assert any("cells of -9999 m are unknown ground" in note for note in told["notes"])
+    assert any("cells of -9999 m are unknown ground" in note for note in reply["notes"])
 
 
 def test_nothing_is_planned_on_markers_alone(tmp_path: Path) -> None:
@@ -325,5 +325,5 @@ def test_check_reads_the_same_ground(tmp_path: Path) -> None:
     planned(tmp_path, "--nodata", "none", "--out", str(tmp_path / "plan.txt"))
     arguments = ["check", str(tmp_path / "plan.txt"), "--map", str(tmp_path / "m.tif")]
     result = CliRunner().invoke(app, [*arguments, "--model", "atv", "--json"])
-    told = json.loads(result.stdout)
-    assert any("-9999" in note for note in told["notes"])
+    reply = json.loads(result.stdout)
+    assert any("-9999" in note for note in reply["notes"])
