@@ -34,7 +34,7 @@ _ERRORS = re.compile(r"variance|std|stdev|sigma|standard.deviation|error|uncerta
 _THINNED = 1024  # rows and columns of a band of errors that are looked at
 _SPOTS, _SPOT = 8, 256
 """Spots in a row and in a column, and cells along the edge of each, that stand for all heights of a
-file: maps of up to 2048 x 2048 cells are read whole, larger ones within 0.2 s."""
+file: maps of up to 2048 x 2048 cells are read whole, larger ones in about half a second."""
 
 
 def read_info(path: Path) -> MapInfo:
@@ -70,7 +70,7 @@ class GeotiffWindows:
         Undeclared no-data values are those of cells all over the file, and of the windows read.
         """
         assert self._all_over is not None  # detects those of the file where no window was read
-        found = no_data.describe(self.markers)
+        found = no_data.describe(tuple(self.markers))
         if self.georeferenced:
             return found
         return ("the map names no coordinate system: its grid is taken to be in metres", *found)

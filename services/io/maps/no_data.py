@@ -9,7 +9,7 @@ kept.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -174,8 +174,11 @@ def _count(parts: Sequence[Floats], value: float) -> int:
 REMEDY = "; --nodata none takes them as heights"
 
 
-def describe(markers: Iterable[float], remedy: str = REMEDY) -> tuple[str, ...]:
+def describe(markers: Sequence[float], remedy: str = REMEDY) -> tuple[str, ...]:
     """A sentence about undeclared markers; empty without any."""
     values = ", ".join(f"{value:.6g}" for value in sorted(markers))
     sentence = f"cells of {values} m are unknown ground: no height, but an undeclared no-data value"
+    # No option makes ground of what is beyond all heights.
+    if all(abs(value) >= HIGHEST for value in markers):
+        remedy = ""
     return (sentence + remedy,) if values else ()

@@ -189,7 +189,7 @@ def test_geotiff(tmp_path: Path, dtype: str, marker: float, profile: dict[str, A
     np.testing.assert_array_equal(np.isnan(ground.elevation[::-1]), raw == marker)
     (message,) = (w for w in ground.assumed if "no-data" in w)
     assert f"{float(marker):.6g}" in message
-    assert "--nodata none" in message
+    assert ("--nodata none" in message) is (abs(marker) < 1e5)
     if dtype == "int16":
         assert np.isfinite(read_map(path, nodata="none").elevation).all()
 
