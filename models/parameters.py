@@ -46,14 +46,28 @@ class Braking:
         uphill: m_m and b_m that hold uphill instead. terrain: surfaces that differ, by name.
     """
 
-    m_m: float = quantity("s/m", "Change of the slope coefficient with speed at onset.")
-    b_m: float = quantity("1", "Slope coefficient at rest.")
-    m_b: float = quantity("s/m", "Change of the level-ground force with speed at onset.")
-    b_b: float = quantity("1", "Force on level ground at rest, as a share of the weight.")
-    dead_time: float = quantity("s", "From stop command to onset.", at_least=0.0, at_most=10.0)
-    distance_offset: float = quantity("m", "Safety offset s_offset.", default=0.0, at_least=0.0)
+    m_m: float = quantity(
+        "s/m", "Change of the slope coefficient with speed at onset.", (-3.0, 3.0)
+    )
+    b_m: float = quantity("1", "Slope coefficient at rest.", (-5.0, 5.0))
+    m_b: float = quantity(
+        "s/m", "Change of the level-ground force with speed at onset.", (-0.5, 0.5)
+    )
+    b_b: float = quantity(
+        "1", "Force on level ground at rest, as a share of the weight.", (0.02, 1.5)
+    )
+    dead_time: float = quantity(
+        "s", "From stop command to onset.", (0.0, 10.0), at_least=0.0, at_most=10.0
+    )
+    distance_offset: float = quantity(
+        "m", "Safety offset s_offset.", (0.0, 20.0), default=0.0, at_least=0.0
+    )
     time_offset: float = quantity(
-        "s", "Safety offset t_offset of stopping times; bounds none.", default=0.0, at_least=0.0
+        "s",
+        "Safety offset t_offset of stopping times; bounds none.",
+        (0.0, 50.0),
+        default=0.0,
+        at_least=0.0,
     )
     speed_range: tuple[float, float]
     grade_range: tuple[float, float]
@@ -61,20 +75,26 @@ class Braking:
     speed_by_grade: Matrix | None = None
     covariance: Matrix | None = None
     force_std: float = quantity(
-        "1", "Scatter of F_b/W from stop to stop that the model leaves.", default=0.0, at_least=0.0
+        "1",
+        "Scatter of F_b/W from stop to stop that the model leaves.",
+        (0.0, 1.0),
+        default=0.0,
+        at_least=0.0,
     )
     force_scatter: float = quantity(
-        "1", "The part of that scatter that is in proportion, as a share of F_b/W.", default=0.0,
-        at_least=0.0,
+        "1", "The part of that scatter that is in proportion, as a share of F_b/W.",
+        (0.0, 2.0), default=0.0, at_least=0.0,
     )  # fmt: skip
-    dead_time_std: float = quantity("s", "Scatter of the dead time.", default=0.0, at_least=0.0)
+    dead_time_std: float = quantity(
+        "s", "Scatter of the dead time.", (0.0, 5.0), default=0.0, at_least=0.0
+    )
     speed_error: float = quantity(
         "m/s", "Standard deviation of the driven speed around the planned one.", default=0.0,
         at_least=0.0, at_most=5.0,
     )  # fmt: skip
     drive_in_dead_time: Literal["held", "cut", "either"] = "either"
     sliding_friction: float | None = quantity(
-        "1", "Friction of locked wheels; caps the force.", default=None, above=0.0
+        "1", "Friction of locked wheels; caps the force.", (0.02, 2.0), default=None, above=0.0
     )
     level: float = quantity(
         "1", "Share of full brake application.", default=1.0, above=0.0, at_most=1.0
@@ -160,14 +180,16 @@ class Terrain:
     """Wheel-terrain interaction on the ground driven now. Source: Slip, Table 2."""
 
     motion_resistance: float = quantity(
-        "1", "Coefficient f_r that the drive has to overcome.", at_least=0.0
+        "1", "Coefficient f_r that the drive has to overcome.", (0.0, 1.0), at_least=0.0
     )
     braking_resistance: float | None = quantity(
         "1", "The f_r that counts as part of the braking force at a level below 1; "
-        "motion_resistance if left out or higher.", default=None, at_least=0.0,
+        "motion_resistance if left out or higher.", (0.0, 1.0), default=None, at_least=0.0,
     )  # fmt: skip
-    lateral_resistance: float = quantity("1", "Coefficient μ_t.", at_least=0.0)
-    slip_track: float = quantity("m", "Slip track B_s, at least the track width.", above=0.0)
+    lateral_resistance: float = quantity("1", "Coefficient μ_t.", (0.0, 1.5), at_least=0.0)
+    slip_track: float = quantity(
+        "m", "Slip track B_s, at least the track width.", (0.05, 50.0), above=0.0
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)
@@ -183,19 +205,30 @@ class Terrain:
 class Limits:
     """What a plan may ask of the vehicle and its load."""
 
-    speed: float = quantity("m/s", "Highest planned speed.", above=0.0)
-    accel: float = quantity("m/s²", "Highest planned acceleration.", above=0.0)
-    decel: float = quantity("m/s²", "Highest planned (service) deceleration.", above=0.0)
-    jerk: float = quantity("m/s³", "Highest planned change of acceleration.", above=0.0)
+    speed: float = quantity("m/s", "Highest planned speed.", (0.05, 40.0), above=0.0)
+    accel: float = quantity("m/s²", "Highest planned acceleration.", (0.01, 12.0), above=0.0)
+    decel: float = quantity(
+        "m/s²", "Highest planned (service) deceleration.", (0.01, 12.0), above=0.0
+    )
+    jerk: float = quantity(
+        "m/s³", "Highest planned change of acceleration.", (0.01, 1000.0), above=0.0
+    )
     lateral_accel: float = quantity(
-        "m/s²", "Highest lateral acceleration in turns, the bank counted in.", above=0.0
+        "m/s²",
+        "Highest lateral acceleration in turns, the bank counted in.",
+        (0.01, 15.0),
+        above=0.0,
     )
     vertical_accel: float = quantity(
         "m/s²", "Highest vertical acceleration of the body on rough ground and in dips.",
-        default=5.0, above=0.0,
+        (0.1, 100.0), default=5.0, above=0.0,
     )  # fmt: skip
     min_load: float = quantity(
-        "1", "Share of its level static load every axle and side must keep.", above=0.0, at_most=0.9
+        "1",
+        "Share of its level static load every axle and side must keep.",
+        (1e-3, 0.9),
+        above=0.0,
+        at_most=0.9,
     )
 
     def __post_init__(self) -> None:

@@ -21,6 +21,26 @@ GRAVITY = 9.80665
 STEEPEST = 0.5 * math.pi
 """Slope of a wall [rad]: no grade or roll is beyond."""
 
+STEEPEST_DRIVEN = 1.0
+"""Grade or roll that no wheels hold on [rad]: friction would have to be 1.6."""
+
+_FOREIGN: dict[str, tuple[tuple[str, float], ...]] = {
+    "m": (("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254), ("ft", 0.3048)),
+    "m/s": (("km/h", 1.0 / 3.6), ("mph", 0.44704), ("mm/s", 1e-3)),
+    "m/s²": (("km/h/s", 1.0 / 3.6), ("g", GRAVITY), ("mm/s²", 1e-3)),
+    "m/s³": (("mm/s³", 1e-3),),
+    "kg": (("t", 1e3), ("lb", 0.45359237), ("g", 1e-3)),
+    "s": (("ms", 1e-3), ("min", 60.0)),
+    "N": (("kN", 1e3), ("kgf", GRAVITY), ("lbf", 4.448222)),
+    "W": (("kW", 1e3), ("hp", 745.7)),
+    "rad": (("°", math.pi / 180.0),),
+    "1": (("m/s²", 1.0 / GRAVITY), ("%", 1e-2)),
+    "Hz": (("1/min", 1.0 / 60.0),),
+    "A": (("mA", 1e-3),),
+    "N m/A": (("mN m/A", 1e-3),),
+}
+"""Units that people write by mistake, and the factor to the unit of the key."""
+
 Matrix: TypeAlias = tuple[tuple[float, ...], ...]
 """Rows of a matrix as a file holds them."""
 
@@ -30,6 +50,7 @@ _REQUIRED = dataclasses.MISSING
 def quantity(
     unit: str,
     text: str,
+    plausible: tuple[float, float] = (-math.inf, math.inf),
     *,
     default: Any = _REQUIRED,
     above: float = -math.inf,
@@ -41,6 +62,8 @@ def quantity(
     Args:
         unit: SI unit as shown to people ("kg", "m/s", "1" for dimensionless).
         text: one sentence that says what it is.
+        plausible: lowest and highest value that a model file may hold; beyond, it is a mistake,
+            mostly of the unit. Values that are computed may lie there.
         default: left out, the field is required.
         above: exclusive lower bound.
         at_least: inclusive lower bound.
@@ -52,6 +75,7 @@ def quantity(
         "above": above,
         "at_least": at_least,
         "at_most": at_most,
+        "plausible": plausible,
     }
     if default is _REQUIRED:
         return dataclasses.field(metadata=metadata)
@@ -70,6 +94,12 @@ def describe_range(metadata: Any) -> str:
     return f"a finite number {' and '.join(words)}".rstrip() + f" [{metadata['unit']}]"
 
 
+def describe_plausible(metadata: Any) -> str:
+    """The values that a model file may hold, e.g. ``0.02 … 1.5``; "" where all in range may be."""
+    low, high = metadata["plausible"]
+    return "" if math.isinf(high) else f"{rounded(low)} … {rounded(high)}"
+
+
 def validate_quantities(instance: Any) -> None:
     """Check every quantity of a dataclass instance against its range.
 
@@ -83,14 +113,38 @@ def validate_quantities(instance: Any) -> None:
         if value is None and field.default is None:
             continue
         metadata = field.metadata
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (
-            number
-            and math.isfinite(value)
-            and value > metadata["above"]
-            and metadata["at_least"] <= value <= metadata["at_most"]
-        ):
-            raise ParameterError(field.name, f"{describe_range(metadata)}, got {value!r}")
+        if not in_range(value, metadata):
+            guess = unit_guess(value, metadata["unit"], *metadata["plausible"])
+            raise ParameterError(field.name, f"{describe_range(metadata)}, got {value!r}{guess}")
+
+
+def in_range(value: object, metadata: Any) -> bool:
+    """Whether a value is a number within the bounds of a quantity."""
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and math.isfinite(value)
+        and value > metadata["above"]
+        and metadata["at_least"] <= value <= metadata["at_most"]
+    )
+
+
+def unit_guess(value: object, unit: str, low: float, high: float) -> str:
+    """Units in which a number would lie within the bounds of its key; "" if it would in none."""
+    if not isinstance(value, int | float) or math.isinf(high):
+        return ""
+    suffix = "" if unit == "1" else f" {unit}"
+    fitting = [
+        f"{value:g} {name} would be {rounded(factor * value)}{suffix}"
+        for name, factor in _FOREIGN.get(unit, ())
+        if low <= factor * value <= high
+    ]
+    return f"; {', '.join(fitting[:2])}" if fitting else ""
+
+
+def rounded(value: float) -> str:
+    """Three digits of a number, without an exponent up to ten million."""
+    return f"{float(f'{value:.3g}'):.8g}"
 
 
 def validate_range(name: str, bounds: tuple[float, float]) -> None:

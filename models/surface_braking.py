@@ -22,8 +22,8 @@ _STRAIGHT = 1e-6
 class UphillBraking:
     """Slope coefficients that replace ``m_m`` and ``b_m`` uphill. Source: Braking, Sec. 2."""
 
-    m_m: float = quantity("s/m", "Change of the uphill slope coefficient with speed.")
-    b_m: float = quantity("1", "Uphill slope coefficient at rest.")
+    m_m: float = quantity("s/m", "Change of the uphill slope coefficient with speed.", (-3.0, 3.0))
+    b_m: float = quantity("1", "Uphill slope coefficient at rest.", (-5.0, 5.0))
 
     def __post_init__(self) -> None:
         validate_quantities(self)

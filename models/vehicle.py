@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
+from models.quantity import quantity, unit_guess, validate_quantities
 
 _WHEEL_WIDTH = 0.7
 _CLEARANCE = 0.75
@@ -40,70 +40,88 @@ class Shape(NamedTuple):
 class Vehicle:
     """A four-wheeled vehicle with its centre of gravity in the plane of symmetry."""
 
-    mass: float = quantity("kg", "Mass with payload.", above=0.0)
-    wheelbase: float = quantity("m", "Distance between the axles, L.", above=0.0)
-    track_width: float = quantity("m", "Distance between left and right wheels, B.", above=0.0)
-    cg_x: float = quantity("m", "Centre of gravity ahead of the rear axle.", above=0.0)
-    cg_z: float = quantity("m", "Height of the centre of gravity.", above=0.0)
-    wheel_radius: float = quantity("m", "Radius of the loaded wheel.", above=0.0)
+    mass: float = quantity("kg", "Mass with payload.", (0.2, 1e6), above=0.0)
+    wheelbase: float = quantity("m", "Distance between the axles, L.", (0.05, 20.0), above=0.0)
+    track_width: float = quantity(
+        "m", "Distance between left and right wheels, B.", (0.05, 15.0), above=0.0
+    )
+    cg_x: float = quantity(
+        "m", "Centre of gravity ahead of the rear axle.", (0.005, 15.0), above=0.0
+    )
+    cg_z: float = quantity("m", "Height of the centre of gravity.", (0.005, 8.0), above=0.0)
+    wheel_radius: float = quantity("m", "Radius of the loaded wheel.", (0.02, 2.5), above=0.0)
     drive: Literal["skid_steer", "ackermann"]
-    max_wheel_speed: float = quantity("m/s", "Highest speed at the rim of a wheel.", above=0.0)
-    max_drive_force: float = quantity("N", "Highest thrust of all wheels together.", above=0.0)
-    max_drive_power: float = quantity("W", "Highest power of all wheels together.", above=0.0)
+    max_wheel_speed: float = quantity(
+        "m/s", "Highest speed at the rim of a wheel.", (0.05, 40.0), above=0.0
+    )
+    max_drive_force: float = quantity(
+        "N", "Highest thrust of all wheels together.", (0.2, 1e7), above=0.0
+    )
+    max_drive_power: float = quantity(
+        "W", "Highest power of all wheels together.", (0.1, 1e7), above=0.0
+    )
     motor_torque_constant: float | None = quantity(
-        "N m/A", "Torque constant k_t of a drive motor.", default=None, above=0.0
+        "N m/A", "Torque constant k_t of a drive motor.", (1e-4, 10.0), default=None, above=0.0
     )
     gear_ratio: float | None = quantity(
-        "1", "Gearhead ratio, motor turns a wheel turn.", default=None, above=0.0
+        "1", "Gearhead ratio, motor turns a wheel turn.", (0.1, 5000.0), default=None, above=0.0
     )
     idle_current: float | None = quantity(
-        "A", "Motor current with the wheels lifted.", default=None, at_least=0.0
+        "A", "Motor current with the wheels lifted.", (0.0, 200.0), default=None, at_least=0.0
     )
 
     width: float | None = quantity(
         "m", "Widest part of body and wheels; track width and wheel width if left out.",
-        default=None, above=0.0,
+        (0.05, 15.0), default=None, above=0.0,
     )  # fmt: skip
     front_overhang: float | None = quantity(
-        "m", "Body ahead of the front axle; the wheel radius if left out.", default=None,
-        at_least=0.0,
+        "m", "Body ahead of the front axle; the wheel radius if left out.",
+        (0.0, 10.0), default=None, at_least=0.0,
     )  # fmt: skip
     rear_overhang: float | None = quantity(
-        "m", "Body behind the rear axle; the wheel radius if left out.", default=None, at_least=0.0
+        "m",
+        "Body behind the rear axle; the wheel radius if left out.",
+        (0.0, 10.0),
+        default=None,
+        at_least=0.0,
     )
     ground_clearance: float | None = quantity(
         "m", "Underside of the body above level ground; 3/4 of the wheel radius if left out.",
-        default=None, at_least=0.0,
+        (0.0, 3.0), default=None, at_least=0.0,
     )  # fmt: skip
     max_step: float | None = quantity(
         "m", "Highest step that a wheel may climb or fall; 1/3 of its radius if left out.",
-        default=None, above=0.0,
+        (1e-3, 2.0), default=None, above=0.0,
     )  # fmt: skip
     wheel_width: float | None = quantity(
-        "m", "Width of a tyre; 0.7 of the wheel radius if left out.", default=None, above=0.0
+        "m",
+        "Width of a tyre; 0.7 of the wheel radius if left out.",
+        (2e-3, 2.0),
+        default=None,
+        above=0.0,
     )
     wheel_travel: float | None = quantity(
         "m", "How far a wheel reaches below the plane of the other three; 1/3 of its radius if "
-        "left out.", default=None, above=0.0,
+        "left out.", (1e-3, 2.0), default=None, above=0.0,
     )  # fmt: skip
     front_brake_share: float | None = quantity(
         "1", "Part of the braking force on the front axle; left out, that of the static load, or, "
         "skid-steered, wheels of a side that turn as one.", default=None, at_least=0.0, at_most=1.0,
     )  # fmt: skip
     ride_frequency: float = quantity(
-        "Hz", "Bounce of the body on its suspension or tyres.", default=2.5, above=0.0
+        "Hz", "Bounce of the body on its suspension or tyres.", (0.2, 50.0), default=2.5, above=0.0
     )
     ride_damping: float = quantity(
-        "1", "Damping of that bounce, a share of the critical one.", default=0.3, above=0.0,
-        at_most=2.0,
+        "1", "Damping of that bounce, a share of the critical one.",
+        (0.01, 2.0), default=0.3, above=0.0, at_most=2.0,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         validate_quantities(self)
         if not self.cg_x < self.wheelbase:
-            raise ParameterError(
-                "cg_x", f"less than the wheelbase of {self.wheelbase:g} m, got {self.cg_x:g}"
-            )
+            expected = f"less than the wheelbase of {self.wheelbase:g} m, got {self.cg_x:g}"
+            guess = unit_guess(self.cg_x, "m", 0.02 * self.wheelbase, 0.98 * self.wheelbase)
+            raise ParameterError("cg_x", expected + guess)
         if self.width is not None and self.width < self.track_width:
             raise ParameterError(
                 "width", f"at least the track width of {self.track_width:g} m, got {self.width:g}"

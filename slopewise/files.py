@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
+from typing import Literal
 
 from models.parameters import Model
 from planner.ground.elevation_map import ElevationMap
@@ -16,13 +17,18 @@ from services.io.maps import map_file
 File = str | PathLike[str]
 
 
-def read_map(file: File) -> ElevationMap:
+def read_map(file: File, nodata: float | Literal["none"] | None = None) -> ElevationMap:
     """An elevation map from a GeoTIFF in metres, an .npz file or a ROS 2 recording.
+
+    Args:
+        file: of any of these kinds.
+        nodata: a height that marks missing data [m]. By default undeclared ones are detected, and
+            named in ``assumed`` of the map; "none": all heights are ground.
 
     Raises:
         InputError: not a map in metres, or no cell is known.
     """
-    return map_file.read_map(Path(file))
+    return map_file.read_map(Path(file), nodata=nodata)
 
 
 def read_model(name_or_file: File) -> Model:

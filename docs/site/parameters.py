@@ -11,7 +11,7 @@ from typing import Any, get_args, get_type_hints
 import msgspec
 
 from models.parameters import Braking, Effect, Limits, Terrain
-from models.quantity import describe_range
+from models.quantity import describe_plausible, describe_range
 from models.surface_braking import SurfaceBraking, UphillBraking
 from models.vehicle import Vehicle
 from services.discovery import finding
@@ -116,6 +116,8 @@ def _table(kind: Any, leave_out: list[str] | None = None) -> str:
             continue
         metadata = field.metadata
         wanted = describe_range(metadata) if "unit" in metadata else _kind(hints[field.name])
+        if "unit" in metadata and (plausible := describe_plausible(metadata)):
+            wanted += f", plausible {plausible}"
         wanted = wanted.removeprefix("a finite number ").replace(">=", "≥").replace("<=", "≤")
         text = metadata.get("text") or told.get(field.name, "")
         rows.append(f"| `{field.name}` | {_cell(wanted)} | {_default(field)} | {_cell(text)} |")

@@ -26,7 +26,13 @@ EFFECT = EffectLaw(
     law=missing_share,
     parameters={
         "tau": Parameter(
-            unit="s", bounds=POSITIVE, step=0.1, usual=(0.0, 1.0), longer_stop=1, lighter_rear=-1
+            unit="s",
+            plausible=(0.0, 3.0),
+            bounds=POSITIVE,
+            step=0.1,
+            usual=(0.0, 1.0),
+            longer_stop=1,
+            lighter_rear=-1,
         )
     },
     axis="time_since_onset",

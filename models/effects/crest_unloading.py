@@ -24,7 +24,13 @@ EFFECT = EffectLaw(
     law=kept_force,
     parameters={
         "k": Parameter(
-            unit="1", bounds=POSITIVE, default=1.0, step=0.05, longer_stop=1, lighter_rear=-1
+            unit="1",
+            plausible=(0.0, 10.0),
+            bounds=POSITIVE,
+            default=1.0,
+            step=0.05,
+            longer_stop=1,
+            lighter_rear=-1,
         )
     },
     depends_on=frozenset(("vertical_curvature",)),

@@ -32,7 +32,7 @@ EFFECT = EffectLaw(
     missing="force changes with roll",
     enters=Enters.GROUND,
     law=force_term,
-    parameters={"k": Parameter(unit="1/rad", step=0.01)},
+    parameters={"k": Parameter(unit="1/rad", plausible=(-5.0, 5.0), step=0.01)},
     depends_on=frozenset(("roll",)),
     axis="roll",
     experiment="stop along the slope leaning to the other side, and without leaning",

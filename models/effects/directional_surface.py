@@ -33,8 +33,8 @@ EFFECT = EffectLaw(
     enters=Enters.GROUND,
     law=force_term,
     parameters={
-        "k": Parameter(unit="1", step=0.01),
-        "direction": Parameter(unit="rad", step=0.2),
+        "k": Parameter(unit="1", plausible=(-1.5, 1.5), step=0.01),
+        "direction": Parameter(unit="rad", plausible=(-7.0, 7.0), step=0.2),
     },
     depends_on=frozenset(("yaw",)),
     axis="heading",

@@ -60,6 +60,7 @@ class Parameter:
     Attributes:
         unit: SI. bounds: physical sign and size. default: where it may be left out.
         usual: sizes beyond which the effect is hardly what its name says.
+        plausible: sizes beyond which a model file has a mistake, mostly of the unit.
         step, relative_step: by which a fit tries it, the larger of both, the second as a share of
             its value. fitted: a fit moves it; a run's number, say, it does not.
         longer_stop: sign of the change that makes stops longer wherever they are, 0 if that depends
@@ -72,6 +73,7 @@ class Parameter:
     bounds: tuple[float, float] = ANY
     default: float | None = None
     usual: tuple[float, float] = ANY
+    plausible: tuple[float, float] = ANY
     relative_step: float = 0.0
     fitted: bool = True
     longer_stop: int = 0

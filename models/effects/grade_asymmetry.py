@@ -31,7 +31,7 @@ EFFECT = EffectLaw(
     missing="another slope coefficient uphill",
     enters=Enters.GROUND,
     law=force_term,
-    parameters={"k": Parameter(unit="1/rad", step=0.01)},
+    parameters={"k": Parameter(unit="1/rad", plausible=(-5.0, 5.0), step=0.01)},
     axis="grade",
     experiment="stop uphill as well as downhill",
     search=Search(

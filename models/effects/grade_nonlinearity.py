@@ -28,7 +28,7 @@ EFFECT = EffectLaw(
     missing="slope dependence bends away",
     enters=Enters.GROUND,
     law=force_term,
-    parameters={"k": Parameter(unit="1/rad²", step=0.01)},
+    parameters={"k": Parameter(unit="1/rad²", plausible=(-20.0, 20.0), step=0.01)},
     axis="grade",
     experiment="stop on steeper ground, up and down",
     search=Search(

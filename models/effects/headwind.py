@@ -63,9 +63,11 @@ EFFECT = EffectLaw(
     enters=Enters.MOTION,
     law=deceleration,
     parameters={
-        "c": Parameter(unit="1/m", bounds=POSITIVE, step=0.01),
-        "wind": Parameter(unit="m/s", bounds=ANY, step=1.0, usual=(0.0, 20.0)),
-        "direction": Parameter(unit="rad", bounds=ANY, step=0.2),
+        "c": Parameter(unit="1/m", plausible=(0.0, 0.5), bounds=POSITIVE, step=0.01),
+        "wind": Parameter(
+            unit="m/s", plausible=(-60.0, 60.0), bounds=ANY, step=1.0, usual=(0.0, 20.0)
+        ),
+        "direction": Parameter(unit="rad", plausible=(-7.0, 7.0), bounds=ANY, step=0.2),
     },
     depends_on=frozenset(("yaw",)),
     axis="heading",

@@ -30,7 +30,7 @@ EFFECT = EffectLaw(
     missing="slow change with time",
     enters=Enters.GROUND,
     law=force_term,
-    parameters={"k": Parameter(unit="1/s", step=1e-5)},
+    parameters={"k": Parameter(unit="1/s", plausible=(-0.01, 0.01), step=1e-5)},
     depends_on=frozenset(("session_time",)),
     axis="time",
     experiment="repeat these stops much later in the session",

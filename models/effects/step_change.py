@@ -41,8 +41,10 @@ EFFECT = EffectLaw(
     enters=Enters.LASTING,
     law=changed_force,
     parameters={
-        "scale": Parameter(unit="1", bounds=POSITIVE, default=1.0, step=0.02),
-        "delta": Parameter(unit="1", default=0.0, step=0.01),
+        "scale": Parameter(
+            unit="1", plausible=(0.05, 5.0), bounds=POSITIVE, default=1.0, step=0.02
+        ),
+        "delta": Parameter(unit="1", plausible=(-1.5, 1.5), default=0.0, step=0.01),
         "run": Parameter(unit="1", bounds=POSITIVE, default=0.0, step=1.0, fitted=False),
     },
     axis="run",

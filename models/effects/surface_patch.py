@@ -84,7 +84,7 @@ EFFECT = EffectLaw(
     enters=Enters.GROUND,
     law=force_term,
     parameters={
-        "delta": Parameter(unit="1", step=0.01),
+        "delta": Parameter(unit="1", plausible=(-1.5, 1.5), step=0.01),
         "x": Parameter(unit="m", step=0.5),
         "y": Parameter(unit="m", step=0.5),
         "radius": Parameter(unit="m", bounds=POSITIVE, step=0.5),

@@ -37,7 +37,14 @@ EFFECT = EffectLaw(
     enters=Enters.MOTION,
     law=deceleration,
     parameters={
-        "k": Parameter(unit="s/rad", bounds=POSITIVE, step=0.01, longer_stop=-1, lighter_rear=1)
+        "k": Parameter(
+            unit="s/rad",
+            plausible=(0.0, 2.0),
+            bounds=POSITIVE,
+            step=0.01,
+            longer_stop=-1,
+            lighter_rear=1,
+        )
     },
     depends_on=frozenset(("turning",)),
     axis="yaw_rate",

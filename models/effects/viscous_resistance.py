@@ -33,7 +33,14 @@ EFFECT = EffectLaw(
     enters=Enters.MOTION,
     law=deceleration,
     parameters={
-        "c": Parameter(unit="s/m", bounds=POSITIVE, step=0.01, longer_stop=-1, lighter_rear=1)
+        "c": Parameter(
+            unit="s/m",
+            plausible=(0.0, 0.5),
+            bounds=POSITIVE,
+            step=0.01,
+            longer_stop=-1,
+            lighter_rear=1,
+        )
     },
     axis="speed",
     experiment="coast from the highest speed",

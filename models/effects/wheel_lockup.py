@@ -29,7 +29,14 @@ EFFECT = EffectLaw(
     enters=Enters.CAP,
     law=friction_cap,
     parameters={
-        "mu": Parameter(unit="1", bounds=POSITIVE, step=0.05, longer_stop=-1, lighter_rear=1)
+        "mu": Parameter(
+            unit="1",
+            plausible=(0.02, 2.0),
+            bounds=POSITIVE,
+            step=0.05,
+            longer_stop=-1,
+            lighter_rear=1,
+        )
     },
     axis="grade",
     experiment="stop with less brake: locked wheels give the same force",

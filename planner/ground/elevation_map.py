@@ -28,6 +28,7 @@ class ElevationMap:
         terrain_class: (rows, cols) index into ``class_names``, or None where nobody classified.
         class_names: name of each class; index 0 is the base surface.
         height_std: error of the heights of cells against each other [m], one for all.
+        assumed: assumptions made of its source, in sentences.
     """
 
     elevation: Floats
@@ -36,6 +37,7 @@ class ElevationMap:
     terrain_class: Ints | None = None
     class_names: tuple[str, ...] = field(default=("",))
     height_std: float = 0.0
+    assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         elevation = np.array(self.elevation, dtype=np.float64, order="C")

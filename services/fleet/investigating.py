@@ -18,6 +18,7 @@ from services.fleet import finding
 from services.fleet.finding import FAILED, REFUSED, Row
 from services.io import findings_file
 from services.io.logs.log_source import grade_by_map, read_logs
+from services.io.maps.no_data import NoData
 from services.io.model_file import model_from_dict
 
 _BROKEN = (ArithmeticError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
@@ -32,7 +33,7 @@ class VehicleTask:
         vehicle: its name. logs: its drive logs. model: tables of its model file.
         model_file, begun: shown on its page. source: written into effects that are found.
         key: of all that the answer depends on. folder: that all workers write to.
-        map_file, topics, settings: as `slopewise discrepancy` has them. page: draw one.
+        map_file, topics, settings, nodata: as `slopewise discrepancy` has them. page: draw one.
     """
 
     vehicle: str
@@ -47,6 +48,7 @@ class VehicleTask:
     topics: Path | None = None
     settings: DiscrepancySettings | None = None
     page: bool = True
+    nodata: NoData = None
 
     @property
     def own_folder(self) -> Path:
@@ -107,7 +109,7 @@ def _without(task: VehicleTask, status: str, reason: str) -> Row:
 def _looked_at(task: VehicleTask) -> Row:
     model = model_from_dict(task.model, "model")
     log = read_logs(task.logs, task.topics)
-    ground = grade_by_map(log, task.map_file, model.vehicle)
+    ground = grade_by_map(log, task.map_file, model.vehicle, task.nodata)
     findings, evidence = investigate_with_evidence(
         log.columns, log.runs, model, ground=ground, settings=task.settings, source=task.source
     )

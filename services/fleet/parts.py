@@ -22,13 +22,14 @@ from planner.path import CandidatePath
 from planner.settings import PlannerSettings
 from services.io.access import check_file
 from services.io.maps.grid import Around
+from services.io.maps.no_data import NoData
 from services.io.path_file import check_paths_on_map, read_paths
 
 PART = 500
 """Candidates of a part: a few seconds of work, some megabytes of results."""
 
 _ENDS = 1 << 16  # bytes at either end of a map that are looked at
-_FORMAT = 1  # of the results; another one is planned anew
+_FORMAT = 2  # of the results; another one is planned anew
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +39,8 @@ class FleetQuestion:
     Attributes:
         map_file: GeoTIFF, under the name by which the workers see it.
         model: tables of a model file.
-        settings: of the planner. start_speed [m/s], clear [m], uncertainty: as `slopewise plan`
-            has them.
+        settings: of the planner. start_speed [m/s], clear [m], uncertainty, nodata: as `slopewise
+            plan` has them.
     """
 
     map_file: str
@@ -48,6 +49,7 @@ class FleetQuestion:
     start_speed: float
     clear: float
     uncertainty: Uncertainty | None = None
+    nodata: NoData = None
 
     def digest(self) -> str:
         """Of all but the paths, and of the version that answers."""
@@ -55,6 +57,7 @@ class FleetQuestion:
             _FORMAT, version("slopewise"), PART, map_digest(Path(self.map_file)),
             json.dumps(self.model, sort_keys=True), repr(self.settings),
             repr(float(self.start_speed)), repr(float(self.clear)), repr(self.uncertainty),
+            repr(self.nodata),
         ]  # fmt: skip
         return hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
 

@@ -41,7 +41,7 @@ def plan_part(task: PlanTask) -> int:
     model = model_from_dict(question.model, "model")
     planner = CandidatePlanner(model, question.settings, question.uncertainty)
     answers: dict[int, SpeedPlan | Refused] = {}
-    with opened(Path(question.map_file)) as ground:
+    with opened(Path(question.map_file), question.nodata) as ground:
         margin = footprint_margin(model.vehicle, ground.info)
         for window in windows(part.paths, ground.info, margin):
             members = [part.paths[i] for i in window.members]

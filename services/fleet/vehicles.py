@@ -18,6 +18,7 @@ from models.errors import ParameterError
 from models.stop_logs.measured_log import is_mapped
 from services.io.access import fault
 from services.io.logs.log_source import grade_by_map, read_logs, refuse_wrong_units
+from services.io.maps.no_data import NoData
 from services.io.model_file import model_from_dict
 
 
@@ -50,6 +51,7 @@ class LogTask:
     logs: tuple[Path, ...]
     model: dict[str, Any]
     map_file: Path | None
+    nodata: NoData = None
 
 
 def measure_vehicle(task: LogTask) -> VehicleStops:
@@ -61,7 +63,7 @@ def measure_vehicle(task: LogTask) -> VehicleStops:
     model = model_from_dict(task.model, "model")
     log = read_logs(task.logs)
     refuse_wrong_units(log)
-    ground = grade_by_map(log, task.map_file, model.vehicle)
+    ground = grade_by_map(log, task.map_file, model.vehicle, task.nodata)
     try:
         measured = measure_log(log.columns, log.runs, model.braking, ground=ground, fewest=FEWEST)
     except ParameterError as error:

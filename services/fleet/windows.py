@@ -19,7 +19,7 @@ from planner.path import CandidatePath
 from services.io.maps import geotiff_file
 from services.io.maps.geotiff_file import GeotiffWindows
 from services.io.maps.grid import Around, MapInfo
-from services.io.maps.map_file import known_heights
+from services.io.maps.no_data import NoData
 
 SHARED_CELLS = 1_000_000
 """Cells up to which paths share a window: 8 MB of heights."""
@@ -40,7 +40,7 @@ class MapWindow:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[GeotiffWindows]:
+def opened(path: Path, nodata: NoData = None) -> Iterator[GeotiffWindows]:
     """A map to read windows of, with a small cache of tiles.
 
     Raises:
@@ -48,7 +48,7 @@ def opened(path: Path) -> Iterator[GeotiffWindows]:
     """
     import rasterio
 
-    with rasterio.Env(GDAL_CACHEMAX=_BLOCK_CACHE), geotiff_file.opened(path) as ground:
+    with rasterio.Env(GDAL_CACHEMAX=_BLOCK_CACHE), geotiff_file.opened(path, nodata) as ground:
         yield ground
 
 
@@ -80,7 +80,7 @@ def windows(paths: Sequence[CandidatePath], info: MapInfo, margin: float) -> lis
 def ground_in(ground: GeotiffWindows, cells: tuple[slice, slice]) -> ElevationMap:
     """The ground of a window, unknown cells and all."""
     part = ground.info.part(*cells)
-    heights = known_heights(ground.read(*cells))
+    heights = ground.read(*cells)
     if not np.isfinite(heights).any():
         heights = _with_a_known_cell(heights)
     return ElevationMap(

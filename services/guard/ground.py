@@ -10,9 +10,9 @@ import numpy as np
 from models.arrays import Bools, Floats, Ints
 from models.errors import InputError, ParameterError
 from services.io.maps import npz_map_file
+from services.io.maps.no_data import known_heights
 from services.wire.messages import MapUpdate
 
-_HIGHEST = 1e5
 _OFF_GRID = 1e-3
 
 
@@ -87,7 +87,8 @@ def ground_of(update: MapUpdate, known: GuardGround | None) -> GuardGround:
     heights = update.elevation
     if heights.ndim != 2 or min(heights.shape) < 2:
         raise ParameterError("elevation", f"at least 2 x 2 cells, got shape {heights.shape}")
-    heights = np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
+    around = [known.elevation] if update.patch and known is not None else []
+    heights, _ = known_heights(heights, None, around)
     classes = None if update.terrain_class is None else _classes_of(update)
     if not update.patch:
         names = tuple(update.class_names or ("",))

@@ -17,6 +17,7 @@ from models.arrays import Floats
 from models.effects import registry
 from models.errors import InputError, ParameterError
 from models.parameters import Effect
+from models.plausibility import check_plausible
 
 SPREAD = 2.0
 """Standard deviations by which force and dead time may be worse from stop to stop."""
@@ -145,9 +146,12 @@ class _ModelReader:
                 words = f'expected "" for the base or another surface of the file, got {of!r}'
                 raise self._fault(f"braking.terrain.{name}.state_of", words)
         rolls_on = min(held, resistance)
+        surfaces = {
+            name: self._surface(table, name, rolls_on, effects) for name, table in tables.items()
+        }
+        self._check_plausible(data)
         return GuardModel(
-            {name: self._surface(table, name, rolls_on, effects) for name, table in tables.items()},
-            effects, registry.motion(effects), registry.force_scale(effects), resistance,
+            surfaces, effects, registry.motion(effects), registry.force_scale(effects), resistance,
             sizes["wheelbase"], sizes["track_width"], sizes["cg_x"], sizes["cg_z"],
             half + self._number(vehicle, "vehicle", "front_overhang", radius, least=0.0),
             half + self._number(vehicle, "vehicle", "rear_overhang", radius, least=0.0),
@@ -156,6 +160,14 @@ class _ModelReader:
             sizes["max_wheel_speed"], most["speed"], most["accel"], most["decel"],
             most["lateral_accel"], most["min_load"],
         )  # fmt: skip
+
+    def _check_plausible(self, data: Mapping[str, Any]) -> None:
+        try:
+            check_plausible(data)
+        except ParameterError as error:
+            raise self._fault(error.field, f"expected {error.expected}") from None
+        except (KeyError, TypeError, ValueError) as error:
+            raise self._fault("", f"expected numbers of a model file: {error}") from None
 
     def _surface(
         self, table: Mapping[str, Any], name: str, rolls_on: float, effects: tuple[Effect, ...]

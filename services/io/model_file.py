@@ -13,6 +13,7 @@ import numpy as np
 from models.effects import registry
 from models.errors import ParameterError
 from models.parameters import Model
+from models.plausibility import check_plausible
 from models.vehicle import Vehicle
 from services.io.access import fault, write_atomic
 from services.io.decode import decode_table, dotted
@@ -32,7 +33,12 @@ def read_model(path: Path) -> Model:
 
 
 def write_model(model: Model, path: Path) -> None:
-    """Write a model, all or nothing; :func:`read_model` gives the same model again."""
+    """Write a model, all or nothing; :func:`read_model` gives the same model again.
+
+    Raises:
+        InputError: it has numbers that no vehicle has, so that it would not be read again.
+    """
+    _check_plausible(model_to_dict(model), str(path))
     write_atomic(path, _written(model))
 
 
@@ -66,7 +72,16 @@ def model_from_dict(data: object, source: str) -> Model:
         except ParameterError as error:
             field = f"effect[{index}].{error.field}"
             raise fault(source, field, f"expected {error.expected}") from None
+    assert isinstance(data, Mapping)
+    _check_plausible(data, source)
     return model
+
+
+def _check_plausible(tables: Mapping[str, Any], source: str) -> None:
+    try:
+        check_plausible(tables)
+    except ParameterError as error:
+        raise fault(source, error.field, f"expected {error.expected}") from None
 
 
 def _check_surfaces(model: Model, source: str) -> None:

@@ -15,15 +15,12 @@ import numpy as np
 from models.arrays import Floats
 from models.errors import InputError, ParameterError
 from planner.ground.elevation_map import ElevationMap
-from services.io.maps import height_error
+from services.io.maps import height_error, no_data
 from services.io.maps.grid import check_physical
 from services.wire.counting import Count, MessageOrder
 from services.wire.messages import MapUpdate
 from services.wire.notices import Notices
 from services.wire.sender_clock import SenderClock
-
-_HIGHEST = 1e5
-"""Beyond that a height is a marker for missing data that nobody declared [m]."""
 
 _OFF_GRID = 1e-3
 """Cells of a patch lie on those of the map, within this share of a cell."""
@@ -93,6 +90,7 @@ class MapStore:
                 elevation_map, 1, time.monotonic(), notices=self._notices, id=name,
                 digest=_digest(elevation_map),
             )  # fmt: skip
+            self._say_assumed(elevation_map)
 
     def take(self, update: MapUpdate, source: str, arrived: float | None = None) -> bool:
         """Take up an update; False if it is one that was seen already, or older.
@@ -139,6 +137,7 @@ class MapStore:
                 _digest(update if update.patch else elevation_map, before),
             )
             one.count.take(update.sequence, content)
+            self._say_assumed(elevation_map)
             if order is not MessageOrder.NEW:
                 self.restarts += 1
                 self._notices.take_back(backwards)
@@ -166,6 +165,10 @@ class MapStore:
             self._notices.say(f"the clock of {name} was set")
         return one.clock.delay(lead)
 
+    def _say_assumed(self, elevation_map: ElevationMap) -> None:
+        for assumption in elevation_map.assumed:
+            self._notices.say(f"map: {assumption}")
+
     def lose(self) -> None:
         """Say that an update could not be read: what is known may be out of date."""
         with self._lock:
@@ -179,7 +182,7 @@ class MapStore:
         if abs(update.resolution - known.resolution) > 1e-6 * known.resolution:
             words = f"{known.resolution:g} m as the whole map, got {update.resolution:g}"
             raise ParameterError("resolution", words)
-        heights = _heights(update)
+        heights, assumed = _heights(update, known.elevation)
         offset = (np.array(update.origin) - known.origin) / known.resolution
         if not np.all(np.abs(offset - np.round(offset)) <= _OFF_GRID):
             raise ParameterError("origin", f"a cell of the whole map, got {update.origin}")
@@ -198,7 +201,9 @@ class MapStore:
             classes = np.zeros(elevation.shape, np.int64) if classes is None else classes.copy()
             classes[cells] = _classes(update)
         std = max(known.height_std, update.height_std or 0.0)
-        return replace(known, elevation=elevation, terrain_class=classes, height_std=std)
+        return replace(
+            known, elevation=elevation, terrain_class=classes, height_std=std, assumed=assumed
+        )
 
 
 def _id_of(update: MapUpdate) -> str:
@@ -227,22 +232,26 @@ def _digest(cells: ElevationMap | MapUpdate, before: str = "") -> str:
 def _whole(update: MapUpdate) -> ElevationMap:
     classes = None if update.terrain_class is None else _classes(update)
     std = update.height_std
+    heights, assumed = _heights(update)
     return ElevationMap(
-        elevation=_heights(update),
+        elevation=heights,
         resolution=update.resolution,
         origin=update.origin,
         terrain_class=classes,
         class_names=tuple(update.class_names or ("",)),
         height_std=height_error.assumed(update.resolution) if std is None else std,
+        assumed=assumed,
     )
 
 
-def _heights(update: MapUpdate) -> Floats:
+def _heights(update: MapUpdate, *around: Floats) -> tuple[Floats, tuple[str, ...]]:
+    """Heights, NaN where unknown, and assumptions made of them; `around`: the map they change."""
     heights = update.elevation
     if heights.ndim != 2 or heights.size == 0:
         raise ParameterError("elevation", f"cells (rows, columns), got shape {heights.shape}")
     check_physical(update.resolution, update.origin, heights.shape)
-    return np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
+    known, markers = no_data.known_heights(heights, None, around)
+    return known, no_data.describe(markers, remedy="")
 
 
 def _classes(update: MapUpdate) -> np.ndarray:

@@ -87,6 +87,7 @@ class Edge:
         )  # fmt: skip
         self._map_client = PlanClient(service_session, namespace=asked.namespace)
         self._source, self._maps = f"ros-{uuid4().hex[:12]}", 0
+        self._assumed: tuple[str, ...] = ()
         self._frame = settings.ros.frame
         self._offered: dict[str, _Offered] = {}
         self._outcome: ClientAnswer | None = None
@@ -276,6 +277,11 @@ class Edge:
         ground = elevation_map_of(message, self.settings.topics.layer)
         self._frame = self._frame or frame
         self._maps += 1
+        if ground.assumed != self._assumed:
+            self._assumed = ground.assumed
+            _log.warning(
+                "%s: %s", self._map, " ".join(ground.assumed) or "no undeclared no-data now"
+            )
         self._map_client.put_map(
             MapUpdate(
                 source=self._source,

@@ -31,6 +31,7 @@ from services.cli.arguments.options import (
     MarginEnough,
     MarginWeight,
     ModelFile,
+    NoDataValue,
     PathFile,
     PracticalLength,
     PracticalShare,
@@ -72,6 +73,7 @@ class PlanOptions:
     margin_weight: MarginWeight = None
     margin_enough: MarginEnough = None
     topics: Topics = None
+    nodata: NoDataValue = None
     out: Annotated[
         Path | None,
         typer.Option(
@@ -102,6 +104,7 @@ def plan(options: PlanOptions) -> None:
     """
     from services.cli.commands import plan as command
     from services.cli.commands import plan_view as view
+    from services.io.maps.no_data import nodata_of
 
     settings = command.settings_of(
         options.smooth,
@@ -121,6 +124,7 @@ def plan(options: PlanOptions) -> None:
         command.uncertainty_at(options.quantile),
         options.explain,
         options.topics,
+        nodata_of(options.nodata),
     )
     command.check_out(options.out)
     result = command.run(job, quiet=options.as_json)
@@ -153,6 +157,7 @@ class CheckOptions:
     clear: ClearDistance = None
     quantile: Quantile = 0.999
     topics: Topics = None
+    nodata: NoDataValue = None
     as_json: AsJson = False
 
 
@@ -169,11 +174,12 @@ def check(options: CheckOptions) -> None:
     """
     from services.cli.commands import check as command
     from services.cli.commands import check_view as view
+    from services.io.maps.no_data import nodata_of
 
     clear = math.inf if options.clear is None else options.clear
     job = command.CheckJob(
         options.plan_file, options.map_file, options.model, clear, options.topics,
-        options.quantile,
+        options.quantile, nodata_of(options.nodata),
     )  # fmt: skip
     result = command.run(job, quiet=options.as_json)
     say(options.as_json, view, result)
@@ -197,6 +203,7 @@ class CalibrateOptions:
     report: Report = None
     sheet: Sheet = None
     map_file: GroundMap = None
+    nodata: NoDataValue = None
     topics: Topics = None
     columns: Columns = ""
     coverage: Coverage = 0.999
@@ -253,6 +260,7 @@ def coverage(
     logs: LogFiles,
     model: ModelFile,
     map_file: GroundMap = None,
+    nodata: NoDataValue = None,
     topics: Topics = None,
     columns: Columns = "",
     quantile: Quantile = 0.999,
@@ -268,7 +276,7 @@ def coverage(
     """
     from services.cli.commands import coverage as command
 
-    job = command.CoverageJob(logs, model, map_file, topics, quantile, columns)
+    job = command.CoverageJob(logs, model, map_file, topics, quantile, columns, nodata)
     result = command.run(job, quiet=as_json)
     say(as_json, command, result)
     if not result.covers:
@@ -377,6 +385,7 @@ def discrepancy(
         typer.Option(metavar="DIR", help="Folder for discrepancy.json, model.toml, report.html."),
     ],
     map_file: GroundMap = None,
+    nodata: NoDataValue = None,
     topics: Topics = None,
     columns: Columns = "",
     false_alarm: FalseAlarm = 0.005,
@@ -407,7 +416,7 @@ def discrepancy(
         false_alarm=false_alarm, practical_share=practical_share,
         practical_length=practical_length, seed=seed,
     )  # fmt: skip
-    job = command.DiscrepancyJob(logs, model, map_file, topics, settings, columns)
+    job = command.DiscrepancyJob(logs, model, map_file, topics, settings, columns, nodata)
     result = command.run(job, quiet=as_json)
     written = command.write(result, job, out)
     say(as_json, command, result, *written)

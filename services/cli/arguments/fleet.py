@@ -18,6 +18,7 @@ from services.cli.arguments.options import (
     GroundMap,
     LogFiles,
     ModelFile,
+    NoDataValue,
     PracticalLength,
     PracticalShare,
     Quantile,
@@ -66,6 +67,7 @@ class FleetPlanOptions:
     clear: ClearDistance = None
     spacing: Spacing = None
     quantile: Quantile = 0.999
+    nodata: NoDataValue = None
     smooth: Smooth = True
     workers: FleetWorkers = None
     scheduler: Scheduler = ""
@@ -87,6 +89,7 @@ def fleet_plan(options: FleetPlanOptions) -> None:
 
     from services.cli.commands import fleet_plan as command
     from services.cli.commands import plan as one
+    from services.io.maps.no_data import nodata_of
 
     job = command.FleetPlanJob(
         options.map_file,
@@ -99,6 +102,7 @@ def fleet_plan(options: FleetPlanOptions) -> None:
         one.uncertainty_at(options.quantile),
         options.workers,
         options.scheduler,
+        nodata_of(options.nodata),
     )
     result = command.run(job, quiet=options.as_json)
     say(options.as_json, command, result, options.out)
@@ -115,6 +119,7 @@ class FleetCalibrateOptions:
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for a model file a vehicle.")]
     by_folder: ByFolder = False
     map_file: GroundMap = None
+    nodata: NoDataValue = None
     coverage: Coverage = 0.995
     workers: FleetWorkers = None
     scheduler: Scheduler = ""
@@ -154,6 +159,7 @@ class FleetDiscrepancyOptions:
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for what is found.")]
     by_folder: ByFolder = False
     map_file: GroundMap = None
+    nodata: NoDataValue = None
     topics: Topics = None
     false_alarm: FalseAlarm = 0.005
     practical_share: PracticalShare = 0.01
@@ -183,6 +189,7 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
     """
     from services.cli.commands import discrepancy as one
     from services.cli.commands import fleet_discrepancy as command
+    from services.io.maps.no_data import nodata_of
 
     job = command.FleetDiscrepancyJob(
         options.logs,
@@ -200,6 +207,7 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
         options.pages,
         options.workers,
         options.scheduler,
+        nodata_of(options.nodata),
     )
     result = command.run(job, quiet=options.as_json)
     say(options.as_json, command, result)

@@ -23,6 +23,15 @@ MapFile = Annotated[
         metavar="MAP", help="Elevation map: GeoTIFF in metres, .npz, or GridMap in a bag."
     ),
 ]
+NoDataValue = Annotated[
+    str | None,
+    typer.Option(
+        "--nodata",
+        metavar="VALUE",
+        help="Height of the map that marks unknown ground; none: all its heights are ground. "
+        "By default undeclared no-data values are detected and reported.",
+    ),
+]
 PathFile = Annotated[
     Path,
     typer.Argument(

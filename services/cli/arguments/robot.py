@@ -21,6 +21,7 @@ from services.cli.arguments.options import (
     JsonLine,
     LogFiles,
     Namespace,
+    NoDataValue,
     PathFile,
     StartSpeed,
     Timeout,
@@ -181,6 +182,7 @@ class QueryOptions:
     map_file: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="Elevation map to send before.")
     ] = None
+    nodata: NoDataValue = None
     timeout: Timeout = 2.0
     zenoh_file: ZenohFile = ""
     as_json: AsJson = False

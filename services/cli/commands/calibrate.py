@@ -30,6 +30,7 @@ from services.io.logs.drive_log import DriveLog
 from services.io.logs.log_source import grade_by_map, names_of, read_logs, refuse_wrong_units
 from services.io.logs.speed_unit import refuse_too_fast, refuse_unit
 from services.io.logs.unseen_channels import unseen_channels
+from services.io.maps.no_data import nodata_of
 from services.io.model_file import find_model, read_model, write_model
 from services.io.table import write_csv
 from services.report.brake_numbers import BrakeNumbers
@@ -79,7 +80,7 @@ def _learned(
 ) -> tuple[Calibration, Model]:  # fmt: skip
     refuse_wrong_units(log)
     refuse_too_fast(log, model)
-    ground = grade_by_map(log, job.map_file, model.vehicle)
+    ground = grade_by_map(log, job.map_file, model.vehicle, nodata_of(job.nodata))
     advance(1)
     learned = learn(
         log.columns, log.runs, model.braking, ground=ground, settings=settings, beside=model

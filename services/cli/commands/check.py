@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from services.cli.screen import progress_bar
 from services.io.bags.recording import is_bag
 from services.io.given_plan_file import read_given_plans
 from services.io.maps.grid import Around, footprint_margin
-from services.io.maps.map_file import map_info, read_map
+from services.io.maps.map_file import NoData, map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.path_file import check_paths_on_map
 
@@ -36,15 +36,17 @@ class CheckJob:
     clear: float = np.inf
     topics: Path | None = None
     quantile: float = QUANTILE
+    nodata: NoData = None
 
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """What was found of each plan, in the file's order."""
+    """What was found of each plan, in the file's order; notes: what is assumed of the map."""
 
     model: str
     reports: tuple[CheckReport, ...]
     seconds: float
+    notes: tuple[str, ...] = ()
 
     @property
     def valid(self) -> bool:
@@ -73,11 +75,12 @@ def run(job: CheckJob, *, quiet: bool = False) -> CheckResult:
         [_path_of(plan) for plan in plans], info.extent, str(job.plan_file), str(job.map_file)
     )
     around = _around(plans, footprint_margin(model.vehicle, info) + max(model.vehicle.shape[:3]))
-    ground = read_map(job.map_file, around=around, topics=job.topics)
-    return check_all(
+    ground = read_map(job.map_file, around=around, topics=job.topics, nodata=job.nodata)
+    result = check_all(
         plans, model, ground, job.clear, source=str(job.plan_file), quiet=quiet,
         quantile=job.quantile,
     )  # fmt: skip
+    return replace(result, notes=ground.assumed)
 
 
 def check_all(

@@ -22,6 +22,7 @@ def as_json(result: CheckResult) -> dict[str, Any]:
         "model": result.model,
         "valid": result.valid,
         "seconds": result.seconds,
+        "notes": list(result.notes),
         "violations": [_plain(violation) for violation in result.violations],
         "plans": [
             {
@@ -66,7 +67,8 @@ def show(result: CheckResult, console: Console, most: int = 30) -> None:
         console.print(_table(bad[:most]))
     if len(bad) > most:
         console.print(f"… and {len(bad) - most} more plans; --json gives all")
-    for note in dict.fromkeys(note for report in result.reports for note in report.notes):
+    of_plans = [note for report in result.reports for note in report.notes]
+    for note in dict.fromkeys([*result.notes, *of_plans]):
         console.print(Text(f"note: {note}"), style="dim")
 
 

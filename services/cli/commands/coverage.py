@@ -19,6 +19,7 @@ from services.cli.screen import progress_bar
 from services.io.access import fault
 from services.io.logs.log_source import grade_by_map, names_of, read_logs, refuse_wrong_units
 from services.io.logs.unseen_channels import unseen_channels
+from services.io.maps.no_data import nodata_of
 from services.io.model_file import find_model, read_model
 
 _PARTS = 4
@@ -35,6 +36,7 @@ class CoverageJob:
     topics: Path | None
     quantile: float
     columns: str = ""
+    nodata: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ def run(job: CoverageJob, *, quiet: bool = False) -> CoverageResult:
     with progress_bar("holding stops against the model", 2, quiet=quiet) as advance:
         log = read_logs(job.logs, job.topics, job.columns)
         refuse_wrong_units(log)
-        ground = grade_by_map(log, job.map_file, model.vehicle)
+        ground = grade_by_map(log, job.map_file, model.vehicle, nodata_of(job.nodata))
         advance(1)
         try:
             found = covered(log.columns, log.runs, model, ground=ground, quantile=job.quantile)

@@ -23,6 +23,7 @@ from services.io.access import fault
 from services.io.findings_file import PAGE, findings_as_json, source_of, write_findings
 from services.io.logs.drive_log import DriveLog
 from services.io.logs.log_source import grade_by_map, names_of, read_logs
+from services.io.maps.no_data import nodata_of
 from services.io.model_file import find_model, read_model
 
 
@@ -34,7 +35,7 @@ class DiscrepancyJob:
         logs: drive logs or ROS 2 bags. model_file: the model to hold against them.
         map_file: elevation map that the logs' x, y lie on, if there is one.
         topics: topic mapping of the bags. settings: how sure to be.
-        columns: of tables that have other names or units.
+        columns: of tables that have other names or units. nodata: value of `--nodata`.
     """
 
     logs: list[Path]
@@ -43,6 +44,7 @@ class DiscrepancyJob:
     topics: Path | None = None
     settings: DiscrepancySettings | None = None
     columns: str = ""
+    nodata: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
     model = read_model(find_model(job.model_file))
     with progress_bar("comparing", Stage.FINDINGS + 1, quiet=quiet) as advance:
         log = read_logs(job.logs, job.topics, job.columns)
-        ground = grade_by_map(log, job.map_file, model.vehicle)
+        ground = grade_by_map(log, job.map_file, model.vehicle, nodata_of(job.nodata))
         advance(1)
         try:
             findings, evidence = investigate_with_evidence(

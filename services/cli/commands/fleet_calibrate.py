@@ -22,6 +22,7 @@ from services.cli.screen import progress_bar
 from services.fleet.scheduler import Task, Workers, check_installed, each_done
 from services.fleet.vehicles import LogTask, measure_vehicle, vehicles_of
 from services.io.access import fault, reason
+from services.io.maps.no_data import nodata_of
 from services.io.model_file import find_model, model_to_dict, read_model, write_model
 
 _LISTED = 30
@@ -53,8 +54,12 @@ def run(job: FleetCalibrateOptions, *, quiet: bool = False) -> FleetCalibrateRes
     grouped = vehicles_of(job.logs, job.by_folder)
     _make(job.out)
     map_file = None if job.map_file is None else job.map_file.resolve()
+    nodata = nodata_of(job.nodata)
     tasks: list[Task[LogTask]] = [
-        (name, LogTask(name, tuple(p.resolve() for p in logs), model_to_dict(model), map_file))
+        (
+            name,
+            LogTask(name, tuple(p.resolve() for p in logs), model_to_dict(model), map_file, nodata),
+        )
         for name, logs in grouped.items()
     ]
     found: dict[str, VehicleStops] = {}

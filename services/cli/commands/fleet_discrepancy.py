@@ -29,6 +29,7 @@ from services.fleet.vehicles import vehicles_of
 from services.fleet.words import by_surprise, chance_words, counted, effect_words, left_out, numbers
 from services.io.access import check_file, fault, read_text, write_atomic
 from services.io.findings_file import FINDINGS, source_of
+from services.io.maps.no_data import NoData
 from services.io.model_file import find_model, model_to_dict, read_model
 
 LINES, PAGE = "findings.jsonl", "report.html"
@@ -48,7 +49,8 @@ class FleetDiscrepancyJob:
         by_folder: logs of a folder are of one vehicle; else each file is of its own.
         map_file: elevation map that the logs' x, y lie on, if there is one.
         topics: topic mapping of the bags. settings: how sure to be.
-        pages: draw a page for each vehicle and one for the fleet.
+        pages: draw a page for each vehicle and one for the fleet. nodata: height that marks
+            unknown ground [m], see `--nodata`.
     """
 
     logs: Sequence[Path]
@@ -61,6 +63,7 @@ class FleetDiscrepancyJob:
     pages: bool = True
     workers: int | None = None
     scheduler: str = ""
+    nodata: NoData = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +142,7 @@ def _question(job: FleetDiscrepancyJob) -> str:
     """Digest of all but logs and models: those may differ from vehicle to vehicle, and grow."""
     told = [
         _FORMAT, version("slopewise"), repr(job.settings or DiscrepancySettings()),
-        "" if job.map_file is None else map_digest(job.map_file),
+        "" if job.map_file is None else map_digest(job.map_file), repr(job.nodata),
         "" if job.topics is None else read_text(job.topics),
     ]  # fmt: skip
     return hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
@@ -170,6 +173,7 @@ def _tasks(
             None if job.topics is None else job.topics.resolve(),
             job.settings,
             job.pages,
+            job.nodata,
         )
 
 

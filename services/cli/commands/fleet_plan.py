@@ -23,6 +23,7 @@ from services.fleet.scheduler import Task, Workers, check_installed, each_done
 from services.fleet.windows import opened
 from services.io.access import fault
 from services.io.maps.grid import MapInfo
+from services.io.maps.no_data import NoData
 from services.io.model_file import find_model, model_to_dict, read_model
 
 
@@ -40,6 +41,7 @@ class FleetPlanJob:
     uncertainty: Uncertainty | None = field(default_factory=Uncertainty)
     workers: int | None = None
     scheduler: str = ""
+    nodata: NoData = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,7 @@ class FleetPlanResult:
         model: its name. planned: candidates of this run. resumed: those that were there already.
         statuses: number of candidates by status. driven: those that may be driven.
         strays: parts in the folder that are of other paths. seconds: it took.
+        notes: assumptions made of the map.
     """
 
     model: str
@@ -59,6 +62,7 @@ class FleetPlanResult:
     driven: int
     strays: int
     seconds: float
+    notes: tuple[str, ...] = ()
 
     @property
     def admissible(self) -> bool:
@@ -78,11 +82,11 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
     check_installed()
     _check_numbers(job)
     model = read_model(find_model(job.model_file))
-    with opened(job.map_file) as ground:
-        info = ground.info
+    with opened(job.map_file, job.nodata) as ground:
+        info, notes = ground.info, ground.assumed
     question = FleetQuestion(
         str(job.map_file.resolve()), model_to_dict(model), job.settings, job.start_speed, job.clear,
-        job.uncertainty,
+        job.uncertainty, job.nodata,
     )  # fmt: skip
     digest = question.digest()
     _check_names(job.path_files)
@@ -105,7 +109,7 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
     there = len(list((job.out / results.CANDIDATES).glob("*.parquet")))
     return FleetPlanResult(
         model.name, candidates - resumed, resumed, dict(sorted(statuses.items())), driven,
-        there - len(names), time.perf_counter() - begin,
+        there - len(names), time.perf_counter() - begin, notes,
     )  # fmt: skip
 
 
@@ -154,6 +158,7 @@ def as_json(result: FleetPlanResult) -> dict[str, Any]:
         "statuses": result.statuses,
         "strays": result.strays,
         "seconds": result.seconds,
+        "notes": list(result.notes),
     }
 
 
@@ -168,5 +173,7 @@ def show(result: FleetPlanResult, console: Console) -> None:
         console.print(
             f"note: {result.strays} parts in the folder are of other paths", style="yellow"
         )
+    for note in result.notes:
+        console.print(f"note: {note}", style="yellow")
     rate = result.planned / result.seconds
     console.print(f"{result.seconds:.1f} s, {rate:.0f} planned candidates a second")

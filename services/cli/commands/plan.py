@@ -28,7 +28,7 @@ from services.cli.screen import progress_bar
 from services.io.bags.recording import is_bag
 from services.io.given_plan_file import read_given_plans
 from services.io.maps.grid import footprint_margin
-from services.io.maps.map_file import assumptions, frame_of, map_info, read_map
+from services.io.maps.map_file import NoData, frame_of, map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.path_file import check_paths_on_map, read_paths
 from services.io.plan_file import driven, write_plan_csv
@@ -54,6 +54,7 @@ class PlanJob:
     uncertainty: Uncertainty | None = field(default_factory=Uncertainty)
     explain: bool = False
     topics: Path | None = None
+    nodata: NoData = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +76,14 @@ class PlanResult:
     uncertainty: Uncertainty | None = None
     explanation: Explanation | None = None
     check: CheckResult | None = None
-    assumed: tuple[str, ...] = ()
     made_from: MadeFrom | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is assumed of the map, what it cannot show, and sizes that are assumed."""
-        return *self.assumed, *notes(self.model.vehicle, self.elevation_map.resolution)
+        return *self.elevation_map.assumed, *notes(
+            self.model.vehicle, self.elevation_map.resolution
+        )
 
     @property
     def admissible(self) -> bool:
@@ -102,10 +104,11 @@ def run(job: PlanJob, *, quiet: bool = False) -> PlanResult:
     info = map_info(job.map_file, topics)
     check_paths_on_map(paths, info.extent, str(job.path_file), str(job.map_file))
     margin = footprint_margin(model.vehicle, info)
-    elevation_map = read_map(job.map_file, around=_around(paths, margin), topics=topics)
+    elevation_map = read_map(
+        job.map_file, around=_around(paths, margin), topics=topics, nodata=job.nodata
+    )
     result = plan_on(elevation_map, paths, model, job, source=str(job.path_file), quiet=quiet)
-    made_from = MadeFrom(job.map_file, model_file)
-    return dataclasses.replace(result, assumed=assumptions(job.map_file), made_from=made_from)
+    return dataclasses.replace(result, made_from=MadeFrom(job.map_file, model_file))
 
 
 def plan_on(

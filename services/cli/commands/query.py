@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from pathlib import Path
@@ -17,11 +18,13 @@ from planner.path import CandidatePath
 from services.cli.arguments.robot import QueryOptions
 from services.client import ClientAnswer, PlanClient
 from services.io.maps.map_file import read_map
+from services.io.maps.no_data import NoData, nodata_of
 from services.io.path_file import read_paths
 from services.wire import messages
 from services.wire.connect import client_session
 from services.wire.messages import MapUpdate
 
+_log = logging.getLogger("slopewise")
 _PAUSE = 0.01
 
 
@@ -32,7 +35,8 @@ def run(job: QueryOptions) -> ClientAnswer:
         InputError: a file or option cannot be used, or nobody is there.
     """
     paths = [_message(path) for path in read_paths(job.path_file)]
-    update = None if job.map_file is None else _update(job.map_file)
+    nodata = nodata_of(job.nodata)
+    update = None if job.map_file is None else _update(job.map_file, nodata)
     with client_session(job.connect, job.zenoh_file) as session:
         try:
             client = PlanClient(session, namespace=job.namespace, timeout=job.timeout)
@@ -74,8 +78,10 @@ def _map_version(client: PlanClient) -> int:
     return 0 if reply is None else reply.map_version
 
 
-def _update(file: Path) -> MapUpdate:
-    ground = read_map(file)
+def _update(file: Path, nodata: NoData) -> MapUpdate:
+    ground = read_map(file, nodata=nodata)
+    for assumption in ground.assumed:
+        _log.warning("%s: %s", file, assumption)
     return MapUpdate(
         source=f"query-{os.getpid()}-{time.time_ns()}", sequence=1, elevation=ground.elevation,
         resolution=ground.resolution, origin=ground.origin, terrain_class=ground.terrain_class,

@@ -12,6 +12,7 @@ from services.io.access import fault
 from services.io.bags.recording import is_bag
 from services.io.logs.column_names import OPTION, parse_names
 from services.io.logs.drive_log import DriveLog, read_drive_log
+from services.io.maps.no_data import NoData
 
 _NEEDED = ("v", "v_cmd", "pitch")
 _FEW = 0.25
@@ -47,13 +48,15 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
     return read_bags(bags, topics)
 
 
-def grade_by_map(log: DriveLog, map_file: Path | None, vehicle: Vehicle) -> Floats | None:
+def grade_by_map(
+    log: DriveLog, map_file: Path | None, vehicle: Vehicle, nodata: NoData = None
+) -> Floats | None:
     """As :func:`services.io.logs.track_grade.ground_grade`; None where there is no map."""
     if map_file is None:
         return None
     from services.io.logs.track_grade import ground_grade
 
-    return ground_grade(log, map_file, vehicle)
+    return ground_grade(log, map_file, vehicle, nodata)
 
 
 def names_of(logs: Sequence[Path]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -14,18 +15,19 @@ from planner.ground.terrain_profile import terrain_profile
 from services.io.access import fault
 from services.io.logs.drive_log import DriveLog
 from services.io.maps.grid import footprint_margin
-from services.io.maps.map_file import map_info, read_map
+from services.io.maps.map_file import NoData, map_info, read_map
 
+_log = logging.getLogger("slopewise")
 _SPACING = 0.3  # [m] positions nearer than that are mostly noise
 _FEWEST = 3
 
 
-def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle) -> Floats:
+def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData = None) -> Floats:
     """(samples,) grade under the wheels [rad], NaN off the known map.
 
     Args:
         log: with x, y in map coordinates; the vehicle drives forward.
-        map_file: elevation map. vehicle: footprint.
+        map_file: elevation map. vehicle: footprint. nodata: as `read_map` takes it.
 
     Raises:
         InputError: the log has no positions, or none of them is on the map.
@@ -42,7 +44,9 @@ def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle) -> Floats:
         float(x[placed].min()) - margin, float(x[placed].max()) + margin,
         float(y[placed].min()) - margin, float(y[placed].max()) + margin,
     )  # fmt: skip
-    elevation_map = read_map(map_file, around=around)
+    elevation_map = read_map(map_file, around=around, nodata=nodata)
+    for assumption in elevation_map.assumed:
+        _log.warning("%s: %s", map_file, assumption)
     grade = np.full(len(x), np.nan)
     for run in log.runs:
         here = np.flatnonzero(placed[run]) + run.start

@@ -16,35 +16,41 @@ from services.io.bags.recording import Bag, Recorded, opened, state_of
 from services.io.bags.ros_types import GRID_MAP, PATH
 from services.io.bags.topics import MapSource, read_sources
 from services.io.maps.grid_map_message import elevation_map_of
+from services.io.maps.no_data import NoData
 
 _MOST_PATHS = 100_000
 
 
-def read_bag_map(path: Path, topics: Path | None = None) -> ElevationMap:
+def read_bag_map(path: Path, topics: Path | None = None, nodata: NoData = None) -> ElevationMap:
     """The last elevation map of a recording, or the one that a mapping names.
 
     Args:
         path: folder of a recording, or a file of one.
         topics: mapping; table ``map``. Without one, the only topic of grid maps is taken.
+        nodata: what the user says of markers of missing data.
 
     Raises:
         InputError: names the recording, the topic and the field.
     """
-    return map_and_frame(path, topics)[0]
+    return map_and_frame(path, topics, nodata)[0]
 
 
-def map_and_frame(path: Path, topics: Path | None) -> tuple[ElevationMap, str]:
+def map_and_frame(
+    path: Path, topics: Path | None, nodata: NoData = None
+) -> tuple[ElevationMap, str]:
     """The map, and the frame that it is in; decoded once as long as the recording is the same.
 
     Raises:
         InputError: names the recording, the topic and the field.
     """
     source, _ = read_sources(topics)
-    return _decoded(path, source, state_of(path))
+    return _decoded(path, source, nodata, state_of(path))
 
 
-@lru_cache(maxsize=1)
-def _decoded(path: Path, source: MapSource, state: object) -> tuple[ElevationMap, str]:
+@lru_cache(maxsize=2)
+def _decoded(
+    path: Path, source: MapSource, nodata: NoData, state: object
+) -> tuple[ElevationMap, str]:
     with opened(path) as bag:
         topic = source.topic or _only_topic(bag)
         recorded = bag.messages_of([topic], GRID_MAP, last=source.message == -1)
@@ -54,7 +60,7 @@ def _decoded(path: Path, source: MapSource, state: object) -> tuple[ElevationMap
         words = f"expected message {source.message} of {len(recorded)}"
         raise fault(path, f"topic {topic}", words) from None
     try:
-        ground = elevation_map_of(one.message, source.layer)
+        ground = elevation_map_of(one.message, source.layer, nodata)
     except ParameterError as error:
         raise fault(path, f"topic {topic}, {error.field}", f"expected {error.expected}") from None
     return ground, one.message.header.frame_id

@@ -23,14 +23,18 @@ import numpy as np
 
 from models.arrays import Floats
 from services.io.access import check_file, fault
-from services.io.maps import height_error
+from services.io.maps import height_error, no_data
 from services.io.maps.grid import MapInfo
+from services.io.maps.no_data import NoData
 
 _SQUARE = 1e-6  # relative difference of edges, and share of shear, that is still rounding
 _METRES = ("metre", "meter", "metres", "meters", "m", "")
 _SMALLEST_CELL = 2e-3  # [m] without a coordinate system, smaller cells are degrees
 _ERRORS = re.compile(r"variance|std|stdev|sigma|standard.deviation|error|uncertainty|rmse")
 _THINNED = 1024  # rows and columns of a band of errors that are looked at
+_SPOTS, _SPOT = 8, 256
+"""Spots in a row and in a column, and cells along the edge of each, that stand for all heights of a
+file: maps of up to 2048 x 2048 cells are read whole, larger ones in about half a second."""
 
 
 def read_info(path: Path) -> MapInfo:
@@ -39,23 +43,19 @@ def read_info(path: Path) -> MapInfo:
         return ground.info
 
 
-def names_its_coordinates(path: Path) -> bool:
-    """Whether a GeoTIFF says in which coordinate system it is."""
-    with opened(path) as ground:
-        return ground.georeferenced
-
-
 class GeotiffWindows:
     """An open elevation map that is read by windows.
 
     Attributes:
-        info: its grid.
+        info: its grid. markers: undeclared ones among the heights that were read so far.
     """
 
-    def __init__(self, dataset: Any, path: Path) -> None:
+    def __init__(self, dataset: Any, path: Path, nodata: NoData = None) -> None:
         """Raise InputError if it cannot be an elevation map in metres."""
         self._dataset = dataset
         self._path = path
+        self._nodata = nodata
+        self.markers: set[float] = set()
         self.info = _checked(dataset, path)
 
     @property
@@ -63,12 +63,46 @@ class GeotiffWindows:
         """Whether there is a coordinate system."""
         return bool(self._dataset.crs)
 
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Assumptions made of the file, in sentences.
+
+        Undeclared no-data values are those of cells all over the file, and of the windows read.
+        """
+        assert self._all_over is not None  # detects those of the file where no window was read
+        found = no_data.describe(tuple(self.markers))
+        if self.georeferenced:
+            return found
+        return ("the map names no coordinate system: its grid is taken to be in metres", *found)
+
     def read(self, rows: slice, columns: slice) -> Floats:
         """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.
+
+        No-data values are detected from heights of the whole file, so that all windows agree.
 
         Raises:
             InputError: the file is damaged there.
         """
+        heights = self._read(rows, columns)
+        known, markers = no_data.known_heights(heights, self._nodata, [self._all_over])
+        self.markers.update(markers)
+        return known
+
+    @cached_property
+    def _all_over(self) -> Floats:
+        """Heights (n,) that stand for those of the whole file [m]."""
+        spots = []
+        for rows in _spread(self.info.rows):
+            for columns in _spread(self.info.columns):
+                spot, markers = no_data.without_common(self._read(rows, columns), self._nodata)
+                spots.append(spot)
+                self.markers.update(markers)
+        heights = no_data.ends_of(spots)
+        self.markers.update(no_data.known_heights(heights, self._nodata)[1])
+        return heights
+
+    def _read(self, rows: slice, columns: slice) -> Floats:
+        """(rows, columns) heights [m] with markers that scaling would hide taken out."""
         from rasterio.windows import Window
 
         dataset = self._dataset
@@ -77,7 +111,12 @@ class GeotiffWindows:
         window = Window(columns.start, top, columns.stop - columns.start, rows.stop - rows.start)
         with _in_one_line(self._path):
             band = dataset.read(1, window=window, masked=True, out_dtype="float64")
-            heights: Floats = np.ma.filled(band, np.nan) * dataset.scales[0] + dataset.offsets[0]
+        raw: Floats = np.ma.filled(band, np.nan)
+        scale, offset = dataset.scales[0], dataset.offsets[0]
+        if (scale, offset) != (1.0, 0.0):
+            raw, markers = no_data.known_raw(raw, self._nodata, dataset.dtypes[0])
+            self.markers.update(markers)
+        heights: Floats = raw * scale + offset
         return np.ascontiguousarray(heights[::-1] if flipped else heights)
 
     @cached_property
@@ -105,8 +144,8 @@ class GeotiffWindows:
 
 
 @contextlib.contextmanager
-def opened(path: Path) -> Iterator[GeotiffWindows]:
-    """Open a map once for many windows.
+def opened(path: Path, nodata: NoData = None) -> Iterator[GeotiffWindows]:
+    """Open a map once for many windows; with what the user says of its markers.
 
     Raises:
         InputError: not an elevation map in metres.
@@ -117,8 +156,15 @@ def opened(path: Path) -> Iterator[GeotiffWindows]:
     with contextlib.ExitStack() as stack:
         with _in_one_line(path):
             dataset = stack.enter_context(rasterio.open(path, driver="GTiff"))
-            ground = GeotiffWindows(dataset, path)
+            ground = GeotiffWindows(dataset, path, nodata)
         yield ground
+
+
+def _spread(count: int) -> Iterator[slice]:
+    """Rows or columns of spots all over a map; all of them where they are few."""
+    edge = min(_SPOT, -(-count // _SPOTS))
+    for start in dict.fromkeys(np.linspace(0, count - edge, _SPOTS).astype(int).tolist()):
+        yield slice(start, start + edge)
 
 
 @contextlib.contextmanager

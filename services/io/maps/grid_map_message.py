@@ -16,22 +16,23 @@ import numpy as np
 from models.arrays import Floats
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
-from services.io.maps import height_error
+from services.io.maps import height_error, no_data
+from services.io.maps.no_data import NoData
 
 HEIGHTS = ("elevation", "height")
 """Layers that are taken for heights where nobody names one, in this order."""
 
-_HIGHEST = 1e5  # [m] beyond that it is a marker for missing data
 _MOST_CELLS = 100_000_000
 _TILT = 1e-6
 
 
-def elevation_map_of(message: Any, layer: str = "") -> ElevationMap:
+def elevation_map_of(message: Any, layer: str = "", nodata: NoData = None) -> ElevationMap:
     """The heights of a grid map; NaN where any of its basic layers has none.
 
     Args:
         message: with the fields of a GridMap.
         layer: of the heights [m]; empty: the first of :data:`HEIGHTS` that is there.
+        nodata: what the user says of markers of missing data.
 
     Raises:
         ParameterError: names the field of the message and what was expected.
@@ -48,8 +49,7 @@ def elevation_map_of(message: Any, layer: str = "") -> ElevationMap:
     rows, columns = _size(info)
     wanted = [_height_layer(layers, layer), *message.basic_layers]
     matrices = [_layer(message, layers, name, rows, columns) for name in wanted]
-    heights = np.array(matrices[0], np.float64)
-    heights[~(np.abs(heights) <= _HIGHEST)] = np.nan
+    heights, markers = no_data.known_heights(matrices[0], nodata)
     for basic in matrices[1:]:
         heights[~np.isfinite(basic)] = np.nan
     position = info.pose.position
@@ -63,6 +63,7 @@ def elevation_map_of(message: Any, layer: str = "") -> ElevationMap:
     return ElevationMap(
         elevation=heights[::-1, ::-1].T, resolution=edge, origin=(x, y),
         height_std=height_error.assumed(edge) if std is None else std,
+        assumed=no_data.describe(markers),
     )  # fmt: skip
 
 

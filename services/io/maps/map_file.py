@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats, Ints
+from models.arrays import Ints
 from models.errors import ParameterError
 from planner.ground.elevation_map import ElevationMap
 from services.io.access import fault, write_atomic
 from services.io.bags.recording import is_bag
-from services.io.maps import geotiff_file, height_error, npz_map_file
+from services.io.maps import geotiff_file, height_error, no_data, npz_map_file
 from services.io.maps.grid import MAX_CELLS, Around, MapInfo, check_physical, in_words
+from services.io.maps.no_data import NoData
 
-__all__ = ["MapInfo", "frame_of", "known_heights", "map_info", "read_map", "write_map_npz"]
+__all__ = ["MapInfo", "NoData", "frame_of", "map_info", "read_map", "write_map_npz"]
 
 _GEOTIFF = (".tif", ".tiff", ".gtiff")
-_HIGHEST = 1e5  # [m] beyond that it is a marker for missing data that nobody declared
 
 
 def map_info(path: Path, topics: Path | None = None) -> MapInfo:
@@ -43,7 +43,7 @@ def map_info(path: Path, topics: Path | None = None) -> MapInfo:
 
 
 def read_map(
-    path: Path, *, around: Around | None = None, topics: Path | None = None
+    path: Path, *, around: Around | None = None, topics: Path | None = None, nodata: NoData = None
 ) -> ElevationMap:
     """An elevation map, or the part of it that holds all heights within ``around``.
 
@@ -52,6 +52,8 @@ def read_map(
         around: (x_min, x_max, y_min, y_max) [m] with the margin that the caller needs, such as the
             vehicle's footprint. Of a GeoTIFF only that part is read.
         topics: topic mapping of a recording.
+        nodata: a height that marks missing data [m], beside those that are found and told; "none":
+            there are no markers but those that the file declares.
 
     Raises:
         InputError: not a map in metres, ``around`` is off the map, or no cell is known.
@@ -70,21 +72,23 @@ def read_map(
         raise fault(path, "", f"expected at most {MAX_CELLS} cells at once, got {size}")
     classes: Ints | None = None
     names: tuple[str, ...] = ("",)
+    assumed: tuple[str, ...]
     if is_bag(path):
-        recorded = _recorded(path, topics)
-        heights, std = recorded.elevation[cells], recorded.height_std
+        recorded = _recorded(path, topics, nodata)
+        heights, std, assumed = recorded.elevation[cells], recorded.height_std, recorded.assumed
     elif _is_geotiff(path):
-        with geotiff_file.opened(path) as ground:
-            heights, std = ground.read(*cells), ground.height_std
+        with geotiff_file.opened(path, nodata) as ground:
+            heights, std, assumed = ground.read(*cells), ground.height_std, ground.assumed
     else:
         heights, classes, names, told = npz_map_file.read_layers(path)
-        heights = heights[cells]
+        heights, markers = no_data.known_heights(heights, nodata)
+        heights, assumed = heights[cells], no_data.describe(markers)
         classes = None if classes is None else classes[cells]
         std = height_error.assumed(info.resolution) if told is None else told
-    heights = known_heights(heights)
     if not np.isfinite(heights).any():
         where = "" if around is None else f" at {in_words(around)}"
-        raise fault(path, "elevation", f"expected a known cell{where}, got unknown ones only")
+        found = "; ".join(("unknown ones only", *assumed))
+        raise fault(path, "elevation", f"expected a known cell{where}, got {found}")
     try:
         return ElevationMap(
             elevation=heights,
@@ -93,6 +97,7 @@ def read_map(
             terrain_class=classes,
             class_names=names,
             height_std=std,
+            assumed=assumed,
         )
     except ParameterError as error:
         raise fault(path, error.field, f"expected {error.expected}") from None
@@ -114,18 +119,6 @@ def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:
     write_atomic(path, buffer.getvalue())
 
 
-def assumptions(path: Path) -> tuple[str, ...]:
-    """What a map file leaves open, and what it is taken for instead, in sentences."""
-    if is_bag(path) or not _is_geotiff(path) or geotiff_file.names_its_coordinates(path):
-        return ()
-    return ("the map names no coordinate system: its grid is taken to be in metres",)
-
-
-def known_heights(heights: Floats) -> Floats:
-    """Heights with NaN where they can only be markers for missing data."""
-    return np.where(np.abs(heights) <= _HIGHEST, heights, np.nan)
-
-
 def frame_of(path: Path, topics: Path | None = None) -> str:
     """The frame that a recorded map is in; empty for other maps, and where it says none."""
     if not is_bag(path):
@@ -135,10 +128,10 @@ def frame_of(path: Path, topics: Path | None = None) -> str:
     return map_and_frame(path, topics)[1]
 
 
-def _recorded(path: Path, topics: Path | None) -> ElevationMap:
+def _recorded(path: Path, topics: Path | None, nodata: NoData = None) -> ElevationMap:
     from services.io.maps.bag_map import read_bag_map
 
-    return read_bag_map(path, topics)
+    return read_bag_map(path, topics, nodata)
 
 
 def _is_geotiff(path: Path) -> bool:

@@ -122,7 +122,7 @@ def test_a_map_without_coordinate_system_says_what_it_is_taken_for(tmp_path: Pat
     import rasterio
     from rasterio.transform import from_origin
 
-    from services.io.maps.map_file import assumptions
+    from services.io.maps.map_file import read_map
 
     for crs, words in ((None, "taken to be in metres"), ("EPSG:32632", "")):
         file = tmp_path / "g.tif"
@@ -131,8 +131,9 @@ def test_a_map_without_coordinate_system_says_what_it_is_taken_for(tmp_path: Pat
             transform=from_origin(0.0, 9.0, 1.0, 1.0),
         ) as raster:  # fmt: skip
             raster.write(np.zeros((9, 9)), 1)
-        assert words in " ".join(assumptions(file))
-        assert bool(assumptions(file)) is (crs is None)
+        assumed = read_map(file).assumed
+        assert words in " ".join(assumed)
+        assert bool(assumed) is (crs is None)
 
 
 @pytest.mark.parametrize("name", ["plan.xlsx", "plan.parquet", "PLAN.XLS"])
