@@ -25,7 +25,7 @@ from planner.plan import Obstacle, SpeedPlan, Status
 from services.parameters.in_use import ParametersInUse
 from services.planning.map_store import KnownGround
 from services.planning.pace import Costs, Pace, unhurried
-from services.planning.plan_questions import Usable, check, resampled, usable_of
+from services.planning.plan_questions import Usable, at_the_vehicle, check, resampled, usable_of
 from services.settings.service import ServiceConfig
 from services.wire import messages
 from services.wire.messages import (
@@ -185,8 +185,12 @@ class PlanService:
         self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
         usable: list[Usable], pace: Pace,
     ) -> PlanReply:  # fmt: skip
+        most = self.config.planning.horizon().for_track(parameters.model.vehicle.track_width)
+        usable, refused = at_the_vehicle(request, usable, most)
         if not usable:
-            return self._reply(request, parameters, ground, "no candidate is usable: full braking")
+            why = f": {refused[0].reason}" if refused else ""
+            reason = f"no candidate is usable{why}: full braking"
+            return _with(self._reply(request, parameters, ground, reason), ranking=refused)
         planner = self._planner(parameters)
         # Of plans as good as each other the one with the shorter clear distance comes first.
         usable = sorted(usable, key=lambda one: one.clear)
@@ -216,7 +220,7 @@ class PlanService:
         reply = self._reply(
             request, parameters, ground, best.reason, best.status, command, best, plans
         )
-        return _with(reply, ranking=ranking)
+        return _with(reply, ranking=[*ranking, *refused])
 
     def _planner(self, parameters: ParametersInUse) -> CandidatePlanner:
         """The planner with these parameters; replaced as a whole, so that threads need no lock."""
