@@ -77,8 +77,8 @@ class LimitsGroup(ParameterGroups):
                 raise ParameterError(name, f"one of {', '.join(_UNITS)}")
             low, high = self._range(name)
             if not low <= value <= high:
-                by = "the lower end" if name == "min_load" else "the upper end"
-                words = f"a number of {low:g} … {high:g} {_UNITS[name]}, {by} by the model file"
+                end = f"at least the {low:g}" if name == "min_load" else f"at most the {high:g}"
+                words = f"{low:g} … {high:g} {_UNITS[name]}, {end} of the model file"
                 raise ParameterError(name, f"{words}, got {value:g}")
         changed = {**self._values, **values}
         dataclasses.replace(self._prior, **changed)

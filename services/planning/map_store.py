@@ -22,6 +22,9 @@ from services.wire.messages import MapUpdate
 from services.wire.notices import Notices
 from services.wire.sender_clock import SenderClock
 
+_MOST_STD = 10.0
+"""Heights that are farther off than that are not measured [m]."""
+
 _HIGHEST = 1e5
 """Beyond that a height is a marker for missing data that nobody declared [m]."""
 
@@ -40,6 +43,7 @@ class KnownGround:
     Attributes:
         elevation_map: ground. version: grows with every change. at: monotonic clock [s].
         incomplete: an update got lost since the last whole map.
+        fixed: a map to begin with, and no update came since: it does not grow old.
         delay: how much longer than the quickest one its last update was on its way [s].
         notices: sources that count otherwise than they did, or whose clock is not to be believed.
         id: who told of it last, with the number of the update. digest: SHA-256 of the cells; with
@@ -54,6 +58,7 @@ class KnownGround:
     notices: Notices = field(default_factory=Notices)
     id: str = ""
     digest: str = ""
+    fixed: bool = False
 
     def age(self) -> float:
         """Since the ground was seen, as far as clocks here and there can tell [s]."""
@@ -86,12 +91,13 @@ class MapStore:
         self.ground: KnownGround | None = None
         self.restarts = 0
         self._notices = Notices(_TOLD_FOR)
+        self._unread: OrderedDict[str, str] = OrderedDict()
         self._sources: OrderedDict[tuple[str, str], _Source] = OrderedDict()
         self._lock = threading.Lock()
         if elevation_map is not None:
             self.ground = KnownGround(
                 elevation_map, 1, time.monotonic(), notices=self._notices, id=name,
-                digest=_digest(elevation_map),
+                digest=_digest(elevation_map), fixed=True,
             )  # fmt: skip
 
     def take(self, update: MapUpdate, source: str, arrived: float | None = None) -> bool:
@@ -138,6 +144,8 @@ class MapStore:
                 _id_of(update),
                 _digest(update if update.patch else elevation_map, before),
             )
+            if not update.patch:
+                self._notices.take_back(self._unread.pop(update.source, ""))
             one.count.take(update.sequence, content)
             if order is not MessageOrder.NEW:
                 self.restarts += 1
@@ -166,8 +174,26 @@ class MapStore:
             self._notices.say(f"the clock of {name} was set")
         return one.clock.delay(lead)
 
+    def told(self) -> list[str]:
+        """As :meth:`KnownGround.flags`, also before any ground is known."""
+        return self._notices.told()
+
+    def refuse(self, source: str, why: str) -> None:
+        """Say that a map could not be used: the one before stays, and grows older.
+
+        Args:
+            source: who sent it, "" where that cannot be told. why: in a few words.
+        """
+        words = f"a map of {source or 'a sender without a name'} could not be used: {why[:200]}"
+        with self._lock:
+            self._notices.take_back(self._unread.pop(source, ""))
+            self._notices.say(words)
+            self._unread[source] = words
+            while len(self._unread) > _MOST_SOURCES:
+                self._unread.popitem(last=False)
+
     def lose(self) -> None:
-        """Say that an update could not be read: what is known may be out of date."""
+        """Say that an update got lost: what is known may be out of date."""
         with self._lock:
             if self.ground is not None:
                 self.ground = replace(self.ground, incomplete=True)
@@ -239,6 +265,9 @@ def _whole(update: MapUpdate) -> ElevationMap:
 
 def _heights(update: MapUpdate) -> Floats:
     heights = update.elevation
+    if not (update.height_std or 0.0) <= _MOST_STD:
+        words = f"a number of 0 … {_MOST_STD:g} m, got {update.height_std:g}"
+        raise ParameterError("height_std", words)
     if heights.ndim != 2 or heights.size == 0:
         raise ParameterError("elevation", f"cells (rows, columns), got shape {heights.shape}")
     check_physical(update.resolution, update.origin, heights.shape)

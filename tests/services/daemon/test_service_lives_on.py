@@ -140,3 +140,20 @@ def test_every_number_that_can_be_set_has_a_range(robot: Robot) -> None:
     assert robot.plan()["parameters"]["version"] == version
     assert robot.set("terrain", motion_resistance=0.2, slip_track=1.3)["status"] == "ok"
     assert np.isfinite(robot.top_speed())
+
+
+def test_one_huge_sequence_silences_no_sender(robot: Robot) -> None:
+    for kind, more in (("stop", {}), ("terrain", {"surface": "sand"})):
+        for stamp in (None, 7.0):
+            sender = Robot(robot.service, robot.session, f"{kind} {stamp}")
+            told = []
+            for n, sequence in enumerate((3, 2**53, *range(1, 20))):
+                fields = (
+                    sender.stop_fields(0.42 * G) if kind == "stop" else sender.fields(**more)
+                ) | {"sequence": sequence}  # fmt: skip
+                # A clock that is 3 s behind at every message, or none at all.
+                fields["time"] = time.monotonic() if stamp is None else stamp - 3.0 * n
+                told.append(sender.send(kind, fields))
+            assert {t["status"] for t in told} <= {"taken", "ignored", "refused"}
+            assert all(t["reason"] for t in told)
+            assert told[-1]["status"] != "ignored", told
