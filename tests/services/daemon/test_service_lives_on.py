@@ -147,7 +147,7 @@ def test_one_huge_sequence_silences_no_sender(robot: Robot) -> None:
         for stamp in (None, 7.0):
             sender = Robot(robot.service, robot.session, f"{kind} {stamp}")
             told = []
-            for n, sequence in enumerate((3, 2**53, *range(1, 20))):
+            for n, sequence in enumerate((2**53, *range(1, 20))):
                 fields = (
                     sender.stop_fields(0.42 * G) if kind == "stop" else sender.fields(**more)
                 ) | {"sequence": sequence}  # fmt: skip
