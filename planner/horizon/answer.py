@@ -12,7 +12,7 @@ from planner.plan import SpeedPlan, Status
 
 MAX_HEADING_ERROR = 0.3
 """Largest angle between path and heading [rad]. Plans sweep the body along the path: turned by more
-than that (17°), the end of a body 2 m long stands over 0.3 m beside the ground that is swept."""
+than that (17°), the end of a body 2 m long stands over 0.3 m from the ground that is swept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -161,7 +161,7 @@ class Service:
                 *self.plans.parameters.flags,
                 *self._learning.flags(),
                 *self.plans.flags(ground),
-                *(self.maps.told() if ground is None else ()),
+                *(self.maps.flags() if ground is None else ()),
                 *self._neighbours.flags(),
             ],
             degraded=[*self.parameters.degraded(), *self.plans.degraded(ground)],

@@ -40,7 +40,7 @@ _MOST_WEAKER = 64
 _MOST_TOLD = 5
 _DEAD_TIMES = 5
 _MOST_DEAD_TIME = 3.0
-_MOST_COEFFICIENT = 100.0
+_MAX_COEFFICIENT = 100.0
 """No coefficient of any vehicle is anywhere near it [s/m, 1, s/m, 1]."""
 
 _UNSAID = (0.02, 0.06, 0.01, 0.05)
@@ -266,10 +266,10 @@ class BrakingGroups(ParameterGroups):
         return changed
 
     def lose(self) -> set[str]:
-        """What stops taught is gone, and the brakes may be worn: the groups that changed.
+        """Forget all stops, as of brakes that may be worn; the groups that changed.
 
-        What counts of the file's force is the share that counts on ground never braked on, and what
-        is as old as can be scatters more, until stops tell of it again.
+        Plans use the share of the file's force that they use on ground never braked on, with the
+        scatter of the oldest age, until the next stops.
         """
         surfaces = [s for s in ("", *self._prior.terrain) if not self._online.knows(s)]
         for surface in surfaces:
@@ -364,9 +364,9 @@ class BrakingGroups(ParameterGroups):
         for name in values:
             if name not in now or (surface and name == _DEAD_TIME):
                 raise ParameterError(name, f"one of {', '.join(NAMES)}")
-            if name != _DEAD_TIME and not abs(values[name]) <= _MOST_COEFFICIENT:
-                most = f"{_MOST_COEFFICIENT:g} {_UNITS[NAMES.index(name)]}"
-                raise ParameterError(name, f"a number of -{most} … {most}, got {values[name]:g}")
+            if name != _DEAD_TIME and not abs(values[name]) <= _MAX_COEFFICIENT:
+                limit = f"{_MAX_COEFFICIENT:g} {_UNITS[NAMES.index(name)]}"
+                raise ParameterError(name, f"a number of -{limit} … {limit}, got {values[name]:g}")
         late = values.get(_DEAD_TIME)
         if late is not None and not self._prior.dead_time <= late <= _MOST_DEAD_TIME:
             words = f"{self._prior.dead_time:g} s of the model file … {_MOST_DEAD_TIME:g}"

@@ -26,7 +26,7 @@ class Moment:
         return cls(time.time(), _boot(), time.clock_gettime(time.CLOCK_BOOTTIME))
 
     def earlier(self, seconds: float) -> Moment:
-        """The moment so long before [s]."""
+        """The moment ``seconds`` before this one."""
         return Moment(self.at - seconds, self.boot, self.uptime - seconds)
 
     def age(self, now: Moment, oldest: float) -> float:

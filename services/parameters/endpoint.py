@@ -177,14 +177,14 @@ class ParameterEndpoint:
                 (self._answer if kind == PARAMS else self._findings)(item)
             except Exception:  # noqa: BLE001 - logged, counted, flagged, answered
                 asked = str(item.key_expr)
-                reply = self._error(self._note_fault(f"a question on {asked}"))
+                reply = self._error(self._note_fault(f"a request on {asked}"))
                 key = asked if "*" not in asked else self._config.key(kind)
                 self._reply(item, key, reply, _written(str(item.encoding or "")))
 
     def _note_fault(self, what: str) -> str:
-        """Tell of a message that was not treated as it should be; what its sender is told."""
+        """Count and flag a fault of the service with one message; the reason for its sender."""
         self._counters["faults"] += 1
-        _log.exception("%s was not treated as it should be", what)
+        _log.exception("%s could not be treated", what)
         self._service.note_fault(what)
         return f"{what} could not be treated: fault of the service"
 

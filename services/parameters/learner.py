@@ -207,7 +207,7 @@ class Learner:
         return changed | {name for groups in self._groups for name in groups.distrust()}
 
     def lose(self) -> set[str]:
-        """What stops had taught of the brakes is gone; the groups that changed."""
+        """Forget all stops, see :meth:`BrakingGroups.lose`; the groups that changed."""
         return set() if self.unable else self._braking.lose()
 
     # ------------------------------------------------------------------ findings

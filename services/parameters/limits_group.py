@@ -17,11 +17,11 @@ _UNITS = {
     "vertical_accel": "m/s²", "min_load": "1",
 }  # fmt: skip
 
-_LEAST = 0.01
-"""Least of each but min_load, in its unit: what is tighter is none to drive with, and no solver
-tells it from 0."""
+_MIN_LIMIT = 0.01
+"""Smallest value of each limit except min_load, in its unit: no vehicle drives within tighter ones,
+and no solver distinguishes them from 0."""
 
-_MOST_LOAD = 0.9
+_MAX_LOAD = 0.9
 """Largest min_load that a model may have [1]."""
 
 
@@ -78,8 +78,8 @@ class LimitsGroup(ParameterGroups):
             low, high = self._range(name)
             if not low <= value <= high:
                 end = f"at least the {low:g}" if name == "min_load" else f"at most the {high:g}"
-                words = f"{low:g} … {high:g} {_UNITS[name]}, {end} of the model file"
-                raise ParameterError(name, f"{words}, got {value:g}")
+                expected = f"{low:g} … {high:g} {_UNITS[name]}, {end} of the model file"
+                raise ParameterError(name, f"{expected}, got {value:g}")
         changed = {**self._values, **values}
         dataclasses.replace(self._prior, **changed)
         self._values, self._set = changed, time.monotonic()
@@ -88,5 +88,7 @@ class LimitsGroup(ParameterGroups):
         """Least and largest value that may be set: nowhere wider than the model file."""
         known = float(getattr(self._prior, name))
         return (
-            (known, max(known, _MOST_LOAD)) if name == "min_load" else (min(_LEAST, known), known)
+            (known, max(known, _MAX_LOAD))
+            if name == "min_load"
+            else (min(_MIN_LIMIT, known), known)
         )

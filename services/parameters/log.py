@@ -24,14 +24,14 @@ from services.settings.learning import StoreSettings
 _log = logging.getLogger("slopewise")
 
 _COPY_EVERY = 1.0
-"""The second copy is written no oftener [s]: so much of what is learned may be missing in it."""
+"""Shortest time between two writes of the second copy, which may lack what came since [s]."""
 
 
 class Memory(Enum):
-    """What is known of what was learned before this start."""
+    """Source of what is known from before this start."""
 
-    KEPT = "all that the store kept"
-    COPY = "the newest state that its second copy kept"
+    STORE = "the store, whole"
+    COPY = "its second copy, with the newest state"
     LOST = "nothing, although a store was there"
 
 
@@ -59,7 +59,7 @@ class ParameterLog:
         self.version = 1
         self.last: dict[str, Last] = {}
         self.notes: list[str] = []
-        self.memory = Memory.KEPT
+        self.memory = Memory.STORE
         self._store: Store | None = None
         self._path = Path(settings.path)
         self._instead: StoreCopy | None = None
@@ -83,7 +83,7 @@ class ParameterLog:
         except StoreError as error:
             if store is not None:
                 store.close()
-            # Until it can be opened, the copy tells what it holds.
+            # Until it can be opened, its copy is used.
             self._instead = copy
             if copy is not None:
                 self.memory = Memory.COPY
@@ -103,14 +103,14 @@ class ParameterLog:
         """Bring what only the copy holds into a store that was lost, or lost its last changes."""
         last = store.last_version()
         missing = [] if copy is None else [c for c in copy.changes if c.version > last]
-        self.memory = Memory.KEPT
+        self.memory = Memory.STORE
         if store.lost:
             self.notes.append(store.lost)
         if missing and copy is not None:
             store.write(missing, copy.seen)
             self.memory = Memory.COPY
-            words = "changes are missing in the stored parameters, the newest of each group are"
-            self.notes.append(f"{words} out of {copy_path(self._path).name}")
+            note = "changes are missing in the stored parameters, the newest of each group are"
+            self.notes.append(f"{note} from {copy_path(self._path).name}")
         elif store.lost and copy is None:
             self.memory = Memory.LOST
             self.notes.append("what was learned and set before is gone")

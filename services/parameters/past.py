@@ -20,9 +20,9 @@ HELD = "the newest state may be missing"
 LOST = "what was learned is lost"
 """Causes of a change that only makes plans more careful."""
 
-_HELD_WORDS = "no faster than by the model file until stops are heard"
-_LOST_WORDS = "the share of the model file that counts on unknown ground, until stops are heard"
-_MOST_TOLD = 5
+_HELD_EFFECT = "no faster than by the model file until stops arrive"
+_LOST_EFFECT = "the share of the model file that counts on unknown ground, until stops arrive"
+_MAX_LISTED = 5
 
 
 class ParameterPast:
@@ -33,7 +33,7 @@ class ParameterPast:
         self._learner, self._log, self._oldest = learner, log, oldest
 
     def restore(self, done: set[str]) -> dict[str, str]:
-        """Take up what is known of what was learned before, but for groups that are done.
+        """Apply what is known from before, except of groups that are done.
 
         Returns:
             Groups that are planned with more carefully than they were kept, and why.
@@ -46,7 +46,7 @@ class ParameterPast:
         try:
             old = self.take_up(done)
         except StoreError:
-            if memory is Memory.KEPT:
+            if memory is Memory.STORE:
                 raise
         if memory is Memory.COPY or old:
             held |= dict.fromkeys(self._learner.distrust(), HELD)
@@ -56,9 +56,9 @@ class ParameterPast:
 
     def give_back(self) -> None:
         """The store is there again: what counted as lost and is not in it was never learned."""
-        kept = self._log.groups()
+        stored = self._log.groups()
         for group in [g for g, last in self._log.last.items() if last.cause == LOST]:
-            if group not in kept:
+            if group not in stored:
                 self._learner.group(group).restore(group, None, 0.0)
                 del self._log.last[group]
 
@@ -70,9 +70,9 @@ class ParameterPast:
     def flags(self) -> list[str]:
         """Groups that are held back, as long as nothing new was learned of them."""
         flags = []
-        for cause, what in ((HELD, _HELD_WORDS), (LOST, _LOST_WORDS)):
+        for cause, what in ((HELD, _HELD_EFFECT), (LOST, _LOST_EFFECT)):
             groups = [group for group, last in self._log.last.items() if last.cause == cause]
-            flags += [f"{', '.join(groups[:_MOST_TOLD])}: {cause}: {what}"] if groups else []
+            flags += [f"{', '.join(groups[:_MAX_LISTED])}: {cause}: {what}"] if groups else []
         return flags
 
     def take_up(self, done: set[str]) -> list[str]:

@@ -217,7 +217,7 @@ class ParameterService:
         self._bring()
 
     def note_fault(self, what: str) -> None:
-        """One message could not be treated as it should be; told for a while, plans go on."""
+        """Flag for a while a fault with one message; plans are not touched."""
         self.notices.say(f"{what} could not be treated: fault of the service, see its log")
         self._flag()
 
@@ -328,10 +328,10 @@ class ParameterService:
             if self._config.store.path:
                 _log.warning("%s", error)
         for cause in sorted(set(held.values())):
-            groups = {group for group, why in held.items() if why == cause}
+            groups = {group for group, reason in held.items() if reason == cause}
             if self._log.is_open:
                 self._commit(groups, cause, "service", moments=self._past.moments(groups))
             else:
-                # It is no change: what the store holds is taken up once it can be opened.
+                # It is no change: what the store holds is applied once it can be opened.
                 last = Last(self._log.version, cause, "service")
                 self._log.last.update(dict.fromkeys(groups, last))

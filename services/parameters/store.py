@@ -55,7 +55,7 @@ class Store:
             most_bytes: of the file. most_changes: that are kept of one group.
 
         Attributes:
-            lost: why nothing is in it that was kept before, in words; "" where it was found whole,
+            lost: reason why nothing is in it that was stored before; "" where it was found whole,
                 or there never was one.
             damaged: groups of which a change cannot be read any more.
         """
@@ -113,9 +113,9 @@ class Store:
         free = [name for name in names if not name.exists()]
         kept = free[0] if free else min(names, key=lambda name: name.stat().st_mtime)
         self.path.replace(kept)
-        log, kept_log = (file.with_name(file.name + "-wal") for file in (self.path, kept))
+        log, quarantined = (file.with_name(file.name + "-wal") for file in (self.path, kept))
         if log.exists():
-            log.replace(kept_log)
+            log.replace(quarantined)
         self.path.with_name(self.path.name + "-shm").unlink(missing_ok=True)
         self.lost = f"the stored parameters could not be read and are in {kept.name}: {reason}"
 

@@ -1,7 +1,7 @@
-"""The second copy of what the store holds: the newest state of every group, in a file of its own.
+"""The second copy of the store: the newest state of every group, in a separate file.
 
-It is written whole beside the store, and takes the place of the one before at once, so that a
-process that dies meanwhile leaves that one. It is read where the store is lost.
+It is written whole and renamed over the one before, so that a process that dies meanwhile leaves
+that one. It is read where the store is lost.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from services.parameters.change import StoredChange
 
 
 class StoreCopy(msgspec.Struct, frozen=True):
-    """Newest change of each group and vehicle, and up to which sequence sources were heard."""
+    """Newest change of each group and vehicle; last sequence number of each source."""
 
     changes: list[StoredChange]
     seen: dict[str, int]
@@ -44,7 +44,7 @@ def write_copy(store: Path, copy: StoreCopy) -> None:
 
 
 def read_copy(store: Path) -> StoreCopy | None:
-    """The copy of a store; None where there is none that can be read."""
+    """The copy of a store; None if it is missing or damaged."""
     try:
         data = copy_path(store).read_bytes()
         if zlib.crc32(data[4:]).to_bytes(4, "little") != data[:4]:

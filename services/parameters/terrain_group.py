@@ -21,7 +21,7 @@ TERRAIN = "terrain"
 NAMES = ("motion_resistance", "lateral_resistance", "slip_track")
 _UNITS = ("1", "1", "m")
 _FASTER = 0.2
-_LEAST = (0.001, 0.01, 1.0)
+_SMALLEST = (0.001, 0.01, 1.0)
 _LARGEST = (1.5, 3.0, 20.0)
 """What is beyond is a gross error: [1], [1], track widths. Steel wheels on rails roll at f_r 0.001,
 and wet ice is far above μ_t 0.01."""
@@ -54,13 +54,13 @@ class TerrainGroup(ParameterGroups):
         """
         track = self._prior.vehicle.track_width
         news = False
-        for name, least, largest, (value, std) in zip(
-            NAMES, _LEAST, _LARGEST, features, strict=True
+        for name, smallest, largest, (value, std) in zip(
+            NAMES, _SMALLEST, _LARGEST, features, strict=True
         ):
             width = track if name == "slip_track" else 1.0
             if not 0.0 <= value + std <= largest * width:
                 continue
-            slow = max(value + std, least * width)
+            slow = max(value + std, smallest * width)
             if name == "motion_resistance" and self._prior.braking.level < 1.0:
                 # Part of the braking then is this resistance: more of it would count as brakes.
                 continue
@@ -134,7 +134,7 @@ class TerrainGroup(ParameterGroups):
             if name not in NAMES:
                 raise ParameterError(name, f"one of {', '.join(NAMES)}")
             i, width = NAMES.index(name), track if name == "slip_track" else 1.0
-            least, most = _LEAST[i] * width, _LARGEST[i] * width
-            if not least <= value <= most:
-                words = f"a number of {least:g} … {most:g} {_UNITS[i]}, got {value:g}"
-                raise ParameterError(name, words)
+            low, high = _SMALLEST[i] * width, _LARGEST[i] * width
+            if not low <= value <= high:
+                expected = f"a number of {low:g} … {high:g} {_UNITS[i]}"
+                raise ParameterError(name, f"{expected}, got {value:g}")

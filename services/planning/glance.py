@@ -20,8 +20,8 @@ class _Asking(msgspec.Struct):
     client: str = ""
 
 
-class _Told(msgspec.Struct):
-    """Who sent what cannot be used."""
+class _Sent(msgspec.Struct):
+    """Sender of a message that cannot be used."""
 
     source: str = ""
 
@@ -45,11 +45,11 @@ def asking(query: zenoh.Query) -> tuple[str, int]:
 
 
 def source_of(payload: bytes, encoding: str) -> str:
-    """Who sent a message that cannot be used as a whole, "" where that cannot be told."""
+    """Sender of a message that cannot be used as a whole, "" if it cannot be read."""
     json = codec.format_of(encoding) is codec.Format.JSON
     decode = msgspec.json.decode if json else msgspec.msgpack.decode
     try:
-        source = decode(payload, type=_Told).source[:_LONGEST_NAME]
+        source = decode(payload, type=_Sent).source[:_LONGEST_NAME]
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
         return ""
     return source if source.isprintable() else ""

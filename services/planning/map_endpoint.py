@@ -89,7 +89,7 @@ class MapEndpoint:
             if self._maps.restarts:
                 self._counters["map_sources_anew"] = self._maps.restarts
 
-    def _refuse(self, sample: zenoh.Sample, why: str) -> None:
+    def _refuse(self, sample: zenoh.Sample, reason: str) -> None:
         payload, encoding = sample.payload, str(sample.encoding)
         small = len(payload) <= self._most
-        self._maps.refuse(glance.source_of(bytes(payload), encoding) if small else "", why)
+        self._maps.refuse(glance.source_of(bytes(payload), encoding) if small else "", reason)

@@ -22,7 +22,7 @@ from services.wire.messages import MapUpdate
 from services.wire.notices import Notices
 from services.wire.sender_clock import SenderClock
 
-_MOST_STD = 10.0
+_MAX_STD = 10.0
 """Heights that are farther off than that are not measured [m]."""
 
 _HIGHEST = 1e5
@@ -43,7 +43,7 @@ class KnownGround:
     Attributes:
         elevation_map: ground. version: grows with every change. at: monotonic clock [s].
         incomplete: an update got lost since the last whole map.
-        fixed: a map to begin with, and no update came since: it does not grow old.
+        fixed: a map to begin with, and no update came since: its age does not count.
         delay: how much longer than the quickest one its last update was on its way [s].
         notices: sources that count otherwise than they did, or whose clock is not to be believed.
         id: who told of it last, with the number of the update. digest: SHA-256 of the cells; with
@@ -174,21 +174,21 @@ class MapStore:
             self._notices.say(f"the clock of {name} was set")
         return one.clock.delay(lead)
 
-    def told(self) -> list[str]:
+    def flags(self) -> list[str]:
         """As :meth:`KnownGround.flags`, also before any ground is known."""
         return self._notices.told()
 
-    def refuse(self, source: str, why: str) -> None:
-        """Say that a map could not be used: the one before stays, and grows older.
+    def refuse(self, source: str, reason: str) -> None:
+        """Flag a map that could not be used: the one before stays, and ages.
 
         Args:
-            source: who sent it, "" where that cannot be told. why: in a few words.
+            source: sender, "" if it cannot be read. reason: one sentence.
         """
-        words = f"a map of {source or 'a sender without a name'} could not be used: {why[:200]}"
+        flag = f"a map of {source or 'a sender without a name'} could not be used: {reason[:200]}"
         with self._lock:
             self._notices.take_back(self._unread.pop(source, ""))
-            self._notices.say(words)
-            self._unread[source] = words
+            self._notices.say(flag)
+            self._unread[source] = flag
             while len(self._unread) > _MOST_SOURCES:
                 self._unread.popitem(last=False)
 
@@ -265,9 +265,9 @@ def _whole(update: MapUpdate) -> ElevationMap:
 
 def _heights(update: MapUpdate) -> Floats:
     heights = update.elevation
-    if not (update.height_std or 0.0) <= _MOST_STD:
-        words = f"a number of 0 … {_MOST_STD:g} m, got {update.height_std:g}"
-        raise ParameterError("height_std", words)
+    if not (update.height_std or 0.0) <= _MAX_STD:
+        expected = f"a number of 0 … {_MAX_STD:g} m, got {update.height_std:g}"
+        raise ParameterError("height_std", expected)
     if heights.ndim != 2 or heights.size == 0:
         raise ParameterError("elevation", f"cells (rows, columns), got shape {heights.shape}")
     check_physical(update.resolution, update.origin, heights.shape)

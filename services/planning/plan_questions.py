@@ -110,7 +110,7 @@ def resampled(
 def at_the_vehicle(
     request: PlanRequest, usable: list[Usable], most: HorizonSettings
 ) -> tuple[list[Usable], list[RankedCandidate]]:
-    """Candidates that the vehicle stands on, all where its pose is not told; and the refused.
+    """Candidates that the vehicle stands on, all if the request has no pose; and the refused.
 
     Args:
         request: as it came. usable: on even stations. most: how far a path may lie from it.
@@ -118,15 +118,15 @@ def at_the_vehicle(
     if request.pose is None or not usable:
         return usable, []
     x, y, heading = request.pose
-    # On even stations already: nothing is laid anew, whatever the spacing.
+    # On even stations already: the spacing is not used.
     paths = batch([one.path for one in usable], math.inf)
     reasons = out_of_reach(locate(paths.x, paths.y, paths.count, (x, y), heading), most)
     refused = [
-        RankedCandidate(name=one.path.name, usable=False, reason=why)
-        for one, why in zip(usable, reasons, strict=True)
-        if why
+        RankedCandidate(name=one.path.name, usable=False, reason=reason)
+        for one, reason in zip(usable, reasons, strict=True)
+        if reason
     ]
-    return [one for one, why in zip(usable, reasons, strict=True) if not why], refused
+    return [one for one, reason in zip(usable, reasons, strict=True) if not reason], refused
 
 
 def _lengths(paths: Sequence[Path], sizes: Sizes) -> list[float | ParameterError]:

@@ -114,7 +114,7 @@ class PlanService:
         if map_age.ends:
             # What is driven was planned on this map as well.
             self.forget(request.client)
-            reason = f"{map_age.words()[0]}: full braking"
+            reason = f"{map_age.reasons()[0]}: full braking"
             return self._reply(request, parameters, ground, reason)
         spacing = self.config.planning.planner().spacing_on(ground.elevation_map.resolution)
         usable, refused = usable_of(request, self.config.sizes, spacing, source)
@@ -199,11 +199,12 @@ class PlanService:
         self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
         usable: list[Usable], pace: Pace,
     ) -> PlanReply:  # fmt: skip
-        most = self.config.planning.horizon().for_track(parameters.model.vehicle.track_width)
-        usable, refused = at_the_vehicle(request, usable, most)
+        track = parameters.model.vehicle.track_width
+        settings = self.config.planning.horizon().for_track(track)
+        usable, refused = at_the_vehicle(request, usable, settings)
         if not usable:
-            why = f": {refused[0].reason}" if refused else ""
-            reason = f"no candidate is usable{why}: full braking"
+            first = f": {refused[0].reason}" if refused else ""
+            reason = f"no candidate is usable{first}: full braking"
             return _with(self._reply(request, parameters, ground, reason), ranking=refused)
         planner = self._planner(parameters)
         # Of plans as good as each other the one with the shorter clear distance comes first.
@@ -281,14 +282,14 @@ class PlanService:
         if ground is None:
             return ["no map"]
         old = ground.age() > self.config.status.map_age
-        late = [f"degraded: {words}" for words in self.degraded(ground)]
+        late = [f"degraded: {reason}" for reason in self.degraded(ground)]
         flags = ["map is old"] if old else []
         flags += ["map updates were lost"] if ground.incomplete else []
         return [*late, *flags, *ground.flags()]
 
     def degraded(self, ground: KnownGround | None) -> list[str]:
-        """Why plans are slower than they need be, as far as the map goes."""
-        return [] if ground is None else self._map_age(ground).words()
+        """Reasons in the map for slower plans."""
+        return [] if ground is None else self._map_age(ground).reasons()
 
     def _map_age(self, ground: KnownGround) -> MapAge:
         limit = self.parameters.model.limits.speed

@@ -2,10 +2,9 @@
 
 A number that is not above the last one is a duplicate, comes late, or is of a source that was
 started anew without calling itself anew. The last is believed once a few in a row go up, differ
-from what was heard lately, and come at the pace of their own time stamps; late ones do not. More in
-a row are believed whatever their time stamps say: no number, however huge, silences a source for
-good. A number far ahead does not end the count before it: whoever goes on with that one is heard as
-well.
+from what was heard lately, and come at the pace of their own time stamps; late ones do not. Ten in
+a row are accepted with any time stamps: no number, however huge, silences a source permanently. A
+number far ahead does not end the count before it: whoever goes on with that one is heard as well.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ _IN_A_ROW = 3
 """So many numbers that go up are a count begun anew."""
 
 _IN_A_ROW_ANYHOW = 10
-"""So many that go up are one whose time stamps do not go on as time does."""
+"""So many that go up are one even if its time stamps do not advance as time does."""
 
 _FAR_AHEAD = 2**32
 _MOST_BEGUN = 4

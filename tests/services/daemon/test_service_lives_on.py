@@ -1,4 +1,4 @@
-"""One bad message, one lost file: the service answers, tells of it, and plans no faster."""
+"""One bad message, one lost file: the service answers, flags it, and plans no faster."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
         yield robot
 
 
-def test_a_stop_that_hardly_slows_is_answered_and_degrades_nothing(robot: Robot) -> None:
+def test_a_stop_without_deceleration_is_answered_and_degrades_nothing(robot: Robot) -> None:
     before = robot.top_speed()
     for grade in (0.0, -0.1, -0.8):
         for deceleration in (5e-324, 1e-300, 1e-3):
             fields = robot.stop_fields(deceleration, grade=grade)
             receipt = robot.query("obs/stop", fields, "stop_observation", timeout=2.0)
-            assert receipt is not None, "nobody answered"
+            assert receipt is not None, "no answer"
             assert receipt["status"] == "refused"
             assert "expected" in receipt["reason"]
     status = robot.status()
@@ -49,7 +49,7 @@ def test_a_stop_that_hardly_slows_is_answered_and_degrades_nothing(robot: Robot)
     assert robot.stop(0.42 * G)["status"] == "taken"
 
 
-def test_an_observation_that_breaks_learning_is_answered_counted_and_told_for_a_while(
+def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for_a_while(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     port = free_port()
@@ -59,10 +59,10 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_told_for_a_
     )  # fmt: skip
     learn, read = Learner.learn, replies.read
 
-    def breaks(self: Learner, one: Any, *rest: Any) -> Any:
-        if one.source == "evil":
-            raise ZeroDivisionError("a fault that nobody knows yet")
-        return learn(self, one, *rest)
+    def breaks(self: Learner, message: Any, *rest: Any) -> Any:
+        if message.source == "evil":
+            raise ZeroDivisionError("an unknown fault")
+        return learn(self, message, *rest)
 
     def breaks_too(service: Any, question: Any, name: str) -> Any:
         if question.group == "evil":
@@ -119,8 +119,8 @@ def test_killed_and_its_store_emptied_it_is_flagged_and_no_faster(
         else:
             assert any("what was learned is lost" in flag for flag in flags), flags
             assert robot.top_speed() < 0.95 * by_file
-        kept = store.with_name("p.sqlite.corrupt-1-wal")
-        assert kept.stat().st_size > 0, "the log of what was written is not thrown away"
+        log = store.with_name("p.sqlite.corrupt-1-wal")
+        assert log.stat().st_size > 0, "the log of the database is not deleted"
         for _ in range(6):
             robot.stop(0.42 * G)
         assert not any("lost" in flag for flag in robot.plan()["flags"])
@@ -146,14 +146,14 @@ def test_one_huge_sequence_silences_no_sender(robot: Robot) -> None:
     for kind, more in (("stop", {}), ("terrain", {"surface": "sand"})):
         for stamp in (None, 7.0):
             sender = Robot(robot.service, robot.session, f"{kind} {stamp}")
-            told = []
+            receipts = []
             for n, sequence in enumerate((2**53, *range(1, 20))):
                 fields = (
                     sender.stop_fields(0.42 * G) if kind == "stop" else sender.fields(**more)
                 ) | {"sequence": sequence}  # fmt: skip
                 # A clock that is 3 s behind at every message, or none at all.
                 fields["time"] = time.monotonic() if stamp is None else stamp - 3.0 * n
-                told.append(sender.send(kind, fields))
-            assert {t["status"] for t in told} <= {"taken", "ignored", "refused"}
-            assert all(t["reason"] for t in told)
-            assert told[-1]["status"] != "ignored", told
+                receipts.append(sender.send(kind, fields))
+            assert {t["status"] for t in receipts} <= {"taken", "ignored", "refused"}
+            assert all(t["reason"] for t in receipts)
+            assert receipts[-1]["status"] != "ignored", receipts

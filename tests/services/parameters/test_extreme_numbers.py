@@ -1,7 +1,7 @@
 """Numbers at the ends of what a float can hold, in everything that a robot may send to learn from.
 
-What cannot be is refused with a reason, and whatever is sent, the parameters that are planned with
-stay finite and no stronger than what was learned before.
+What cannot be is refused with a reason, and with any input the parameters of plans stay
+finite.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ COLUMNS = (
 ATV = read_model(find_model("atv"))
 
 
-class Told:
-    """A service's learning, told over the wire's own encoding."""
+class Sender:
+    """A learning service, sent messages in the encoding of the wire."""
 
     def __init__(self) -> None:
         self.service = ParameterService(ServiceConfig(model="atv"), ATV)
@@ -54,18 +54,18 @@ class Told:
         encode = msgspec.json.encode if written is Format.JSON else msgspec.msgpack.encode
         kind_of = KINDS[kind]
         try:
-            one = codec.decode(
+            message = codec.decode(
                 kind_of, encode(raw), codec.encoding_of(kind_of, written), "obs", 10**7
             )
-            receipt = self.service.observe(kind, one, "obs", 600.0 * n)
+            receipt = self.service.observe(kind, message, "obs", 600.0 * n)
         except InputError:
             return "malformed"
         assert receipt.status in ("taken", "ignored", "refused")
         assert receipt.reason
-        self.look()
+        self.check()
         return receipt.status
 
-    def look(self) -> None:
+    def check(self) -> None:
         self.service.tick()
         assert self.service.degraded() == []
         numbers = parameters_of(self.service.in_use.model)
@@ -84,36 +84,36 @@ def parameters_of(model: Model) -> np.ndarray:
 
 @pytest.mark.parametrize("field", [*STOP, "time", "sequence"])
 def test_no_number_of_a_stop_breaks_learning(field: str) -> None:
-    told = Told()
+    sender = Sender()
     for value, grade in itertools.product(EXTREMES, (0.0, -0.1, 0.1, -0.8, -5e-324)):
-        told.send("stop", {**STOP, "grade": grade, field: value})
+        sender.send("stop", {**STOP, "grade": grade, field: value})
         without = {k: v for k, v in STOP.items() if k not in ("distance", "dead_time")}
-        told.send("stop", {**without, "grade": grade, field: value})
-    assert told.send("stop", dict(STOP)) in ("taken", "ignored", "refused")
+        sender.send("stop", {**without, "grade": grade, field: value})
+    assert sender.send("stop", dict(STOP)) in ("taken", "ignored", "refused")
 
 
 @pytest.mark.parametrize("grade", [-0.1, -0.8, -5e-324])
-def test_a_stop_that_hardly_slows_is_refused_by_its_deceleration(grade: float) -> None:
-    told = Told()
+def test_a_stop_without_deceleration_is_refused_by_its_deceleration(grade: float) -> None:
+    sender = Sender()
     for value in (5e-324, 1e-300, 1e-17, 1e-3):
         fields = {"speed": 2.0, "grade": grade, "deceleration": value}
-        assert told.send("stop", fields) == "refused"
-    assert told.service.counters["stop_refused"] == 4
+        assert sender.send("stop", fields) == "refused"
+    assert sender.service.counters["stop_refused"] == 4
 
 
 def test_seeded_stops_of_any_numbers_break_nothing() -> None:
-    rng, told = np.random.default_rng(7), Told()
+    rng, sender = np.random.default_rng(7), Sender()
     for _ in range(2000):
         fields = dict(STOP)
         for name in rng.choice(list(STOP), rng.integers(1, 5), replace=False):
             any_size = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-320.0, 308.0)
             fields[str(name)] = float(rng.choice([any_size, *EXTREMES, rng.uniform(0.0, 10.0)]))
-        told.send("stop", fields)
+        sender.send("stop", fields)
 
 
 @pytest.mark.parametrize("column", COLUMNS)
 def test_no_number_of_drive_samples_breaks_learning(column: str) -> None:
-    told, rng = Told(), np.random.default_rng(3)
+    sender, rng = Sender(), np.random.default_rng(3)
     n, begin = 200, itertools.count(0)
     for value in EXTREMES:
         for where in ((0,), (100,), range(n)):
@@ -125,26 +125,26 @@ def test_no_number_of_drive_samples_breaks_learning(column: str) -> None:
             rows[column][list(where)] = value
             values = np.ascontiguousarray(list(rows.values()), "<f8")
             block = {"shape": values.shape, "data": values.tobytes()}
-            told.send("drive", {"columns": list(rows), "values": block})
+            sender.send("drive", {"columns": list(rows), "values": block})
 
 
 def test_no_number_of_a_label_breaks_learning() -> None:
-    told = Told()
+    sender = Sender()
     for value in EXTREMES:
-        told.send("terrain", {"surface": "sand", "probability": value})
-        told.send("terrain", {"surface": "sand", "probability": 0.9, "time": value})
+        sender.send("terrain", {"surface": "sand", "probability": value})
+        sender.send("terrain", {"surface": "sand", "probability": 0.9, "time": value})
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("written", Format)
 def test_a_count_that_is_none_is_malformed(kind: str, written: Format) -> None:
-    told = Told()
+    sender = Sender()
     fields: dict[str, Any] = {
         "stop": dict(STOP), "terrain": {"surface": "sand"},
         "drive": {"columns": list(COLUMNS[:4]), "values": [[0.0, 1.0]] * 4},
     }[kind]  # fmt: skip
     for count in (-1, 2**53 + 1, 2**63, 2**64 - 1, 1.5, "7", None, True):
-        assert told.send(kind, {**fields, "sequence": count}, written) == "malformed"
+        assert sender.send(kind, {**fields, "sequence": count}, written) == "malformed"
     encoding = codec.encoding_of(KINDS[kind], Format.JSON)
     for text in ("1e400", "1" + 400 * "0", "NaN", "-Infinity", "0x7"):
         raw = json.dumps({"source": "fuzz", "time": 1.0, "sequence": 0, **fields})

@@ -68,8 +68,8 @@ def file_force(path: Path) -> tuple[float, float]:
     return level_force(plain), margin(plain)
 
 
-def flagged(service: ParameterService, words: str) -> bool:
-    return any(words in flag for flag in service.flags())
+def flagged(service: ParameterService, part: str) -> bool:
+    return any(part in flag for flag in service.flags())
 
 
 def test_a_first_start_is_not_a_loss(store: Path) -> None:
@@ -84,13 +84,13 @@ def test_a_first_start_is_not_a_loss(store: Path) -> None:
 def test_the_second_copy_is_planned_with_where_the_store_is_lost(store: Path, hurt: str) -> None:
     force = weak(store)
     HURT[hurt](store)
-    bad = store.read_bytes() if store.exists() else None
+    content = store.read_bytes() if store.exists() else None
     again = started(store)
     assert level_force(again) == pytest.approx(force, abs=1e-3)
-    assert flagged(again, "out of p.sqlite-last")
-    if bad is not None:
-        assert store.with_name("p.sqlite.corrupt-1").read_bytes() == bad
-    assert stopped(again, 4, 0.12).status == "ignored", "what was heard is known as well"
+    assert flagged(again, "from p.sqlite-last")
+    if content is not None:
+        assert store.with_name("p.sqlite.corrupt-1").read_bytes() == content
+    assert stopped(again, 4, 0.12).status == "ignored", "sequences are known as well"
     assert stopped(again, 5, 0.12).durable
     again.close()
     third = started(store)
@@ -99,13 +99,13 @@ def test_the_second_copy_is_planned_with_where_the_store_is_lost(store: Path, hu
 
 
 @pytest.mark.parametrize("hurt", ["empty", "noise", "deleted"])
-def test_a_copy_is_believed_below_the_model_file_only(store: Path, hurt: str) -> None:
+def test_a_copy_is_used_below_the_model_file_only(store: Path, hurt: str) -> None:
     strong(store)
-    most, _ = file_force(store)
+    by_file, _ = file_force(store)
     HURT[hurt](store)
     for _ in range(2):
         again = started(store)
-        assert level_force(again) <= most + 1e-9
+        assert level_force(again) <= by_file + 1e-9
         assert flagged(again, "braking: the newest state may be missing: no faster than by the")
         again.close()
 
@@ -118,15 +118,15 @@ def test_without_either_the_file_counts_as_if_it_had_aged(
     force = weak(store)
     HURT[hurt](store)
     HURT[copy](copy_path(store))
-    most, little = file_force(store)
-    assert force < most
+    by_file, little = file_force(store)
+    assert force < by_file
     reserve = Uncertainty().width * Uncertainty().drift * np.sqrt(14_400.0 / HOUR)
     lost = "braking: what was learned is lost: the share of the model file that counts on unknown"
     for start in range(3):
         again = started(store)
         assert flagged(again, lost)
         assert flagged(again, "what was learned and set before is gone") == (start == 0)
-        assert level_force(again) == pytest.approx(Uncertainty().untrained_share * most)
+        assert level_force(again) == pytest.approx(Uncertainty().untrained_share * by_file)
         assert margin(again) >= np.hypot(little, 0.99 * reserve)
         again.close()
     again = started(store)
@@ -136,7 +136,7 @@ def test_without_either_the_file_counts_as_if_it_had_aged(
     again.close()
 
 
-def test_a_store_that_lost_its_last_changes_takes_them_from_the_copy(store: Path) -> None:
+def test_changes_that_a_store_lost_are_read_from_the_copy(store: Path) -> None:
     first = started(store)
     stopped(first, 1, 0.42)
     first.close()
@@ -157,10 +157,10 @@ def test_a_state_that_changed_on_disk_is_flagged_and_an_older_one_held_below_the
         last = tables.execute("SELECT max(version) FROM change").fetchone()[0]
         tables.execute("UPDATE change SET state = ? WHERE version = ?", (b"{}", last))
     tables.close()
-    most, _ = file_force(store)
+    by_file, _ = file_force(store)
     again = started(store)
     assert flagged(again, "stored parameters could not be used, older ones are: braking")
-    assert level_force(again) <= most + 1e-9
+    assert level_force(again) <= by_file + 1e-9
 
 
 def test_a_store_that_cannot_be_opened_is_replaced_by_its_copy_until_it_can(store: Path) -> None:

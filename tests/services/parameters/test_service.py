@@ -141,7 +141,7 @@ def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path
     if how in ("insane", "not JSON"):
         assert level_force(again) == pytest.approx(older, abs=1e-3)
     elif how == "noise":
-        assert level_force(again) == pytest.approx(newest, abs=1e-3), "out of the second copy"
+        assert level_force(again) == pytest.approx(newest, abs=1e-3), "from the second copy"
     else:
         assert again.in_use.model == model
     receipt = stopped(again, 9, 0.42)

@@ -1,4 +1,4 @@
-"""The pose of a question against its candidates, through a service in a process of its own."""
+"""The pose of a request against its candidates, through a service process."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ HALF = {"atv": 0.5, "husky": 0.3}  # [m] half the track width
 ALONG = np.linspace(0.0, 20.0, 60)
 
 
-def straight(name: str = "a", aside: float = 0.0) -> Path:
-    return Path(name=name, points=np.stack((ALONG, np.full(60, aside)), axis=1))
+def straight(name: str = "a", lateral: float = 0.0) -> Path:
+    return Path(name=name, points=np.stack((ALONG, np.full(60, lateral)), axis=1))
 
 
 @pytest.fixture(scope="module", params=HALF)
@@ -32,13 +32,13 @@ def asked(
 
 
 def answers(
-    asked: tuple[Running, zenoh.Session, float], aside: float, turned: float
+    asked: tuple[Running, zenoh.Session, float], lateral: float, turned: float
 ) -> Iterator[PlanReply]:
     """Of a named client that is new to the service, and of one without a name."""
     service, session, _ = asked
-    for name in (f"robot {aside} {turned}", ""):
+    for name in (f"robot {lateral} {turned}", ""):
         with PlanClient(session, namespace=service.namespace, name=name, timeout=5.0) as client:
-            reply = client.plan(0.5, [straight()], pose=(2.0, aside, turned)).reply
+            reply = client.plan(0.5, [straight()], pose=(2.0, lateral, turned)).reply
         assert reply is not None
         yield reply
 
@@ -48,9 +48,9 @@ def test_within_the_limits_the_speeds_are_those_on_the_path(
 ) -> None:
     half = asked[2] - 1e-6
     on_it = [reply.plans[0].column("speed") for reply in answers(asked, 0.0, 0.0)]
-    for aside in (-half, -0.5 * half, half):
+    for lateral in (-half, -0.5 * half, half):
         for turned in (-0.2999, 0.0, 0.2999):
-            for reply, speed in zip(answers(asked, aside, turned), on_it, strict=True):
+            for reply, speed in zip(answers(asked, lateral, turned), on_it, strict=True):
                 assert reply.status == "ok"
                 assert reply.plans[0].column("speed") == pytest.approx(speed, abs=1e-6)
 
@@ -61,29 +61,29 @@ def test_beyond_the_limits_the_answer_is_a_stop_with_the_reason(
     half = asked[2]
     grid = [(side * s * half, t) for side in (-1, 1) for s in (1.01, 1.5) for t in (0.0, 0.2)]
     grid += [(0.9 * half, 1.0), (0.0, 0.301), (-0.5 * half, -0.301), (0.0, np.pi)]
-    for aside, turned in grid:
-        words = "0.3 rad at most" if abs(turned) > 0.3 else f"{half:g} m at most"
-        for reply in answers(asked, aside, float(turned)):
+    for lateral, turned in grid:
+        limit = "0.3 rad at most" if abs(turned) > 0.3 else f"{half:g} m at most"
+        for reply in answers(asked, lateral, float(turned)):
             assert (reply.status, reply.chosen, reply.plans) == ("degraded", None, [])
             assert reply.command is not None
             assert reply.command.stop
-            assert words in reply.reason
+            assert limit in reply.reason
             assert [c.usable for c in reply.ranking] == [False]
-            assert words in reply.ranking[0].reason
+            assert limit in reply.ranking[0].reason
 
 
-def test_a_client_whose_pose_leaves_its_plan_is_told_to_stop(
+def test_a_client_whose_pose_leaves_its_plan_is_stopped(
     asked: tuple[Running, zenoh.Session, float],
 ) -> None:
     service, session, _ = asked
     with PlanClient(session, namespace=service.namespace, name="drives", timeout=5.0) as client:
         driven = [client.plan(0.5, [straight()], pose=(2.0, 0.0, 0.0)).reply for _ in range(3)]
         assert [r.status for r in driven if r is not None] == ["ok"] * 3
-        off = client.plan(0.5, [straight()], pose=(2.0, 0.0, 0.5)).reply
-        assert off is not None
-        assert off.command is not None
-        assert (off.command.stop, off.chosen, off.kept) == (True, None, False)
-        assert "off the heading" in off.reason
+        answer = client.plan(0.5, [straight()], pose=(2.0, 0.0, 0.5)).reply
+        assert answer is not None
+        assert answer.command is not None
+        assert (answer.command.stop, answer.chosen, answer.kept) == (True, None, False)
+        assert "off the heading" in answer.reason
 
 
 def test_the_candidate_that_fits_is_planned_and_the_other_refused(

@@ -1,4 +1,4 @@
-"""A map that is not renewed: plans get slower with its age, then the vehicle is told to stop."""
+"""A map that is not renewed: plans get slower with its age, then the vehicle stops."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.services.service_process import running
 
 FLAT = ElevationMap(elevation=np.zeros((41, 400)), resolution=0.5, origin=(-5.0, -10.0))
 ATV = read_model(find_model("atv"))
-MOST = 30.0
+MAX_AGE = 30.0
 """Of the settings by default [s]."""
 
 
@@ -62,11 +62,11 @@ def test_up_to_max_map_age_plans_are_as_they_were(client: str) -> None:
         assert not any("degraded" in flag for flag in old.flags)
 
 
-def test_beyond_it_the_highest_speed_falls_evenly_and_is_told() -> None:
+def test_beyond_it_the_highest_speed_falls_evenly_and_is_flagged() -> None:
     plans, before = service(), np.inf
     for age in np.linspace(30.5, 59.0, 12):
         reply = ask(plans, of_age(age))
-        cap = ATV.limits.speed * (2.0 - age / MOST)
+        cap = ATV.limits.speed * (2.0 - age / MAX_AGE)
         assert 0.8 * cap - 0.1 <= top(reply) <= cap + 1e-6
         assert top(reply) <= before + 1e-9
         before = top(reply)
@@ -99,7 +99,7 @@ def test_the_age_is_a_setting() -> None:
     assert ask(plans, of_age(1300.0)).command.stop  # type: ignore[union-attr]
 
 
-def test_a_robot_that_drives_while_its_map_grows_old_comes_to_rest_without_full_brakes() -> None:
+def test_a_robot_driving_on_an_ageing_map_stops_without_full_brakes() -> None:
     plans, period = service(max_map_age=2.0), 0.1
     x = speed = clock = 0.0
     speeds = []
@@ -133,14 +133,14 @@ def test_a_map_that_stays_away_slows_then_stops_and_the_next_one_lets_go(robot: 
     assert robot.top_speed(20.0) < 0.7 * free
     until(lambda: bool(robot.plan()["command"]["stop"]))
     assert "twice max_map_age" in robot.plan()["reason"]
-    assert any("twice max_map_age" in words for words in robot.status()["degraded"])
+    assert any("twice max_map_age" in reason for reason in robot.status()["degraded"])
     send_ground(robot)
     assert robot.top_speed(20.0) == pytest.approx(free)
     assert robot.status()["degraded"] == []
 
 
 @pytest.mark.parametrize(
-    ("bad", "words"),
+    ("fields", "reason"),
     [
         ({"resolution": 5e-324}, "resolution"),
         ({"origin": (1e308, 0.0)}, "origin"),
@@ -153,34 +153,34 @@ def test_a_map_that_stays_away_slows_then_stops_and_the_next_one_lets_go(robot: 
         (None, "expected object, got int"),
     ],
 )
-def test_the_last_good_map_stays_in_use_beside_one_that_is_none(
-    robot: Robot, bad: dict[str, object] | None, words: str
+def test_the_last_good_map_stays_in_use_after_a_malformed_one(
+    robot: Robot, fields: dict[str, object] | None, reason: str
 ) -> None:
 
     encoding = "application/msgpack;slopewise.map_update.v1"
-    good = ground()
-    send_ground(robot, good)
+    update = ground()
+    send_ground(robot, update)
     before = robot.plan()
     payload = b"none"
-    if bad is not None:
-        payload = msgspec.msgpack.encode(good | {"sequence": 2} | bad)
-    sender = good["source"] if bad is not None else "a sender without a name"
+    if fields is not None:
+        payload = msgspec.msgpack.encode(update | {"sequence": 2} | fields)
+    sender = update["source"] if fields is not None else "a sender without a name"
     robot.session.put(robot.service.key("map"), payload, encoding=encoding)
-    told = f"a map of {sender} could not be used: "
+    prefix = f"a map of {sender} could not be used: "
 
     def flag() -> str:
-        return next((f for f in robot.plan()["flags"] if f.startswith(told)), "")
+        return next((f for f in robot.plan()["flags"] if f.startswith(prefix)), "")
 
     until(lambda: flag() != "")
-    assert words in flag()
+    assert reason in flag()
     after = robot.plan()
     assert (after["map_version"], after["map_hash"]) == (before["map_version"], before["map_hash"])
-    assert after["map_age"] > before["map_age"], "it grows older"
+    assert after["map_age"] > before["map_age"], "its age counts on"
     assert (after["status"], after["plans"][0]["values"]) == ("ok", before["plans"][0]["values"])
-    whole = msgspec.msgpack.encode(good | {"sequence": 3})
-    robot.session.put(robot.service.key("map"), whole, encoding=encoding)
+    payload = msgspec.msgpack.encode(update | {"sequence": 3})
+    robot.session.put(robot.service.key("map"), payload, encoding=encoding)
     until(lambda: robot.plan()["map_version"] > before["map_version"])
-    if bad is not None:
+    if fields is not None:
         assert flag() == "", "the next whole map of that sender takes it back"
     assert not any("lost" in f for f in robot.plan()["flags"])
 
@@ -198,7 +198,7 @@ def test_a_map_to_begin_with_is_flagged_old_but_plans_stay(tmp_path: Path) -> No
         free = robot.top_speed(20.0)
         assert free > 2.0
         assert robot.status()["degraded"] == []
-        # Once it is renewed by somebody, it is expected to be renewed.
+        # After a first update, further ones are expected.
         patch = ground() | {
             "patch": True, "elevation": block(np.zeros((2, 2))), "origin": (-5.0, -10.0)
         }  # fmt: skip
