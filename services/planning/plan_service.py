@@ -200,8 +200,8 @@ class PlanService:
         usable: list[Usable], pace: Pace,
     ) -> PlanReply:  # fmt: skip
         track = parameters.model.vehicle.track_width
-        settings = self.config.planning.horizon().for_track(track)
-        usable, refused = at_the_vehicle(request, usable, settings)
+        reach = self.config.planning.horizon().for_track(track)
+        usable, refused = at_the_vehicle(request, usable, reach)
         if not usable:
             first = f": {refused[0].reason}" if refused else ""
             reason = f"no candidate is usable{first}: full braking"
