@@ -203,8 +203,8 @@ class PlanService:
         reach = self.config.planning.horizon().for_track(track)
         usable, refused = at_the_vehicle(request, usable, reach)
         if not usable:
-            first = f": {refused[0].reason}" if refused else ""
-            reason = f"no candidate is usable{first}: full braking"
+            detail = f": {refused[0].reason}" if refused else ""
+            reason = f"no candidate is usable{detail}: full braking"
             return _with(self._reply(request, parameters, ground, reason), ranking=refused)
         planner = self._planner(parameters)
         # Of plans as good as each other the one with the shorter clear distance comes first.
