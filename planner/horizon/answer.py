@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from models.errors import ParameterError
 from models.quantity import quantity, validate_quantities
 from planner.plan import SpeedPlan, Status
+
+MAX_HEADING_ERROR = 0.3
+"""Largest angle between path and heading [rad]. Plans sweep the body along the path: turned by more
+than that (17°), the end of a body 2 m long stands over 0.3 m from the ground that is swept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,13 +32,20 @@ class HorizonSettings:
         at_least=0.0,
     )
     beside: float = quantity(
-        "m", "Farthest that a path may lie beside the vehicle.", default=0.5, above=0.0
+        "m",
+        "Farthest that a path may lie beside the vehicle; half the track width where that is less.",
+        default=0.5,
+        above=0.0,
     )
     ahead: float = quantity(
         "m", "Farthest that a path may begin ahead of the vehicle.", default=1.0, above=0.0
     )
     turned: float = quantity(
-        "rad", "Largest angle between a path and the heading.", default=1.0, above=0.0
+        "rad",
+        "Largest angle between a path and the heading.",
+        default=MAX_HEADING_ERROR,
+        above=0.0,
+        at_most=MAX_HEADING_ERROR,
     )
     same_path: float = quantity(
         "m", "How exactly a path of the same name is the same path.", default=0.1, above=0.0
@@ -47,6 +58,10 @@ class HorizonSettings:
         validate_quantities(self)
         if self.smoothed < 1:
             raise ParameterError("smoothed", f"at least 1 candidate, got {self.smoothed}")
+
+    def for_track(self, track_width: float) -> HorizonSettings:
+        """The same where ``beside`` is no more than half the track of the vehicle [m]."""
+        return replace(self, beside=min(self.beside, 0.5 * track_width))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

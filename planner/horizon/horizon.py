@@ -60,7 +60,8 @@ class Horizon:
         """Go on with other parameters, or with the same ones, aged."""
         self.uncertainty = uncertainty or self.uncertainty
         cautious = self.uncertainty.cautious(model)
-        self._equipment = Equipment(cautious, self.uncertainty, self.settings, self.planner)
+        settings = self.settings.for_track(model.vehicle.track_width)
+        self._equipment = Equipment(cautious, self.uncertainty, settings, self.planner)
 
     def forget(self) -> None:
         """Go on without the previous plan."""

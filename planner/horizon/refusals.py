@@ -106,8 +106,8 @@ def _refusal(beside: float, gap: float, turned: float, most: HorizonSettings) ->
     if gap > most.ahead:
         return f"the path begins {gap:.2f} m ahead of the vehicle, {most.ahead:g} m at most"
     if turned > most.turned:
-        off, allowed = math.degrees(turned), math.degrees(most.turned)
-        return f"the path points {off:.0f}° off the heading, {allowed:.0f}° at most"
+        error = f"{math.degrees(turned):.0f}° off the heading ({turned:.3f} rad)"
+        return f"the path points {error}, {most.turned:g} rad at most"
     return "the path ends here"
 
 

@@ -40,6 +40,9 @@ _MOST_WEAKER = 64
 _MOST_TOLD = 5
 _DEAD_TIMES = 5
 _MOST_DEAD_TIME = 3.0
+_MAX_COEFFICIENT = 100.0
+"""No coefficient of any vehicle is anywhere near it [s/m, 1, s/m, 1]."""
+
 _UNSAID = (0.02, 0.06, 0.01, 0.05)
 """How certain a model file is taken to be that says nothing of it, standard deviations."""
 
@@ -252,6 +255,31 @@ class BrakingGroups(ParameterGroups):
         late = median(self._dead_times) if len(self._dead_times) > 1 else 0.0
         return max(self._prior.dead_time, late)
 
+    def distrust(self) -> set[str]:
+        """Nowhere above the model file until stops make an estimate valid again; what changed."""
+        changed = set()
+        for surface, one in self._learned().items():
+            if one.valid:
+                age = self.ages(time.monotonic())[surface]
+                self._put(surface, dataclasses.replace(one, valid=False), age)
+                changed.add(_group_of(surface))
+        return changed
+
+    def lose(self) -> set[str]:
+        """Forget all stops, as of brakes that may be worn; the groups that changed.
+
+        Plans use the share of the file's force that they use on ground never braked on, with the
+        scatter of the oldest age, until the next stops.
+        """
+        surfaces = [s for s in ("", *self._prior.terrain) if not self._online.knows(s)]
+        for surface in surfaces:
+            known = self._prior.on(surface) if surface else self._prior
+            below = np.array([getattr(known, name) for name in NAMES])
+            self._online.doubt(surface, self._uncertainty.untrained_share * below)
+            self._taught[surface] = time.monotonic() - self._settings.oldest
+        self._changed()
+        return {_group_of(surface) for surface in surfaces}
+
     # ------------------------------------------------------------------ groups
 
     def names(self) -> list[str]:
@@ -336,10 +364,13 @@ class BrakingGroups(ParameterGroups):
         for name in values:
             if name not in now or (surface and name == _DEAD_TIME):
                 raise ParameterError(name, f"one of {', '.join(NAMES)}")
+            if name != _DEAD_TIME and not abs(values[name]) <= _MAX_COEFFICIENT:
+                limit = f"{_MAX_COEFFICIENT:g} {_UNITS[NAMES.index(name)]}"
+                raise ParameterError(name, f"a number of -{limit} … {limit}, got {values[name]:g}")
         late = values.get(_DEAD_TIME)
         if late is not None and not self._prior.dead_time <= late <= _MOST_DEAD_TIME:
             words = f"{self._prior.dead_time:g} s of the model file … {_MOST_DEAD_TIME:g}"
-            raise ParameterError(_DEAD_TIME, f"{words}, got {late}")
+            raise ParameterError(_DEAD_TIME, f"{words}, got {late:g}")
         if set(values) & set(NAMES):
             coefficients = tuple({**now, **values}[name] for name in NAMES)
             known = self._prior.on(surface) if surface else self._prior
@@ -394,6 +425,10 @@ class BrakingGroups(ParameterGroups):
 def surface_of(group: str) -> str:
     """The surface that a group of braking is of; empty for the base."""
     return group[len(BASE) + 1 :]
+
+
+def _group_of(surface: str) -> str:
+    return f"{BASE}.{surface}" if surface else BASE
 
 
 def _digest(known: Braking) -> str:

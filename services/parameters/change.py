@@ -25,6 +25,10 @@ class Moment:
         """The moment it is."""
         return cls(time.time(), _boot(), time.clock_gettime(time.CLOCK_BOOTTIME))
 
+    def earlier(self, seconds: float) -> Moment:
+        """The moment ``seconds`` before this one."""
+        return Moment(self.at - seconds, self.boot, self.uptime - seconds)
+
     def age(self, now: Moment, oldest: float) -> float:
         """Time since [s]; what clocks cannot tell counts as ``oldest``."""
         if self.boot and self.boot == now.boot:

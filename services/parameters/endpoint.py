@@ -173,29 +173,44 @@ class ParameterEndpoint:
             self._observe(kind, arrived, item)
             return
         with item:
-            if kind == PARAMS:
-                self._answer(item)
-            else:
-                self._findings(item)
+            try:
+                (self._answer if kind == PARAMS else self._findings)(item)
+            except Exception:  # noqa: BLE001 - logged, counted, flagged, answered
+                asked = str(item.key_expr)
+                reply = self._error(self._note_fault(f"a request on {asked}"))
+                key = asked if "*" not in asked else self._config.key(kind)
+                self._reply(item, key, reply, _written(str(item.encoding or "")))
+
+    def _note_fault(self, what: str) -> str:
+        """Count and flag a fault of the service with one message; the reason for its sender."""
+        self._counters["faults"] += 1
+        _log.exception("%s could not be treated", what)
+        self._service.note_fault(what)
+        return f"{what} could not be treated: fault of the service"
 
     def _observe(self, kind: str, arrived: float, item: Any) -> None:
         key = self._config.key(f"obs/{kind}")
         encoding = str(item.encoding or "")
         most = int(self._config.learning.observation_bytes)
+        what = f"an observation on obs/{kind}"
         try:
             one = codec.decode(KINDS[kind], item.payload or b"", encoding, key, most)
+            what = f"{kind} {one.sequence} of {one.source}"
             receipt = self._service.observe(kind, one, key, arrived)
         except InputError as error:
             self._counters[f"{kind}_malformed"] += 1
-            log = self._service.log
-            receipt = Receipt(
-                status="error", reason=str(error), version=log.version, durable=log.durable
-            )
+            receipt = self._failed(str(error))
+        except Exception:  # noqa: BLE001 - logged, counted, flagged, answered
+            receipt = self._failed(self._note_fault(what))
         if receipt.status in (REFUSED, "error"):
             _log.info("%s: %s", key, receipt.reason)
         if isinstance(item, zenoh.Query):
             with item:
                 self._reply(item, key, receipt, codec.format_of(encoding))
+
+    def _failed(self, reason: str) -> Receipt:
+        log = self._service.log
+        return Receipt(status="error", reason=reason, version=log.version, durable=log.durable)
 
     def _findings(self, query: zenoh.Query) -> None:
         key, encoding = self._config.key(DISCREPANCY), str(query.encoding or "")

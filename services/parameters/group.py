@@ -81,6 +81,10 @@ class ParameterGroups(Protocol):
         """Learn from samples of a drive; the groups that changed."""
         return set()
 
+    def distrust(self) -> set[str]:
+        """Be nowhere faster than the model file until something is learned; what changed."""
+        return set()
+
     def apply(self, model: Model) -> Model:
         """A model with these parameters as they are to be planned with."""
 

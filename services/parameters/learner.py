@@ -22,7 +22,7 @@ from services.parameters.ground_now import GroundNow, monitor_maker
 from services.parameters.group import DriveNews, ParameterGroups, State
 from services.parameters.intake import columns_of
 from services.parameters.learnable import StopTaught, may_add, unable
-from services.parameters.plausible_stops import StopPace, contradiction
+from services.parameters.plausible_stops import MIN_DECELERATION, StopPace, contradiction
 from services.parameters.registry import GROUPS
 from services.parameters.stop_streams import StopStreams
 from services.settings.learning import Learning
@@ -137,6 +137,10 @@ class Learner:
             words = f"F_b/W above 0 and at most {_STRONGEST:g}, got {stop.force_ratio:.3g}"
             return changed, f"{NOT_LEARNED}expected {words}"
         slowing = GRAVITY * (stop.force_ratio + math.sin(stop.grade))
+        if not slowing >= MIN_DECELERATION:
+            self.implausible += 1
+            words = f"a deceleration of at least {MIN_DECELERATION:g} m/s², got {slowing:.3g}"
+            return changed, f"{NOT_LEARNED}expected {words}"
         takes = self._pace.takes(stop.onset_speed, max(slowing, 0.1), stop.dead_time)
         # Bad news is heard at any rate: it makes plans slower only.
         room = self._pace.room(takes, self._arrived)
@@ -192,6 +196,19 @@ class Learner:
         # What stops taught of the base is in an adopted finding already; of other ground it is not.
         adopted = self._prior is not self._file
         return adopted and name != BASE and not _counts_twice(self._prior)
+
+    def distrust(self) -> set[str]:
+        """Plan with the weaker of model file and what is known, until stops confirm it.
+
+        Returns:
+            Groups that changed.
+        """
+        changed = self._braking.distrust()
+        return changed | {name for groups in self._groups for name in groups.distrust()}
+
+    def lose(self) -> set[str]:
+        """Forget all stops, see :meth:`BrakingGroups.lose`; the groups that changed."""
+        return set() if self.unable else self._braking.lose()
 
     # ------------------------------------------------------------------ findings
 

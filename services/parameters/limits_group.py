@@ -17,6 +17,13 @@ _UNITS = {
     "vertical_accel": "m/s²", "min_load": "1",
 }  # fmt: skip
 
+_MIN_LIMIT = 0.01
+"""Smallest value of each limit except min_load, in its unit: no vehicle drives within tighter ones,
+and no solver distinguishes them from 0."""
+
+_MAX_LOAD = 0.9
+"""Largest min_load that a model may have [1]."""
+
 
 class LimitsGroup(ParameterGroups):
     """What an operator allows."""
@@ -54,11 +61,13 @@ class LimitsGroup(ParameterGroups):
     def restore(self, group: str, state: State | None, age: float) -> None:
         """As it was. Where the model file is tighter by now, it holds."""
         values: dict[str, float] = {} if state is None else dict(state["values"])
-        for name, value in values.items():
-            if name not in _UNITS:
-                raise ParameterError(name, f"one of {', '.join(_UNITS)}")
-            values[name] = self._tighter(name, value)
+        unknown = [name for name in values if name not in _UNITS]
+        if unknown:
+            raise ParameterError(unknown[0], f"one of {', '.join(_UNITS)}")
         dataclasses.replace(self._prior, **values)
+        for name, value in values.items():
+            low, high = self._range(name)
+            values[name] = min(max(value, low), high)
         self._values, self._set = values, time.monotonic() - age
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
@@ -66,14 +75,20 @@ class LimitsGroup(ParameterGroups):
         for name, value in values.items():
             if name not in _UNITS:
                 raise ParameterError(name, f"one of {', '.join(_UNITS)}")
-            if self._tighter(name, value) != value:
-                word = "at least" if name == "min_load" else "at most"
-                words = f"{word} the {getattr(self._prior, name):g} of the model file, got {value}"
-                raise ParameterError(name, words)
+            low, high = self._range(name)
+            if not low <= value <= high:
+                end = f"at least the {low:g}" if name == "min_load" else f"at most the {high:g}"
+                expected = f"{low:g} … {high:g} {_UNITS[name]}, {end} of the model file"
+                raise ParameterError(name, f"{expected}, got {value:g}")
         changed = {**self._values, **values}
         dataclasses.replace(self._prior, **changed)
         self._values, self._set = changed, time.monotonic()
 
-    def _tighter(self, name: str, value: float) -> float:
-        most = float(getattr(self._prior, name))
-        return max(value, most) if name == "min_load" else min(value, most)
+    def _range(self, name: str) -> tuple[float, float]:
+        """Least and largest value that may be set: nowhere wider than the model file."""
+        known = float(getattr(self._prior, name))
+        return (
+            (known, max(known, _MAX_LOAD))
+            if name == "min_load"
+            else (min(_MIN_LIMIT, known), known)
+        )

@@ -7,12 +7,22 @@ from collections.abc import Iterable
 from typing import Any
 
 from models.errors import ParameterError
+from services.parameters.braking_groups import BASE
 from services.parameters.change import Moment
 from services.parameters.effects_group import EFFECTS
 from services.parameters.learner import Learner
-from services.parameters.log import Last, ParameterLog
+from services.parameters.log import Last, Memory, ParameterLog
+from services.parameters.store import StoreError
 
 _log = logging.getLogger("slopewise")
+
+HELD = "the newest state may be missing"
+LOST = "what was learned is lost"
+"""Causes of a change that only makes plans more careful."""
+
+_HELD_EFFECT = "no faster than by the model file until stops arrive"
+_LOST_EFFECT = "the share of the model file that counts on unknown ground, until stops arrive"
+_MAX_LISTED = 5
 
 
 class ParameterPast:
@@ -22,8 +32,54 @@ class ParameterPast:
         """Restore into ``learner`` from ``log``; nothing counts as older than ``oldest`` [s]."""
         self._learner, self._log, self._oldest = learner, log, oldest
 
-    def take_up(self, done: set[str]) -> None:
+    def restore(self, done: set[str]) -> dict[str, str]:
+        """Apply what is known from before, except of groups that are done.
+
+        Returns:
+            Groups that are planned with more carefully than they were kept, and why.
+
+        Raises:
+            StoreError: the store cannot be read.
+        """
+        held: dict[str, str] = {}
+        memory, old = self._log.memory, []
+        try:
+            old = self.take_up(done)
+        except StoreError:
+            if memory is Memory.STORE:
+                raise
+        if memory is Memory.COPY or old:
+            held |= dict.fromkeys(self._learner.distrust(), HELD)
+        if memory is Memory.LOST or any(group.startswith(BASE) for group in old):
+            held |= dict.fromkeys(self._learner.lose(), LOST)
+        return held
+
+    def give_back(self) -> None:
+        """The store is there again: what counted as lost and is not in it was never learned."""
+        stored = self._log.groups()
+        for group in [g for g, last in self._log.last.items() if last.cause == LOST]:
+            if group not in stored:
+                self._learner.group(group).restore(group, None, 0.0)
+                del self._log.last[group]
+
+    def moments(self, groups: Iterable[str]) -> dict[str, Moment]:
+        """Since when what groups hold now is."""
+        now = Moment.now()
+        return {g: now.earlier(self._learner.group(g).describe(g).age) for g in groups}
+
+    def flags(self) -> list[str]:
+        """Groups that are held back, as long as nothing new was learned of them."""
+        flags = []
+        for cause, what in ((HELD, _HELD_EFFECT), (LOST, _LOST_EFFECT)):
+            groups = [group for group, last in self._log.last.items() if last.cause == cause]
+            flags += [f"{', '.join(groups[:_MAX_LISTED])}: {cause}: {what}"] if groups else []
+        return flags
+
+    def take_up(self, done: set[str]) -> list[str]:
         """The newest state that can be used of each group that is not done.
+
+        Returns:
+            Groups of which the newest could not be used.
 
         Raises:
             StoreError: the store cannot be read.
@@ -33,6 +89,7 @@ class ParameterPast:
         if old:
             words = "stored parameters could not be used, older ones are"
             self._log.notes.append(f"{words}: {', '.join(old)}")
+        return old
 
     def _take_up_one(self, group: str) -> bool:
         """Whether the newest state of a group could be used; else an older one is, or none."""
@@ -46,7 +103,7 @@ class ParameterPast:
                 newest = False
                 continue
             self._log.last[group] = Last(change.version, change.cause, change.who)
-            return newest
+            return newest and group not in self._log.damaged
         return False
 
     def go_back(self, version: int, group: str) -> tuple[set[str], dict[str, Moment]]:

@@ -12,6 +12,9 @@ import math
 from models.vehicle import Vehicle
 from services.wire.observations import StopObservation
 
+MIN_DECELERATION = 0.01
+"""What slows less is no stop: from 1 m/s it would take longer than 100 s [m/s²]."""
+
 _SHARE = 0.25
 _METRES = 0.15
 """By so much a distance may differ from what speed, deceleration and dead time come to."""

@@ -22,10 +22,11 @@ from services.parameters.effects_group import EFFECTS
 from services.parameters.in_use import ParametersInUse, fingerprint
 from services.parameters.intake import Intake, columns_of
 from services.parameters.learner import NOT_LEARNED, Learner
-from services.parameters.log import ParameterLog
+from services.parameters.log import Last, ParameterLog
 from services.parameters.past import ParameterPast
 from services.parameters.store import StoreError
 from services.settings.service import ServiceConfig
+from services.wire.notices import Notices
 from services.wire.observations import DriveSamples, Receipt, RobotObservation
 
 _log = logging.getLogger("slopewise")
@@ -42,6 +43,7 @@ class ParameterService:
         learner: groups and what they learn. counters: of observations.
         investigator: stops that are kept, and looks for what the model leaves out of them.
         refused: id of the offer that was last refused to be adopted, and why.
+        notices: messages that could not be treated.
     """
 
     def __init__(
@@ -67,6 +69,7 @@ class ParameterService:
         self.investigator = Investigator(config.discrepancy, fingerprint(prior))
         self._missing: dict[str, str] = dict.fromkeys(settings.estimators, "is not alive")
         self._faults: list[str] = []
+        self.notices = Notices()
         self._looked = -math.inf
         self.counters: Counter[str] = Counter()
         self.changed: set[str] = set()
@@ -128,8 +131,9 @@ class ParameterService:
         Raises:
             ParameterError: says what was expected.
         """
-        if not all(math.isfinite(value) for value in values.values()):
-            raise ParameterError("values", "finite numbers")
+        for name, value in values.items():
+            if not math.isfinite(value):
+                raise ParameterError(name, f"a finite number, got {value}")
         self.learner.group(group).set(group, values)
         words = ", ".join(f"{name} = {value:g}" for name, value in values.items())
         self._commit({group}, f"set {words}", who, learned=False)
@@ -212,6 +216,11 @@ class ParameterService:
             self.counters["estimators_lost"] += 1
         self._bring()
 
+    def note_fault(self, what: str) -> None:
+        """Flag for a while a fault with one message; plans are not touched."""
+        self.notices.say(f"{what} could not be treated: fault of the service, see its log")
+        self._flag()
+
     def fault(self, what: str) -> None:
         """Something of the service itself broke: from now on plans are slower."""
         if what not in self._faults:
@@ -225,6 +234,7 @@ class ParameterService:
         if self._log.retry():
             self._intake.heard_before(self._log.seen())
             self._restore(self._log.unsaved)
+            self._past.give_back()
             self.changed = set(self.learner.names())
             self._bring()
         changed = self.learner.on_surface(now)
@@ -257,10 +267,10 @@ class ParameterService:
         late = time.monotonic() - _FLAGGED_FOR
         set_ = [name for name, noticed in self._intake.jumped.items() if noticed > late]
         flags += [f"the clock of {name} was set" for name in set_]
-        flags += self._intake.notices.told()
+        flags += [*self._intake.notices.told(), *self.notices.told()]
         flags += [words for words in (self.learner.unable, self.learner.ground.unable) if words]
         flags += [*self.learner.flags(), *self.learner.effects.flags()]
-        return flags + self.investigator.flags() + self._log.flags()
+        return [*flags, *self.investigator.flags(), *self._log.flags(), *self._past.flags()]
 
     # ------------------------------------------------------------------ bringing out
 
@@ -312,7 +322,16 @@ class ParameterService:
 
     def _restore(self, done: set[str]) -> None:
         try:
-            self._past.take_up(done)
+            held = self._past.restore(done)
         except StoreError as error:
+            held = {}
             if self._config.store.path:
                 _log.warning("%s", error)
+        for cause in sorted(set(held.values())):
+            groups = {group for group, reason in held.items() if reason == cause}
+            if self._log.is_open:
+                self._commit(groups, cause, "service", moments=self._past.moments(groups))
+            else:
+                # It is no change: what the store holds is applied once it can be opened.
+                last = Last(self._log.version, cause, "service")
+                self._log.last.update(dict.fromkeys(groups, last))

@@ -18,6 +18,7 @@ from services.parameters.change import Moment, StoredChange
 
 _SCHEMA_VERSION = 1
 _PAGE = 4096
+_HEADER = 100  # [B] of a file of SQLite
 _FULL = 0.8
 """Share of the size limit from which on the oldest changes make room."""
 
@@ -54,15 +55,21 @@ class Store:
             most_bytes: of the file. most_changes: that are kept of one group.
 
         Attributes:
-            notes: what was found wrong and put aside, in words.
+            lost: reason why nothing is in it that was stored before; "" where it was found whole,
+                or there never was one.
+            damaged: groups of which a change cannot be read any more.
         """
         self.path = path
-        self.notes: list[str] = []
+        self.lost = ""
+        self.damaged: set[str] = set()
         self._most_changes = most_changes
         self._most_pages = max(most_bytes // _PAGE, 64)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
+                # SQLite takes what has no header for a new store, and throws its log away.
+                if path.exists() and path.stat().st_size < _HEADER:
+                    raise sqlite3.DatabaseError("the file is empty, or cut off")
                 self._open()
             except sqlite3.DatabaseError as error:
                 if isinstance(error, sqlite3.OperationalError) or not path.exists():
@@ -106,11 +113,11 @@ class Store:
         free = [name for name in names if not name.exists()]
         kept = free[0] if free else min(names, key=lambda name: name.stat().st_mtime)
         self.path.replace(kept)
-        for suffix in ("-wal", "-shm"):
-            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
-        self.notes.append(
-            f"the stored parameters could not be read and are in {kept.name}: {reason}"
-        )
+        log, quarantined = (file.with_name(file.name + "-wal") for file in (self.path, kept))
+        if log.exists():
+            log.replace(quarantined)
+        self.path.with_name(self.path.name + "-shm").unlink(missing_ok=True)
+        self.lost = f"the stored parameters could not be read and are in {kept.name}: {reason}"
 
     def close(self) -> None:
         """Let the file go."""
@@ -225,6 +232,11 @@ class Store:
         with self._reading("SELECT DISTINCT fingerprint FROM change") as rows:
             return {str(name) for (name,) in rows}
 
+    def latest(self) -> list[StoredChange]:
+        """The newest change of every group and vehicle."""
+        newest = "SELECT max(version), grp, fingerprint FROM change GROUP BY grp, fingerprint"
+        return list(self._changes(f"WHERE (version, grp, fingerprint) IN ({newest})", ()))
+
     def _changes(self, where: str, given: tuple[Any, ...]) -> Iterator[StoredChange]:
         query = (
             "SELECT version, grp, fingerprint, cause, who, at, boot, uptime, state, learned, crc"
@@ -232,11 +244,11 @@ class Store:
         )
         with self._reading(query, given) as rows:
             for version, grp, vehicle, cause, who, at, boot, uptime, state, learned, crc in rows:
-                if zlib.crc32(state) == crc:
-                    moment = Moment(at, boot, uptime)
-                    yield StoredChange(
-                        version, grp, vehicle, cause, who, moment, state, bool(learned)
-                    )
+                if zlib.crc32(state) != crc:
+                    self.damaged.add(grp)
+                    continue
+                moment = Moment(at, boot, uptime)
+                yield StoredChange(version, grp, vehicle, cause, who, moment, state, bool(learned))
 
     def _number(self, query: str, *given: object) -> int:
         with self._reading(query, given) as rows:

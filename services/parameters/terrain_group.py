@@ -21,8 +21,10 @@ TERRAIN = "terrain"
 NAMES = ("motion_resistance", "lateral_resistance", "slip_track")
 _UNITS = ("1", "1", "m")
 _FASTER = 0.2
+_SMALLEST = (0.001, 0.01, 1.0)
 _LARGEST = (1.5, 3.0, 20.0)
-"""Estimates beyond that are gross errors: [1], [1], track widths."""
+"""What is beyond is a gross error: [1], [1], track widths. Steel wheels on rails roll at f_r 0.001,
+and wet ice is far above μ_t 0.01."""
 
 _NEWS = 0.01
 """Changes by a smaller share are none worth keeping."""
@@ -52,11 +54,13 @@ class TerrainGroup(ParameterGroups):
         """
         track = self._prior.vehicle.track_width
         news = False
-        for name, largest, (value, std) in zip(NAMES, _LARGEST, features, strict=True):
-            slow = value + std
-            most = largest * (track if name == "slip_track" else 1.0)
-            if not 0.0 <= slow <= most:
+        for name, smallest, largest, (value, std) in zip(
+            NAMES, _SMALLEST, _LARGEST, features, strict=True
+        ):
+            width = track if name == "slip_track" else 1.0
+            if not 0.0 <= value + std <= largest * width:
                 continue
+            slow = max(value + std, smallest * width)
             if name == "motion_resistance" and self._prior.braking.level < 1.0:
                 # Part of the braking then is this resistance: more of it would count as brakes.
                 continue
@@ -70,6 +74,10 @@ class TerrainGroup(ParameterGroups):
         if news:
             self._taught = time.monotonic()
         return news
+
+    def distrust(self) -> set[str]:
+        """Nowhere below the model file."""
+        return {TERRAIN} if self._ground_changed() else set()
 
     def _ground_changed(self) -> bool:
         """What was known may hold no longer; did anything change with it?"""
@@ -125,8 +133,8 @@ class TerrainGroup(ParameterGroups):
         for name, value in values.items():
             if name not in NAMES:
                 raise ParameterError(name, f"one of {', '.join(NAMES)}")
-            slip = name == "slip_track"
-            least = track if slip else 0.0
-            most = _LARGEST[NAMES.index(name)] * (track if slip else 1.0)
-            if not least <= value <= most:
-                raise ParameterError(name, f"a number of {least:g} … {most:g}, got {value}")
+            i, width = NAMES.index(name), track if name == "slip_track" else 1.0
+            low, high = _SMALLEST[i] * width, _LARGEST[i] * width
+            if not low <= value <= high:
+                expected = f"a number of {low:g} … {high:g} {_UNITS[i]}"
+                raise ParameterError(name, f"{expected}, got {value:g}")

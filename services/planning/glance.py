@@ -20,6 +20,12 @@ class _Asking(msgspec.Struct):
     client: str = ""
 
 
+class _Sent(msgspec.Struct):
+    """Sender of a message that cannot be used."""
+
+    source: str = ""
+
+
 _JSON = msgspec.json.Decoder(_Asking)
 _MESSAGEPACK = msgspec.msgpack.Decoder(_Asking)
 
@@ -36,6 +42,17 @@ def asking(query: zenoh.Query) -> tuple[str, int]:
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
         return "", size
     return found.client[:_LONGEST_NAME], size
+
+
+def source_of(payload: bytes, encoding: str) -> str:
+    """Sender of a message that cannot be used as a whole, "" if it cannot be read."""
+    json = codec.format_of(encoding) is codec.Format.JSON
+    decode = msgspec.json.decode if json else msgspec.msgpack.decode
+    try:
+        source = decode(payload, type=_Sent).source[:_LONGEST_NAME]
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        return ""
+    return source if source.isprintable() else ""
 
 
 def deadline(query: zenoh.Query, source: str) -> float | None:

@@ -11,6 +11,7 @@ from typing import Any
 import zenoh
 
 from models.errors import InputError
+from services.planning import glance
 from services.planning.map_store import MapStore
 from services.settings.service import ServiceConfig
 from services.wire import codec
@@ -77,11 +78,18 @@ class MapEndpoint:
             except InputError as error:
                 self._counters["map_updates_refused"] += 1
                 _log.warning("%s", error)
+                self._refuse(sample, f"{error.field}: {error.expected}".removeprefix(": "))
                 continue
-            except Exception:  # noqa: BLE001 - logged and counted; the process has to live
+            except Exception:  # noqa: BLE001 - logged, counted, flagged; the process has to live
                 self._counters["faults"] += 1
                 _log.exception("a map update was not taken up")
+                self._refuse(sample, "fault of the service, see its log")
                 continue
             self._counters["map_updates" if taken else "map_updates_ignored"] += 1
             if self._maps.restarts:
                 self._counters["map_sources_anew"] = self._maps.restarts
+
+    def _refuse(self, sample: zenoh.Sample, reason: str) -> None:
+        payload, encoding = sample.payload, str(sample.encoding)
+        small = len(payload) <= self._most
+        self._maps.refuse(glance.source_of(bytes(payload), encoding) if small else "", reason)

@@ -22,6 +22,9 @@ from services.wire.messages import MapUpdate
 from services.wire.notices import Notices
 from services.wire.sender_clock import SenderClock
 
+_MAX_STD = 10.0
+"""Heights that are farther off than that are not measured [m]."""
+
 _OFF_GRID = 1e-3
 """Cells of a patch lie on those of the map, within this share of a cell."""
 
@@ -37,6 +40,7 @@ class KnownGround:
     Attributes:
         elevation_map: ground. version: grows with every change. at: monotonic clock [s].
         incomplete: an update got lost since the last whole map.
+        fixed: a map to begin with, and no update came since: its age does not count.
         delay: how much longer than the quickest one its last update was on its way [s].
         notices: sources that count otherwise than they did, or whose clock is not to be believed.
         id: who told of it last, with the number of the update. digest: SHA-256 of the cells; with
@@ -51,6 +55,7 @@ class KnownGround:
     notices: Notices = field(default_factory=Notices)
     id: str = ""
     digest: str = ""
+    fixed: bool = False
 
     def age(self) -> float:
         """Since the ground was seen, as far as clocks here and there can tell [s]."""
@@ -83,12 +88,13 @@ class MapStore:
         self.ground: KnownGround | None = None
         self.restarts = 0
         self._notices = Notices(_TOLD_FOR)
+        self._unread: OrderedDict[str, str] = OrderedDict()
         self._sources: OrderedDict[tuple[str, str], _Source] = OrderedDict()
         self._lock = threading.Lock()
         if elevation_map is not None:
             self.ground = KnownGround(
                 elevation_map, 1, time.monotonic(), notices=self._notices, id=name,
-                digest=_digest(elevation_map),
+                digest=_digest(elevation_map), fixed=True,
             )  # fmt: skip
             self._say_assumed(elevation_map)
 
@@ -136,6 +142,8 @@ class MapStore:
                 _id_of(update),
                 _digest(update if update.patch else elevation_map, before),
             )
+            if not update.patch:
+                self._notices.take_back(self._unread.pop(update.source, ""))
             one.count.take(update.sequence, content)
             self._say_assumed(elevation_map)
             if order is not MessageOrder.NEW:
@@ -169,8 +177,26 @@ class MapStore:
         for assumption in elevation_map.assumed:
             self._notices.say(f"map: {assumption}")
 
+    def flags(self) -> list[str]:
+        """As :meth:`KnownGround.flags`, also before any ground is known."""
+        return self._notices.told()
+
+    def refuse(self, source: str, reason: str) -> None:
+        """Flag a map that could not be used: the one before stays, and ages.
+
+        Args:
+            source: sender, "" if it cannot be read. reason: one sentence.
+        """
+        flag = f"a map of {source or 'a sender without a name'} could not be used: {reason[:200]}"
+        with self._lock:
+            self._notices.take_back(self._unread.pop(source, ""))
+            self._notices.say(flag)
+            self._unread[source] = flag
+            while len(self._unread) > _MOST_SOURCES:
+                self._unread.popitem(last=False)
+
     def lose(self) -> None:
-        """Say that an update could not be read: what is known may be out of date."""
+        """Say that an update got lost: what is known may be out of date."""
         with self._lock:
             if self.ground is not None:
                 self.ground = replace(self.ground, incomplete=True)
@@ -247,6 +273,9 @@ def _whole(update: MapUpdate) -> ElevationMap:
 def _heights(update: MapUpdate, *around: Floats) -> tuple[Floats, tuple[str, ...]]:
     """Heights, NaN where unknown, and assumptions made of them; `around`: the map they change."""
     heights = update.elevation
+    if not (update.height_std or 0.0) <= _MAX_STD:
+        expected = f"a number of 0 … {_MAX_STD:g} m, got {update.height_std:g}"
+        raise ParameterError("height_std", expected)
     if heights.ndim != 2 or heights.size == 0:
         raise ParameterError("elevation", f"cells (rows, columns), got shape {heights.shape}")
     check_physical(update.resolution, update.origin, heights.shape)

@@ -6,13 +6,17 @@ refused with a reason, the others go on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from models.errors import InputError, ParameterError
-from planner.path import CandidatePath, EvenPath, resample
+from planner.horizon.answer import HorizonSettings
+from planner.horizon.path_projection import locate
+from planner.horizon.refusals import out_of_reach
+from planner.path import CandidatePath, EvenPath, batch, resample
 from services.planning.pace import Pace, unhurried
 from services.settings.service import Sizes
 from services.wire.messages import Path, PlanRequest, RankedCandidate
@@ -101,6 +105,28 @@ def resampled(
         except ParameterError as error:
             refused.append(RankedCandidate(name=one.path.name, usable=False, reason=str(error)))
     return usable, refused
+
+
+def at_the_vehicle(
+    request: PlanRequest, usable: list[Usable], most: HorizonSettings
+) -> tuple[list[Usable], list[RankedCandidate]]:
+    """Candidates that the vehicle stands on, all if the request has no pose; and the refused.
+
+    Args:
+        request: as it came. usable: on even stations. most: how far a path may lie from it.
+    """
+    if request.pose is None or not usable:
+        return usable, []
+    x, y, heading = request.pose
+    # On even stations already: the spacing is not used.
+    paths = batch([one.path for one in usable], math.inf)
+    reasons = out_of_reach(locate(paths.x, paths.y, paths.count, (x, y), heading), most)
+    refused = [
+        RankedCandidate(name=one.path.name, usable=False, reason=reason)
+        for one, reason in zip(usable, reasons, strict=True)
+        if reason
+    ]
+    return [one for one, reason in zip(usable, reasons, strict=True) if not reason], refused
 
 
 def _lengths(paths: Sequence[Path], sizes: Sizes) -> list[float | ParameterError]:

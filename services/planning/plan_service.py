@@ -25,7 +25,14 @@ from planner.plan import Obstacle, SpeedPlan, Status
 from services.parameters.in_use import ParametersInUse
 from services.planning.map_store import KnownGround
 from services.planning.pace import Costs, Pace, unhurried
-from services.planning.plan_questions import Usable, check, resampled, usable_of
+from services.planning.plan_questions import (
+    Usable,
+    at_the_vehicle,
+    check,
+    resampled,
+    usable_of,
+)
+from services.planning.stale_map import MapAge
 from services.settings.service import ServiceConfig
 from services.wire import messages
 from services.wire.messages import (
@@ -103,12 +110,19 @@ class PlanService:
         parameters = self.parameters
         if ground is None:
             return self._reply(request, parameters, None, "no map has come yet: full braking")
+        map_age = self._map_age(ground)
+        if map_age.ends:
+            # What is driven was planned on this map as well.
+            self.forget(request.client)
+            reason = f"{map_age.reasons()[0]}: full braking"
+            return self._reply(request, parameters, ground, reason)
         spacing = self.config.planning.planner().spacing_on(ground.elevation_map.resolution)
         usable, refused = usable_of(request, self.config.sizes, spacing, source)
         checked = time.perf_counter()
         named = bool(request.client)
         self._costs.check(len(usable), left, named=named)
         even, flawed = resampled(usable, spacing, pace)
+        even = map_age.slowed(even)
         try:
             if named:
                 reply = self._go_on(request, parameters, ground, even)
@@ -185,8 +199,13 @@ class PlanService:
         self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
         usable: list[Usable], pace: Pace,
     ) -> PlanReply:  # fmt: skip
+        track = parameters.model.vehicle.track_width
+        reach = self.config.planning.horizon().for_track(track)
+        usable, refused = at_the_vehicle(request, usable, reach)
         if not usable:
-            return self._reply(request, parameters, ground, "no candidate is usable: full braking")
+            detail = f": {refused[0].reason}" if refused else ""
+            reason = f"no candidate is usable{detail}: full braking"
+            return _with(self._reply(request, parameters, ground, reason), ranking=refused)
         planner = self._planner(parameters)
         # Of plans as good as each other the one with the shorter clear distance comes first.
         usable = sorted(usable, key=lambda one: one.clear)
@@ -216,7 +235,7 @@ class PlanService:
         reply = self._reply(
             request, parameters, ground, best.reason, best.status, command, best, plans
         )
-        return _with(reply, ranking=ranking)
+        return _with(reply, ranking=[*ranking, *refused])
 
     def _planner(self, parameters: ParametersInUse) -> CandidatePlanner:
         """The planner with these parameters; replaced as a whole, so that threads need no lock."""
@@ -263,9 +282,18 @@ class PlanService:
         if ground is None:
             return ["no map"]
         old = ground.age() > self.config.status.map_age
+        late = [f"degraded: {reason}" for reason in self.degraded(ground)]
         flags = ["map is old"] if old else []
         flags += ["map updates were lost"] if ground.incomplete else []
-        return flags + ground.flags()
+        return [*late, *flags, *ground.flags()]
+
+    def degraded(self, ground: KnownGround | None) -> list[str]:
+        """Reasons in the map for slower plans."""
+        return [] if ground is None else self._map_age(ground).reasons()
+
+    def _map_age(self, ground: KnownGround) -> MapAge:
+        limit = self.parameters.model.limits.speed
+        return MapAge.of(ground, self.config.planning.max_map_age, limit)
 
 
 def _conditions(request: PlanRequest) -> GroundConditions:

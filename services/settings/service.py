@@ -57,6 +57,10 @@ class Planning(PlannerSettings):
     )
     budget: float = quantity("s", "Time for one cycle of a client.", default=0.02, above=0.0)
     period: float = quantity("s", "From one cycle of a client to the next.", default=0.1, above=0.0)
+    max_map_age: float = quantity(
+        "s", "Age of the map up to which plans are as fast as they may; at twice of it they stop.",
+        default=30.0, above=0.0,
+    )  # fmt: skip
     quantile: float = quantity(
         "1", "Share of what the model leaves open that plans survive.", default=QUANTILE,
         at_least=0.5, at_most=0.999999,

@@ -2,7 +2,8 @@
 
 A number that is not above the last one is a duplicate, comes late, or is of a source that was
 started anew without calling itself anew. The last is believed once a few in a row go up, differ
-from what was heard lately, and come at the pace of their own time stamps; late ones do not. A
+from what was heard lately, and come at the pace of their own time stamps; late ones do not. Ten in
+a row are accepted with any time stamps: no number, however huge, silences a source permanently. A
 number far ahead does not end the count before it: whoever goes on with that one is heard as well.
 """
 
@@ -13,6 +14,9 @@ from enum import Enum
 
 _IN_A_ROW = 3
 """So many numbers that go up are a count begun anew."""
+
+_IN_A_ROW_ANYHOW = 10
+"""So many that go up are one even if its time stamps do not advance as time does."""
 
 _FAR_AHEAD = 2**32
 _MOST_BEGUN = 4
@@ -50,6 +54,7 @@ class Count:
         self._before = -1
         self._begun: OrderedDict[int, tuple[int, float]] = OrderedDict()
         self._since = 0
+        self._rising, self._rose_to = 0, -1
         self._heard: deque[int] = deque(maxlen=_REMEMBERED)
 
     def judge(self, number: int, content: int, lead: float = 0.0) -> MessageOrder:
@@ -65,7 +70,8 @@ class Count:
             return MessageOrder.DUPLICATE
         if 0 <= self._before < number:
             return MessageOrder.TWICE
-        return MessageOrder.ANEW if self._goes_on(number, lead) >= _IN_A_ROW else MessageOrder.OLDER
+        goes_on = self._goes_on(number, lead) >= _IN_A_ROW or self._rising >= _IN_A_ROW_ANYHOW
+        return MessageOrder.ANEW if goes_on else MessageOrder.OLDER
 
     def take(self, number: int, content: int) -> None:
         """A message counted."""
@@ -75,7 +81,7 @@ class Count:
             self._before = self.last if leapt else self._before
             self._since += 1
         else:
-            self._before, self._since = -1, 0
+            self._before, self._since, self._rising = -1, 0, 0
             self._begun.clear()
         self.last = number
         self._heard.append(hash((number, content)))
@@ -84,7 +90,10 @@ class Count:
         """How many numbers in a row went up to this one."""
         if self._since > _BETWEEN:
             self._begun.clear()
+            self._rising = 0
         self._since = 0
+        self._rising = self._rising + 1 if self._rising and number > self._rose_to else 1
+        self._rose_to = number
         if number in self._begun:
             return self._begun[number][0]
         before = [

@@ -34,7 +34,7 @@ def test_what_was_written_is_there_again(path: Path) -> None:
     store.write([change(2, cause="operator", learned=False)])
     store.close()
     again = Store(path)
-    assert again.notes == []
+    assert again.lost == ""
     assert again.last_version() == 2
     assert again.seen() == {"stop:robot": 7}
     assert next(iter(again.newest("f", "braking"))) == change(2, cause="operator", learned=False)
@@ -92,7 +92,7 @@ def test_a_file_that_is_none_is_put_aside(path: Path, where: str) -> None:
     path.write_bytes(bytes(content))
     again = Store(path)
     assert again.last_version() == 0
-    assert "corrupt-1" in again.notes[0]
+    assert "corrupt-1" in again.lost
     assert path.with_name("parameters.sqlite.corrupt-1").read_bytes() == bytes(content)
     again.write([change(1)])
     again.close()

@@ -63,6 +63,27 @@ def test_late_ones_that_pile_up_are_no_new_count() -> None:
         assert told(count, number, lead=sent, content=number) == [MessageOrder.OLDER]
 
 
+def test_a_huge_number_silences_nobody_for_good_whose_time_stamps_stand_still() -> None:
+    for huge in (10**6, 2**31, FAR):
+        for first in (0, 5):
+            count = Count()
+            told(count, *range(1, first + 1), huge)
+            # Each lead is that of a stamp that stands still while messages come 3 s apart.
+            orders = [told(count, n, lead=-3.0 * n)[0] for n in range(first + 1, first + 16)]
+            refused = [order for order in orders if not order.taken]
+            assert refused == [MessageOrder.OLDER] * len(refused)
+            assert len(refused) <= 9
+            assert orders[-1] is MessageOrder.NEW
+
+
+def test_late_ones_between_messages_of_the_known_count_are_no_new_one() -> None:
+    count = Count()
+    told(count, 1000)
+    for n in range(1, 40):
+        assert told(count, n, lead=-7.0 * n, content=n) == [MessageOrder.OLDER]
+        assert told(count, *range(1000 + 9 * n, 1009 + 9 * n)) == [MessageOrder.NEW] * 9
+
+
 @given(st.lists(st.integers(0, FAR), max_size=60))
 def test_at_most_three_in_a_row_are_lost_to_any_lies(lies: list[int]) -> None:
     count = Count()

@@ -1,0 +1,159 @@
+"""One bad message, one lost file: the service answers, flags it, and plans no faster."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zenoh
+
+from services.daemon.daemon import Service
+from services.parameters import replies
+from services.parameters.learner import Learner
+from services.settings.service import Planning, ServiceConfig, ZenohSettings
+from services.settings.session import zenoh_config
+from tests.services.parameter_client import Robot, send_ground
+from tests.services.service_process import Running, free_port, running
+
+G = 9.80665
+STORE = '[store]\npath = "p.sqlite"\nretry = 0.2\n'
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    folder = tmp_path_factory.mktemp("service")
+    with running(folder) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        yield robot
+
+
+def test_a_stop_without_deceleration_is_answered_and_degrades_nothing(robot: Robot) -> None:
+    before = robot.top_speed()
+    for grade in (0.0, -0.1, -0.8):
+        for deceleration in (5e-324, 1e-300, 1e-3):
+            fields = robot.stop_fields(deceleration, grade=grade)
+            receipt = robot.query("obs/stop", fields, "stop_observation", timeout=2.0)
+            assert receipt is not None, "no answer"
+            assert receipt["status"] == "refused"
+            assert "expected" in receipt["reason"]
+    status = robot.status()
+    assert status["degraded"] == []
+    assert status["counters"].get("faults", 0) == 0
+    assert robot.top_speed() == pytest.approx(before)
+    assert robot.stop(0.42 * G)["status"] == "taken"
+
+
+def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for_a_while(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    port = free_port()
+    config = ServiceConfig(
+        model="atv", namespace="test/breaks", planning=Planning(deadline=5.0),
+        zenoh=ZenohSettings(listen=(f"tcp/127.0.0.1:{port}",)),
+    )  # fmt: skip
+    learn, read = Learner.learn, replies.read
+
+    def breaks(self: Learner, message: Any, *rest: Any) -> Any:
+        if message.source == "evil":
+            raise ZeroDivisionError("an unknown fault")
+        return learn(self, message, *rest)
+
+    def breaks_too(service: Any, question: Any, name: str) -> Any:
+        if question.group == "evil":
+            raise ZeroDivisionError("another")
+        return read(service, question, name)
+
+    monkeypatch.setattr(Learner, "learn", breaks)
+    monkeypatch.setattr(replies, "read", breaks_too)
+    settings = ZenohSettings(mode="client", connect=(f"tcp/127.0.0.1:{port}",))
+    with Service(config) as service, zenoh.open(zenoh_config(settings)) as session:
+        here = Running(None, "", "test/breaks")  # type: ignore[arg-type]
+        robot, evil = Robot(here, session), Robot(here, session, "evil")
+        send_ground(robot)
+        free = robot.top_speed()
+        receipt = evil.stop(0.42 * G)
+        assert receipt["status"] == "error"
+        assert receipt["reason"] == "stop 1 of evil could not be treated: fault of the service"
+        assert evil.query("params/evil", None, "")["status"] == "error"  # type: ignore[index]
+        assert robot.top_speed() == pytest.approx(free)
+        status = robot.status()
+        assert status["degraded"] == []
+        assert status["counters"]["faults"] == 2
+        assert any(flag.startswith("stop 1 of evil") for flag in status["flags"])
+        assert robot.stop(0.42 * G)["status"] == "taken"
+        service.parameters.notices._seconds = 0.0
+        assert not any("evil" in flag for flag in robot.status()["flags"])
+
+
+@pytest.mark.parametrize("copy", ["whole", "empty"])
+def test_killed_and_its_store_emptied_it_is_flagged_and_no_faster(
+    tmp_path: Path, copy: str
+) -> None:
+    store, port = tmp_path / "p.sqlite", free_port()
+    with running(tmp_path, planning=STORE, port=port) as service, service.peer() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        by_file = robot.top_speed()
+        for _ in range(4):
+            assert robot.stop(0.12 * G)["durable"]
+        slow = robot.top_speed()
+        time.sleep(1.5)
+        service.process.send_signal(signal.SIGKILL)
+        service.process.wait(5.0)
+    store.write_bytes(b"")
+    if copy == "empty":
+        store.with_name("p.sqlite-last").write_bytes(b"")
+    with running(tmp_path, planning=STORE, port=port) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        flags = robot.plan()["flags"]
+        assert any("p.sqlite.corrupt-1" in flag for flag in flags), flags
+        if copy == "whole":
+            assert robot.top_speed() == pytest.approx(slow, rel=0.02)
+        else:
+            assert any("what was learned is lost" in flag for flag in flags), flags
+            assert robot.top_speed() < 0.95 * by_file
+        log = store.with_name("p.sqlite.corrupt-1-wal")
+        assert log.stat().st_size > 0, "the log of the database is not deleted"
+        for _ in range(6):
+            robot.stop(0.42 * G)
+        assert not any("lost" in flag for flag in robot.plan()["flags"])
+
+
+def test_every_number_that_can_be_set_has_a_range(robot: Robot) -> None:
+    version = robot.plan()["parameters"]["version"]
+    for group in ("terrain", "limits", "braking"):
+        for name in robot.group(group)["values"]:
+            values = (-1e308, -1.0, 5e-324, 1e308) if group != "braking" else (-1e308, 1e308)
+            for value in (*values, *((0.0, -0.0) if group != "braking" else ())):
+                reply = robot.set(group, **{name: value})
+                assert reply["status"] == "refused", (name, value)
+                assert reply["reason"].startswith(f"{name}: expected"), reply["reason"]
+                assert " … " in reply["reason"], reply["reason"]
+                assert reply["reason"].endswith(f"got {value:g}"), reply["reason"]
+    assert robot.plan()["parameters"]["version"] == version
+    assert robot.set("terrain", motion_resistance=0.2, slip_track=1.3)["status"] == "ok"
+    assert np.isfinite(robot.top_speed())
+
+
+def test_one_huge_sequence_silences_no_sender(robot: Robot) -> None:
+    for kind, more in (("stop", {}), ("terrain", {"surface": "sand"})):
+        for stamp in (None, 7.0):
+            sender = Robot(robot.service, robot.session, f"{kind} {stamp}")
+            receipts = []
+            for n, sequence in enumerate((2**53, *range(1, 20))):
+                fields = (
+                    sender.stop_fields(0.42 * G) if kind == "stop" else sender.fields(**more)
+                ) | {"sequence": sequence}  # fmt: skip
+                # A clock that is 3 s behind at every message, or none at all.
+                fields["time"] = time.monotonic() if stamp is None else stamp - 3.0 * n
+                receipts.append(sender.send(kind, fields))
+            assert {t["status"] for t in receipts} <= {"taken", "ignored", "refused"}
+            assert all(t["reason"] for t in receipts)
+            assert receipts[-1]["status"] != "ignored", receipts

@@ -1,0 +1,156 @@
+"""Numbers at the ends of what a float can hold, in everything that a robot may send to learn from.
+
+What cannot be is refused with a reason, and with any input the parameters of plans stay
+finite.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from models.errors import InputError
+from models.parameters import Model
+from services.io.model_file import find_model, read_model
+from services.parameters.endpoint import KINDS
+from services.parameters.service import ParameterService
+from services.settings.service import ServiceConfig
+from services.wire import codec
+from services.wire.codec import Format
+
+EXTREMES = (
+    0.0, -0.0, 5e-324, -5e-324, 2.2e-308, 1e-160, 1e-30, 1e-12, 1e154, 1e308, -1e308, math.inf,
+    -math.inf, math.nan, 2.0**53, 2.0**63, -1.0,
+)  # fmt: skip
+STOP = {
+    "speed": 2.0, "grade": 0.0, "deceleration": 3.9, "deceleration_std": 0.02, "dead_time": 0.3,
+    "distance": 1.11,
+}  # fmt: skip
+COLUMNS = (
+    "t", "v", "v_cmd", "pitch", "roll", "yaw_rate", "v_left", "v_right", "current_left",
+    "current_right", "grade",
+)  # fmt: skip
+ATV = read_model(find_model("atv"))
+
+
+class Sender:
+    """A learning service, sent messages in the encoding of the wire."""
+
+    def __init__(self) -> None:
+        self.service = ParameterService(ServiceConfig(model="atv"), ATV)
+        self.clock = itertools.count(1)
+
+    def send(self, kind: str, fields: dict[str, Any], written: Format = Format.MESSAGEPACK) -> str:
+        """Status of an observation; "malformed" where no message can be read."""
+        n = next(self.clock)
+        # Ten minutes apart, so that no stop is one too many.
+        raw = {"source": "fuzz", "sequence": n, "time": 600.0 * n, **fields}
+        encode = msgspec.json.encode if written is Format.JSON else msgspec.msgpack.encode
+        kind_of = KINDS[kind]
+        try:
+            message = codec.decode(
+                kind_of, encode(raw), codec.encoding_of(kind_of, written), "obs", 10**7
+            )
+            receipt = self.service.observe(kind, message, "obs", 600.0 * n)
+        except InputError:
+            return "malformed"
+        assert receipt.status in ("taken", "ignored", "refused")
+        assert receipt.reason
+        self.check()
+        return receipt.status
+
+    def check(self) -> None:
+        self.service.tick()
+        assert self.service.degraded() == []
+        numbers = parameters_of(self.service.in_use.model)
+        assert np.all(np.isfinite(numbers)), numbers
+        for group in self.service.learner.names():
+            json.dumps(self.service.learner.group(group).state(group), allow_nan=False)
+
+
+def parameters_of(model: Model) -> np.ndarray:
+    braking, terrain = model.braking, model.terrain
+    values = [braking.m_m, braking.b_m, braking.m_b, braking.b_b, braking.dead_time]
+    values += [terrain.motion_resistance, terrain.lateral_resistance, terrain.slip_track]
+    matrix = [] if braking.covariance is None else np.ravel(braking.covariance).tolist()
+    return np.array([*values, braking.force_std, *matrix])
+
+
+@pytest.mark.parametrize("field", [*STOP, "time", "sequence"])
+def test_no_number_of_a_stop_breaks_learning(field: str) -> None:
+    sender = Sender()
+    for value, grade in itertools.product(EXTREMES, (0.0, -0.1, 0.1, -0.8, -5e-324)):
+        sender.send("stop", {**STOP, "grade": grade, field: value})
+        without = {k: v for k, v in STOP.items() if k not in ("distance", "dead_time")}
+        sender.send("stop", {**without, "grade": grade, field: value})
+    assert sender.send("stop", dict(STOP)) in ("taken", "ignored", "refused")
+
+
+@pytest.mark.parametrize("grade", [-0.1, -0.8, -5e-324])
+def test_a_stop_without_deceleration_is_refused_by_its_deceleration(grade: float) -> None:
+    sender = Sender()
+    for value in (5e-324, 1e-300, 1e-17, 1e-3):
+        fields = {"speed": 2.0, "grade": grade, "deceleration": value}
+        assert sender.send("stop", fields) == "refused"
+    assert sender.service.counters["stop_refused"] == 4
+
+
+def test_seeded_stops_of_any_numbers_break_nothing() -> None:
+    rng, sender = np.random.default_rng(7), Sender()
+    for _ in range(2000):
+        fields = dict(STOP)
+        for name in rng.choice(list(STOP), rng.integers(1, 5), replace=False):
+            any_size = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-320.0, 308.0)
+            fields[str(name)] = float(rng.choice([any_size, *EXTREMES, rng.uniform(0.0, 10.0)]))
+        sender.send("stop", fields)
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_no_number_of_drive_samples_breaks_learning(column: str) -> None:
+    sender, rng = Sender(), np.random.default_rng(3)
+    n, begin = 200, itertools.count(0)
+    for value in EXTREMES:
+        for where in ((0,), (100,), range(n)):
+            t = 100.0 * next(begin) + 0.02 * np.arange(n)
+            v = np.clip(2.0 - 3.9 * np.maximum(t - t[0] - 1.3, 0.0), 0.0, None)
+            rows = {name: 0.1 * rng.standard_normal(n) for name in COLUMNS}
+            rows |= {"t": t, "v": v, "v_cmd": np.where(t < t[0] + 1.0, 2.0, 0.0)}
+            rows |= {"v_left": v, "v_right": v, "pitch": np.zeros(n), "grade": np.zeros(n)}
+            rows[column][list(where)] = value
+            values = np.ascontiguousarray(list(rows.values()), "<f8")
+            block = {"shape": values.shape, "data": values.tobytes()}
+            sender.send("drive", {"columns": list(rows), "values": block})
+
+
+def test_no_number_of_a_label_breaks_learning() -> None:
+    sender = Sender()
+    for value in EXTREMES:
+        sender.send("terrain", {"surface": "sand", "probability": value})
+        sender.send("terrain", {"surface": "sand", "probability": 0.9, "time": value})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("written", Format)
+def test_a_count_that_is_none_is_malformed(kind: str, written: Format) -> None:
+    sender = Sender()
+    fields: dict[str, Any] = {
+        "stop": dict(STOP), "terrain": {"surface": "sand"},
+        "drive": {"columns": list(COLUMNS[:4]), "values": [[0.0, 1.0]] * 4},
+    }[kind]  # fmt: skip
+    for count in (-1, 2**53 + 1, 2**63, 2**64 - 1, 1.5, "7", None, True):
+        assert sender.send(kind, {**fields, "sequence": count}, written) == "malformed"
+    encoding = codec.encoding_of(KINDS[kind], Format.JSON)
+    for text in ("1e400", "1" + 400 * "0", "NaN", "-Infinity", "0x7"):
+        raw = json.dumps({"source": "fuzz", "time": 1.0, "sequence": 0, **fields})
+        for name in ("sequence", "time"):
+            shown = f'"{name}": {1.0 if name == "time" else 0}'
+            assert shown in raw
+            payload = raw.replace(shown, f'"{name}": {text}').encode()
+            with pytest.raises(InputError):
+                codec.decode(KINDS[kind], payload, encoding, "obs", 10**7)
