@@ -14,7 +14,7 @@ from services.settings.learning import Learning
 LIMITS = "limits"
 _UNITS = {
     "speed": "m/s", "accel": "m/s²", "decel": "m/s²", "jerk": "m/s³", "lateral_accel": "m/s²",
-    "vertical_accel": "m/s²", "min_load": "1",
+    "vertical_accel": "m/s²", "min_load": "1", "max_path_deviation": "m",
 }  # fmt: skip
 
 
@@ -26,6 +26,7 @@ class LimitsGroup(ParameterGroups):
     def __init__(self, prior: Model, settings: Learning) -> None:
         """Begin with the model file's limits."""
         self._prior = prior.limits
+        self._path_deviation = prior.max_path_deviation
         self._values: dict[str, float] = {}
         self._set = time.monotonic()
 
@@ -43,9 +44,10 @@ class LimitsGroup(ParameterGroups):
     def describe(self, group: str) -> Description:
         """As planned with."""
         age = time.monotonic() - self._set if self._values else 0.0
-        return Description(
-            values=dataclasses.asdict(self._in_use()), valid=True, age=age, unit=dict(_UNITS)
-        )
+        values = {"max_path_deviation": self._path_deviation}
+        known = dataclasses.asdict(self._in_use())
+        values |= {name: value for name, value in known.items() if value is not None}
+        return Description(values=values, valid=True, age=age, unit=dict(_UNITS))
 
     def state(self, group: str) -> State | None:
         """What a restart needs."""
@@ -68,12 +70,17 @@ class LimitsGroup(ParameterGroups):
                 raise ParameterError(name, f"one of {', '.join(_UNITS)}")
             if self._tighter(name, value) != value:
                 word = "at least" if name == "min_load" else "at most"
-                words = f"{word} the {getattr(self._prior, name):g} of the model file, got {value}"
+                words = f"{word} the {self._most(name):g} of the model file, got {value}"
                 raise ParameterError(name, words)
         changed = {**self._values, **values}
         dataclasses.replace(self._prior, **changed)
         self._values, self._set = changed, time.monotonic()
 
     def _tighter(self, name: str, value: float) -> float:
-        most = float(getattr(self._prior, name))
+        most = self._most(name)
         return max(value, most) if name == "min_load" else min(value, most)
+
+    def _most(self, name: str) -> float:
+        """What the model file allows."""
+        value = getattr(self._prior, name)
+        return float(self._path_deviation if value is None else value)
