@@ -20,6 +20,7 @@ from services.io.access import fault
 from services.io.logs.log_source import grade_by_map, names_of, read_logs, refuse_wrong_units
 from services.io.logs.unseen_channels import unseen_channels
 from services.io.model_file import find_model, read_model
+from services.report.words import plural
 
 _PARTS = 4
 _LISTED = 20
@@ -135,7 +136,7 @@ def show(result: CoverageResult, console: Console) -> None:
         table.add_row(label, str(p["stops"]), str(p["beyond"]), mean, str(p["not_allowed"]))
     console.print(table)
     covers = "covers" if result.covers else "does not cover"
-    console.print(f"the model {covers} the {told['stops']} stops of this log that were measured")
+    console.print(f"the model {covers} the {plural(told['stops'], 'measured stop')} of this log")
     for note in result.notes:
         console.print(f"note: {note}", style="yellow")
 
