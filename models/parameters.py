@@ -24,6 +24,13 @@ from models.surface_braking import SurfaceBraking, UphillBraking, validate_hull
 from models.surface_names import states_of
 from models.vehicle import Vehicle
 
+_USUAL_DEVIATION = 0.25
+"""How far from a given path a plan may lead, as a share of the vehicle's width: paths are seldom
+given through gaps that are less than half as wide again as the vehicle [1]."""
+
+_LEAST_DEVIATION = 0.05
+"""The same at least: noise of a path and rounding of its corners [m]."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Braking:
@@ -230,6 +237,10 @@ class Limits:
         above=0.0,
         at_most=0.9,
     )
+    max_path_deviation: float | None = quantity(
+        "m", "Largest distance between a given path and the planned line; a quarter of the "
+        "vehicle's width, 0.05 m at least, if left out.", default=None, above=0.0,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         validate_quantities(self)
@@ -259,6 +270,14 @@ class Model:
     terrain: Terrain
     limits: Limits
     effect: tuple[Effect, ...] = ()
+
+    @property
+    def max_path_deviation(self) -> float:
+        """Largest distance between a given path and the planned line [m]."""
+        given = self.limits.max_path_deviation
+        if given is not None:
+            return given
+        return max(_USUAL_DEVIATION * self.vehicle.shape.width, _LEAST_DEVIATION)
 
     def __post_init__(self) -> None:
         if self.terrain.slip_track < self.vehicle.track_width:

@@ -1,12 +1,14 @@
 """Candidate paths: from a polyline as somebody drew it to even stations with a usable curvature.
 
 A polyline may be noisy, hold duplicate points or kinks between distant vertices; differentiated
-twice it would be useless. So it is cleaned first, and a smooth curve is drawn through it.
+twice it would be useless. So it is cleaned first, and a smooth curve is drawn through it. Where
+that curve is farther from the polyline than allowed, the points themselves are followed; a path
+that cannot be followed is refused: none is replaced by another.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +17,18 @@ from models.arrays import Floats, Ints
 from models.errors import ParameterError
 from models.vehicle import Vehicle
 from planner.kernels.compiled import read_only
-from planner.raw_polyline import arc, clean, without_noise
-from planner.smooth_path import smooth
+from planner.path_deviation import GivenPolyline, deviation_along
+from planner.raw_polyline import STRAY, arc, clean, noise, turns_round, without_noise
+from planner.smooth_path import rounded, smooth
 
 MAX_STATIONS = 200_000
 """Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""
 
 _FEWEST = 3
+
+_ROUNDED = 0.85
+"""Share of the allowed deviation that corners are rounded by: the rest is for the straight lines
+between stations, which cut an arc once more [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +78,13 @@ class EvenPath:
         points: (N, 2) stations, N >= 3, the first and last of them those of the polyline [m].
         speed_limit: (N,) the lowest of the polyline's limits around each station [m/s], None if
             there is none.
+        given: the polyline itself; None if the stations are what was given.
     """
 
     name: str
     points: Floats
     speed_limit: Floats | None
+    given: GivenPolyline | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +96,8 @@ class PathBatch:
         x, y: (N, M) positions [m].
         count: (M,) stations of each candidate.
         speed_limit: (N, M) [m/s], inf where there is none; None if no candidate has any.
+        given: (M,) the polylines, None for those whose stations are what was given; empty if all
+            are.
     """
 
     names: tuple[str, ...]
@@ -94,6 +105,7 @@ class PathBatch:
     y: Floats
     count: Ints
     speed_limit: Floats | None
+    given: tuple[GivenPolyline | None, ...] = ()
 
     def only(self, usable: Ints) -> PathBatch:
         """Some of the candidates, by their indices (m,)."""
@@ -101,11 +113,20 @@ class PathBatch:
         limit = self.speed_limit
         if limit is not None:
             limit = np.ascontiguousarray(limit[:, usable])
-        return PathBatch(tuple(self.names[j] for j in usable), x, y, self.count[usable], limit)
+        names = tuple(self.names[j] for j in usable)
+        given = tuple(self.given[j] for j in usable) if self.given else ()
+        return PathBatch(names, x, y, self.count[usable], limit, given)
+
+    def given_points(self, j: int) -> Floats:
+        """(n, 2) points that were given for a candidate [m]."""
+        given = self.given[j] if self.given else None
+        if given is not None:
+            return given.points
+        return np.stack((self.x[: self.count[j], j], self.y[: self.count[j], j]), axis=1)
 
 
 def joined(paths: PathBatch, other: PathBatch) -> PathBatch:
-    """Two batches in one, (max N, M + M'), the other's candidates last."""
+    """Two batches in one, (max N, M + M'), the other's candidates last, as stations alone."""
     parts = (paths, other)
     rows = max(len(part.x) for part in parts)
     x, y = (_columns([getattr(part, name) for part in parts], rows) for name in "xy")
@@ -131,26 +152,52 @@ def _columns(arrays: list[Floats], rows: int) -> Floats:
     return out
 
 
-def resample(path: CandidatePath | EvenPath, spacing: float) -> EvenPath:
+def resample(
+    path: CandidatePath | EvenPath, spacing: float, most_apart: float = np.inf
+) -> EvenPath:
     """Even stations along a smoothed path; a path that has them already stays as it is.
 
     Args:
         path: polyline.
         spacing: wanted distance between stations in the plan view [m].
+        most_apart: how far line and polyline may be apart [m].
 
     Returns:
         N >= 3 even points [m], first and last those of the polyline, and (N,) speed limits [m/s],
         each the lowest of the polyline's limits around the station.
 
     Raises:
-        ParameterError: too short, too long, a cusp, or driven backwards; or more stations than
-            ``MAX_STATIONS``.
+        ParameterError: too short, too long, a cusp, or driven backwards; more stations than
+            ``MAX_STATIONS``; or no line that can be driven keeps within ``most_apart``.
     """
     if isinstance(path, EvenPath):
+        if path.given is not None and path.given.apart > most_apart:
+            raise _too_far_apart(path.given.points, path.points, most_apart)
         return path
     points, limit = clean(path.points, path.speed_limit, path.yaw)
     drawn = arc(points)
-    points, along, stray = without_noise(points, drawn)
+    even, length = _smoothed(points, drawn, spacing)
+    apart = 0.0 if len(points) == 2 else _apart(points, even)
+    if apart > most_apart:
+        even, apart = _followed(points, drawn, spacing, most_apart, even)
+        length = float(drawn[-1])
+    limits = None
+    if limit is not None:
+        wanted = np.linspace(0.0, length, len(even))
+        limits = _lowest_around(wanted / length, drawn / drawn[-1], limit)
+    return EvenPath(path.name, even, limits, GivenPolyline(points, apart))
+
+
+def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, float]:
+    """Even stations on the smooth curve that a polyline means, (N, 2), and its length [m].
+
+    Noise is averaged, which makes the polyline shorter.
+
+    Args:
+        points: (n, 2) of the polyline; along: (n,) arc of them [m].
+        spacing: of stations [m].
+    """
+    points, along, stray = without_noise(points, along)
     length = float(along[-1])
     # A length that is a whole number of spacings but for rounding gets no station more.
     count = max(int(np.ceil(length / spacing - 1e-6)) + 1, _FEWEST)
@@ -158,18 +205,74 @@ def resample(path: CandidatePath | EvenPath, spacing: float) -> EvenPath:
         raise ParameterError(
             "points", f"a path of at most {MAX_STATIONS} stations, got {length:.0f} m"
         )
-    wanted = np.linspace(0.0, length, count)
     if len(points) == 2:
-        even = points[0] + (wanted / length)[:, None] * (points[1] - points[0])
-    else:
-        even = smooth(points, along, count, stray)
-    limits = None if limit is None else _lowest_around(wanted / length, drawn / drawn[-1], limit)
-    return EvenPath(path.name, even, limits)
+        wanted = np.linspace(0.0, length, count)
+        return points[0] + (wanted / length)[:, None] * (points[1] - points[0]), length
+    return smooth(points, along, count, stray), length
 
 
-def batch(paths: Sequence[CandidatePath | EvenPath], spacing: float) -> PathBatch:
+def _followed(
+    points: Floats, along: Floats, spacing: float, most_apart: float, averaged: Floats
+) -> tuple[Floats, float]:
+    """Even stations that keep close to all points, and how far apart they are from them [m].
+
+    Args:
+        points: (n, 2) of the polyline; along: (n,) arc of them [m].
+        spacing: of stations; most_apart: of line and polyline [m].
+        averaged: the line that is too far from them.
+
+    Raises:
+        ParameterError: no such line can be driven and is close enough.
+    """
+    closest, least = averaged, _apart(points, averaged)
+    for even in _lines_through(points, along, spacing, _ROUNDED * most_apart):
+        if turns_round(even):
+            continue
+        apart = _apart(points, even)
+        if apart <= most_apart:
+            return even, apart
+        if apart < least:
+            closest, least = even, apart
+    raise _too_far_apart(points, closest, most_apart)
+
+
+def _lines_through(
+    points: Floats, along: Floats, spacing: float, most_cut: float
+) -> Iterator[Floats]:
+    """Lines through the points of a polyline: with rounded corners, first with few stations.
+
+    At last, for noise in which none of these can be driven, the curve that the noise leaves.
+    """
+    for finer in (1, 2, 4):
+        yield rounded(points, spacing / finer, most_cut, MAX_STATIONS)
+    count = max(int(np.ceil(along[-1] / spacing - 1e-6)) + 1, _FEWEST)
+    yield smooth(points, along, count, min(noise(points), STRAY))
+
+
+def _apart(given: Floats, even: Floats) -> float:
+    """Largest distance between a polyline and the line of stations [m]."""
+    distance = np.zeros(len(even))
+    deviation_along(given, even, distance)
+    return float(distance.max())
+
+
+def _too_far_apart(given: Floats, even: Floats, most_apart: float) -> ParameterError:
+    distance = np.zeros(len(even))
+    deviation_along(given, even, distance)
+    (x, y), apart = even[np.argmax(distance)], float(distance.max())
+    i = int(np.argmin(np.hypot(given[:, 0] - x, given[:, 1] - y)))
+    return ParameterError(
+        f"points[{i}]",
+        f"points that can be followed within {most_apart:.3g} m (limits.max_path_deviation): at "
+        f"({x:.2f}, {y:.2f}) the closest line that can be driven is {apart:.2f} m off",
+    )
+
+
+def batch(
+    paths: Sequence[CandidatePath | EvenPath], spacing: float, most_apart: float = np.inf
+) -> PathBatch:
     """M paths on even stations, side by side, (N, M); see :func:`resample`."""
-    return side_by_side([resample(path, spacing) for path in paths])
+    return side_by_side([resample(path, spacing, most_apart) for path in paths])
 
 
 def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:
@@ -185,7 +288,8 @@ def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:
         x[n:, j], y[n:, j] = path.points[-1]
         if limits is not None and path.speed_limit is not None:
             limits[:n, j] = path.speed_limit
-    return PathBatch(tuple(path.name for path in paths), x, y, count, limits)
+    given = tuple(path.given for path in paths)
+    return PathBatch(tuple(path.name for path in paths), x, y, count, limits, given)
 
 
 def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:

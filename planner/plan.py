@@ -10,6 +10,7 @@ import numpy as np
 from models.arrays import Floats, Ints
 from planner.kernels.compiled import kernel
 from planner.limiting import Limiting
+from planner.path_deviation import PathDeviation
 
 
 class Status(Enum):
@@ -83,6 +84,7 @@ class SpeedPlan:
         rear_load, side_load: least loads on that stop as shares of their level static load.
         obstacle: that ends the clear distance, None where something else does.
         momentum: that a hill would take which ends the clear distance, None where none does.
+        path_deviation: from the path that was given; None where none was, so the line is the path.
     """
 
     candidate: str
@@ -106,6 +108,7 @@ class SpeedPlan:
     side_load: Floats
     obstacle: Obstacle | None = None
     momentum: Momentum | None = None
+    path_deviation: PathDeviation | None = None
 
     @property
     def travel_time(self) -> float:
@@ -134,7 +137,7 @@ class SpeedPlan:
 
     def columns(self) -> dict[str, list[str] | Floats]:
         """The columns of a plan file, in order."""
-        n = len(self.station)
+        n, apart = len(self.station), self.path_deviation
         return {
             "candidate": [self.candidate] * n,
             "station": self.station,
@@ -155,6 +158,7 @@ class SpeedPlan:
             "status": [self.status.value] * n,
             "reason": [self.reason] * n,
             "side_load": self.side_load,
+            "path_deviation": np.zeros(n) if apart is None else apart.distance,
         }
 
 

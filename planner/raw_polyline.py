@@ -12,12 +12,12 @@ import numpy as np
 
 from models.arrays import Floats
 from models.errors import ParameterError
-from planner.kernels.compiled import kernel
+from planner.kernels.compiled import inlined, kernel
 
 _DUPLICATE = 1e-3  # [m] points closer than that are one
 _CUSP = np.deg2rad(120.0)  # a turn sharper than that from one segment to the next is a cusp
 _CUSP_COSINE = -0.4  # of a turn that may be one: somewhat less than a cusp is
-_STRAY = 0.25  # [m] noise up to which a polyline is still a path
+STRAY = 0.25  # [m] noise up to which a polyline is still a path
 
 
 def clean(points: Floats, limit: Floats | None, yaw: Floats | None) -> tuple[Floats, Floats | None]:
@@ -53,7 +53,7 @@ def clean(points: Floats, limit: Floats | None, yaw: Floats | None) -> tuple[Flo
     headings = np.arctan2(steps[:, 1], steps[:, 0])
     turns = np.abs(np.angle(np.exp(1j * np.diff(headings))))
     # Noise makes short segments point anywhere; a cusp is one that survives at vehicle scale.
-    long_enough = np.minimum(np.hypot(*steps[:-1].T), np.hypot(*steps[1:].T)) > _STRAY
+    long_enough = np.minimum(np.hypot(*steps[:-1].T), np.hypot(*steps[1:].T)) > STRAY
     if np.any(cusp := (turns > _CUSP) & long_enough):
         i = int(np.flatnonzero(cusp)[0]) + 1
         raise ParameterError(
@@ -104,6 +104,29 @@ def arc(points: Floats) -> Floats:
     return along
 
 
+@inlined
+def project(
+    x: float, y: float, x_2: float, y_2: float, at_x: float, at_y: float
+) -> tuple[float, float]:
+    """Where a point lies along a segment, < 0 before and > 1 behind it; squared distance to it."""
+    dx, dy = x_2 - x, y_2 - y
+    to_x, to_y = at_x - x, at_y - y
+    share = (to_x * dx + to_y * dy) / max(dx * dx + dy * dy, 1e-18)
+    inside = min(max(share, 0.0), 1.0)
+    return share, (inside * dx - to_x) ** 2 + (inside * dy - to_y) ** 2
+
+
+@kernel
+def turns_round(points: Floats) -> bool:
+    """Whether a line of points (n, 2) has a cusp, however short the steps are."""
+    for i in range(1, points.shape[0] - 1):
+        x, y = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
+        x_2, y_2 = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
+        if abs(math.atan2(x * y_2 - y * x_2, x * x_2 + y * y_2)) > _CUSP:
+            return True
+    return False
+
+
 @kernel
 def _usual_step(along: Floats) -> float:
     return float(np.median(np.diff(along)))
@@ -121,4 +144,4 @@ def without_noise(points: Floats, along: Floats) -> tuple[Floats, Floats, float]
         points = np.concatenate((points[:1], 0.5 * (inner[::2] + inner[1::2]), points[-1:]))
         along = arc(points)
         stray = max(stray / np.sqrt(2.0), noise(points))
-    return points, along, min(stray, _STRAY)
+    return points, along, min(stray, STRAY)

@@ -1,4 +1,4 @@
-"""The smooth curve that a polyline means, on even stations.
+"""The smooth curve that a polyline means, on even stations; or itself, with rounded corners.
 
 A parametric smoothing spline (FITPACK's) goes through the polyline, as stiff as its noise asks for
 and as close to its corners as their distance says that they are meant. What is around FITPACK is
@@ -47,6 +47,42 @@ def smooth(points: Floats, along: Floats, count: int, stray: float) -> Floats:
     if fault >= _INVALID:
         raise ParameterError("points", f"a polyline that a spline can follow: {words}")
     return _evenly(knots, x, y, degree, along[-1], count, points[0], points[-1])
+
+
+def rounded(points: Floats, spacing: float, most_cut: float, most: int) -> Floats:
+    """Even stations on a polyline whose corners are arcs, as wide as its pieces allow, (N, 2) [m].
+
+    An arc takes up to half of both pieces that meet at its corner.
+
+    Args:
+        points: (n, 2), n >= 3. spacing: of stations at most [m].
+        most_cut: how far an arc may lie from its corner [m]. most: stations.
+    """
+    step = np.diff(points, axis=0)
+    length, heading = np.hypot(*step.T), np.arctan2(step[:, 1], step[:, 0])
+    turn, tangent = np.zeros((2, len(points)))
+    turn[1:-1] = (np.diff(heading) + np.pi) % (2.0 * np.pi) - np.pi
+    bend = np.maximum(np.abs(turn[1:-1]), 1e-9)
+    tangent[1:-1] = np.minimum(
+        0.5 * np.minimum(length[1:], length[:-1]), most_cut / np.tan(bend / 4.0)
+    )
+    pieces = np.zeros(2 * len(points) - 1)
+    pieces[2:-1:2] = tangent[1:-1] * bend / np.tan(bend / 2.0)
+    pieces[1::2] = np.maximum(length - tangent[:-1] - tangent[1:], 0.0)
+    ends = np.cumsum(pieces)
+    count = max(int(np.ceil(ends[-1] / spacing - 1e-6)) + 1, 3)
+    wanted = np.linspace(0.0, ends[-1], min(count, most))
+    piece = np.minimum(np.searchsorted(ends, wanted), len(ends) - 1)
+    gone, corner, on_arc = wanted - ends[piece] + pieces[piece], piece // 2, piece % 2 == 0
+    # A corner's arc begins before it, in the direction of the piece that ends there.
+    ahead = heading[np.clip(corner - on_arc, 0, len(heading) - 1)]
+    turned = np.where(on_arc, turn[corner] * gone / np.maximum(pieces[piece], 1e-12), 0.0)
+    offset = np.where(on_arc, -tangent[corner], tangent[corner])
+    chord, along_chord = gone * np.sinc(turned / (2.0 * np.pi)), ahead + 0.5 * turned
+    x = offset * np.cos(ahead) + chord * np.cos(along_chord)
+    y = offset * np.sin(ahead) + chord * np.sin(along_chord)
+    even: Floats = points[corner] + np.stack((x, y), axis=1)
+    return even
 
 
 @kernel

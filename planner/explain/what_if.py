@@ -94,7 +94,8 @@ class WhatIf:
             ParameterError: the path is malformed.
         """
         self._settings = settings or PlannerSettings()
-        part = batch([path], self._settings.spacing_on(elevation_map.resolution))
+        spacing = self._settings.spacing_on(elevation_map.resolution)
+        part = batch([path], spacing, model.max_path_deviation)
         vehicle = model.vehicle
         self._vehicle, self._name, self._limit = vehicle, path.name, part.speed_limit
         self._profile = terrain_profile(

@@ -149,7 +149,10 @@ class Continuation:
         if stop is None:
             return None
         reason = f"{why}: stops on the path driven so far"
-        stop = replace(stop, status=Status.DEGRADED, reason=reason)
+        apart = plan.path_deviation
+        if apart is not None:
+            apart = apart.from_row(i, stop.x, stop.y, stop.station)
+        stop = replace(stop, status=Status.DEGRADED, reason=reason, path_deviation=apart)
         return PreviousPlan.on(ahead.path, ahead.first, stop)
 
     def _finalizer(

@@ -61,7 +61,8 @@ class Cycle:
             return CycleAnswer(Status.DEGRADED, f"{flaw}: full braking", None, FULL_STOP), None
         if paths is None:
             return self._stop("no candidate is offered", ())
-        candidates, refused = drivable_of(paths, clear, self._state, self._settings)
+        limit = self._planner.equipment.model.max_path_deviation
+        candidates, refused = drivable_of(paths, clear, self._state, self._settings, limit)
         if candidates is None:
             return self._stop(f"no candidate can be driven: {refused[0].reason}", refused)
         return self._plan(candidates, refused)
@@ -102,10 +103,9 @@ class Cycle:
         plans = self._choice.best_first(
             plans, continued, "" if index is None else rest.names[index], gain
         )
-        finished = Finished(
-            tuple(one.plan for one in plans), (*ranking, *refused), deficit,
-            kept and plans[0] is continued,
-        )  # fmt: skip
+        kept = kept and plans[0] is continued
+        plans = [self._with_deviation(one, candidates) for one in plans]
+        finished = Finished(tuple(one.plan for one in plans), (*ranking, *refused), deficit, kept)
         answer = self._choice.answer(plans[0], finished)
         self._time("choose")
         return answer
@@ -127,7 +127,28 @@ class Cycle:
         )  # fmt: skip
         self._continuation = replace(continuation, offered=offered)
         self._ahead = self._continuation.path_ahead()
+        if self._leads_away(candidates, j):
+            self._continuation, self._ahead = continuation, None
+            return None
         return j
+
+    def _leads_away(self, candidates: Drivable, j: int) -> bool:
+        """The line that is driven is too far from what is given of its path by now."""
+        if self._ahead is not None:
+            path, first = self._ahead.path, self._ahead.first
+        else:
+            assert self._continuation is not None
+            path, first = self._continuation.previous.rest(self._continuation.projection)
+        x, y = path.x[first:, 0], path.y[first:, 0]
+        limit = self._planner.equipment.model.max_path_deviation
+        return candidates.deviation(j, x, y, x, limit).largest > limit
+
+    def _with_deviation(self, one: PreviousPlan, candidates: Drivable) -> PreviousPlan:
+        """The same, with how far it leads from what is given of its path."""
+        plan, limit = one.plan, self._planner.equipment.model.max_path_deviation
+        j = candidates.paths.names.index(plan.candidate)
+        apart = candidates.deviation(j, plan.x, plan.y, plan.station, limit)
+        return replace(one, plan=replace(plan, path_deviation=apart))
 
     def _continue(
         self, batch: CycleBatch, index: int | None

@@ -93,7 +93,8 @@ class Horizon:
         started = perf_counter()
         offered = paths if isinstance(paths, PathBatch) else None
         if not isinstance(paths, PathBatch) and len(paths) > 0:
-            offered = batch(list(paths), self.planner.spacing_on(elevation_map.resolution))
+            spacing = self.planner.spacing_on(elevation_map.resolution)
+            offered = batch(list(paths), spacing, self.model.max_path_deviation)
         if offered is not None and len(offered.names) == 0:
             offered = None
         free = _checked_clear(clear, 0 if offered is None else len(offered.names))

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from models.arrays import Floats, Ints
-from planner.kernels.compiled import inlined, kernel
-from planner.raw_polyline import arc
+from planner.kernels.compiled import kernel
+from planner.raw_polyline import arc, project
 
 _WINDOW = 1.0
 _DRIFT = 0.1
@@ -41,18 +41,6 @@ class Polyline(NamedTuple):
             (n,) nearest segments; shares of them, < 0 before and > 1 beyond; distances [m].
         """
         return _foot(self, points, low, len(self.x) - 1 if high is None else high)
-
-
-@inlined
-def project(
-    x: float, y: float, x_2: float, y_2: float, at_x: float, at_y: float
-) -> tuple[float, float]:
-    """Where a point lies along a segment, < 0 before and > 1 behind it; squared distance to it."""
-    dx, dy = x_2 - x, y_2 - y
-    to_x, to_y = at_x - x, at_y - y
-    share = (to_x * dx + to_y * dy) / max(dx * dx + dy * dy, 1e-18)
-    inside = min(max(share, 0.0), 1.0)
-    return share, (inside * dx - to_x) ** 2 + (inside * dy - to_y) ** 2
 
 
 @kernel

@@ -13,6 +13,7 @@ from planner.horizon.path_cut import FEWEST
 from planner.horizon.path_projection import PathProjection, locate
 from planner.kernels.compiled import kernel
 from planner.path import PathBatch
+from planner.path_deviation import PathDeviation, path_deviation
 
 _ENDS = 0.01
 """A path that ends this close to the vehicle is driven [m]."""
@@ -34,9 +35,29 @@ class Drivable:
     projection: PathProjection
     clear: Floats
 
+    def deviation(
+        self, j: int, x: Floats, y: Floats, station: Floats, limit: float
+    ) -> PathDeviation:
+        """How far a line along candidate j lies from what was given of it from the vehicle on.
+
+        Args:
+            j: of the candidate. x, y, station: (N,) of the line [m].
+            limit: that it has to keep [m].
+        """
+        here, passed = self.projection, float(self.projection.along[j])
+        if passed > 0.0:
+            passed -= math.hypot(x[0] - here.x[j], y[0] - here.y[j])
+        length = float(here.along[j] + here.remaining[j])
+        given = self.paths.given_points(j)
+        return path_deviation(given, x, y, station, limit, (passed, length))
+
 
 def drivable_of(
-    paths: PathBatch, clear: Floats, state: PlanarState, settings: HorizonSettings
+    paths: PathBatch,
+    clear: Floats,
+    state: PlanarState,
+    settings: HorizonSettings,
+    most_apart: float,
 ) -> tuple[Drivable | None, tuple[Ranked, ...]]:
     """Candidates that can be driven, None if there is none; and the others, with reasons.
 
@@ -44,8 +65,9 @@ def drivable_of(
         paths: M candidates; clear: (M,) station up to which each is known free [m].
         state: of the vehicle.
         settings: how far a path may lie from it.
+        most_apart: how far stations may be from the path that was given [m].
     """
-    reasons = malformed(paths, clear)
+    reasons = malformed(paths, clear, most_apart)
     sound = np.flatnonzero([not why for why in reasons])
     drivable = None
     if len(sound) > 0:
@@ -63,7 +85,7 @@ def drivable_of(
     return drivable, tuple(Ranked(name, np.inf, False, why) for name, why in refused if why)
 
 
-def malformed(paths: PathBatch, clear: Floats) -> list[str]:
+def malformed(paths: PathBatch, clear: Floats, most_apart: float) -> list[str]:
     """Why candidates cannot be planned at all, empty for those that can."""
     finite, moving = np.empty((2, len(clear)), np.bool_)
     _soundness(paths.x, paths.y, paths.count, finite, moving)
@@ -78,6 +100,12 @@ def malformed(paths: PathBatch, clear: Floats) -> list[str]:
             reasons[j] = "the path has two stations in one place"
         else:
             reasons[j] = "its clear distance is not a number"
+    for i, given in enumerate(paths.given):
+        if given is not None and given.apart > most_apart and not reasons[i]:
+            reasons[i] = (
+                f"its stations lie {given.apart:.2f} m from the path that was given, "
+                f"{most_apart:.3g} m at most (limits.max_path_deviation)"
+            )
     if len(set(paths.names)) < len(paths.names):
         names: set[str] = set()
         for i, name in enumerate(paths.names):

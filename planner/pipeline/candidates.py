@@ -7,6 +7,7 @@ is smoothed and judged one by one (:mod:`planner.pipeline.plan_finalizer`).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from planner.path import (
     resample,
     side_by_side,
 )
+from planner.path_deviation import path_deviation
 from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from planner.plan import SpeedPlan
@@ -77,13 +79,15 @@ class CandidatePlanner:
         plans: list[SpeedPlan] = []
         for first in range(0, len(paths), _BATCH):
             part = slice(first, first + _BATCH)
+            even = self.resampled(elevation_map, paths[part])
             solved = time_optimal_batch(
-                elevation_map, side_by_side(self.resampled(elevation_map, paths[part])),
-                self.model, start_speed=start_speed, clear=free[part], settings=self.settings,
-                conditions=conditions, uncertainty=self.uncertainty,
+                elevation_map, side_by_side(even), self.model, start_speed=start_speed,
+                clear=free[part], settings=self.settings, conditions=conditions,
+                uncertainty=self.uncertainty,
             )  # fmt: skip
-            for j, path in enumerate(paths[part]):
-                plans.append(finished(solved, j, path.name, smooth=self.settings.smooth))
+            for j, path in enumerate(even):
+                plan = finished(solved, j, path.name, smooth=self.settings.smooth)
+                plans.append(self._with_deviation(plan, path))
                 if progress is not None:
                     progress(1)
         return plans
@@ -100,10 +104,16 @@ class CandidatePlanner:
         even = []
         for path in paths:
             try:
-                even.append(resample(path, spacing))
+                even.append(resample(path, spacing, self.model.max_path_deviation))
             except ParameterError as error:
                 raise ParameterError(f"{path.name}.{error.field}", error.expected) from None
         return even
+
+    def _with_deviation(self, plan: SpeedPlan, path: EvenPath) -> SpeedPlan:
+        given = path.points if path.given is None else path.given.points
+        limit = self.model.max_path_deviation
+        apart = path_deviation(given, plan.x, plan.y, plan.station, limit)
+        return replace(plan, path_deviation=apart)
 
 
 def finished(solved: TimeOptimalBatch, j: int, name: str, *, smooth: bool) -> SpeedPlan:

@@ -10,6 +10,7 @@ from models.arrays import Floats
 from planner.ground.braking_ground import StopErrors
 from planner.limiting import Limiting
 from planner.pipeline.candidate_column import CandidateColumn
+from planner.pipeline.standing import stop_told
 from planner.plan import Status, motion_of
 from planner.verify.judge import Judgement
 
@@ -28,7 +29,7 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
 
     Args:
         column: the candidate; its fixed prefix begins too fast.
-        status, reason: of its plan, if nothing were wrong.
+        status, reason: of its plan, if nothing were wrong; what ends its clear distance.
     """
     station, start_sq = column.track.station, float(column.fixed_prefix[0])
     speed = np.sqrt(start_sq)
@@ -56,7 +57,8 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
         allowed = f"{np.sqrt(reachable):.2f} m/s, what service braking can bring down"
     hardest = -motion_of(column.track.station, answer)[0].min()
     text = f"starts at {speed:.2f} m/s, above {allowed}: brakes at {hardest:.2f} m/s²"
-    text += f"; {reason}" if status is Status.BLOCKED else ""
+    if status is Status.BLOCKED:
+        text += f"; {stop_told(column, answer, status, reason)[1]}"
     return Judged(answer, verdict, Status.DEGRADED, text)
 
 

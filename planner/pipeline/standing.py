@@ -19,30 +19,39 @@ _HARDLY_SHORT = 1.0
 
 
 def standing(column: CandidateColumn) -> tuple[Status, str]:
-    """Status by what ends the clear distance, if nothing goes wrong, and the reason."""
+    """Status by what ends the clear distance, if nothing goes wrong, and what that is."""
     station = column.track.station
     length = float(station[-1])
     k = column.barrier_station
     if k >= len(station) and column.clear >= length:
         return Status.OK, ""
-    where = f"stops before {column.clear:.2f} m of {length:.2f} m"
     if k >= len(station) or (k > 0 and column.clear < station[k - 1]):
-        return Status.BLOCKED, f"{where}: the way is known free up to there"
-    return Status.BLOCKED, f"{where}: {_why_barred(column, k)}"
+        if column.clear <= 0.0:
+            return Status.BLOCKED, "no way is known free ahead of its front"
+        free = column.clear + column.model.vehicle.shape.front
+        return Status.BLOCKED, f"the way is known free for its front only up to {free:.2f} m"
+    return Status.BLOCKED, _why_barred(column, k)
 
 
-def stands_early(
-    column: CandidateColumn, speed_sq: Floats, status: Status, reason: str
+def stop_told(
+    column: CandidateColumn, speed_sq: Floats, status: Status, why: str
 ) -> tuple[Status, str]:
-    """A plan that rests well before the end of its path is not ok, whatever the cause."""
+    """Status and reason of a profile: where it stops, the one number for that, and why.
+
+    A plan that rests well before the end of its path is not ok, whatever the cause.
+    """
     station = column.track.station
     moving = np.flatnonzero(speed_sq > 0.0)
     k = min(int(moving[-1]) + 1, len(station) - 1) if len(moving) else 0
-    short = float(station[-1] - station[k])
-    if status is not Status.OK or short <= _kept_free(column, k) + _HARDLY_SHORT:
-        return status, reason
-    label = Limiting(int(column.label[k])).label
-    return Status.BLOCKED, f"stops at {station[k]:.2f} m of {station[-1]:.2f} m: {label}"
+    if status is Status.OK:
+        short = float(station[-1] - station[k])
+        if short <= _kept_free(column, k) + _HARDLY_SHORT:
+            return status, why
+        why = Limiting(int(column.label[k])).label
+    elif status is not Status.BLOCKED:
+        return status, why
+    # As many digits as the table of candidates has.
+    return Status.BLOCKED, f"stops at {station[k]:.1f} m of {station[-1]:.1f} m: {why}"
 
 
 def _kept_free(column: CandidateColumn, k: int) -> float:
@@ -53,31 +62,33 @@ def _kept_free(column: CandidateColumn, k: int) -> float:
 
 
 def _why_barred(column: CandidateColumn, k: int) -> str:
+    """What bars station k; its place is told as one ahead: the plan stops before it."""
     station = column.track.station[k]
+    there = f"ahead at {station:.2f} m" if k > 0 else "at the start"
     grade, roll = np.rad2deg(column.track.grade[k]), np.rad2deg(column.track.roll[k])
     vehicle = column.model.vehicle
     match column.barrier:
         case Limiting.UNKNOWN_TERRAIN if not column.known[k]:
-            return f"unknown ground under the wheels at {station:.2f} m"
+            return f"unknown ground under the wheels {there}"
         case Limiting.UNKNOWN_TERRAIN | Limiting.STEP | Limiting.CLEARANCE | Limiting.BODY if (
             obstacle := column.obstacle
         ):
-            return f"at {station:.2f} m {obstacle.words}"
+            return f"{there} {obstacle.words}"
         case Limiting.MODEL_VALIDITY:
             braking = column.model.braking
             low, high = np.rad2deg(braking.grade_range)
             if not low <= grade <= high:
-                return _untrained("grade", grade, station, low, high)
-            return _untrained("roll", roll, station, *np.rad2deg(braking.trained_roll))
+                return _untrained("grade", grade, there, low, high)
+            return _untrained("roll", roll, there, *np.rad2deg(braking.trained_roll))
         case Limiting.TIP_OVER:
-            return f"an axle keeps too little load on grade {grade:.1f}° at {station:.2f} m"
+            return f"an axle keeps too little load on grade {grade:.1f}° {there}"
         case Limiting.ROLLOVER:
             what = "a side" if _side_is_light(column, k) else "a wheel"
-            return f"{what} keeps too little load on roll {roll:.1f}° at {station:.2f} m"
+            return f"{what} keeps too little load on roll {roll:.1f}° {there}"
         case Limiting.FRICTION:
             mu = column.track.friction[k]
             return (
-                f"grade {grade:.1f}° and roll {roll:.1f}° at {station:.2f} m take more than the "
+                f"grade {grade:.1f}° and roll {roll:.1f}° {there} take more than the "
                 f"friction of {mu:.2f} gives"
             )
         case Limiting.HOLDING if (
@@ -86,26 +97,26 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
         ):
             return (
                 f"friction does not hold a standing vehicle on grade {grade:.1f}° and roll "
-                f"{roll:.1f}° at {station:.2f} m"
+                f"{roll:.1f}° {there}"
             )
         case Limiting.SPEED_LIMIT:
-            return f"the speed limit of the path is 0 at {station:.2f} m"
+            return f"the speed limit of the path is 0 {there}"
         case Limiting.TRACTION:
             needed = column.demand[k] * vehicle.mass * GRAVITY
             return (
-                f"grade {grade:.1f}° at {station:.2f} m needs {needed:.0f} N of thrust, "
+                f"grade {grade:.1f}° {there} needs {needed:.0f} N of thrust, "
                 f"the drive has {vehicle.max_drive_force:.0f} N{_by_momentum(column)}"
             )
         case _:
-            return f"the brakes do not hold on grade {grade:.1f}° at {station:.2f} m"
+            return f"the brakes do not hold on grade {grade:.1f}° {there}"
 
 
-def _untrained(what: str, slope: float, station: float, low: float, high: float) -> str:
+def _untrained(what: str, slope: float, there: str, low: float, high: float) -> str:
     """A slope beyond a range, all in degrees, with as many digits as it takes to see it."""
     beyond = max(low - slope, slope - high, 1e-4)
     digits = max(math.ceil(-math.log10(beyond)), 1)
     return (
-        f"{what} {slope:.{digits}f}° at {station:.2f} m is outside the trained "
+        f"{what} {slope:.{digits}f}° {there} is outside the trained "
         f"{low:.{digits}f}° … {high:.{digits}f}°"
     )
 

@@ -20,6 +20,7 @@ from services.io.access import write_atomic
 from services.io.findings_file import PAGE
 from services.report.discrepancy_page import WORDS
 from services.report.page import escaped, fact_list, notices, page
+from services.report.words import plural
 
 _LISTED = 500
 _NOTES = 20
@@ -43,9 +44,9 @@ def render_report(rows: Sequence[Row], census: Census) -> str:
     verdicts = {WORDS[Verdict(name)][0]: str(n) for name, n in census.verdicts.items()}
     notes = left_out(census, _NOTES)
     if len(done) > _LISTED:
-        notes.append(f"{len(done) - _LISTED} vehicles more are in findings.jsonl")
+        notes.append(f"{plural(len(done) - _LISTED, 'more vehicle')} in findings.jsonl")
     fields = {
-        "title": f"{census.looked_at} vehicles against their logs",
+        "title": f"{plural(census.looked_at, 'vehicle')} against their logs",
         "verdict": escaped(_verdict(census)),
         "facts": fact_list({"vehicles": str(len(rows)), **verdicts}),
         "notes": notices(notes),

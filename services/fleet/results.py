@@ -78,13 +78,15 @@ def _row(answer: SpeedPlan | Refused, source: str) -> dict[str, Any]:
     if isinstance(answer, Refused):
         told = {"candidate": answer.candidate, "status": REFUSED, "reason": answer.reason}
         return {"source": source, "admissible": False, **told}
-    return {"source": source, "admissible": answer.admissible, **summary(answer)}
+    apart = answer.path_deviation
+    row = {"source": source, "admissible": answer.admissible, **summary(answer)}
+    return {**row, "path_deviation": None if apart is None else apart.largest}
 
 
 def _candidates(pa: Any) -> Any:
     numbers = (
         "travel_time", "progress", "length", "max_speed", "clear_distance", "least_margin",
-        "least_rear_load",
+        "least_rear_load", "path_deviation",
     )  # fmt: skip
     return pa.schema(
         [
@@ -99,6 +101,7 @@ _TEXT = ("candidate", "limiting", "status", "reason")
 _NUMBERS = (
     "station", "x", "y", "z", "grade", "roll", "curvature", "speed", "accel", "time",
     "speed_bound", "stop_distance", "clear_distance", "rear_load", "side_load",
+    "path_deviation",
 )  # fmt: skip
 
 

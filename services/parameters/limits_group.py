@@ -14,7 +14,7 @@ from services.settings.learning import Learning
 LIMITS = "limits"
 _UNITS = {
     "speed": "m/s", "accel": "m/s²", "decel": "m/s²", "jerk": "m/s³", "lateral_accel": "m/s²",
-    "vertical_accel": "m/s²", "min_load": "1",
+    "vertical_accel": "m/s²", "min_load": "1", "max_path_deviation": "m",
 }  # fmt: skip
 
 _MIN_LIMIT = 0.01
@@ -33,6 +33,7 @@ class LimitsGroup(ParameterGroups):
     def __init__(self, prior: Model, settings: Learning) -> None:
         """Begin with the model file's limits."""
         self._prior = prior.limits
+        self._path_deviation = prior.max_path_deviation
         self._values: dict[str, float] = {}
         self._set = time.monotonic()
 
@@ -50,9 +51,10 @@ class LimitsGroup(ParameterGroups):
     def describe(self, group: str) -> Description:
         """As planned with."""
         age = time.monotonic() - self._set if self._values else 0.0
-        return Description(
-            values=dataclasses.asdict(self._in_use()), valid=True, age=age, unit=dict(_UNITS)
-        )
+        values = {"max_path_deviation": self._path_deviation}
+        known = dataclasses.asdict(self._in_use())
+        values |= {name: value for name, value in known.items() if value is not None}
+        return Description(values=values, valid=True, age=age, unit=dict(_UNITS))
 
     def state(self, group: str) -> State | None:
         """What a restart needs."""
@@ -86,9 +88,8 @@ class LimitsGroup(ParameterGroups):
 
     def _range(self, name: str) -> tuple[float, float]:
         """Least and largest value that may be set: nowhere wider than the model file."""
-        known = float(getattr(self._prior, name))
-        return (
-            (known, max(known, _MAX_LOAD))
-            if name == "min_load"
-            else (min(_MIN_LIMIT, known), known)
-        )
+        value = getattr(self._prior, name)
+        known = float(self._path_deviation if value is None else value)
+        if name == "min_load":
+            return known, max(known, _MAX_LOAD)
+        return min(_MIN_LIMIT, known), known

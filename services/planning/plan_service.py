@@ -36,6 +36,7 @@ from services.planning.stale_map import MapAge
 from services.settings.service import ServiceConfig
 from services.wire import messages
 from services.wire.messages import (
+    Deviation,
     Limit,
     Met,
     Plan,
@@ -121,7 +122,7 @@ class PlanService:
         checked = time.perf_counter()
         named = bool(request.client)
         self._costs.check(len(usable), left, named=named)
-        even, flawed = resampled(usable, spacing, pace)
+        even, flawed = resampled(usable, spacing, parameters.model.max_path_deviation, pace)
         even = map_age.slowed(even)
         try:
             if named:
@@ -320,6 +321,16 @@ def _plan(plan: SpeedPlan) -> Plan:
         columns=list(messages.PLAN_COLUMNS),
         values=np.stack([getattr(plan, name) for name in messages.PLAN_COLUMNS]),
         obstacle=_met(plan.obstacle),
+        path_deviation=_deviation(plan),
+    )
+
+
+def _deviation(plan: SpeedPlan) -> Deviation | None:
+    told = plan.path_deviation
+    if told is None:
+        return None
+    return Deviation(
+        largest=told.largest, station=told.station, x=told.x, y=told.y, limit=told.limit
     )
 
 

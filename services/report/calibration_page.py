@@ -17,6 +17,7 @@ from models.stop_logs.find_stops import Usability
 from services.io.access import write_atomic
 from services.report.calibration_pictures import pictures
 from services.report.page import asset, escaped, fact_list, notices, number_row, page
+from services.report.words import plural
 
 _LISTED = 50
 
@@ -86,8 +87,8 @@ def _verdict(calibration: Calibration) -> str:
     inside, ends = int(np.sum(excess >= 0.0)), excess[np.isfinite(excess)]
     mean = float(np.mean(ends)) if len(ends) else float("inf")
     return (
-        f"{inside} of {len(base.records)} stops ended within what a plan allows for, by a fit that "
-        f"had not seen them, {mean:.2f} m before its end on average."
+        f"{inside} of {plural(len(base.records), 'stop')} ended within what a plan allows for, "
+        f"by a fit that had not seen them, {mean:.2f} m before its end on average."
     )
 
 

@@ -18,6 +18,7 @@ from models.effects.registry import LAWS
 from services.io.access import write_atomic
 from services.report.discrepancy_pictures import pictures
 from services.report.page import escaped, fact_list, notices, number_row, page
+from services.report.words import plural
 
 WORDS = {
     Verdict.NONE: ("nothing missing", "fine"),
@@ -59,7 +60,8 @@ def render_report(
     drawn = pictures(findings, evidence)
     word, kind = WORDS[findings.verdict]
     facts = {
-        "who says so": f"slopewise {metadata.version('slopewise')} from {findings.stops} stops",
+        "who says so": f"slopewise {metadata.version('slopewise')} from "
+        f"{plural(findings.stops, 'stop')}",
         "stopping distance": _metres(findings.stop_distance),
         "safety offset now": f"{findings.model.braking.distance_offset:.2f} m",
         **provenance,

@@ -1,4 +1,4 @@
-"""What statuses and bounds are called on a page, and what they mean in half a sentence."""
+"""What statuses, bounds and numbers of things are called, and what they mean."""
 
 from __future__ import annotations
 
@@ -13,6 +13,12 @@ STATUS_MEANING: dict[Status, str] = {
 }
 
 LIMITING_MEANING: dict[Limiting, str] = {code: bound.meaning for code, bound in BOUNDS.items()}
+
+
+def plural(count: int, noun: str) -> str:
+    """A number of things, e.g. "1 candidate", "3 candidates", "2 batches"."""
+    ending = "" if count == 1 else "es" if noun.endswith(("s", "ch")) else "s"
+    return f"{count} {noun}{ending}"
 
 
 def word(limiting: Limiting) -> str:

@@ -130,6 +130,20 @@ class Met(Message, frozen=True):
     words: str
 
 
+class Deviation(Message, frozen=True):
+    """How far a plan leads from the path that was given, in the plan view.
+
+    Attributes:
+        largest: [m]. station, x, y: where on the plan [m]. limit: that it keeps [m].
+    """
+
+    largest: float
+    station: float
+    x: float
+    y: float
+    limit: float
+
+
 class Plan(Message, frozen=True):
     """One plan of N stations.
 
@@ -142,6 +156,7 @@ class Plan(Message, frozen=True):
         limits: what limits the speed, a change an entry.
         columns: names of the rows of values. values: (rows, N).
         obstacle: what ends the clear distance, if body or wheels must not come to it.
+        path_deviation: from the path as it was given.
     """
 
     candidate: str
@@ -156,6 +171,7 @@ class Plan(Message, frozen=True):
     columns: list[str]
     values: np.ndarray
     obstacle: Met | None = None
+    path_deviation: Deviation | None = None
 
     def column(self, name: str) -> np.ndarray:
         """One row of the values, (N,)."""

@@ -35,6 +35,7 @@ from services.io.model_file import find_model, read_model, write_model
 from services.io.table import write_csv
 from services.report.brake_numbers import BrakeNumbers
 from services.report.brake_words import as_json as sheet_json
+from services.report.words import plural
 
 _LISTED = 20
 
@@ -223,7 +224,8 @@ def show(result: CalibrateResult, console: Console) -> None:
     if c.levels is not None:
         console.print(
             f"brakes act from {c.levels.dead_band:.0%} of their application on and are at their "
-            f"full force from {c.levels.saturation:.0%} ({c.levels.stops} stops in between)"
+            f"full force from {c.levels.saturation:.0%} "
+            f"({plural(c.levels.stops, 'stop')} in between)"
         )
     kinds = ", ".join(f"{n} {name}" for name, n in c.verdicts.items())
     console.print(f"stops found: {len(c.windows)} – {kinds}")

@@ -11,6 +11,7 @@ from models.calibration.brake_states import WeakerState
 from models.calibration.force_fit import NAMES
 from models.calibration.speed_error import SpeedError
 from models.calibration.surface_fit import SurfaceFit
+from services.report.words import plural
 
 
 def coverage(surface: SurfaceFit) -> tuple[float, float]:
@@ -68,7 +69,9 @@ def _scatter(s: SurfaceFit) -> str:
 
 
 def _state(s: SurfaceFit) -> str:
-    return "–" if s.state is None else f"{s.state.ratio:.0%} ({int(s.state.members.sum())} stops)"
+    if s.state is None:
+        return "–"
+    return f"{s.state.ratio:.0%} ({plural(int(s.state.members.sum()), 'stop')})"
 
 
 def speed_words(found: SpeedError | None) -> str:
@@ -77,7 +80,7 @@ def speed_words(found: SpeedError | None) -> str:
         return "speed error kept as it was: the log has too little driving at one command"
     return (
         f"speeds are driven to ± {found.value:.3f} m/s, {found.bias:+.3f} m/s from the command "
-        f"({found.stretches} stretches, {found.seconds:.0f} s)"
+        f"({plural(found.stretches, 'stretch')}, {found.seconds:.0f} s)"
     )
 
 

@@ -14,6 +14,7 @@ from rich.text import Text
 from services.check.report import CheckReport, Violation
 from services.check.tolerances import TOLERANCES
 from services.cli.commands.check import CheckResult
+from services.report.words import plural
 
 
 def as_json(result: CheckResult) -> dict[str, Any]:
@@ -60,7 +61,8 @@ def show(result: CheckResult, console: Console, most: int = 30) -> None:
     bad = [report for report in result.reports if not report.valid]
     stops = sum(report.stops for report in result.reports)
     console.print(
-        f"{len(result.reports)} plans with model {result.model}, {stops} emergency stops: "
+        f"{plural(len(result.reports), 'plan')} with model {result.model}, "
+        f"{plural(stops, 'emergency stop')}: "
         + (f"[red]{len(bad)} with violations[/]" if bad else "[green]no violation[/]")
     )
     if bad:

@@ -21,6 +21,7 @@ from services.io.logs.log_source import grade_by_map, names_of, read_logs, refus
 from services.io.logs.unseen_channels import unseen_channels
 from services.io.maps.no_data import nodata_of
 from services.io.model_file import find_model, read_model
+from services.report.words import plural
 
 _PARTS = 4
 _LISTED = 20
@@ -137,7 +138,7 @@ def show(result: CoverageResult, console: Console) -> None:
         table.add_row(label, str(p["stops"]), str(p["beyond"]), mean, str(p["not_allowed"]))
     console.print(table)
     covers = "covers" if result.covers else "does not cover"
-    console.print(f"the model {covers} the {told['stops']} stops of this log that were measured")
+    console.print(f"the model {covers} the {plural(told['stops'], 'measured stop')} of this log")
     for note in result.notes:
         console.print(f"note: {note}", style="yellow")
 

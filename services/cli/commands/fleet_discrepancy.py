@@ -31,6 +31,7 @@ from services.io.access import check_file, fault, read_text, write_atomic
 from services.io.findings_file import FINDINGS, source_of
 from services.io.maps.no_data import NoData
 from services.io.model_file import find_model, model_to_dict, read_model
+from services.report.words import plural
 
 LINES, PAGE = "findings.jsonl", "report.html"
 """A line a vehicle, and the page of the fleet."""
@@ -243,7 +244,7 @@ def show(result: FleetDiscrepancyResult, console: Console) -> None:
     if result.resumed:
         console.print(f"{result.resumed} of them were looked at by an earlier run")
     if result.strays:
-        words = f"note: {result.strays} vehicles in the folder are not among these"
+        words = f"note: not among these: {plural(result.strays, 'vehicle')} in the folder"
         console.print(words, style="yellow")
 
 

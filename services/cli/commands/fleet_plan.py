@@ -25,6 +25,7 @@ from services.io.access import fault
 from services.io.maps.grid import MapInfo
 from services.io.maps.no_data import NoData
 from services.io.model_file import find_model, model_to_dict, read_model
+from services.report.words import plural
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,15 +166,15 @@ def as_json(result: FleetPlanResult) -> dict[str, Any]:
 def show(result: FleetPlanResult, console: Console) -> None:
     """What was planned, and how it came out."""
     kinds = ", ".join(f"{count} {name}" for name, count in result.statuses.items())
-    console.print(f"{result.model}: {result.planned + result.resumed} candidates: {kinds}")
+    candidates = plural(result.planned + result.resumed, "candidate")
+    console.print(f"{result.model}: {candidates}: {kinds}")
     console.print(f"{result.driven} may be driven")
     if result.resumed:
         console.print(f"{result.resumed} of them were planned by an earlier run")
     if result.strays:
-        console.print(
-            f"note: {result.strays} parts in the folder are of other paths", style="yellow"
-        )
+        parts = plural(result.strays, "part")
+        console.print(f"note: of other paths: {parts} in the folder", style="yellow")
     for note in result.notes:
         console.print(f"note: {note}", style="yellow")
     rate = result.planned / result.seconds
-    console.print(f"{result.seconds:.1f} s, {rate:.0f} planned candidates a second")
+    console.print(f"{result.seconds:.1f} s, {rate:.0f} candidates planned a second")

@@ -17,6 +17,7 @@ from rich.table import Table
 
 from models.errors import InputError
 from services.cli.arguments.robot import ParamsOptions
+from services.report.words import plural
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import client_session
@@ -184,7 +185,8 @@ def _show_offer(offer: Offer, console: Console) -> None:
         console.print(f"  {effect['name']}: {values}, {effect['confidence']:.0%} sure")
     gap = offer.findings["stop_distance"]
     console.print(
-        f"  {offer.stops} stops, data {offer.data}: {gap['before']:.3f} m off as configured, "
+        f"  {plural(offer.stops, 'stop')}, data {offer.data}: "
+        f"{gap['before']:.3f} m off as configured, "
         f"{gap['after']:.3f} m with it, floor {gap['noise_floor']:.3f}"
     )
     for shift, beside in ((offer.beside_file, "model file"), (offer.beside_use, "parameters then")):

@@ -80,10 +80,13 @@ class PlanResult:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is assumed of the map, what it cannot show, and sizes that are assumed."""
-        return *self.elevation_map.assumed, *notes(
-            self.model.vehicle, self.elevation_map.resolution
-        )
+        """What is assumed of the map, what it cannot show, and numbers that are assumed."""
+        ground, limits = self.elevation_map, self.model.limits
+        told = (*ground.assumed, *notes(self.model.vehicle, ground.resolution))
+        if limits.max_path_deviation is not None:
+            return told
+        limit = f"{self.model.max_path_deviation:.3g} m from a given path"
+        return *told, f"assumed from the vehicle's width: plans lead at most {limit}"
 
     @property
     def admissible(self) -> bool:

@@ -24,6 +24,10 @@ from services.cli.commands import check_view, explain_view
 from services.cli.commands.plan import MadeFrom, PlanJob, PlanResult
 from services.io.digest import sha256_of
 from services.io.plan_file import driven, summary
+from services.report.words import plural
+
+_WORTH_TELLING = 0.25
+"""Deviations from the given path above this share of their limit get a line."""
 
 STATUS_STYLE = {
     Status.OK: "green",
@@ -82,7 +86,13 @@ def as_json(result: PlanResult) -> dict[str, Any]:
         **({} if result.made_from is None else {"made_from": _made_from(result.made_from)}),
         "notes": list(result.notes),
         "plans": [
-            {**summary(plan), **_momentum(plan), "columns": _columns(plan)} for plan in result.plans
+            {
+                **summary(plan),
+                "path_deviation": _path_deviation(plan),
+                **_momentum(plan),
+                "columns": _columns(plan),
+            }
+            for plan in result.plans
         ],
         **explained,
         **judged,
@@ -99,6 +109,13 @@ def _made_from(files: MadeFrom) -> dict[str, Any]:
         "model_id": files.model_file.name,
         "model_hash": sha256_of(files.model_file),
     }
+
+
+def _path_deviation(plan: SpeedPlan) -> dict[str, float] | None:
+    """How far the plan leads from the path that was given [m]."""
+    told = plan.path_deviation
+    keys = ("largest", "station", "x", "y", "limit")
+    return None if told is None else {key: getattr(told, key) for key in keys}
 
 
 def _momentum(plan: SpeedPlan) -> dict[str, Any]:
@@ -127,13 +144,13 @@ def _columns(plan: SpeedPlan) -> dict[str, Any]:
 def show(result: PlanResult, console: Console, most: int = 30) -> None:
     """The table of candidates, best first."""
     table = Table(
-        title=f"{result.model.name}: {len(result.plans)} candidates, best first",
+        title=f"{result.model.name}: {plural(len(result.plans), 'candidate')}, best first",
         box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True,
     )  # fmt: skip
     table.add_column("#", justify="right", no_wrap=True, min_width=2)
     table.add_column("candidate", no_wrap=True, max_width=18)
     table.add_column("status", no_wrap=True)
-    for title in ("time\ns", "reaches\nm", "top\nm/s", "margin\nm", "rear\nload"):
+    for title in ("time\ns", "stops at\nm", "top\nm/s", "margin\nm", "rear\nload"):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("limited by", no_wrap=True)
     for number, plan in enumerate(result.plans[:most], start=1):
@@ -156,6 +173,10 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
         if plan.reason:
             line = Text.assemble((plan.candidate, "bold"), f": {plan.reason}")
             console.print(Padding(line, (0, 0, 0, 2)))
+    for plan in result.plans[:most]:
+        if words := _beside_path(plan):
+            line = Text.assemble((plan.candidate, "bold"), f": {words}")
+            console.print(Padding(line, (0, 0, 0, 2)))
     for note in result.notes:
         console.print(Text(note), style="dim")
     if result.uncertainty is not None and not _leaves_open(result.model):
@@ -164,6 +185,17 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
         explain_view.show(result.explanation, console)
     if result.check is not None:
         check_view.show(result.check, console)
+
+
+def _beside_path(plan: SpeedPlan) -> str:
+    """How far the plan leads from the path that was given, empty where that is little."""
+    told = plan.path_deviation
+    if told is None or told.largest <= _WORTH_TELLING * told.limit:
+        return ""
+    return (
+        f"planned up to {told.largest:.2f} m beside the given path, at {told.station:.2f} m; "
+        f"the limit is {told.limit:.3g} m"
+    )
 
 
 def _limited_most(plan: SpeedPlan) -> str:

@@ -19,6 +19,7 @@ from services.cli.arguments.robot import ReplayOptions
 from services.cli.screen import progress_bar
 from services.io.logs.drive_log import DriveLog
 from services.io.logs.log_source import read_logs
+from services.report.words import plural
 from services.wire import codec
 from services.wire.codec import Format
 from services.wire.connect import client_session
@@ -192,7 +193,8 @@ def show(result: ReplayResult, console: Console) -> None:
     """A row a parameter that changed, and what became of the samples."""
     pace = result.driven / max(result.took, 1e-9)
     console.print(
-        f"{result.samples} samples, {result.driven:.0f} s of driving in {result.took:.1f} s "
+        f"{plural(result.samples, 'sample')}, {result.driven:.0f} s of driving in "
+        f"{result.took:.1f} s "
         f"({pace:.0f}-fold); version {result.version[0]} → {result.version[1]}"
     )
     table = Table(title="what was learned")
@@ -212,4 +214,4 @@ def show(result: ReplayResult, console: Console) -> None:
     console.print(table if table.row_count else "nothing was learned that changes parameters")
     odd = Counter({key: n for key, n in result.receipts.items() if key[0] != "taken"})
     for (status, reason), count in odd.most_common(10):
-        console.print(f"{count} batches {status}: {reason}")
+        console.print(f"{plural(count, 'batch')} {status}: {reason}")

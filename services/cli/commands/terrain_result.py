@@ -29,6 +29,7 @@ from services.io.logs.drive_log import DriveLog
 from services.io.model_file import write_model
 from services.io.signature_file import write_signatures
 from services.io.terrain_file import TerrainFile, write_terrains
+from services.report.words import plural
 
 _LASTS = 6  # stretches of unknown ground that are offered as a class
 
@@ -188,7 +189,7 @@ def write_learned(result: TerrainResult, path: Path) -> None:
             write_signatures(model, beside)
             learned = dataclasses.replace(learned, signatures=beside.name)
             result.notes.append(
-                f"signatures of {len(model.classes)} classes in {beside.name}: "
+                f"signatures of {plural(len(model.classes), 'class')} in {beside.name}: "
                 f"{model.known_refused:.1%} of known ground left out in training was refused"
             )
     write_terrains(learned, path)

@@ -28,6 +28,7 @@ from services.cli.commands.terrain_result import (
     usual_class,
 )
 from services.io.terrain_table import event_row, excluded_row, write_terrain_table
+from services.report.words import plural
 
 _LISTED = 30
 _TITLES = ("run", "f_r", "μ_t", "B_s\nm", "class", "p", "parts", "changed", "stuck\ns", "left\nout")
@@ -148,7 +149,7 @@ def show(result: TerrainResult, console: Console) -> None:
         console.print(f"  class as labelled in the log: {share:.0%} of each label, on average")
     for run, many in unknown_ground(result):
         words = "name it in the column terrain and --learn it, or let it arise by --adapt"
-        console.print(f"  {run}: {many} stretches of none of these: {words}", markup=False)
+        console.print(f"  {run}: {plural(many, 'stretch')} of none of these: {words}", markup=False)
     for note in result.notes:
         console.print(f"  note: {note}", markup=False)
 
@@ -203,7 +204,7 @@ def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
         facts={
             "model": f"{result.model.name} ({job.model_file})",
             "classes": f"{result.terrains.name}, {len(result.classes.terrain)} known",
-            "samples": f"{len(time)} in {len(result.runs)} runs",
+            "samples": f"{len(time)} in {plural(len(result.runs), 'run')}",
             "computed in": f"{result.seconds:.2f} s",
         },
     )
@@ -223,5 +224,4 @@ def _verdict(result: TerrainResult) -> str:
     changes = sum(not change.again for run in result.runs for change in run.changes)
     stuck = sum(stuck_seconds(run) for run in result.runs)
     ground = f"In the end {', '.join(told)}." if told else "Nothing was told of the ground."
-    changed = "1 change" if changes == 1 else f"{changes} changes"
-    return f"{ground} {changed} of ground, stuck for {stuck:.0f} s."
+    return f"{ground} {plural(changes, 'change')} of ground, stuck for {stuck:.0f} s."

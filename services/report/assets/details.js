@@ -12,12 +12,13 @@ function showDetails() {
   const tile = (name, value, unit, behind = "") => make("div", {}, make("dt", {}, name), make("dd", {}, value, " ", make("small", {}, unit + behind)));
   element("tiles").replaceChildren(
     tile("travel time", number(plan.time, 1), "s"),
-    tile("progress", number(plan.progress, 1), "m", plan.progress < plan.length - 0.05 ? ` of ${number(plan.length, 1)}` : ""),
+    tile("stops at", number(plan.progress, 1), "m", plan.progress < plan.length - 0.05 ? ` of ${number(plan.length, 1)}` : ""),
     tile("mean speed", number(plan.mean, 2), "m/s"),
     tile("top speed", number(plan.max, 2), "m/s"),
     tile("least margin", number(plan.margin, 2), "m"),
     tile("least rear load", number(percent(plan.rear), 0), "%"),
     tile("least side load", number(percent(plan.side), 0), "%"),
+    tile("beside the given path", number(plan.beside, 2), "m"),
     tile("limited most by", data.limiting[plan.limits]?.word ?? "–", ""),
   );
 }

@@ -50,7 +50,7 @@ def test_different_clear_distances_are_one_batch_and_answered_as_if_alone(
     )  # fmt: skip
     monkeypatch.setattr(
         plan_questions, "resample",
-        lambda path, spacing: resampled.append(path.name) or resample(path, spacing),
+        lambda path, *args: resampled.append(path.name) or resample(path, *args),
     )  # fmt: skip
     paths = with_clear(9.0, None, 6.0)
     service = service_with()

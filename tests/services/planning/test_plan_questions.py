@@ -77,7 +77,7 @@ def test_a_path_that_turns_back_on_itself_is_refused_and_the_others_stay() -> No
     cusp = Path(name="cusp", points=np.array([[0.0, 0.0], [5.0, 0.0], [0.5, 0.01]]))
     offered, refused = usable_of(asked(paths=[cusp, line("a", 10.0)]), SIZES, 0.5, "plan")
     assert refused == []
-    usable, refused = resampled(offered, 0.5)
+    usable, refused = resampled(offered, 0.5, 0.3)
     assert [u.path.name for u in usable] == ["a"]
     assert [c.name for c in refused] == ["cusp"]
     assert "cusp" in refused[0].reason
