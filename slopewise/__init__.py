@@ -4,7 +4,7 @@
 
     model = slopewise.read_model("atv")
     ground, paths = slopewise.read_map("dem.tif"), slopewise.read_paths("paths.csv")
-    for plan in slopewise.plan(model, ground, paths, clear=20.0):
+    for plan in slopewise.plan(model, ground, paths, start_speed=1.5):
         print(plan.candidate, plan.status.value, plan.travel_time, plan.reason)
 
 The names below are the ones that stay as they are from release to release; everything else may
