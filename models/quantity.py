@@ -73,6 +73,9 @@ def describe_range(metadata: Any) -> str:
 def validate_quantities(instance: Any) -> None:
     """Check every quantity of a dataclass instance against its range.
 
+    A whole number in the place of a float becomes one: compiled code is made for floats, and for an
+    int the compiler would begin anew.
+
     Raises:
         ParameterError: names the field and what was expected.
     """
@@ -91,6 +94,8 @@ def validate_quantities(instance: Any) -> None:
             and metadata["at_least"] <= value <= metadata["at_most"]
         ):
             raise ParameterError(field.name, f"{describe_range(metadata)}, got {value!r}")
+        if "float" in str(field.type):
+            object.__setattr__(instance, field.name, float(value))
 
 
 def validate_range(name: str, bounds: tuple[float, float]) -> None:
