@@ -1,5 +1,8 @@
 # Two commands do everything: `make demo` and `make test`. The rest are parts of them.
-PYTHON ?= python3.11
+# The first that runs and is new enough: a name may be there for a version that is not.
+CANDIDATES := python3.11 python3.12 python3.13 python3 python
+NEW_ENOUGH := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(firstword $(foreach name,$(CANDIDATES),$(shell $(name) -c '$(NEW_ENOUGH)' 2>/dev/null && echo $(name))))
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
@@ -41,6 +44,7 @@ clean:
 	rm -rf $(VENV) out build dist *.egg-info
 
 $(VENV)/bin/python:
+	$(if $(PYTHON),,$(error no Python of at least 3.11 runs here: install one, such as python3.12 with its venv, or name it with PYTHON=))
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt

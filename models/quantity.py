@@ -103,6 +103,9 @@ def describe_plausible(metadata: Any) -> str:
 def validate_quantities(instance: Any) -> None:
     """Check every quantity of a dataclass instance against its range.
 
+    A whole number in the place of a float becomes one: compiled code is made for floats, and for an
+    int the compiler would begin anew.
+
     Raises:
         ParameterError: names the field and what was expected.
     """
@@ -116,6 +119,8 @@ def validate_quantities(instance: Any) -> None:
         if not in_range(value, metadata):
             guess = unit_guess(value, metadata["unit"], *metadata["plausible"])
             raise ParameterError(field.name, f"{describe_range(metadata)}, got {value!r}{guess}")
+        if "float" in str(field.type):
+            object.__setattr__(instance, field.name, float(value))
 
 
 def in_range(value: object, metadata: Any) -> bool:

@@ -4,7 +4,7 @@
 
     model = slopewise.read_model("atv")
     ground, paths = slopewise.read_map("dem.tif"), slopewise.read_paths("paths.csv")
-    for plan in slopewise.plan(model, ground, paths, clear=20.0):
+    for plan in slopewise.plan(model, ground, paths, start_speed=1.5):
         print(plan.candidate, plan.status.value, plan.travel_time, plan.reason)
 
 The names below are the ones that stay as they are from release to release; everything else may
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from models.parameters import Model
     from planner.ground.elevation_map import ElevationMap
     from planner.horizon.answer import PlanarState
-    from planner.horizon.horizon import Horizon
     from planner.path import CandidatePath
     from planner.plan import SpeedPlan
     from services.check.given_plan import GivenPlan
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
     from services.io.logs.drive_log import DriveLog
     from slopewise.files import read_drive_log, read_map, read_model, read_paths, write_model
     from slopewise.learning import calibrate, find_discrepancies
-    from slopewise.planning import check_plan, plan
+    from slopewise.planning import Horizon, check_plan, plan
 
 __all__ = [
     "CandidatePath", "CheckReport", "DriveLog", "ElevationMap", "GivenPlan", "Horizon", "Model",
@@ -49,7 +48,7 @@ _HOMES = {
     "DriveLog": "services.io.logs.drive_log",
     "ElevationMap": "planner.ground.elevation_map",
     "GivenPlan": "services.check.given_plan",
-    "Horizon": "planner.horizon.horizon",
+    "Horizon": "slopewise.planning",
     "Model": "models.parameters",
     "PlanClient": "services.client",
     "PlanarState": "planner.horizon.answer",

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 
 import numpy as np
 
+from models.arrays import Floats
 from models.errors import ParameterError
 from models.parameters import Model
+from planner.ground.braking_ground import GroundConditions
 from planner.ground.elevation_map import ElevationMap
 from planner.ground.uncertainty import QUANTILE, Uncertainty
-from planner.path import CandidatePath
+from planner.horizon.answer import CycleAnswer, PlanarState
+from planner.horizon.horizon import Horizon as PlannersHorizon
+from planner.kernels.interpreted import is_interpreting
+from planner.path import CandidatePath, EvenPath, PathBatch
 from planner.pipeline.candidates import CandidatePlanner
 from planner.pipeline.ranking import rank
 from planner.plan import SpeedPlan
@@ -18,6 +24,8 @@ from planner.settings import PlannerSettings
 from services.check.check import check
 from services.check.given_plan import GivenPlan, plan_of_columns
 from services.check.report import CheckReport
+from services.planning.cold_start import sooner, stations_of
+from services.planning.progress import progress_bar
 
 
 def plan(
@@ -47,8 +55,40 @@ def plan(
     """
     uncertainty = None if quantile is None else Uncertainty(quantile=quantile)
     planner = CandidatePlanner(model, settings, uncertainty)
-    plans = planner.plan(elevation_map, paths, start_speed=start_speed, clear=clear)
-    return rank(plans, planner.settings)
+    spacing = planner.settings.spacing_on(elevation_map.resolution)
+
+    def planned() -> list[SpeedPlan]:
+        seen = progress_bar("planning", len(paths)) if is_interpreting() else nullcontext()
+        with seen as advance:
+            return planner.plan(
+                elevation_map, paths, start_speed=start_speed, clear=clear, progress=advance
+            )
+
+    return rank(sooner(planned, lambda: stations_of(paths, spacing)), planner.settings)
+
+
+class Horizon(PlannersHorizon):
+    """Plans from cycle to cycle: one object a vehicle, one thread at a time.
+
+    Until everything is compiled, once after an installation, a cycle takes seconds and has no time
+    left to smooth its plans.
+    """
+
+    def step(
+        self,
+        state: PlanarState,
+        paths: PathBatch | Sequence[CandidatePath | EvenPath],
+        elevation_map: ElevationMap,
+        *,
+        clear: float | Floats = np.inf,
+        conditions: GroundConditions | None = None,
+    ) -> CycleAnswer:
+        """As :meth:`planner.horizon.horizon.Horizon.step`."""
+        spacing, step = self.planner.spacing_on(elevation_map.resolution), super().step
+        return sooner(
+            lambda: step(state, paths, elevation_map, clear=clear, conditions=conditions),
+            lambda: stations_of(paths, spacing),
+        )
 
 
 def check_plan(

@@ -47,12 +47,17 @@ class ElevationMap:
             )
         if not (np.isfinite(self.resolution) and self.resolution > 0.0):
             raise ParameterError("resolution", f"a cell edge > 0 [m], got {self.resolution!r}")
-        if not np.all(np.isfinite(self.origin)):
+        if np.shape(self.origin) != (2,) or not np.all(np.isfinite(self.origin)):
             raise ParameterError("origin", f"two finite coordinates [m], got {self.origin!r}")
         if not (np.isfinite(self.height_std) and self.height_std >= 0.0):
             raise ParameterError("height_std", f"a length >= 0 [m], got {self.height_std!r}")
         if not np.any(np.isfinite(elevation)):
             raise ParameterError("elevation", "at least one known cell, all are unknown")
+        # Compiled code is made for floats: for an int the compiler would begin anew.
+        x, y = self.origin
+        object.__setattr__(self, "origin", (float(x), float(y)))
+        object.__setattr__(self, "resolution", float(self.resolution))
+        object.__setattr__(self, "height_std", float(self.height_std))
         elevation[np.isinf(elevation)] = np.nan
         object.__setattr__(self, "elevation", read_only(elevation))
         if self.terrain_class is not None:

@@ -77,6 +77,11 @@ class PlanarState:
     heading: float
     speed: float
 
+    def __post_init__(self) -> None:
+        # Compiled code is made for floats: for an int the compiler would begin anew.
+        for name in ("x", "y", "heading", "speed"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+
     def flaw(self) -> str:
         """What makes it useless, empty if nothing does."""
         for name in ("x", "y", "heading", "speed"):

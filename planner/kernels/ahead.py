@@ -12,8 +12,10 @@ import importlib
 import json
 import multiprocessing
 import os
-from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
@@ -30,27 +32,40 @@ Signatures = dict[str, list[Any]]
 """Of each kernel `module:name` its signatures, each a list of :func:`described` types."""
 
 
-def written_down(begins: Iterable[str] = ("",)) -> Signatures:
-    """Kernels whose names in the planner begin so, all by default; the longest to compile first."""
+def written_down() -> Signatures:
+    """Kernels that plans need, the longest to compile first."""
     known: Signatures = json.loads(_WRITTEN_DOWN.read_text())
-    names = tuple(f"planner.{begin}" for begin in begins)
-    return {name: found for name, found in known.items() if name.startswith(names)}
+    return known
 
 
-def compile_ahead(signatures: Signatures) -> list[str]:
+def compile_ahead(signatures: Signatures, progress: Callable[[int], None]) -> list[str]:
     """Compile kernels into the cache on disk, as many at once as there are cores.
+
+    However this process ends meanwhile, it leaves none that goes on.
+
+    Args:
+        signatures: of the kernels.
+        progress: called with the number of kernels done since the last call.
 
     Returns:
         Kernels that could not be: they are compiled where they are called.
     """
-    cores = len(os.sched_getaffinity(0))
+    cores, others = len(os.sched_getaffinity(0)), set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     try:
-        with ProcessPoolExecutor(min(cores, len(signatures)), mp_context=context) as pool:
-            tasks = {name: pool.submit(_compile, name, found) for name, found in signatures.items()}
+        with ProcessPoolExecutor(min(cores, len(signatures)), context, _end_with_parent) as pool:
+            tasks = {pool.submit(_compile, name, found): name for name, found in signatures.items()}
+            try:
+                for _ in as_completed(tasks):
+                    progress(1)
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                for process in set(multiprocessing.active_children()) - others:
+                    process.kill()
+                raise
     except BrokenProcessPool:
         return list(signatures)
-    return [name for name, task in tasks.items() if task.exception() is not None]
+    return [name for task, name in tasks.items() if task.exception() is not None]
 
 
 def described(kind: Any) -> Any:
@@ -90,6 +105,19 @@ def meant(description: Any) -> Any:
 def _found(name: str) -> Any:
     module, attribute = name.split(":")
     return getattr(importlib.import_module(module), attribute)
+
+
+def _end_with_parent() -> None:
+    """In a process that compiles: its parent alone is interrupted, and none outlives it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _compile(name: str, signatures: list[Any]) -> None:

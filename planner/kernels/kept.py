@@ -1,27 +1,52 @@
-"""Compiled code on disk: is there any, can there be, and is another process making it?"""
+"""Compiled code on disk: is it all there, can it be, and is another process making it?"""
 
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
-_PACKAGE = Path(__file__).parents[1]
+import numba
+from llvmlite import binding
+from numba.misc.appdirs import AppDirs
+
+import models
+from planner.kernels.stale import digest_of
+
+PACKAGE = Path(__file__).parents[1]
+
+_places: Any = AppDirs
 
 
-def is_first_run() -> bool:
-    """Nothing is compiled yet, wherever it is kept: the first plan waits for the compiler."""
-    if folder := os.environ.get("NUMBA_CACHE_DIR"):
-        return not any(Path(folder).glob("**/*.nbi"))
-    return can_be_kept() and not any(_PACKAGE.glob("*/__pycache__/*.nbi"))
+def is_compiled() -> bool:
+    """All that plans need was compiled here, from these sources and for this machine."""
+    note = _note()
+    return note is not None and note.is_file() and note.read_text() == _made_with()
+
+
+def note_compiled() -> None:
+    """From now on :func:`is_compiled` holds, until the sources change."""
+    if note := _note():
+        note.write_text(_made_with())
+
+
+def count() -> int:
+    """Kernels that are compiled up to now, of this installation or of all in one folder."""
+    folder = _folder()
+    if folder is None:
+        return 0
+    return sum(1 for _ in (PACKAGE if folder.parent == PACKAGE else folder).rglob("*.nbi"))
 
 
 def can_be_kept() -> bool:
     """Compiled code stays for those who come later."""
-    return os.access(os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE, os.W_OK)
+    return _folder() is not None
 
 
 @contextmanager
@@ -49,6 +74,33 @@ def is_compiling() -> bool:
 
 
 def _turn() -> IO[str]:
-    folder = Path(os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__")
-    folder.mkdir(exist_ok=True)
+    folder = _folder()
+    if folder is None:
+        raise OSError("compiled code cannot be kept anywhere")
     return (folder / "compiling.lock").open("a")
+
+
+def _folder() -> Path | None:
+    """The first of numba's places that can be written to; None if there is none."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    of_user: str = _places(appname="numba", appauthor=False).user_cache_dir
+    for place in (given, PACKAGE / "__pycache__", of_user):
+        with suppress(OSError):
+            if place and (folder := Path(place)):
+                folder.mkdir(parents=True, exist_ok=True)
+                if os.access(folder, os.W_OK):
+                    return folder
+    return None
+
+
+def _note() -> Path | None:
+    """Of this installation; others may keep their code in the same folder."""
+    folder, name = _folder(), hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]
+    return folder and folder / f"compiled-{name}"
+
+
+@cache
+def _made_with() -> str:
+    """Changes with the sources, the compiler and the processor."""
+    sources = digest_of(PACKAGE, Path(models.__file__ or "").parent)
+    return f"{sources} {sys.version} {numba.__version__} {binding.get_host_cpu_name()}"

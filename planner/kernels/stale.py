@@ -24,20 +24,26 @@ def forget_stale_kernels(planner: Path, models: Path) -> bool:
     Returns:
         Whether compiled kernels were deleted.
     """
+    digest, note = digest_of(planner, models), planner / "__pycache__" / "kernels.digest"
+    try:
+        if note.is_file() and note.read_text() == digest:
+            return False
+        kinds = ("*.nbi", "*.nbc", "compiled-*")
+        stale = [f for kind in kinds for f in planner.rglob(f"__pycache__/{kind}")]
+        for file in stale:
+            file.unlink(missing_ok=True)
+        note.parent.mkdir(exist_ok=True)
+        note.write_text(digest)
+    except OSError:
+        return False
+    return bool(stale)
+
+
+def digest_of(planner: Path, models: Path) -> str:
+    """Of all sources that compiled kernels are made of, in folders of the two packages."""
     sources = sorted(planner.rglob("*.py"))
     sources += [f for room in _COMPILED_IN for f in sorted((models / room).glob("*.py"))]
     digest = hashlib.sha256()
     for source in (*sources, models / "quantity.py"):
         digest.update(source.name.encode() + source.read_bytes())
-    note = planner / "__pycache__" / "kernels.digest"
-    try:
-        if note.is_file() and note.read_text() == digest.hexdigest():
-            return False
-        stale = [f for kind in ("nbi", "nbc") for f in planner.rglob(f"__pycache__/*.{kind}")]
-        for file in stale:
-            file.unlink(missing_ok=True)
-        note.parent.mkdir(exist_ok=True)
-        note.write_text(digest.hexdigest())
-    except OSError:
-        return False
-    return bool(stale)
+    return digest.hexdigest()

@@ -127,7 +127,8 @@ def solve(
         holds_anywhere: for what-if questions: a vehicle at rest is held on any slope.
     """
     candidates = len(profile.count)
-    scalars, start_sq = planning_limits(model), np.full(candidates, np.square(start_speed))
+    scalars = planning_limits(model)
+    start_sq = np.full(candidates, np.square(start_speed), np.float64)
     bounds = speed_bounds(
         profile,
         ground,

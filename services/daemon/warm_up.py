@@ -1,7 +1,8 @@
 """Questions that make everything compile that later ones need.
 
-Ground that is level, rough, unknown in part, of two surfaces, with a step in the way; many paths
-and few, with a name and without, at rest and driving, several times in a row as a robot asks.
+Ground that is level, rough, hilly, unknown in part, of two surfaces, with a step in the way; brakes
+as a file has them, calibrated, and learned on a surface of their own; many paths and few, with a
+name and without, at rest and driving, several times in a row as a robot asks.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from models.arrays import Floats
+from models.parameters import Effect
 from models.surface_braking import SurfaceBraking
 from planner.ground.elevation_map import ElevationMap
 from services.parameters.in_use import ParametersInUse
@@ -35,6 +37,16 @@ def as_learned(parameters: ParametersInUse) -> ParametersInUse:
     return replace(parameters, model=model, serial=-1 - parameters.serial)
 
 
+def as_calibrated(parameters: ParametersInUse) -> ParametersInUse:
+    """The same with what logs tell: speeds that were driven on each grade, and an effect."""
+    braking, effect = parameters.model.braking, parameters.model.effect
+    hull = tuple((grade, braking.speed_range[1]) for grade in braking.grade_range)
+    braking = replace(braking, speed_by_grade=braking.speed_by_grade or hull)
+    drag = Effect(name="aerodynamic_drag", parameters={"c": 0.01})
+    model = replace(parameters.model, braking=braking, effect=effect or (drag,))
+    return replace(parameters, model=model, serial=-1_000_000 - parameters.serial)
+
+
 def questions() -> Iterator[tuple[KnownGround, PlanRequest]]:
     """Grounds and questions, in order."""
     for ground in _grounds():
@@ -52,7 +64,8 @@ def run(plans: PlanService) -> None:
     """Plan all of them, so that no question waits for a compiler."""
     known = plans.parameters
     # What stops teach makes surfaces of their own: planned with other kernels than one alone.
-    for parameters in (as_learned(known), known):
+    calibrated = as_calibrated(known)
+    for parameters in (as_learned(calibrated), calibrated, known):
         plans.learn(parameters)
         for ground, request in questions():
             codec.encode(plans.answer(request, ground, CLIENT), Format.MESSAGEPACK)
@@ -74,10 +87,13 @@ def _grounds() -> Iterator[ElevationMap]:
     rough = 0.05 * np.random.default_rng(1).standard_normal((rows, columns))
     unknown = level.copy()
     unknown[:, 140:] = np.nan
+    x, y = np.meshgrid(0.25 * np.arange(columns), 0.25 * np.arange(rows))
+    hills = 1.5 * np.sin((x + 20.0) / 9.0) + 0.9 * np.cos(y / 8.0)
     step = level.copy()
     step[:, 120:] = 0.6
     yield _ground(level)
     yield _ground(rough)
+    yield _ground(hills)
     yield _ground(unknown)
     yield _ground(step)
     classes = np.zeros((rows, columns), np.int64)

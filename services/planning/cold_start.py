@@ -6,88 +6,151 @@ a process of its own compiles for the next one meanwhile.
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TypeVar
 
+import numpy as np
+
 from models.errors import ParameterError
+from planner.kernels import kept
 from planner.kernels.ahead import compile_ahead, written_down
-from planner.kernels.interpreted import interpret
-from planner.kernels.kept import can_be_kept, compiling, is_compiling, is_first_run
+from planner.kernels.interpreted import interpret, is_interpreting
+from planner.path import CandidatePath, EvenPath, PathBatch
+from services.planning.progress import progress_bar
 
-ALONE = (
-    "plan", "swept", "bounds", "profile", "pipeline", "verify.judge", "verify.track",
-    "ground.terrain_profile:_sample", "ground.vertical_curvature",
-    "ground.forces:_forces_on_one_surface", "ground.grade_between",
-)  # fmt: skip
-"""Kernels that every plan needs; the others are for several surfaces and for robots that drive."""
+FEW = 3000
+"""Stations that Python plans along sooner than the compiler is done, at some 15 ms each."""
 
-SURFACES = "ground"
-"""What a map with surfaces needs beside them."""
+_LOOK = 0.2
+"""How often it is looked whether another process has compiled everything [s]."""
 
-FEW = 800
-"""Stations that Python plans along much sooner than the compiler is done, at some 15 ms each."""
+_NOWHERE = (
+    "compiling, a minute for each process: compiled code cannot be kept here; let NUMBA_CACHE_DIR "
+    "name a folder that can be written to"
+)
+_IN_PYTHON = (
+    "compiling, once after each installation; until that is done plans are made in Python, which "
+    "takes seconds instead of milliseconds"
+)
+_COMPILER = (
+    "import os, sys; os.nice(10); sys.path[:] = {path!r}; sys.argv[1:] = ['warm-up']; "
+    "from slopewise.__main__ import main; main()"
+)
 
 T = TypeVar("T")
 
+_lock = threading.Lock()
+_running = 0
+"""Jobs of this process whose kernels run as Python now."""
+_compiler: subprocess.Popen[bytes] | None = None
 
-def compile_first(meanwhile: str, begins: Iterable[str] = ("",)) -> None:
-    """Compile on all cores if nothing is compiled yet, and say so in one line on standard error.
+
+def compile_first(meanwhile: str) -> None:
+    """Compile on all cores what is not compiled yet, and say so in one line on standard error.
 
     Args:
         meanwhile: what the one who waits should know.
-        begins: how the names of the kernels begin that are needed, all by default.
 
     The compiler's memory is that of other processes. Where the code cannot be kept this one has to
     compile it anyway, and only the line is said.
     """
-    if is_first_run() or is_compiling():
-        _say(f"compiling, once after each installation; {meanwhile}")
-        if can_be_kept():
-            with compiling():
-                if is_first_run():
-                    compile_ahead(written_down(begins))
+    if kept.is_compiled():
+        return
+    if not kept.can_be_kept():
+        _say(_NOWHERE)
+        return
+    _say(f"compiling, once after each installation; {meanwhile}")
+    with kept.compiling():
+        if not kept.is_compiled():
+            kernels = written_down()
+            with progress_bar("compiling", len(kernels)) as advance:
+                left = compile_ahead(kernels, advance)
+            if len(left) < len(kernels):
+                kept.note_compiled()
 
 
-def sooner(job: Callable[[], T], stations: float, begins: Iterable[str] = ("",)) -> T:
-    """Do what plans along so many stations, in Python where the compiler would take longer.
+def sooner(job: Callable[[], T], stations: Callable[[], float]) -> T:
+    """Do what plans, in Python where the compiler would take longer, and another process compiles.
 
-    This process stays in Python then, and another one compiles.
+    The first job after that finds everything compiled.
 
     Args:
         job: may be done twice: where Python has no number but an error, the compiler is waited for.
-        stations: NaN for a path that is refused anyway.
-        begins: as of :func:`compile_first`.
+        stations: how many it plans along; NaN for a path that is refused anyway.
     """
-    wait = "plans come after that (slopewise warm-up does it ahead)"
-    if stations > FEW or not can_be_kept() or not (is_first_run() or is_compiling()):
-        compile_first(wait, begins)
+    global _running
+    with _lock:
+        in_python = is_interpreting() if _running else _begin_in_python()
+        _running += in_python
+    if not in_python:
         return job()
-    _compile_meanwhile()
-    interpret(True)
     try:
-        return job()
+        if not stations() > FEW:
+            return job()
     except ParameterError:
         raise
     except (ArithmeticError, ValueError):
+        pass
+    finally:
+        with _lock:
+            _running -= 1
+    _wait()
+    interpret(False)
+    return job()
+
+
+def stations_of(paths: PathBatch | Sequence[CandidatePath | EvenPath], spacing: float) -> float:
+    """About how many stations so far apart [m] paths have together."""
+    if isinstance(paths, PathBatch):
+        return float(paths.count.sum())
+    lengths = [np.linalg.norm(np.diff(path.points, axis=0), axis=1).sum() for path in paths]
+    return float(sum(lengths)) / spacing
+
+
+def _begin_in_python() -> bool:
+    """Whether kernels run as Python now: as long as another process compiles them."""
+    global _compiler
+    if kept.is_compiled() or not kept.can_be_kept():
+        if not kept.can_be_kept():
+            _say(_NOWHERE)
         interpret(False)
-        compile_first(wait, begins)
-        return job()
+        return False
+    _say(_IN_PYTHON)
+    if not kept.is_compiling():
+        if _compiler is None:
+            # It has to import this very copy, wherever it is started.
+            path = [str(kept.PACKAGE.parent), *sys.path]
+            quiet = subprocess.DEVNULL
+            _compiler = subprocess.Popen(
+                [sys.executable, "-P", "-c", _COMPILER.format(path=path)],
+                stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True,
+            )  # fmt: skip
+        elif _compiler.poll() is not None:
+            # It ended before it was done. What is missing is compiled where it is called.
+            interpret(False)
+            return False
+    interpret(True)
+    return True
 
 
-def _compile_meanwhile() -> None:
-    words = "compiling, once after each installation; until that is done plans are made in Python"
-    _say(f"{words}, which takes seconds instead of milliseconds")
-    if not is_compiling():
-        command = [sys.executable, "-m", "slopewise", "warm-up"]
-        quiet = subprocess.DEVNULL
-        subprocess.Popen(
-            command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True,
-            preexec_fn=lambda: os.nice(10),
-        )  # fmt: skip
+def _is_compiling() -> bool:
+    return kept.is_compiling() or (_compiler is not None and _compiler.poll() is None)
 
 
+def _wait() -> None:
+    """Until another process has compiled everything, or has ended."""
+    total, seen = len(written_down()), 0
+    with progress_bar("compiling", total) as advance:
+        while not kept.is_compiled() and _is_compiling():
+            advance(-seen + (seen := min(kept.count(), total)))
+            time.sleep(_LOOK)
+
+
+@cache
 def _say(words: str) -> None:
     print(f"slopewise: {words}", file=sys.stderr, flush=True)

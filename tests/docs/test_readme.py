@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import slopewise
 from examples import made_up
 from services.io.table import write_csv
 from tests.docs.player import playing
@@ -116,7 +117,8 @@ def test_the_program_of_the_page_works(place: Path) -> None:
     program = [sys.executable, "box.py"]
     done = WarmProcess(program, environment(place), folder=place, hidden=hidden()).finished(100.0)
     assert done.returncode == 0, done.stderr
-    assert re.search(r"(ok|blocked|degraded) \d", done.stdout), done.stdout
+    assert re.search(r"^straight ok \d", done.stdout, re.MULTILINE), done.stdout
+    assert re.sub(r"\s+", " ", box.split("\n\n")[1]) in re.sub(r"\s+", " ", slopewise.__doc__ or "")
 
 
 def test_the_made_up_log_is_what_its_example_says(place: Path) -> None:

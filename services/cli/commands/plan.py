@@ -32,7 +32,7 @@ from services.io.maps.map_file import NoData, frame_of, map_info, read_map
 from services.io.model_file import find_model, read_model
 from services.io.path_file import check_paths_on_map, read_paths
 from services.io.plan_file import driven, write_plan_csv
-from services.planning.cold_start import ALONE, SURFACES, sooner
+from services.planning.cold_start import sooner, stations_of
 
 _SCENES = (".mcap", ".rrd")
 """Files to look at; all else is CSV."""
@@ -136,11 +136,9 @@ def plan_on(
             )  # fmt: skip
         return even, plans, time.perf_counter() - begin
 
-    needed = ALONE if elevation_map.terrain_class is None else (*ALONE, SURFACES)
+    spacing = job.settings.spacing_on(elevation_map.resolution)
     try:
-        even, plans, seconds = sooner(
-            planned, _stations(paths, elevation_map, job.settings), needed
-        )
+        even, plans, seconds = sooner(planned, lambda: stations_of(paths, spacing))
     except ParameterError as error:
         option = error.field in ("speed", "clear")
         where = (f"--{error.field}", "") if option else (source, error.field)
@@ -154,13 +152,6 @@ def plan_on(
             start_speed=job.start_speed, clear=job.clear,
         )  # fmt: skip
     return PlanResult(ranked, elevation_map, model, seconds, job.uncertainty, explanation)
-
-
-def _stations(
-    paths: list[CandidatePath], elevation_map: ElevationMap, settings: PlannerSettings
-) -> float:
-    lengths = [np.linalg.norm(np.diff(path.points, axis=0), axis=1).sum() for path in paths]
-    return float(sum(lengths)) / settings.spacing_on(elevation_map.resolution)
 
 
 def checked(

@@ -22,6 +22,13 @@ def test_what_is_written_down_is_what_a_service_calls() -> None:
     assert now == written_down(), " ".join(["write it down anew:", *module[1:]])
 
 
+def test_plans_from_python_need_no_kernel_beside() -> None:
+    """Whole numbers, maps of other layouts, models with surfaces and effects, all settings."""
+    module = [sys.executable, "-m", "tests.planner.kernels.from_python"]
+    done = subprocess.run(module, capture_output=True, check=True, text=True)
+    assert done.stdout == ""
+
+
 def test_a_type_is_read_as_it_was_described() -> None:
     closed = np.zeros((2, 3))
     closed.flags.writeable = False
@@ -29,11 +36,6 @@ def test_a_type_is_read_as_it_was_described() -> None:
     for value in (1.0, 1, True, np.zeros(3), closed, closed.T, (1, 2.0), (1.0, 2.0), limits):
         kind = numba.typeof(value)
         assert meant(json.loads(json.dumps(described(kind)))) == kind
-
-
-def test_kernels_come_by_the_beginning_of_their_names() -> None:
-    assert set(written_down(["horizon", "plan"])) < set(written_down())
-    assert {name.split(":")[0] for name in written_down(["plan"])} == {"planner.plan"}
 
 
 @pytest.mark.parametrize("cores", [1, 2])
@@ -45,6 +47,8 @@ def test_compiled_kernels_are_in_the_cache_and_strange_ones_are_told(
     motion = "planner.plan:_motion"
     strange = {"planner.plan:not_there": [["d"]], "planner.nowhere:kernel": [["d"]]}
     wrong = {"planner.horizon.polyline:_arc": [["d"]], "planner.horizon.polyline:_foot": [["d"]]}
-    left = compile_ahead({motion: written_down()[motion], **strange, **wrong})
+    done: list[int] = []
+    left = compile_ahead({motion: written_down()[motion], **strange, **wrong}, done.append)
     assert left == [*strange, *wrong]
+    assert sum(done) == 5
     assert [file.name.split(".")[0] for file in tmp_path.glob("**/*.nbi")] == ["plan"]

@@ -19,4 +19,4 @@ def test_answers_on_all_kinds_of_ground_have_a_wire_form() -> None:
         grounds[id(ground)] = ground
         for written in codec.Format:
             assert codec.encode(reply, written)
-    assert len(grounds) == 5
+    assert len(grounds) == 6

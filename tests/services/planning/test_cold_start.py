@@ -2,27 +2,42 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterator
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from models.errors import ParameterError
+from planner.kernels import kept
 from planner.kernels.ahead import written_down
 from planner.kernels.interpreted import interpret, is_interpreting
 from planner.kernels.kept import compiling, is_compiling
+from planner.path import CandidatePath, batch
 from services.planning import cold_start
+
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[set[str]]:
     """What was compiled, by nobody."""
     asked: list[set[str]] = []
-    monkeypatch.setattr(cold_start, "compile_ahead", lambda some: asked.append(set(some)))
-    monkeypatch.setattr(cold_start, "is_first_run", lambda: not asked)
+
+    def compile_ahead(some: Any, progress: Callable[[int], None]) -> list[str]:
+        asked.append(set(some))
+        return []
+
+    monkeypatch.setattr(cold_start, "compile_ahead", compile_ahead)
+    monkeypatch.setattr(kept, "is_compiled", lambda: bool(asked))
+    cold_start._say.cache_clear()
     return asked
 
 
@@ -37,32 +52,47 @@ def test_the_first_run_compiles_and_says_so_in_one_line(
     assert compiled == [set(written_down())]
 
 
-def test_a_plan_alone_waits_for_no_kernel_of_a_robot_that_drives(compiled: list[set[str]]) -> None:
-    cold_start.compile_first("", cold_start.ALONE)
-    (alone,) = compiled
-    assert alone < set(written_down())
-    assert not any("horizon" in name or "batch_judge" in name for name in alone)
-    # Each beginning is that of a kernel: none was renamed or moved since.
-    for begin in cold_start.ALONE:
-        assert any(name.startswith(f"planner.{begin}") for name in alone), json.dumps(begin)
-
-
 def test_code_that_cannot_be_kept_is_not_compiled_twice(
-    compiled: list[set[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    compiled: list[set[str]], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "not there"))
+    monkeypatch.setattr(kept, "_folder", lambda: None)
     cold_start.compile_first("")
+    assert not cold_start.sooner(is_interpreting, lambda: 200.0)
     assert not compiled
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    cold_start.compile_first("")
-    assert len(compiled) == 1
+    err = capfd.readouterr().err
+    assert err.count("\n") == 1
+    assert "cannot be kept here; let NUMBA_CACHE_DIR name a folder" in err
+
+
+def test_a_folder_for_compiled_code_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "not" / "there"))
+    assert kept.can_be_kept()
+    assert not kept.is_compiled()
+    kept.note_compiled()
+    assert kept.is_compiled()
+    monkeypatch.setattr(kept, "_made_with", lambda: "other sources")
+    assert not kept.is_compiled()
 
 
 @pytest.fixture
 def meanwhile(compiled: list[set[str]], monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
-    """What another process was told to do, which nobody does."""
+    """Compilers that another process runs, which compile nothing."""
     told: list[Any] = []
-    monkeypatch.setattr(cold_start.subprocess, "Popen", lambda *args, **_: told.append(args[0]))
+
+    class Compiler:
+        ended: int | None = None
+
+        def __init__(self, command: list[str], **_: Any) -> None:
+            self.command = command
+            told.append(self)
+
+        def poll(self) -> int | None:
+            return self.ended
+
+    monkeypatch.setattr(cold_start.subprocess, "Popen", Compiler)
+    monkeypatch.setattr(cold_start, "_compiler", None)
     yield told
     interpret(False)
 
@@ -70,31 +100,60 @@ def meanwhile(compiled: list[set[str]], monkeypatch: pytest.MonkeyPatch) -> Iter
 def test_a_few_paths_are_planned_in_python_while_another_process_compiles(
     compiled: list[set[str]], meanwhile: list[Any], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert cold_start.sooner(is_interpreting, 200.0)
-    assert [command[1:] for command in meanwhile] == [["-m", "slopewise", "warm-up"]]
+    assert all(cold_start.sooner(is_interpreting, lambda: 200.0) for _ in range(3))
+    assert len(meanwhile) == 1
     assert not compiled
     assert capfd.readouterr().err.count("\n") == 1
 
 
-def test_many_paths_wait_for_the_compiler(compiled: list[set[str]], meanwhile: list[Any]) -> None:
-    assert not cold_start.sooner(is_interpreting, cold_start.FEW + 1.0)
-    assert len(compiled) == 1
-    assert not meanwhile
+def test_compiled_code_is_taken_to_as_soon_as_it_is_there(
+    compiled: list[set[str]], meanwhile: list[Any]
+) -> None:
+    def job() -> list[bool]:
+        compiled.append(set())
+        # A job of another thread changes nothing for one that runs.
+        return [cold_start.sooner(is_interpreting, lambda: 200.0), is_interpreting()]
+
+    assert cold_start.sooner(job, lambda: 200.0) == [True, True]
+    assert not cold_start.sooner(is_interpreting, lambda: 200.0)
+    assert len(meanwhile) == 1
+
+
+def test_a_compiler_that_ends_early_is_not_started_again_and_again(meanwhile: list[Any]) -> None:
+    assert cold_start.sooner(is_interpreting, lambda: 200.0)
+    meanwhile[0].ended = 1
+    assert not cold_start.sooner(is_interpreting, lambda: 200.0)
+    assert len(meanwhile) == 1
+
+
+def test_many_paths_wait_for_the_compiler(
+    compiled: list[set[str]], meanwhile: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waited: list[float] = []
+    monkeypatch.setattr(
+        cold_start.time, "sleep", lambda s: [waited.append(s), compiled.append(set())]
+    )
+    assert not cold_start.sooner(is_interpreting, lambda: cold_start.FEW + 1.0)
+    assert (len(waited), len(meanwhile)) == (1, 1)
 
 
 def test_nothing_changes_once_kernels_are_compiled(
     compiled: list[set[str]], meanwhile: list[Any], capfd: pytest.CaptureFixture[str]
 ) -> None:
     compiled.append(set())
-    assert not cold_start.sooner(is_interpreting, 200.0)
+    assert not cold_start.sooner(is_interpreting, lambda: 200.0)
     assert not meanwhile
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.usefixtures("meanwhile")
-def test_where_python_has_no_number_the_compiler_is_waited_for(compiled: list[set[str]]) -> None:
-    assert cold_start.sooner(lambda: 1.0 / (0.0 if is_interpreting() else 2.0), 200.0) == 0.5
-    assert len(compiled) == 1
+def test_where_python_has_no_number_the_compiler_is_waited_for(
+    compiled: list[set[str]], meanwhile: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cold_start.time, "sleep", lambda _: compiled.append(set()))
+    assert (
+        cold_start.sooner(lambda: 1.0 / (0.0 if is_interpreting() else 2.0), lambda: 200.0) == 0.5
+    )
+    assert (len(compiled), len(meanwhile)) == (1, 1)
 
 
 @pytest.mark.usefixtures("meanwhile")
@@ -103,8 +162,14 @@ def test_a_bad_path_is_an_error_at_once(compiled: list[set[str]]) -> None:
         raise ParameterError("points", "numbers")
 
     with pytest.raises(ParameterError, match="numbers"):
-        cold_start.sooner(refused, math.nan)
+        cold_start.sooner(refused, lambda: math.nan)
     assert not compiled
+
+
+def test_stations_are_counted_before_they_are_laid() -> None:
+    paths = [CandidatePath(n, np.array([[0.0, 0.0], [30.0, 40.0]])) for n in ("a", "b")]
+    assert cold_start.stations_of(paths, 0.5) == 200.0
+    assert cold_start.stations_of(batch(paths, 0.5), 0.5) == pytest.approx(200.0, abs=2.0)
 
 
 def test_who_compiles_is_seen_by_other_processes(
@@ -115,3 +180,61 @@ def test_who_compiles_is_seen_by_other_processes(
     with compiling():
         assert is_compiling()
     assert not is_compiling()
+
+
+def test_the_copy_that_runs_is_compiled_wherever_it_is_started(
+    tmp_path: Path, meanwhile: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the user's folder lies another copy, as where a clone was made beside an installation."""
+    (tmp_path / "slopewise").mkdir()
+    for name in ("__init__", "__main__"):
+        (tmp_path / "slopewise" / f"{name}.py").write_text("raise SystemExit('the other copy')")
+    assert cold_start.sooner(is_interpreting, lambda: 200.0)
+    monkeypatch.undo()
+    *begin, code = meanwhile[0].command
+    where = code.replace("main()", "print(sys.modules['slopewise'].__file__, sys.argv)")
+    done = subprocess.run(
+        [*begin, where], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )  # fmt: skip
+    assert done.stdout == f"{ROOT / 'slopewise' / '__init__.py'} ['-c', 'warm-up']\n", done.stderr
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
+def test_a_warm_up_that_is_killed_leaves_no_process(how: signal.Signals, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "slopewise", "warm-up"], cwd=ROOT, stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL, start_new_session=True,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )  # fmt: skip
+    try:
+        _until(lambda: any(tmp_path.rglob("*.nbi")), 100.0)
+        assert len(_session(process.pid)) > 1
+        # As a terminal does, which tells all of them; a service manager or a script tells one.
+        (os.killpg if how is signal.SIGINT else os.kill)(process.pid, how)
+        process.wait(20.0)
+        _until(lambda: not _session(process.pid), 20.0)
+    finally:
+        for left in _session(process.pid):
+            os.kill(left, signal.SIGKILL)
+    assert process.returncode != 0
+
+
+def _until(is_so: Callable[[], bool], seconds: float) -> None:
+    latest = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < latest
+        time.sleep(0.1)
+
+
+def _session(leader: int) -> list[int]:
+    """Processes that still run in a session, by what the kernel tells of them."""
+    found = []
+    for file in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, _, session = file.read_text().rpartition(")")[2].split()[:4]
+        except OSError:
+            continue
+        if int(session) == leader and state != "Z":
+            found.append(int(file.parent.name))
+    return found
