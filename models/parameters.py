@@ -257,9 +257,9 @@ class Effect:
 
     def __post_init__(self) -> None:
         validate_covariance("covariance", self.covariance, len(self.parameters))
-        # A whole number becomes a float: for an int the compiler would begin anew.
-        whole = {n: float(v) for n, v in self.parameters.items() if type(v) is int}
-        object.__setattr__(self, "parameters", MappingProxyType({**self.parameters, **whole}))
+        # Kernels are compiled for floats; an int would cause another compilation.
+        floats = {k: float(v) for k, v in self.parameters.items() if type(v) is int}
+        object.__setattr__(self, "parameters", MappingProxyType({**self.parameters, **floats}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

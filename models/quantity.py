@@ -103,8 +103,8 @@ def describe_plausible(metadata: Any) -> str:
 def validate_quantities(instance: Any) -> None:
     """Check every quantity of a dataclass instance against its range.
 
-    A whole number in the place of a float becomes one: compiled code is made for floats, and for an
-    int the compiler would begin anew.
+    Converts an int to float where a float is declared: kernels are compiled for floats, and an int
+    would cause another compilation.
 
     Raises:
         ParameterError: names the field and what was expected.

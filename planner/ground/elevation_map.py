@@ -53,7 +53,7 @@ class ElevationMap:
             raise ParameterError("height_std", f"a length >= 0 [m], got {self.height_std!r}")
         if not np.any(np.isfinite(elevation)):
             raise ParameterError("elevation", "at least one known cell, all are unknown")
-        # Compiled code is made for floats: for an int the compiler would begin anew.
+        # Kernels are compiled for floats; an int would cause another compilation.
         x, y = self.origin
         object.__setattr__(self, "origin", (float(x), float(y)))
         object.__setattr__(self, "resolution", float(self.resolution))

@@ -53,7 +53,7 @@ def hold_below(fastest: Floats, grade: Floats, bits: Ints, hull: Floats) -> None
     if len(hull) == 1:
         _on_one(fastest, grade, hull[0], empty(3, grade.shape[1]))
     else:
-        # One layout: for each one kernels are compiled anew.
+        # One memory layout: each further one would cause another compilation.
         _on_many(fastest, grade, np.ascontiguousarray(bits), hull)
 
 

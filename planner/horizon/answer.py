@@ -78,7 +78,7 @@ class PlanarState:
     speed: float
 
     def __post_init__(self) -> None:
-        # Compiled code is made for floats: for an int the compiler would begin anew.
+        # Kernels are compiled for floats; an int would cause another compilation.
         for name in ("x", "y", "heading", "speed"):
             object.__setattr__(self, name, float(getattr(self, name)))
 

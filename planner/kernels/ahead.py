@@ -41,7 +41,7 @@ def written_down() -> Signatures:
 def compile_ahead(signatures: Signatures, progress: Callable[[int], None]) -> list[str]:
     """Compile kernels into the cache on disk, as many at once as there are cores.
 
-    However this process ends meanwhile, it leaves none that goes on.
+    No compiling process outlives this one, however this one ends.
 
     Args:
         signatures: of the kernels.
@@ -50,7 +50,7 @@ def compile_ahead(signatures: Signatures, progress: Callable[[int], None]) -> li
     Returns:
         Kernels that could not be: they are compiled where they are called.
     """
-    cores, others = len(os.sched_getaffinity(0)), set(multiprocessing.active_children())
+    cores, unrelated = len(os.sched_getaffinity(0)), set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     try:
         with ProcessPoolExecutor(min(cores, len(signatures)), context, _end_with_parent) as pool:
@@ -60,7 +60,7 @@ def compile_ahead(signatures: Signatures, progress: Callable[[int], None]) -> li
                     progress(1)
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
-                for process in set(multiprocessing.active_children()) - others:
+                for process in set(multiprocessing.active_children()) - unrelated:
                     process.kill()
                 raise
     except BrokenProcessPool:

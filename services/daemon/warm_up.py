@@ -1,7 +1,7 @@
 """Questions that make everything compile that later ones need.
 
 Ground that is level, rough, hilly, unknown in part, of two surfaces, with a step in the way; brakes
-as a file has them, calibrated, and learned on a surface of their own; many paths and few, with a
+as a file has them, calibrated, and learned on a separate surface; many paths and few, with a
 name and without, at rest and driving, several times in a row as a robot asks.
 """
 
@@ -38,7 +38,7 @@ def as_learned(parameters: ParametersInUse) -> ParametersInUse:
 
 
 def as_calibrated(parameters: ParametersInUse) -> ParametersInUse:
-    """The same with what logs tell: speeds that were driven on each grade, and an effect."""
+    """The same with a highest speed driven on each grade and an effect, as logs yield them."""
     braking, effect = parameters.model.braking, parameters.model.effect
     hull = tuple((grade, braking.speed_range[1]) for grade in braking.grade_range)
     braking = replace(braking, speed_by_grade=braking.speed_by_grade or hull)

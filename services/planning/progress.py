@@ -9,7 +9,7 @@ from contextlib import contextmanager
 @contextmanager
 def progress_bar(what: str, total: int, *, quiet: bool = False) -> Iterator[Callable[[int], None]]:
     """A bar on a terminal, nothing elsewhere; yields a function that advances it."""
-    # Whoever never waits does without.
+    # Imported late: most processes never wait.
     from rich.console import Console
     from rich.progress import (
         BarColumn,

@@ -16,8 +16,10 @@ TOO_OLD = "exit 1"
 FINE = "exit 0"
 
 
-def made(folder: Path, pythons: Mapping[str, str], *words: str) -> subprocess.CompletedProcess[str]:
-    """What `make demo` would do where these are the only ones on the path."""
+def make_demo(
+    folder: Path, pythons: Mapping[str, str], *options: str
+) -> subprocess.CompletedProcess[str]:
+    """Dry run of `make demo` with these as the only programs on the path."""
     make = shutil.which("make")
     if make is None:
         pytest.skip("make is not installed")
@@ -25,7 +27,7 @@ def made(folder: Path, pythons: Mapping[str, str], *words: str) -> subprocess.Co
         (folder / name).write_text(f"#!/bin/sh\n{does}\n")
         (folder / name).chmod(0o755)
     return subprocess.run(
-        [make, "-n", "demo", f"VENV={folder}/venv", *words], cwd=ROOT, env={"PATH": str(folder)},
+        [make, "-n", "demo", f"VENV={folder}/venv", *options], cwd=ROOT, env={"PATH": str(folder)},
         capture_output=True, text=True, check=False, timeout=60,
     )  # fmt: skip
 
@@ -42,17 +44,17 @@ def made(folder: Path, pythons: Mapping[str, str], *words: str) -> subprocess.Co
 def test_the_first_python_that_runs_is_taken(
     pythons: dict[str, str], chosen: str, tmp_path: Path
 ) -> None:
-    done = made(tmp_path, pythons)
+    done = make_demo(tmp_path, pythons)
     assert done.stdout.startswith(f"{chosen} -m venv "), (done.stdout, done.stderr)
 
 
 def test_a_python_that_is_named_is_taken(tmp_path: Path) -> None:
-    done = made(tmp_path, {"python3.11": FINE}, "PYTHON=/opt/python")
+    done = make_demo(tmp_path, {"python3.11": FINE}, "PYTHON=/opt/python")
     assert done.stdout.startswith("/opt/python -m venv ")
 
 
 def test_without_one_a_line_says_what_to_install(tmp_path: Path) -> None:
-    done = made(tmp_path, {"python3.12": BROKEN, "python3": TOO_OLD})
+    done = make_demo(tmp_path, {"python3.12": BROKEN, "python3": TOO_OLD})
     assert (done.returncode, done.stdout) == (2, "")
     assert "no Python of at least 3.11 runs here: install one" in done.stderr
     assert done.stderr.count("\n") == 1

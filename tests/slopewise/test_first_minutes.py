@@ -1,4 +1,4 @@
-"""What Python and a service do on an installation where nothing is compiled yet."""
+"""Python and the service on an installation where nothing is compiled yet."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ def test_the_first_plan_from_python_waits_for_no_compiler(tmp_path: Path) -> Non
 @pytest.mark.nightly
 def test_all_first_questions_are_answered_after_a_warm_up(tmp_path: Path) -> None:
     """Of a robot that drives over hills."""
-    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     command = [sys.executable, "-m", "slopewise", "warm-up"]
-    subprocess.run(command, env=os.environ | kept, check=True, capture_output=True)
+    subprocess.run(command, env=os.environ | cache, check=True, capture_output=True)
     robot = mock_navigation.Robot(mock_navigation.hills(), mock_navigation.Loop.ellipse())
     with (
-        running(tmp_path, environment=kept) as started, started.session() as session,
+        running(tmp_path, environment=cache) as started, started.session() as session,
         PlanClient(session, namespace=started.namespace, name="mock", timeout=1.0) as client,
     ):  # fmt: skip
         done = mock_navigation.drive_around(robot, client, 0.1, 120)

@@ -52,7 +52,12 @@ def as_json(demo: Demo) -> dict[str, Any]:
 def show(demo: Demo, console: Console) -> None:
     """For people."""
     plan_view.show(demo.result, console)
-    console.print(f"\nLook at {demo.page}", soft_wrap=True, markup=False, highlight=False)
+    console.print(
+        f"\nOpen {demo.page} in a browser to see them",
+        soft_wrap=True,
+        markup=False,
+        highlight=False,
+    )
 
 
 def hillside(seed: int = 7) -> ElevationMap:

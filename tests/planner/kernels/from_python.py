@@ -40,12 +40,12 @@ def maps() -> list[slopewise.ElevationMap]:
 
 def models() -> list[slopewise.Model]:
     """With and without surfaces, effects, brakes on one axle, and whole numbers as limits."""
-    found = [slopewise.read_model(name) for name in ("atv", "husky", "ugv")]
-    atv = found[0]
+    shipped = [slopewise.read_model(name) for name in ("atv", "husky", "ugv")]
+    atv = shipped[0]
     hull = replace(atv.braking, speed_by_grade=((-1, 4), (1, 4)), sliding_friction=1)
     calibrated = replace(atv, braking=hull, limits=replace(atv.limits, speed=4, decel=2, jerk=2))
     axle = replace(atv, vehicle=replace(atv.vehicle, front_brake_share=1))
-    return [*found, calibrated, axle, *(replace(atv, effect=(effect,)) for effect in EFFECTS)]
+    return [*shipped, calibrated, axle, *(replace(atv, effect=(effect,)) for effect in EFFECTS)]
 
 
 def main() -> None:
@@ -55,9 +55,15 @@ def main() -> None:
     settings = [None, PlannerSettings(smooth=False, spacing=1), PlannerSettings(margin_weight=1)]
     for model in models():
         for ground in maps():
-            for one, quantile in zip(settings, (0.999, None, 0.5), strict=True):
+            for chosen, quantile in zip(settings, (0.999, None, 0.5), strict=True):
                 plans = slopewise.plan(
-                    model, ground, paths, start_speed=1, clear=30, quantile=quantile, settings=one
+                    model,
+                    ground,
+                    paths,
+                    start_speed=1,
+                    clear=30,
+                    quantile=quantile,
+                    settings=chosen,
                 )
                 slopewise.check_plan(plans[0], model, ground)
             horizon = slopewise.Horizon(model)

@@ -22,7 +22,7 @@ def test_what_is_written_down_is_what_a_service_calls() -> None:
     assert now == written_down(), " ".join(["write it down anew:", *module[1:]])
 
 
-def test_plans_from_python_need_no_kernel_beside() -> None:
+def test_plans_from_python_need_no_further_kernel() -> None:
     """Whole numbers, maps of other layouts, models with surfaces and effects, all settings."""
     module = [sys.executable, "-m", "tests.planner.kernels.from_python"]
     done = subprocess.run(module, capture_output=True, check=True, text=True)

@@ -185,7 +185,7 @@ def test_who_compiles_is_seen_by_other_processes(
 def test_the_copy_that_runs_is_compiled_wherever_it_is_started(
     tmp_path: Path, meanwhile: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In the user's folder lies another copy, as where a clone was made beside an installation."""
+    """In the user's folder lies another copy, as where a clone lies next to an installation."""
     (tmp_path / "slopewise").mkdir()
     for name in ("__init__", "__main__"):
         (tmp_path / "slopewise" / f"{name}.py").write_text("raise SystemExit('the other copy')")
@@ -210,7 +210,7 @@ def test_a_warm_up_that_is_killed_leaves_no_process(how: signal.Signals, tmp_pat
     try:
         _until(lambda: any(tmp_path.rglob("*.nbi")), 100.0)
         assert len(_session(process.pid)) > 1
-        # As a terminal does, which tells all of them; a service manager or a script tells one.
+        # A terminal interrupts all of them; a service manager or a script ends one.
         (os.killpg if how is signal.SIGINT else os.kill)(process.pid, how)
         process.wait(20.0)
         _until(lambda: not _session(process.pid), 20.0)
@@ -228,13 +228,13 @@ def _until(is_so: Callable[[], bool], seconds: float) -> None:
 
 
 def _session(leader: int) -> list[int]:
-    """Processes that still run in a session, by what the kernel tells of them."""
-    found = []
+    """Processes that still run in a session, as /proc lists them."""
+    running = []
     for file in Path("/proc").glob("[0-9]*/stat"):
         try:
             state, _, _, session = file.read_text().rpartition(")")[2].split()[:4]
         except OSError:
             continue
         if int(session) == leader and state != "Z":
-            found.append(int(file.parent.name))
-    return found
+            running.append(int(file.parent.name))
+    return running
