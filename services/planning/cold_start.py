@@ -21,6 +21,7 @@ ALONE = (
     "plan", "swept", "bounds", "profile", "pipeline", "verify.judge", "verify.track",
     "ground.terrain_profile:_sample", "ground.vertical_curvature",
     "ground.forces:_forces_on_one_surface", "ground.grade_between",
+    "path_deviation:deviation_along",
 )  # fmt: skip
 """Kernels that every plan needs; the others are for several surfaces and for robots that drive."""
 
