@@ -18,7 +18,7 @@ from models.errors import ParameterError
 from models.vehicle import Vehicle
 from planner.kernels.compiled import read_only
 from planner.path_deviation import GivenPolyline, deviation_along
-from planner.raw_polyline import STRAY, arc, clean, noise, turns_round, without_noise
+from planner.raw_polyline import STRAY, arc, clean, first_cusp, noise, without_noise
 from planner.smooth_path import rounded, smooth
 
 MAX_STATIONS = 200_000
@@ -168,7 +168,7 @@ def resample(
 
     Raises:
         ParameterError: too short, too long, a cusp, or driven backwards; more stations than
-            ``MAX_STATIONS``; or no line that can be driven keeps within ``most_apart``.
+            ``MAX_STATIONS``; or no line without a cusp keeps within ``most_apart``.
     """
     if isinstance(path, EvenPath):
         if path.given is not None and path.given.apart > most_apart:
@@ -178,7 +178,7 @@ def resample(
     drawn = arc(points)
     even, length = _smoothed(points, drawn, spacing)
     apart = 0.0 if len(points) == 2 else _apart(points, even)
-    if apart > most_apart:
+    if apart > most_apart or first_cusp(even) > 0:
         even, apart = _followed(points, drawn, spacing, most_apart, even)
         length = float(drawn[-1])
     limits = None
@@ -219,21 +219,25 @@ def _followed(
     Args:
         points: (n, 2) of the polyline; along: (n,) arc of them [m].
         spacing: of stations; most_apart: of line and polyline [m].
-        averaged: the line that is too far from them.
+        averaged: the line that is too far from them, or turns round.
 
     Raises:
         ParameterError: no such line can be driven and is close enough.
     """
-    closest, least = averaged, _apart(points, averaged)
-    for even in _lines_through(points, along, spacing, _ROUNDED * most_apart):
-        if turns_round(even):
+    closest, least = None, np.inf
+    for even in (averaged, *_lines_through(points, along, spacing, _ROUNDED * most_apart)):
+        if first_cusp(even) > 0:
             continue
         apart = _apart(points, even)
         if apart <= most_apart:
             return even, apart
         if apart < least:
             closest, least = even, apart
-    raise _too_far_apart(points, closest, most_apart)
+    if closest is not None:
+        raise _too_far_apart(points, closest, most_apart)
+    x, y = averaged[first_cusp(averaged)]
+    words = f"a path without cusps: it turns round at ({x:.2f}, {y:.2f}); split it there"
+    raise ParameterError(f"points[{_nearest_to(x, y, points)}]", words)
 
 
 def _lines_through(
@@ -260,12 +264,15 @@ def _too_far_apart(given: Floats, even: Floats, most_apart: float) -> ParameterE
     distance = np.zeros(len(even))
     deviation_along(given, even, distance)
     (x, y), apart = even[np.argmax(distance)], float(distance.max())
-    i = int(np.argmin(np.hypot(given[:, 0] - x, given[:, 1] - y)))
     return ParameterError(
-        f"points[{i}]",
+        f"points[{_nearest_to(x, y, given)}]",
         f"points that can be followed within {most_apart:.3g} m (limits.max_path_deviation): at "
         f"({x:.2f}, {y:.2f}) the closest line that can be driven is {apart:.2f} m off",
     )
+
+
+def _nearest_to(x: float, y: float, points: Floats) -> int:
+    return int(np.argmin(np.hypot(points[:, 0] - x, points[:, 1] - y)))
 
 
 def batch(

@@ -117,14 +117,17 @@ def project(
 
 
 @kernel
-def turns_round(points: Floats) -> bool:
-    """Whether a line of points (n, 2) has a cusp, however short the steps are."""
-    for i in range(1, points.shape[0] - 1):
+def first_cusp(points: Floats) -> int:
+    """Index of the first of points (n, 2) at which a line turns round, 0 if it never does."""
+    before_x, before_y = 0.0, 0.0
+    for i in range(1, points.shape[0]):
         x, y = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
-        x_2, y_2 = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
-        if abs(math.atan2(x * y_2 - y * x_2, x * x_2 + y * y_2)) > _CUSP:
-            return True
-    return False
+        if math.hypot(x, y) < _DUPLICATE:
+            continue
+        if abs(math.atan2(before_x * y - before_y * x, before_x * x + before_y * y)) > _CUSP:
+            return i - 1
+        before_x, before_y = x, y
+    return 0
 
 
 @kernel

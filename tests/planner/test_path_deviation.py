@@ -104,14 +104,26 @@ def test_a_smaller_limit_is_kept_and_corners_are_then_sharper() -> None:
 def test_what_cannot_be_followed_is_refused_with_place_and_size() -> None:
     there = np.arange(0.0, 5.0, 0.1)
     back = np.stack([np.concatenate([there, there[::-1], there]), np.zeros(150)], axis=1)
-    with pytest.raises(ParameterError) as caught:
+    with pytest.raises(ParameterError, match=r"turns round at \(\S+, \S+\); split it there"):
         planned(back)
+    rng = np.random.default_rng(5)
+    wild = np.stack([np.linspace(0.0, 12.0, 240), rng.normal(0.0, 0.05, 240)], axis=1)
+    with pytest.raises(ParameterError) as caught:
+        planned(wild, 0.05)
     assert re.match(r"p\.points\[\d+\]", caught.value.field)
     found = re.search(r"at \((\S+), (\S+)\) .* is (\d+\.\d\d) m off", caught.value.expected)
     assert found
-    assert "within 0.299 m (limits.max_path_deviation)" in caught.value.expected
-    assert float(found[3]) > LIMIT
-    assert -0.1 <= float(found[1]) <= 5.0
+    assert "within 0.05 m (limits.max_path_deviation)" in caught.value.expected
+    assert float(found[3]) > 0.05
+    assert -0.1 <= float(found[1]) <= 12.1
+
+
+def test_a_line_that_turns_round_between_short_steps_is_refused() -> None:
+    """Reversed exactly, a line has no curvature: it was planned at 2.7 m/s."""
+    way = np.arange(2.0, 5.0, 0.1)
+    to_and_fro = np.concatenate([way, way[-2::-1], way[1:]])
+    with pytest.raises(ParameterError, match="without cusps"):
+        planned(np.stack([to_and_fro, np.full(len(to_and_fro), 0.5)], axis=1))
 
 
 def test_stations_that_lie_off_their_path_are_refused_wherever_they_come_from() -> None:

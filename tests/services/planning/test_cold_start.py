@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core import config
 
 from models.errors import ParameterError
 from planner.kernels import kept
@@ -62,6 +63,16 @@ def test_code_that_cannot_be_kept_is_not_compiled_twice(
     err = capfd.readouterr().err
     assert err.count("\n") == 1
     assert "cannot be kept here; let NUMBA_CACHE_DIR name a folder" in err
+
+
+def test_nothing_is_compiled_where_numba_may_not(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert not kept.is_compiled()
+    monkeypatch.setattr(config, "DISABLE_JIT", 1)
+    assert kept.is_compiled()
+
 
 
 def test_a_folder_for_compiled_code_is_made(

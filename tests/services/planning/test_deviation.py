@@ -1,0 +1,175 @@
+"""How far a plan leads from the path that was asked for is in the reply, and in what is shown."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from models.errors import ParameterError
+from planner.path import CandidatePath
+from services.cli.commands import demo
+from services.io.maps.map_file import write_map_npz
+from services.io.model_file import find_model, read_model
+from services.io.path_file import write_paths_csv
+from services.io.plan_file import read_plan_csv
+from services.parameters.limits_group import LimitsGroup
+from services.planning.map_store import KnownGround, MapStore
+from services.settings.learning import Learning
+from services.wire import codec, messages
+from services.wire.codec import Format
+from services.wire.messages import PlanReply, PlanRequest
+from tests.services.command_line import here, one_line_of
+from tests.services.planning.test_one_batch import service_with
+from tests.services.service_process import flat
+
+LIMIT = 0.3  # [m] a quarter of the atv's width
+THERE = np.arange(2.0, 5.0, 0.1)
+BACK = np.stack([np.concatenate([THERE, THERE[-2::-1], THERE[1:]]), np.full(88, 0.5)], axis=1)
+"""To and fro in steps so short that they are no cusps: nothing that can be driven follows it."""
+
+
+def slalom(amplitude: float, turn: float = 0.4) -> np.ndarray:
+    points = np.stack([np.arange(24.0), np.resize([0.0, 1.0, 0.0, -1.0], 24) * amplitude], axis=1)
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return points @ np.array([[cosine, sine], [-sine, cosine]])
+
+
+def asked(client: str = "") -> PlanReply:
+    store = MapStore()
+    store.take(flat(), "map")
+    assert isinstance(store.ground, KnownGround)
+    paths = [("slalom", slalom(0.8)), ("gentle", slalom(0.05)), ("back", BACK)]
+    request = PlanRequest(
+        speed=0.0, client=client, pose=(0.0, 0.0, 0.4) if client else None,
+        paths=[messages.Path(name=name, points=points) for name, points in paths],
+    )  # fmt: skip
+    return service_with().answer(request, store.ground, "plan")
+
+
+@pytest.mark.parametrize("client", ["", "robot"])
+def test_a_reply_tells_it_and_refuses_only_what_cannot_be_followed(client: str) -> None:
+    reply = asked(client)
+    reasons = {one.name: one.reason for one in reply.ranking}
+    assert "back" in reasons
+    assert re.search(r"^points\[\d+\]: expected .* at \(\S+, \S+\)", reasons["back"])
+    told = {plan.candidate: plan.path_deviation for plan in reply.plans}
+    assert set(told) == {"slalom", "gentle"}
+    for plan in reply.plans:
+        deviation = plan.path_deviation
+        assert deviation is not None
+        assert 0.0 < deviation.largest <= deviation.limit == pytest.approx(LIMIT)
+        k = int(np.argmin(np.abs(plan.column("station") - deviation.station)))
+        assert plan.column("x")[k] == pytest.approx(deviation.x)
+        assert plan.column("y")[k] == pytest.approx(deviation.y)
+
+
+def test_a_reply_without_it_is_still_read() -> None:
+    reply = asked()
+    for written in Format:
+        payload = codec.encode(reply, written)
+        again = codec.decode(
+            PlanReply, payload, codec.encoding_of(PlanReply, written), "plan", 2**24
+        )
+        assert again.plans[0].path_deviation == reply.plans[0].path_deviation
+    plain = msgspec.json.decode(codec.encode(reply, Format.JSON))
+    for plan in plain["plans"]:
+        del plan["path_deviation"]
+    old = codec.decode(
+        PlanReply, msgspec.json.encode(plain), codec.encoding_of(PlanReply, Format.JSON), "plan",
+        2**24,
+    )  # fmt: skip
+    assert old.plans[0].path_deviation is None
+
+
+def test_an_operator_may_only_tighten_the_limit() -> None:
+    model = read_model(find_model("atv"))
+    group = LimitsGroup(model, Learning())
+    assert group.describe("limits").values["max_path_deviation"] == model.max_path_deviation
+    assert group.apply(model) == model
+    with pytest.raises(ParameterError, match=r"at most the 0\.3 of the model file"):
+        group.set("limits", {"max_path_deviation": 0.5})
+    group.set("limits", {"max_path_deviation": 0.1})
+    assert group.apply(model).max_path_deviation == 0.1
+
+
+@pytest.mark.parametrize(
+    ("width", "given", "limit"),
+    [(1.2, None, 0.3), (None, None, 0.299), (0.12, None, 0.05), (1.2, 0.02, 0.02)],
+)
+def test_the_limit_is_a_quarter_of_the_width_if_the_model_names_none(
+    tmp_path: Path, width: float | None, given: float | None, limit: float
+) -> None:
+    text = find_model("atv").read_text()
+    text = re.sub(r"^width = .*\n", f"width = {width}\n" if width else "", text, flags=re.M)
+    if width is not None and width < 1.0:
+        text = text.replace("track_width = 1.0 ", "track_width = 0.1 ")
+    if given is not None:
+        text = text.replace("[limits]\n", f"[limits]\nmax_path_deviation = {given}\n")
+    (tmp_path / "m.toml").write_text(text)
+    assert read_model(tmp_path / "m.toml").max_path_deviation == pytest.approx(limit)
+
+
+# ------------------------------------------------------------------------------- command line
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("deviation")
+    write_map_npz(demo.hillside(), folder / "map.npz")
+    return folder
+
+
+def planned(folder: Path, *paths: CandidatePath, words: tuple[object, ...] = ()) -> tuple[int, str]:
+    write_paths_csv(paths, folder / "paths.csv")
+    done = here("plan", folder / "map.npz", folder / "paths.csv", "--model", "atv", *words)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_json_csv_page_and_screen_tell_it(folder: Path) -> None:
+    begin = demo.fan()[0].points[0]
+    path = CandidatePath("slalom", begin + slalom(0.5)[:12])
+    files = ("--out", folder / "plan.csv", "--report", folder / "page.html")
+    _, text = planned(folder, path, words=("--json", *files))
+    data = json.loads(text)
+    (plan,) = data["plans"]
+    told = plan["path_deviation"]
+    assert set(told) == {"largest", "station", "x", "y", "limit"}
+    assert 0.075 < told["largest"] <= told["limit"] == pytest.approx(LIMIT)
+    assert max(plan["columns"]["path_deviation"]) <= told["largest"]
+    columns = read_plan_csv(folder / "plan.csv")
+    np.testing.assert_array_equal(columns["path_deviation"], plan["columns"]["path_deviation"])
+    assert any("plans lead at most 0.3 m from a given path" in note for note in data["notes"])
+    page = (folder / "page.html").read_text()
+    assert f">{told['largest']:.2f}</td>" in page
+    _, text = planned(folder, path)
+    assert "1 candidate, best first" in text
+    words = f"planned up to {told['largest']:.2f} m beside the given path"
+    assert words in " ".join(text.split())
+
+
+def test_a_path_that_cannot_be_followed_is_bad_input(folder: Path) -> None:
+    begin = demo.fan()[0].points[0]
+    write_paths_csv([CandidatePath("to and fro", begin + BACK)], folder / "paths.csv")
+    done = here("plan", folder / "map.npz", folder / "paths.csv", "--model", "atv")
+    one_line_of(done, "paths.csv", "to and fro.points[", "without cusps", "split it there")
+
+
+def test_where_a_plan_stops_is_one_number(folder: Path) -> None:
+    _, text = planned(folder, *demo.fan(), words=("--json",))
+    _, table = planned(folder, *demo.fan())
+    blocked = [plan for plan in json.loads(text)["plans"] if plan["status"] == "blocked"]
+    assert blocked
+    for plan in blocked:
+        stop, length = f"{plan['progress']:.1f}", f"{plan['length']:.1f}"
+        assert plan["reason"].startswith(f"stops at {stop} m of {length} m: ")
+        assert "stops before" not in plan["reason"]
+        assert f"{stop}/{length}" in table
+        place = re.search(r" (?:ahead at|up to) (\d+\.\d\d) m", plan["reason"])
+        assert place
+        assert float(place[1]) > plan["progress"]
+    assert "stops at" in table
