@@ -81,6 +81,6 @@ class LimitsGroup(ParameterGroups):
         return max(value, most) if name == "min_load" else min(value, most)
 
     def _most(self, name: str) -> float:
-        """What the model file allows."""
+        """Limit of the model file."""
         value = getattr(self._prior, name)
         return float(self._path_deviation if value is None else value)
