@@ -1,4 +1,4 @@
-"""A given path is never replaced by another in silence: how far a plan leads from it, and what then."""
+"""A given path is never replaced in silence: how far plans lead from it, and what limits that."""
 
 from __future__ import annotations
 
