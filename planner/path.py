@@ -153,14 +153,14 @@ def _columns(arrays: list[Floats], rows: int) -> Floats:
 
 
 def resample(
-    path: CandidatePath | EvenPath, spacing: float, most_apart: float = np.inf
+    path: CandidatePath | EvenPath, spacing: float, max_deviation: float = np.inf
 ) -> EvenPath:
     """Even stations along a smoothed path; a path that has them already stays as it is.
 
     Args:
         path: polyline.
         spacing: wanted distance between stations in the plan view [m].
-        most_apart: how far line and polyline may be apart [m].
+        max_deviation: largest distance between line and polyline [m].
 
     Returns:
         N >= 3 even points [m], first and last those of the polyline, and (N,) speed limits [m/s],
@@ -168,24 +168,24 @@ def resample(
 
     Raises:
         ParameterError: too short, too long, a cusp, or driven backwards; more stations than
-            ``MAX_STATIONS``; or no line without a cusp keeps within ``most_apart``.
+            ``MAX_STATIONS``; or no line without a cusp keeps within ``max_deviation``.
     """
     if isinstance(path, EvenPath):
-        if path.given is not None and path.given.apart > most_apart:
-            raise _too_far_apart(path.given.points, path.points, most_apart)
+        if path.given is not None and path.given.deviation > max_deviation:
+            raise _too_far_error(path.given.points, path.points, max_deviation)
         return path
     points, limit = clean(path.points, path.speed_limit, path.yaw)
     drawn = arc(points)
     even, length = _smoothed(points, drawn, spacing)
-    apart = 0.0 if len(points) == 2 else _apart(points, even)
-    if apart > most_apart or first_cusp(even) > 0:
-        even, apart = _followed(points, drawn, spacing, most_apart, even)
+    deviation = 0.0 if len(points) == 2 else _largest_deviation(points, even)
+    if deviation > max_deviation or first_cusp(even) > 0:
+        even, deviation = _followed(points, drawn, spacing, max_deviation, even)
         length = float(drawn[-1])
     limits = None
     if limit is not None:
         wanted = np.linspace(0.0, length, len(even))
         limits = _lowest_around(wanted / length, drawn / drawn[-1], limit)
-    return EvenPath(path.name, even, limits, GivenPolyline(points, apart))
+    return EvenPath(path.name, even, limits, GivenPolyline(points, deviation))
 
 
 def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, float]:
@@ -212,62 +212,62 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
 
 
 def _followed(
-    points: Floats, along: Floats, spacing: float, most_apart: float, averaged: Floats
+    points: Floats, along: Floats, spacing: float, max_deviation: float, averaged: Floats
 ) -> tuple[Floats, float]:
-    """Even stations that keep close to all points, and how far apart they are from them [m].
+    """Even stations that keep close to all points, and their distance from them [m].
 
     Args:
         points: (n, 2) of the polyline; along: (n,) arc of them [m].
-        spacing: of stations; most_apart: of line and polyline [m].
+        spacing: of stations; max_deviation: between line and polyline [m].
         averaged: the line that is too far from them, or turns round.
 
     Raises:
         ParameterError: no such line can be driven and is close enough.
     """
-    closest, least = None, np.inf
-    for even in (averaged, *_lines_through(points, along, spacing, _ROUNDED * most_apart)):
+    closest, smallest = None, np.inf
+    for even in (averaged, *_lines_through(points, along, spacing, _ROUNDED * max_deviation)):
         if first_cusp(even) > 0:
             continue
-        apart = _apart(points, even)
-        if apart <= most_apart:
-            return even, apart
-        if apart < least:
-            closest, least = even, apart
+        deviation = _largest_deviation(points, even)
+        if deviation <= max_deviation:
+            return even, deviation
+        if deviation < smallest:
+            closest, smallest = even, deviation
     if closest is not None:
-        raise _too_far_apart(points, closest, most_apart)
+        raise _too_far_error(points, closest, max_deviation)
     x, y = averaged[first_cusp(averaged)]
-    words = f"a path without cusps: it turns round at ({x:.2f}, {y:.2f}); split it there"
-    raise ParameterError(f"points[{_nearest_to(x, y, points)}]", words)
+    expected = f"a path without cusps: it turns round at ({x:.2f}, {y:.2f}); split it there"
+    raise ParameterError(f"points[{_nearest_to(x, y, points)}]", expected)
 
 
 def _lines_through(
-    points: Floats, along: Floats, spacing: float, most_cut: float
+    points: Floats, along: Floats, spacing: float, max_cut: float
 ) -> Iterator[Floats]:
     """Lines through the points of a polyline: with rounded corners, first with few stations.
 
     At last, for noise in which none of these can be driven, the curve that the noise leaves.
     """
     for finer in (1, 2, 4):
-        yield rounded(points, spacing / finer, most_cut, MAX_STATIONS)
+        yield rounded(points, spacing / finer, max_cut, MAX_STATIONS)
     count = max(int(np.ceil(along[-1] / spacing - 1e-6)) + 1, _FEWEST)
     yield smooth(points, along, count, min(noise(points), STRAY))
 
 
-def _apart(given: Floats, even: Floats) -> float:
+def _largest_deviation(given: Floats, even: Floats) -> float:
     """Largest distance between a polyline and the line of stations [m]."""
     distance = np.zeros(len(even))
     deviation_along(given, even, distance)
     return float(distance.max())
 
 
-def _too_far_apart(given: Floats, even: Floats, most_apart: float) -> ParameterError:
+def _too_far_error(given: Floats, even: Floats, max_deviation: float) -> ParameterError:
     distance = np.zeros(len(even))
     deviation_along(given, even, distance)
-    (x, y), apart = even[np.argmax(distance)], float(distance.max())
+    (x, y), deviation = even[np.argmax(distance)], float(distance.max())
     return ParameterError(
         f"points[{_nearest_to(x, y, given)}]",
-        f"points that can be followed within {most_apart:.3g} m (limits.max_path_deviation): at "
-        f"({x:.2f}, {y:.2f}) the closest line that can be driven is {apart:.2f} m off",
+        f"points that can be followed within {max_deviation:.3g} m (limits.max_path_deviation): at "
+        f"({x:.2f}, {y:.2f}) the closest line that can be driven is {deviation:.2f} m off",
     )
 
 
@@ -276,10 +276,10 @@ def _nearest_to(x: float, y: float, points: Floats) -> int:
 
 
 def batch(
-    paths: Sequence[CandidatePath | EvenPath], spacing: float, most_apart: float = np.inf
+    paths: Sequence[CandidatePath | EvenPath], spacing: float, max_deviation: float = np.inf
 ) -> PathBatch:
     """M paths on even stations, side by side, (N, M); see :func:`resample`."""
-    return side_by_side([resample(path, spacing, most_apart) for path in paths])
+    return side_by_side([resample(path, spacing, max_deviation) for path in paths])
 
 
 def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:

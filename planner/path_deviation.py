@@ -1,8 +1,8 @@
 """How far a planned line lies from the polyline that was given for it, either way round.
 
-Places are compared with those that they correspond to in order, not with whatever is nearest: a
-path may cross itself or come back beside itself. No place of either line is farther from the other
-than told, but for `_EXACT`; where the order of places is lost, more is told, never less.
+Places are compared with those that they correspond to in order, not with the nearest of all: a path
+may cross itself or come back along itself. No place of either line is farther from the other than
+the reported distance and `_EXACT`; where the order of places is lost, the distance is larger.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ _DRIFT = 0.1
 """The same as a share of the distance to it, where only part of a path is planned [1]."""
 
 _EXACT = 5e-4
-"""Steps in which places between two points are looked at are no shorter [m]."""
+"""Shortest step between two places that are examined on one segment [m]."""
 
 
 class GivenPolyline(NamedTuple):
-    """A polyline as it was given, and how far the stations laid along it lie from it at most.
+    """A given polyline, and how far the stations laid along it lie from it.
 
     Attributes:
-        points: (n, 2) [m]. apart: [m].
+        points: (n, 2) [m]. deviation: largest distance between both lines [m].
     """
 
     points: Floats
-    apart: float
+    deviation: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +85,11 @@ def path_deviation(
     return _largest_of(PathDeviation(0.0, 0.0, 0.0, 0.0, limit, distance), x, y, station)
 
 
-def _largest_of(told: PathDeviation, x: Floats, y: Floats, station: Floats) -> PathDeviation:
-    k = int(np.argmax(told.distance))
+def _largest_of(deviation: PathDeviation, x: Floats, y: Floats, station: Floats) -> PathDeviation:
+    k = int(np.argmax(deviation.distance))
     return replace(
-        told,
-        largest=float(told.distance[k]),
+        deviation,
+        largest=float(deviation.distance[k]),
         station=float(station[k]),
         x=float(x[k]),
         y=float(y[k]),
@@ -187,7 +187,7 @@ def _between_given(
             k = int(k + share + 0.5)
             distance[k] = max(distance[k], away)
             largest = max(largest, away)
-            # A distance grows no faster than the way: before that none can be larger.
+            # A distance grows no faster than its place moves: before that none can be larger.
             at += max(largest - away, _EXACT)
 
 
@@ -217,27 +217,27 @@ def _between_stations(
 @inlined
 def _nearest(line: Floats, low: int, high: int, x: float, y: float) -> tuple[int, float, float]:
     """Nearest of the segments ``low`` to ``high`` − 1, share of it, and distance to it."""
-    segment, share, least = low, 0.0, np.inf
+    segment, share, nearest = low, 0.0, np.inf
     for k in range(low, high):
         u, away = project(line[k, 0], line[k, 1], line[k + 1, 0], line[k + 1, 1], x, y)
-        if away < least:
-            segment, share, least = k, min(max(u, 0.0), 1.0), away
-    return segment, share, math.sqrt(least)
+        if away < nearest:
+            segment, share, nearest = k, min(max(u, 0.0), 1.0), away
+    return segment, share, math.sqrt(nearest)
 
 
 @inlined
 def _farthest(line: Floats, k: int, points: Floats, low: int, high: int) -> float:
-    """Largest distance of points ``low`` to ``high`` − 1 from segment ``k``; 0 if there is none.
+    """Largest distance of points ``low`` to ``high`` − 1 from segment ``k``; 0 without any.
 
     Matched in order with these points, no place of the segment is farther from their line.
     """
-    most = 0.0
+    farthest = 0.0
     for i in range(low, high):
         _, away = project(
             line[k, 0], line[k, 1], line[k + 1, 0], line[k + 1, 1], points[i, 0], points[i, 1]
         )
-        most = max(most, away)
-    return math.sqrt(most)
+        farthest = max(farthest, away)
+    return math.sqrt(farthest)
 
 
 @kernel
@@ -249,7 +249,7 @@ def _deviation_of_part(
     Args:
         given, line, distance: as there; the line is planned along part of a path.
         passed: where the line begins on the whole path, < 0 before it [m].
-        length: of the whole path [m].
+        length: whole path [m].
     """
     at = arc(given)
     # Noise makes the given polyline longer than the stations along it.
@@ -261,7 +261,7 @@ def _deviation_of_part(
         and given[n - 1 - same, 1] == line[rows - 1 - same, 1]
     ):
         same += 1
-    # Where both are one from a vertex on, as what is left of a path mostly is, nothing is apart.
+    # Where both are one from a vertex on, as the rest of a path mostly is, nothing is apart.
     n, rows = n - max(same - 1, 0), rows - max(same - 1, 0)
     given, line, at = given[:n], line[:rows], at[:n]
     along = arc(line)
@@ -276,11 +276,11 @@ def _deviation_of_part(
         left = (at[-1] - _arc_at(at, begin)) / stretch
         last = _place(line, along, _arc_at(along, first) + left, given[-1, 0], given[-1, 1])
     part = _part(line, first, max(last, first))
-    found = np.zeros(part.shape[0])
-    deviation_along(_part(given, begin, max(end, begin)), part, found)
+    part_distance = np.zeros(part.shape[0])
+    deviation_along(_part(given, begin, max(end, begin)), part, part_distance)
     for k in range(part.shape[0]):
         row = min(int(first) + k, rows - 1)
-        distance[row] = max(distance[row], found[k])
+        distance[row] = max(distance[row], part_distance[k])
 
 
 @inlined

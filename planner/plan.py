@@ -137,7 +137,7 @@ class SpeedPlan:
 
     def columns(self) -> dict[str, list[str] | Floats]:
         """The columns of a plan file, in order."""
-        n, apart = len(self.station), self.path_deviation
+        n, deviation = len(self.station), self.path_deviation
         return {
             "candidate": [self.candidate] * n,
             "station": self.station,
@@ -158,7 +158,7 @@ class SpeedPlan:
             "status": [self.status.value] * n,
             "reason": [self.reason] * n,
             "side_load": self.side_load,
-            "path_deviation": np.zeros(n) if apart is None else apart.distance,
+            "path_deviation": np.zeros(n) if deviation is None else deviation.distance,
         }
 
 

@@ -49,25 +49,25 @@ def smooth(points: Floats, along: Floats, count: int, stray: float) -> Floats:
     return _evenly(knots, x, y, degree, along[-1], count, points[0], points[-1])
 
 
-def rounded(points: Floats, spacing: float, most_cut: float, most: int) -> Floats:
+def rounded(points: Floats, spacing: float, max_cut: float, most: int) -> Floats:
     """Even stations on a polyline whose corners are arcs, as wide as its pieces allow, (N, 2) [m].
 
-    An arc takes up to half of both pieces that meet at its corner.
+    An arc covers at most half of both pieces that meet at its corner.
 
     Args:
         points: (n, 2), n >= 3. spacing: of stations at most [m].
-        most_cut: how far an arc may lie from its corner [m]. most: stations.
+        max_cut: how far an arc may lie from its corner [m]. most: stations.
     """
     step = np.diff(points, axis=0)
     length, heading = np.hypot(*step.T), np.arctan2(step[:, 1], step[:, 0])
     turn, tangent = np.zeros((2, len(points)))
     turn[1:-1] = (np.diff(heading) + np.pi) % (2.0 * np.pi) - np.pi
-    bend = np.maximum(np.abs(turn[1:-1]), 1e-9)
+    turn_size = np.maximum(np.abs(turn[1:-1]), 1e-9)
     tangent[1:-1] = np.minimum(
-        0.5 * np.minimum(length[1:], length[:-1]), most_cut / np.tan(bend / 4.0)
+        0.5 * np.minimum(length[1:], length[:-1]), max_cut / np.tan(turn_size / 4.0)
     )
     pieces = np.zeros(2 * len(points) - 1)
-    pieces[2:-1:2] = tangent[1:-1] * bend / np.tan(bend / 2.0)
+    pieces[2:-1:2] = tangent[1:-1] * turn_size / np.tan(turn_size / 2.0)
     pieces[1::2] = np.maximum(length - tangent[:-1] - tangent[1:], 0.0)
     ends = np.cumsum(pieces)
     count = max(int(np.ceil(ends[-1] / spacing - 1e-6)) + 1, 3)

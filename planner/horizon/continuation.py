@@ -149,10 +149,10 @@ class Continuation:
         if stop is None:
             return None
         reason = f"{why}: stops on the path driven so far"
-        apart = plan.path_deviation
-        if apart is not None:
-            apart = apart.from_row(i, stop.x, stop.y, stop.station)
-        stop = replace(stop, status=Status.DEGRADED, reason=reason, path_deviation=apart)
+        deviation = plan.path_deviation
+        if deviation is not None:
+            deviation = deviation.from_row(i, stop.x, stop.y, stop.station)
+        stop = replace(stop, status=Status.DEGRADED, reason=reason, path_deviation=deviation)
         return PreviousPlan.on(ahead.path, ahead.first, stop)
 
     def _finalizer(

@@ -147,8 +147,8 @@ class Cycle:
         """The same, with how far it leads from what is given of its path."""
         plan, limit = one.plan, self._planner.equipment.model.max_path_deviation
         j = candidates.paths.names.index(plan.candidate)
-        apart = candidates.deviation(j, plan.x, plan.y, plan.station, limit)
-        return replace(one, plan=replace(plan, path_deviation=apart))
+        deviation = candidates.deviation(j, plan.x, plan.y, plan.station, limit)
+        return replace(one, plan=replace(plan, path_deviation=deviation))
 
     def _continue(
         self, batch: CycleBatch, index: int | None

@@ -41,7 +41,7 @@ class Drivable:
         """How far a line along candidate j lies from what was given of it from the vehicle on.
 
         Args:
-            j: of the candidate. x, y, station: (N,) of the line [m].
+            j: index of the candidate. x, y, station: (N,) of the line [m].
             limit: that it has to keep [m].
         """
         here, passed = self.projection, float(self.projection.along[j])
@@ -57,7 +57,7 @@ def drivable_of(
     clear: Floats,
     state: PlanarState,
     settings: HorizonSettings,
-    most_apart: float,
+    max_deviation: float,
 ) -> tuple[Drivable | None, tuple[Ranked, ...]]:
     """Candidates that can be driven, None if there is none; and the others, with reasons.
 
@@ -65,9 +65,9 @@ def drivable_of(
         paths: M candidates; clear: (M,) station up to which each is known free [m].
         state: of the vehicle.
         settings: how far a path may lie from it.
-        most_apart: how far stations may be from the path that was given [m].
+        max_deviation: how far stations may be from the path that was given [m].
     """
-    reasons = malformed(paths, clear, most_apart)
+    reasons = malformed(paths, clear, max_deviation)
     sound = np.flatnonzero([not why for why in reasons])
     drivable = None
     if len(sound) > 0:
@@ -85,7 +85,7 @@ def drivable_of(
     return drivable, tuple(Ranked(name, np.inf, False, why) for name, why in refused if why)
 
 
-def malformed(paths: PathBatch, clear: Floats, most_apart: float) -> list[str]:
+def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str]:
     """Why candidates cannot be planned at all, empty for those that can."""
     finite, moving = np.empty((2, len(clear)), np.bool_)
     _soundness(paths.x, paths.y, paths.count, finite, moving)
@@ -101,10 +101,10 @@ def malformed(paths: PathBatch, clear: Floats, most_apart: float) -> list[str]:
         else:
             reasons[j] = "its clear distance is not a number"
     for i, given in enumerate(paths.given):
-        if given is not None and given.apart > most_apart and not reasons[i]:
+        if given is not None and given.deviation > max_deviation and not reasons[i]:
             reasons[i] = (
-                f"its stations lie {given.apart:.2f} m from the path that was given, "
-                f"{most_apart:.3g} m at most (limits.max_path_deviation)"
+                f"its stations lie {given.deviation:.2f} m from the path that was given, "
+                f"{max_deviation:.3g} m at most (limits.max_path_deviation)"
             )
     if len(set(paths.names)) < len(paths.names):
         names: set[str] = set()

@@ -112,8 +112,8 @@ class CandidatePlanner:
     def _with_deviation(self, plan: SpeedPlan, path: EvenPath) -> SpeedPlan:
         given = path.points if path.given is None else path.given.points
         limit = self.model.max_path_deviation
-        apart = path_deviation(given, plan.x, plan.y, plan.station, limit)
-        return replace(plan, path_deviation=apart)
+        deviation = path_deviation(given, plan.x, plan.y, plan.station, limit)
+        return replace(plan, path_deviation=deviation)
 
 
 def finished(solved: TimeOptimalBatch, j: int, name: str, *, smooth: bool) -> SpeedPlan:

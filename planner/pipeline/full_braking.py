@@ -10,7 +10,7 @@ from models.arrays import Floats
 from planner.ground.braking_ground import StopErrors
 from planner.limiting import Limiting
 from planner.pipeline.candidate_column import CandidateColumn
-from planner.pipeline.standing import stop_told
+from planner.pipeline.standing import stop_reason
 from planner.plan import Status, motion_of
 from planner.verify.judge import Judgement
 
@@ -58,7 +58,7 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
     hardest = -motion_of(column.track.station, answer)[0].min()
     text = f"starts at {speed:.2f} m/s, above {allowed}: brakes at {hardest:.2f} m/s²"
     if status is Status.BLOCKED:
-        text += f"; {stop_told(column, answer, status, reason)[1]}"
+        text += f"; {stop_reason(column, answer, status, reason)[1]}"
     return Judged(answer, verdict, Status.DEGRADED, text)
 
 

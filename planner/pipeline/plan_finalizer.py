@@ -13,7 +13,7 @@ import numpy as np
 from models.arrays import Floats
 from planner.pipeline.candidate_column import CandidateColumn
 from planner.pipeline.full_braking import Judged, brake_hard, emergency_stop
-from planner.pipeline.standing import standing, stop_told
+from planner.pipeline.standing import standing, stop_reason
 from planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from planner.plan import SpeedPlan, Status, motion_of
 from planner.profile.smoothing import smooth
@@ -108,7 +108,7 @@ class PlanFinalizer:
 
     def _plan(self, name: str, judged: Judged, *, smoothed: bool) -> SpeedPlan:
         column, track, speed_sq = self.column, self.column.track, judged.speed_sq
-        status, reason = stop_told(column, speed_sq, judged.status, judged.reason)
+        status, reason = stop_reason(column, speed_sq, judged.status, judged.reason)
         accel, time = motion_of(track.station, speed_sq)
         bound = np.sqrt(np.maximum(column.speed_sq_max, speed_sq))
         return SpeedPlan(

@@ -19,7 +19,7 @@ _HARDLY_SHORT = 1.0
 
 
 def standing(column: CandidateColumn) -> tuple[Status, str]:
-    """Status by what ends the clear distance, if nothing goes wrong, and what that is."""
+    """Status by the end of the clear distance, if nothing goes wrong, and its cause."""
     station = column.track.station
     length = float(station[-1])
     k = column.barrier_station
@@ -27,16 +27,16 @@ def standing(column: CandidateColumn) -> tuple[Status, str]:
         return Status.OK, ""
     if k >= len(station) or (k > 0 and column.clear < station[k - 1]):
         if column.clear <= 0.0:
-            return Status.BLOCKED, "no way is known free ahead of its front"
+            return Status.BLOCKED, "no way ahead of its front is known to be free"
         free = column.clear + column.model.vehicle.shape.front
-        return Status.BLOCKED, f"the way is known free for its front only up to {free:.2f} m"
+        return Status.BLOCKED, f"the way is known to be free for its front only up to {free:.2f} m"
     return Status.BLOCKED, _why_barred(column, k)
 
 
-def stop_told(
-    column: CandidateColumn, speed_sq: Floats, status: Status, why: str
+def stop_reason(
+    column: CandidateColumn, speed_sq: Floats, status: Status, cause: str
 ) -> tuple[Status, str]:
-    """Status and reason of a profile: where it stops, the one number for that, and why.
+    """Status and reason of a profile: where it stops, the one number for that, and the cause.
 
     A plan that rests well before the end of its path is not ok, whatever the cause.
     """
@@ -46,12 +46,12 @@ def stop_told(
     if status is Status.OK:
         short = float(station[-1] - station[k])
         if short <= _kept_free(column, k) + _HARDLY_SHORT:
-            return status, why
-        why = Limiting(int(column.label[k])).label
+            return status, cause
+        cause = Limiting(int(column.label[k])).label
     elif status is not Status.BLOCKED:
-        return status, why
+        return status, cause
     # As many digits as the table of candidates has.
-    return Status.BLOCKED, f"stops at {station[k]:.1f} m of {station[-1]:.1f} m: {why}"
+    return Status.BLOCKED, f"stops at {station[k]:.1f} m of {station[-1]:.1f} m: {cause}"
 
 
 def _kept_free(column: CandidateColumn, k: int) -> float:
@@ -62,7 +62,7 @@ def _kept_free(column: CandidateColumn, k: int) -> float:
 
 
 def _why_barred(column: CandidateColumn, k: int) -> str:
-    """What bars station k; its place is told as one ahead: the plan stops before it."""
+    """Cause that bars station k, with its place as one ahead: the plan stops before it."""
     station = column.track.station[k]
     there = f"ahead at {station:.2f} m" if k > 0 else "at the start"
     grade, roll = np.rad2deg(column.track.grade[k]), np.rad2deg(column.track.roll[k])

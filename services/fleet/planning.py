@@ -63,16 +63,16 @@ def _planned(
     question: FleetQuestion,
 ) -> list[SpeedPlan | Refused]:
     spacing = planner.settings.spacing_on(ground.resolution)
-    most_apart = planner.model.max_path_deviation
-    even = [_even(path, spacing, most_apart) for path in paths]
+    max_deviation = planner.model.max_path_deviation
+    even = [_even(path, spacing, max_deviation) for path in paths]
     good = [path for path in even if isinstance(path, EvenPath)]
     plans = iter(planner.plan(ground, good, start_speed=question.start_speed, clear=question.clear))
     return [path if isinstance(path, Refused) else next(plans) for path in even]
 
 
-def _even(path: CandidatePath, spacing: float, most_apart: float) -> EvenPath | Refused:
+def _even(path: CandidatePath, spacing: float, max_deviation: float) -> EvenPath | Refused:
     """One path that is none must not keep the others from being planned."""
     try:
-        return resample(path, spacing, most_apart)
+        return resample(path, spacing, max_deviation)
     except ParameterError as error:
         return Refused(path.name, f"{error.field}: expected {error.expected}")

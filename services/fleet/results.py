@@ -78,9 +78,9 @@ def _row(answer: SpeedPlan | Refused, source: str) -> dict[str, Any]:
     if isinstance(answer, Refused):
         told = {"candidate": answer.candidate, "status": REFUSED, "reason": answer.reason}
         return {"source": source, "admissible": False, **told}
-    apart = answer.path_deviation
+    deviation = answer.path_deviation
     row = {"source": source, "admissible": answer.admissible, **summary(answer)}
-    return {**row, "path_deviation": None if apart is None else apart.largest}
+    return {**row, "path_deviation": None if deviation is None else deviation.largest}
 
 
 def _candidates(pa: Any) -> Any:

@@ -93,20 +93,20 @@ def usable_of(
 
 
 def resampled(
-    offered: Sequence[Usable], spacing: float, most_apart: float, pace: Pace = unhurried
+    offered: Sequence[Usable], spacing: float, max_deviation: float, pace: Pace = unhurried
 ) -> tuple[list[Usable], list[RankedCandidate]]:
     """Candidates on even stations, and those on which none can be laid, with reasons.
 
     Args:
         offered: as they came. spacing: of stations [m]. pace: called for each candidate.
-        most_apart: how far stations may lie from the path that was given [m].
+        max_deviation: how far stations may lie from the path that was given [m].
     """
     usable: list[Usable] = []
     refused: list[RankedCandidate] = []
     for one in offered:
         pace()
         try:
-            usable.append(Usable(resample(one.path, spacing, most_apart), one.clear))
+            usable.append(Usable(resample(one.path, spacing, max_deviation), one.clear))
         except ParameterError as error:
             refused.append(RankedCandidate(name=one.path.name, usable=False, reason=str(error)))
     return usable, refused

@@ -326,11 +326,15 @@ def _plan(plan: SpeedPlan) -> Plan:
 
 
 def _deviation(plan: SpeedPlan) -> Deviation | None:
-    told = plan.path_deviation
-    if told is None:
+    deviation = plan.path_deviation
+    if deviation is None:
         return None
     return Deviation(
-        largest=told.largest, station=told.station, x=told.x, y=told.y, limit=told.limit
+        largest=deviation.largest,
+        station=deviation.station,
+        x=deviation.x,
+        y=deviation.y,
+        limit=deviation.limit,
     )
 
 

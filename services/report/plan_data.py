@@ -121,7 +121,7 @@ def plan_table(
         "margin": number(summary.margin),
         "rear": number(summary.rear_load),
         "side": number(summary.side_load),
-        "beside": number(summary.beside_path),
+        "beside": number(summary.path_deviation),
         "limits": None if summary.limits_most is None else int(summary.limits_most),
         "obstacle": _met(plan.obstacle, origin),
         "columns": columns,

@@ -116,7 +116,7 @@ def model_facts(model: Model) -> dict[str, str]:
         "limits": f"{limits.speed:g} m/s, +{limits.accel:g} and −{limits.decel:g} m/s², "
         f"{limits.jerk:g} m/s³, {limits.lateral_accel:g} m/s² sideways, "
         f"{limits.min_load:.0%} of the static load on every axle and side, "
-        f"{model.max_path_deviation:.3g} m beside the given path",
+        f"{model.max_path_deviation:.3g} m from the given path",
     }
     if model.effect:
         facts["effects"] = ", ".join(effect.name for effect in model.effect)
@@ -170,7 +170,7 @@ def _row(index: int, s: PlanSummary) -> str:
         _number(s.max_speed, ".2f"),
         _number(s.margin, ".2f"),
         _number(s.rear_load, ".0%"),
-        _number(s.beside_path, ".2f"),
+        _number(s.path_deviation, ".2f"),
         f'<td data-value="{"" if s.limits_most is None else escaped(word(s.limits_most))}">'
         f"{limits}</td>",
         f'<td class="reason" data-value="{escaped(s.reason)}">{escaped(s.reason) or "–"}</td>',

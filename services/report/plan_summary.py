@@ -34,7 +34,7 @@ class PlanSummary:
         rear_load, side_load: least in any emergency stop, shares of the level static loads.
         limits_most: what limits along most of the driven way.
         limits_share: share of the driven way along which it does.
-        beside_path: how far the plan leads from the path that was given at most [m].
+        path_deviation: how far the plan leads from the path that was given at most [m].
     """
 
     rank: int
@@ -51,7 +51,7 @@ class PlanSummary:
     side_load: float | None
     limits_most: Limiting | None
     limits_share: float
-    beside_path: float | None
+    path_deviation: float | None
 
 
 def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
@@ -78,7 +78,7 @@ def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
         side_load=_least(plan.side_load[driven]),
         limits_most=limits_most,
         limits_share=limits_share,
-        beside_path=None if plan.path_deviation is None else plan.path_deviation.largest,
+        path_deviation=None if plan.path_deviation is None else plan.path_deviation.largest,
     )
 
 

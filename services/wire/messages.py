@@ -156,7 +156,7 @@ class Plan(Message, frozen=True):
         limits: what limits the speed, a change an entry.
         columns: names of the rows of values. values: (rows, N).
         obstacle: what ends the clear distance, if body or wheels must not come to it.
-        path_deviation: from the path as it was given.
+        path_deviation: from the given path.
     """
 
     candidate: str

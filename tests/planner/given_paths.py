@@ -133,12 +133,14 @@ def samples(line: Path) -> Path:
     """Places on a line, no two in a row farther apart than STEP."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     at = np.unique(np.concatenate([along, np.arange(0.0, along[-1], STEP)]))
-    kept = np.concatenate([[True], np.diff(along) > 0.0])
-    return np.stack([np.interp(at, along[kept], line[kept, axis]) for axis in range(2)], axis=1)
+    distinct = np.concatenate([[True], np.diff(along) > 0.0])
+    return np.stack(
+        [np.interp(at, along[distinct], line[distinct, axis]) for axis in range(2)], axis=1
+    )
 
 
-def apart(one: Path, other: Path) -> float:
+def largest_distance(first: Path, second: Path) -> float:
     """Largest distance from either line to the nearest place of the other [m]."""
-    here, there = samples(one), samples(other)
+    here, there = samples(first), samples(second)
     away, back = cKDTree(there).query(here)[0], cKDTree(here).query(there)[0]
     return float(max(away.max(), back.max()))

@@ -102,7 +102,7 @@ SCENES: dict[str, Scene] = {
     "stopping path before the end of the way known free": Scene(
         "stopping_path", **same(limits(decel=9.0, jerk=100.0)),
         options={"clear": 12.0}, free_options={}, share=0.03, status=Status.BLOCKED,
-        says="the way is known free for its front only up to",
+        says="the way is known to be free for its front only up to",
     ),
     "tip-over by the speed at brake onset": Scene(
         "tip_over",

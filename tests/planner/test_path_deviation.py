@@ -1,4 +1,4 @@
-"""A given path is never replaced by another untold: how far a plan leads from it, and what then."""
+"""A given path is never replaced in silence: how far plans lead from it, and what limits that."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from planner.path import CandidatePath, EvenPath, batch, resample
 from planner.path_deviation import path_deviation
 from planner.pipeline.candidates import CandidatePlanner
 from planner.plan import SpeedPlan
-from tests.planner.given_paths import apart, given_paths, samples
+from tests.planner.given_paths import given_paths, largest_distance, samples
 from tests.planner.scenes import ATV, model_of, plane, straight, tables_with
 
 FLAT = ElevationMap(elevation=np.zeros((600, 600)), resolution=0.5, origin=(-150.0, -150.0))
@@ -39,7 +39,7 @@ def line_of(plan: SpeedPlan) -> np.ndarray:
     [(220, None), pytest.param(1000, None, marks=pytest.mark.nightly),
      pytest.param(1000, 0.1, marks=pytest.mark.nightly)],
 )  # fmt: skip
-def test_every_deviation_is_told_and_within_the_limit_or_the_path_is_refused(
+def test_every_deviation_is_reported_and_within_the_limit_or_the_path_is_refused(
     count: int, limit: float | None
 ) -> None:
     outcome: Counter[str] = Counter()
@@ -52,15 +52,19 @@ def test_every_deviation_is_told_and_within_the_limit_or_the_path_is_refused(
             outcome[f"{kind} refused"] += 1
             continue
         outcome[f"{kind} planned"] += 1
-        told, true = plan.path_deviation, apart(points, line_of(plan))
-        assert told is not None
-        assert true <= told.limit + 1e-3 == (limit or LIMIT) + 1e-3
-        assert true - 0.003 <= told.largest <= told.limit
+        deviation, true = plan.path_deviation, largest_distance(points, line_of(plan))
+        assert deviation is not None
+        assert true <= deviation.limit + 1e-3 == (limit or LIMIT) + 1e-3
+        assert true - 0.003 <= deviation.largest <= deviation.limit
         if kind not in IN_ORDER:
-            assert told.largest <= true + 0.005
-        k = int(np.argmax(told.distance))
-        assert told.distance[k] == told.largest
-        assert (told.station, told.x, told.y) == (plan.station[k], plan.x[k], plan.y[k])
+            assert deviation.largest <= true + 0.005
+        k = int(np.argmax(deviation.distance))
+        assert deviation.distance[k] == deviation.largest
+        assert (deviation.station, deviation.x, deviation.y) == (
+            plan.station[k],
+            plan.x[k],
+            plan.y[k],
+        )
     print(dict(sorted(outcome.items())))
     assert not malformed
     assert sum(n for name, n in outcome.items() if "planned" in name) > 0.8 * count
@@ -71,7 +75,7 @@ def test_a_slalom_is_not_taken_for_noise(pattern: list[int]) -> None:
     i = np.arange(40)
     points = np.stack([1.0 * i, np.resize(pattern, 40)], axis=1) @ [[0.8, 0.6], [-0.6, 0.8]]
     plan = planned(points)
-    assert apart(points, line_of(plan)) <= LIMIT
+    assert largest_distance(points, line_of(plan)) <= LIMIT
     # It was a straight line at 4 m/s.
     assert plan.speed.max() < 2.5
     assert np.abs(plan.curvature).max() > 0.8
@@ -81,24 +85,29 @@ def test_a_slalom_is_not_taken_for_noise(pattern: list[int]) -> None:
 def test_a_line_within_the_limit_is_the_one_that_it_would_be_without() -> None:
     for _, points in given_paths(66, seed=2):
         try:
-            free, kept = (resample(CandidatePath("p", points), 0.25, most) for most in (9e9, LIMIT))
+            free, limited = (
+                resample(CandidatePath("p", points), 0.25, limit) for limit in (9e9, LIMIT)
+            )
         except ParameterError:
             continue
         assert free.given is not None
-        if free.given.apart <= LIMIT:
-            np.testing.assert_array_equal(free.points, kept.points)
+        if free.given.deviation <= LIMIT:
+            np.testing.assert_array_equal(free.points, limited.points)
 
 
-def test_a_smaller_limit_is_kept_and_corners_are_then_sharper() -> None:
+def test_a_smaller_limit_holds_and_corners_are_then_sharper() -> None:
     corner = np.array([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (18.0, 9.0), (18.0, 0.0)])
     wavy = np.stack([np.arange(30.0), np.resize([0.0, 0.8, 0.0, -0.8], 30)], axis=1)
     wide, narrow = (planned(wavy, limit) for limit in (0.3, 0.06))
-    assert apart(wavy, line_of(wide)) <= 0.3
-    assert apart(wavy, line_of(narrow)) <= 0.06
+    assert largest_distance(wavy, line_of(wide)) <= 0.3
+    assert largest_distance(wavy, line_of(narrow)) <= 0.06
     assert np.abs(narrow.curvature).max() > np.abs(wide.curvature).max()
     assert narrow.speed.max() <= wide.speed.max()
     for limit in (0.3, 0.1, 0.05):
-        assert apart(corner, resample(CandidatePath("c", corner), 0.25, limit).points) <= limit
+        assert (
+            largest_distance(corner, resample(CandidatePath("c", corner), 0.25, limit).points)
+            <= limit
+        )
 
 
 def test_what_cannot_be_followed_is_refused_with_place_and_size() -> None:
@@ -111,11 +120,11 @@ def test_what_cannot_be_followed_is_refused_with_place_and_size() -> None:
     with pytest.raises(ParameterError) as caught:
         planned(wild, 0.05)
     assert re.match(r"p\.points\[\d+\]", caught.value.field)
-    found = re.search(r"at \((\S+), (\S+)\) .* is (\d+\.\d\d) m off", caught.value.expected)
-    assert found
+    place = re.search(r"at \((\S+), (\S+)\) .* is (\d+\.\d\d) m off", caught.value.expected)
+    assert place
     assert "within 0.05 m (limits.max_path_deviation)" in caught.value.expected
-    assert float(found[3]) > 0.05
-    assert -0.1 <= float(found[1]) <= 12.1
+    assert float(place[3]) > 0.05
+    assert -0.1 <= float(place[1]) <= 12.1
 
 
 def test_a_line_that_turns_round_between_short_steps_is_refused() -> None:
@@ -128,13 +137,15 @@ def test_a_line_that_turns_round_between_short_steps_is_refused() -> None:
 
 def test_stations_that_lie_off_their_path_are_refused_wherever_they_come_from() -> None:
     wavy = np.stack([np.arange(40.0), np.resize([0.0, 1.0, 0.0, -1.0], 40)], axis=1)
-    off = resample(CandidatePath("off", wavy @ [[0.8, 0.6], [-0.6, 0.8]]), 0.25)
-    assert off.given is not None
-    assert off.given.apart > LIMIT
-    with pytest.raises(ParameterError, match="off"):
-        CandidatePlanner(model_of(ATV)).plan(FLAT, [off])
-    state = PlanarState(x=float(off.points[0, 0]), y=float(off.points[0, 1]), heading=0.9, speed=0)
-    paths = batch([off], 0.25)
+    away = resample(CandidatePath("away", wavy @ [[0.8, 0.6], [-0.6, 0.8]]), 0.25)
+    assert away.given is not None
+    assert away.given.deviation > LIMIT
+    with pytest.raises(ParameterError, match="away"):
+        CandidatePlanner(model_of(ATV)).plan(FLAT, [away])
+    state = PlanarState(
+        x=float(away.points[0, 0]), y=float(away.points[0, 1]), heading=0.9, speed=0
+    )
+    paths = batch([away], 0.25)
     answer = Horizon(model_of(ATV)).step(state, paths, FLAT)
     assert answer.chosen is None
     assert "from the path that was given, 0.299 m at most" in answer.reason
@@ -148,19 +159,24 @@ def test_lanes_side_by_side_are_compared_each_with_its_own() -> None:
     given = np.concatenate(lanes)
     line = given.copy()
     line[30:50, 1] += 0.25  # nearer to the lane back than to its own
-    told = path_deviation(given, *line.T, np.arange(len(line)), 1.0)
-    assert told.largest == pytest.approx(0.25, abs=1e-3)
-    assert 30 <= told.station <= 50
+    deviation = path_deviation(given, *line.T, np.arange(len(line)), 1.0)
+    assert deviation.largest == pytest.approx(0.25, abs=1e-3)
+    assert 30 <= deviation.station <= 50
 
 
-def test_deviation_is_told_as_it_is_of_a_known_pair_of_lines() -> None:
+def test_deviation_of_a_known_pair_of_lines_is_its_distance() -> None:
     given = np.array([(0.0, 0.0), (10.0, 0.0)])
     x, y = np.array([0.0, 4.0, 5.0, 6.0, 10.0]), np.array([0.0, 0.0, 0.7, 0.0, 0.0])
-    told = path_deviation(given, x, y, x, 1.0)
-    assert (told.largest, told.station, told.x, told.y) == (pytest.approx(0.7), 5.0, 5.0, 0.7)
+    deviation = path_deviation(given, x, y, x, 1.0)
+    assert (deviation.largest, deviation.station, deviation.x, deviation.y) == (
+        pytest.approx(0.7),
+        5.0,
+        5.0,
+        0.7,
+    )
     # The other way round: a place of the given line that no vertex of the planned one is near.
-    told = path_deviation(np.stack((x, y), 1), np.array([0.0, 10.0]), np.zeros(2), x[:2], 1.0)
-    assert told.largest == pytest.approx(0.7)
+    deviation = path_deviation(np.stack((x, y), 1), np.array([0.0, 10.0]), np.zeros(2), x[:2], 1.0)
+    assert deviation.largest == pytest.approx(0.7)
 
 
 # ------------------------------------------------------------------------------- moving horizon
@@ -184,16 +200,16 @@ def driven(horizon: Horizon, points: np.ndarray, cycles: int) -> list[SpeedPlan]
     return plans
 
 
-def test_a_horizon_tells_how_far_what_is_left_of_the_path_is_off() -> None:
+def test_a_horizon_reports_how_far_the_rest_of_the_path_is_off() -> None:
     x = np.arange(0.0, 31.0, 1.0)
     points = np.stack([x, 0.4 * np.sin(x / 2.0) * (x < 15.0)], axis=1)
     for plan in driven(Horizon(model_of(ATV)), points, 25):
-        told = plan.path_deviation
-        assert told is not None
+        deviation = plan.path_deviation
+        assert deviation is not None
         left = samples(points)
         left = left[left[:, 0] >= plan.x[0]]
-        assert told.largest == pytest.approx(apart(left, line_of(plan)), abs=0.005)
-        assert told.largest <= told.limit == pytest.approx(LIMIT)
+        assert deviation.largest == pytest.approx(largest_distance(left, line_of(plan)), abs=0.005)
+        assert deviation.largest <= deviation.limit == pytest.approx(LIMIT)
     assert plan.path_deviation is not None
     assert plan.path_deviation.largest < 0.01
 
@@ -211,13 +227,13 @@ def test_a_horizon_does_not_go_on_along_a_line_that_its_path_has_left() -> None:
     answer = horizon.step(state, [moved], FLAT)
     assert answer.chosen is not None
     assert not answer.kept
-    told = answer.chosen.path_deviation
-    assert told is not None
-    assert told.largest <= told.limit == model.max_path_deviation
+    deviation = answer.chosen.path_deviation
+    assert deviation is not None
+    assert deviation.largest <= deviation.limit == model.max_path_deviation
     np.testing.assert_allclose(answer.chosen.y, 0.09, atol=0.05)
 
 
-def test_a_path_that_begins_ahead_of_the_vehicle_is_compared_from_there_on() -> None:
+def test_a_path_ahead_of_the_vehicle_is_compared_from_its_first_point_on() -> None:
     state = PlanarState(x=-0.8, y=0.0, heading=0.0, speed=0.0)
     answer = Horizon(model_of(ATV)).step(state, [straight(20.0)], FLAT)
     assert answer.chosen is not None

@@ -26,7 +26,7 @@ from services.io.digest import sha256_of
 from services.io.plan_file import driven, summary
 from services.report.words import plural
 
-_WORTH_TELLING = 0.25
+_SHOWN_SHARE = 0.25
 """Deviations from the given path above this share of their limit get a line."""
 
 STATUS_STYLE = {
@@ -174,8 +174,8 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
             line = Text.assemble((plan.candidate, "bold"), f": {plan.reason}")
             console.print(Padding(line, (0, 0, 0, 2)))
     for plan in result.plans[:most]:
-        if words := _beside_path(plan):
-            line = Text.assemble((plan.candidate, "bold"), f": {words}")
+        if sentence := _deviation_sentence(plan):
+            line = Text.assemble((plan.candidate, "bold"), f": {sentence}")
             console.print(Padding(line, (0, 0, 0, 2)))
     for note in result.notes:
         console.print(Text(note), style="dim")
@@ -187,13 +187,13 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
         check_view.show(result.check, console)
 
 
-def _beside_path(plan: SpeedPlan) -> str:
+def _deviation_sentence(plan: SpeedPlan) -> str:
     """How far the plan leads from the path that was given, empty where that is little."""
     told = plan.path_deviation
-    if told is None or told.largest <= _WORTH_TELLING * told.limit:
+    if told is None or told.largest <= _SHOWN_SHARE * told.limit:
         return ""
     return (
-        f"planned up to {told.largest:.2f} m beside the given path, at {told.station:.2f} m; "
+        f"planned up to {told.largest:.2f} m away from the given path, at {told.station:.2f} m; "
         f"the limit is {told.limit:.3g} m"
     )
 

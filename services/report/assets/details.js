@@ -18,7 +18,7 @@ function showDetails() {
     tile("least margin", number(plan.margin, 2), "m"),
     tile("least rear load", number(percent(plan.rear), 0), "%"),
     tile("least side load", number(percent(plan.side), 0), "%"),
-    tile("beside the given path", number(plan.beside, 2), "m"),
+    tile("off the given path", number(plan.beside, 2), "m"),
     tile("limited most by", data.limiting[plan.limits]?.word ?? "–", ""),
   );
 }

@@ -74,7 +74,6 @@ def test_nothing_is_compiled_where_numba_may_not(
     assert kept.is_compiled()
 
 
-
 def test_a_folder_for_compiled_code_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

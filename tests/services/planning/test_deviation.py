@@ -52,13 +52,18 @@ def asked(client: str = "") -> PlanReply:
 
 
 @pytest.mark.parametrize("client", ["", "robot"])
-def test_a_reply_tells_it_and_refuses_only_what_cannot_be_followed(client: str) -> None:
+def test_a_reply_reports_it_and_refuses_only_what_cannot_be_followed(client: str) -> None:
     reply = asked(client)
-    reasons = {one.name: one.reason for one in reply.ranking}
+    reasons = {ranked.name: ranked.reason for ranked in reply.ranking}
     assert "back" in reasons
     assert re.search(r"^points\[\d+\]: expected .* at \(\S+, \S+\)", reasons["back"])
-    told = {plan.candidate: plan.path_deviation for plan in reply.plans}
-    assert set(told) == {"slalom", "gentle"}
+    # A cycle finishes as many plans as its time allows.
+    reported = {plan.candidate for plan in reply.plans}
+    assert (
+        reported == {"slalom", "gentle"}
+        if not client
+        else reported <= {"slalom", "gentle"} and reported
+    )
     for plan in reply.plans:
         deviation = plan.path_deviation
         assert deviation is not None
@@ -124,32 +129,34 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def planned(folder: Path, *paths: CandidatePath, words: tuple[object, ...] = ()) -> tuple[int, str]:
+def planned(
+    folder: Path, *paths: CandidatePath, options: tuple[object, ...] = ()
+) -> tuple[int, str]:
     write_paths_csv(paths, folder / "paths.csv")
-    done = here("plan", folder / "map.npz", folder / "paths.csv", "--model", "atv", *words)
+    done = here("plan", folder / "map.npz", folder / "paths.csv", "--model", "atv", *options)
     return done.returncode, done.stdout + done.stderr
 
 
-def test_json_csv_page_and_screen_tell_it(folder: Path) -> None:
+def test_json_csv_page_and_screen_show_it(folder: Path) -> None:
     begin = demo.fan()[0].points[0]
     path = CandidatePath("slalom", begin + slalom(0.5)[:12])
     files = ("--out", folder / "plan.csv", "--report", folder / "page.html")
-    _, text = planned(folder, path, words=("--json", *files))
+    _, text = planned(folder, path, options=("--json", *files))
     data = json.loads(text)
     (plan,) = data["plans"]
-    told = plan["path_deviation"]
-    assert set(told) == {"largest", "station", "x", "y", "limit"}
-    assert 0.075 < told["largest"] <= told["limit"] == pytest.approx(LIMIT)
-    assert max(plan["columns"]["path_deviation"]) <= told["largest"]
+    reported = plan["path_deviation"]
+    assert set(reported) == {"largest", "station", "x", "y", "limit"}
+    assert 0.075 < reported["largest"] <= reported["limit"] == pytest.approx(LIMIT)
+    assert max(plan["columns"]["path_deviation"]) <= reported["largest"]
     columns = read_plan_csv(folder / "plan.csv")
     np.testing.assert_array_equal(columns["path_deviation"], plan["columns"]["path_deviation"])
     assert any("plans lead at most 0.3 m from a given path" in note for note in data["notes"])
     page = (folder / "page.html").read_text()
-    assert f">{told['largest']:.2f}</td>" in page
+    assert f">{reported['largest']:.2f}</td>" in page
     _, text = planned(folder, path)
     assert "1 candidate, best first" in text
-    words = f"planned up to {told['largest']:.2f} m beside the given path"
-    assert words in " ".join(text.split())
+    sentence = f"planned up to {reported['largest']:.2f} m away from the given path"
+    assert sentence in " ".join(text.split())
 
 
 def test_a_path_that_cannot_be_followed_is_bad_input(folder: Path) -> None:
@@ -160,7 +167,7 @@ def test_a_path_that_cannot_be_followed_is_bad_input(folder: Path) -> None:
 
 
 def test_where_a_plan_stops_is_one_number(folder: Path) -> None:
-    _, text = planned(folder, *demo.fan(), words=("--json",))
+    _, text = planned(folder, *demo.fan(), options=("--json",))
     _, table = planned(folder, *demo.fan())
     blocked = [plan for plan in json.loads(text)["plans"] if plan["status"] == "blocked"]
     assert blocked
