@@ -59,7 +59,7 @@ class Guard:
         timing, self.settings = settings.timing, settings
         self.counters: Counter[str] = Counter()
         shared = (wall or WallClock()) if timing.clock == "shared" else None
-        ages = self.counters, timing.max_latency, shared
+        ages = self.counters, timing.max_latency, shared, timing.clock != "ignored"
         self.commands: Feed[tuple[BaseCommand, int]] = Feed("command", timing.command, *ages)
         self.motions: Feed[VehicleMotion] = Feed("odometry", timing.motion, *ages)
         self.clears: Feed[_Clear] = Feed("clear distance", timing.clear, *ages)

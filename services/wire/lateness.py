@@ -21,6 +21,12 @@ SYNCHRONY = 0.02
 _REORDERED = 1.0
 """Without a number, a stamp that is earlier by less is of a message that was overtaken [s]."""
 
+_IN_A_ROW = 3
+"""So many overtaken messages with none between them are of a clock that was set back [1]."""
+
+_LATEST_STAMP = 1e11
+"""No clock counts so many seconds: what is beyond has another unit, or is too coarse [s]."""
+
 SHARED, GROWTH, ARRIVAL = "shared clock", "growth only", "none"
 """What stamps are good for, as the status reports it."""
 
@@ -74,16 +80,19 @@ class Lateness:
         stepped: when the sender's clock was last seen to be set, monotonic [s].
     """
 
-    def __init__(self, max_latency: float, wall: WallClock | None = None) -> None:
+    def __init__(
+        self, max_latency: float, wall: WallClock | None = None, *, uses_stamps: bool = True
+    ) -> None:
         """Begin.
 
         Args:
             max_latency: declared bound of the delay that no shared clock shows [s].
             wall: the clock that stamps are of; None: no clock is shared.
+            uses_stamps: False where they do not advance as time does, as in simulations.
         """
-        self._max_latency, self._wall = max_latency, wall
+        self._max_latency, self._wall, self._uses_stamps = max_latency, wall, uses_stamps
         self._clock = SenderClock()
-        self._at, self.late = -math.inf, 0.0
+        self._at, self.late, self._overtaken = -math.inf, 0.0, 0
         self.number: int | None = None
         self.stamps, self.repeated, self.stepped = ARRIVAL, False, -math.inf
 
@@ -95,30 +104,34 @@ class Lateness:
             number: counts the messages of the sender; None: they are not numbered.
 
         Raises:
-            ParameterError: the stamp is no number, or later than now by a shared clock.
+            ParameterError: the stamp is no time, or later than now by a shared clock.
         """
-        known = 0.0
+        stamp, known = stamp if self._uses_stamps else None, 0.0
         if stamp is not None:
             known = self._checked(stamp, at)
             if number is None and 0.0 < self._clock.stamp - stamp < _REORDERED:
+                self._overtaken += 1
                 return False
         self.repeated = stamp == self._clock.stamp or (stamp is None and self._clock.is_known)
         if stamp is not None:
             steps = self._clock.steps
             sent = 0 if number is None or self.number is None else number - self.number
-            self.late = self._clock.lateness(stamp, at, known, sent)
+            is_set = self._overtaken >= _IN_A_ROW
+            self.late = self._clock.lateness(stamp, at, known, sent, is_set=is_set)
             self.stamps = GROWTH if self._wall is None else SHARED
             self.stepped = at if self._clock.steps > steps else self.stepped
         elif self.repeated:
             # A sender that omits its stamp may repeat itself.
             self.late = self._clock.lateness(self._clock.stamp, at)
-        self._at, self.number = at, self.number if number is None else number
+        self._at, self._overtaken = at, self._overtaken if self.repeated else 0
+        self.number = self.number if number is None else number
         return True
 
     def _checked(self, stamp: float, at: float) -> float:
         """Age by the shared clock, 0 without one [s]."""
-        if not math.isfinite(stamp):
-            raise ParameterError("stamp", f"a finite number [s], got {stamp}")
+        if not abs(stamp) <= _LATEST_STAMP:
+            expected = f"a finite time in seconds, {_LATEST_STAMP:g} at most"
+            raise ParameterError("stamp", f"{expected}, got {stamp:g}")
         if self._wall is None:
             return 0.0
         wall = self._wall.at(at)

@@ -51,7 +51,9 @@ class SenderClock:
         """Return True after the first message with a stamp."""
         return math.isfinite(self.stamp)
 
-    def lateness(self, stamp: float, at: float, known: float = 0.0, sent: int = 0) -> float:
+    def lateness(
+        self, stamp: float, at: float, known: float = 0.0, sent: int = 0, *, is_set: bool = False
+    ) -> float:
         """How late a message is [s]: what is known of it, and what it is later than the quickest.
 
         A message is never later than the one before it was on arrival and the time since then.
@@ -62,6 +64,7 @@ class SenderClock:
             stamp: on the sender's clock [s]; messages come in the order in which they were sent.
             at: arrival, monotonic [s]. known: age by a clock that both share, 0 without one [s].
             sent: messages that were sent since the last one, 0 where they are not numbered.
+            is_set: the sender's clock is known to have been set.
         """
         lead, passed = stamp - at, max(at - self._at, 0.0)
         if stamp == self.stamp:
@@ -69,7 +72,7 @@ class SenderClock:
         recovered = min(self._uncertain, self._recovers * passed)
         self._uncertain -= recovered
         self.lead -= recovered
-        if self.is_known and self._is_step(stamp, at, passed, sent):
+        if self.is_known and (is_set or self._is_step(stamp, at, passed, sent)):
             latest = self._late + passed
             growth = max(self.lead - (self.stamp - self._at), 0.0)
             self._uncertain += latest - growth
