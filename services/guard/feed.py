@@ -74,7 +74,7 @@ class Feed(Generic[T]):
                 self.counters[f"{self.name} repeated or late"] += 1
                 return False
         except ParameterError as error:
-            self.drop(f"{self.name} rejected: stamp: expected {error.expected}")
+            self.drop(f"{self.name} rejected: stamp: expected {error.expected}", now)
             self._record("refused stamp", now, self.refused)
             return False
         if sequence is not None and last is not None and sequence > last + 1:
@@ -104,13 +104,13 @@ class Feed(Generic[T]):
         """What is wrong with stamps and delay, or was within :data:`RECOVERY`."""
         found = [text for at, text in self._events.values() if now - at <= RECOVERY]
         if self.has_messages and self.newest.stamps == ARRIVAL:
-            why = "has no stamps" if self.uses_stamps else "is used without its stamps"
-            found.append(f"{self.name} {why}: its delay is taken as {self.max_latency:g} s")
+            basis = "has no stamps" if self.uses_stamps else "is used without its stamps"
+            found.append(f"{self.name} {basis}: its delay is taken as {self.max_latency:g} s")
         return found
 
-    def drop(self, reason: str = "") -> None:
-        """Discard the newest: a message that cannot be read replaces it."""
-        self._value, self.refused = None, reason
+    def drop(self, reason: str = "", at: float = -math.inf) -> None:
+        """Discard the newest: a message that came ``at`` [s] and is unusable replaces it."""
+        self._value, self.refused, self._at = None, reason, max(self._at, at)
 
     def age(self, now: float) -> float:
         """Age of the newest, as far as stamps and arrival show it [s]; inf if none came."""
@@ -119,6 +119,10 @@ class Feed(Generic[T]):
     def bound(self, now: float) -> float:
         """Age of the newest that is not exceeded, if clocks or delay are as declared [s]."""
         return self.newest.bound(now)
+
+    def is_arriving(self, now: float) -> bool:
+        """Return True if a message came within the deadline, however late or unusable."""
+        return now - self._at <= self.deadline
 
     def fresh(self, now: float) -> T | None:
         """The newest, unless it is void."""

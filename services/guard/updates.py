@@ -157,7 +157,7 @@ class Updates:
         encoding = codec.encoding_of(ParameterGroup, format_of(raw))
         try:
             group = codec.decode(ParameterGroup, raw, encoding, key, _LARGEST)
-        except Exception as error:  # noqa: BLE001 - logged; without this thread maps grow old unseen
+        except Exception as error:  # noqa: BLE001 - logged; maps need this thread
             _log.warning("%s: %s", key, error)
             return
         with self._news:

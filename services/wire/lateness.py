@@ -22,10 +22,10 @@ _REORDERED = 1.0
 """Without a number, a stamp that is earlier by less is of a message that was overtaken [s]."""
 
 _IN_A_ROW = 3
-"""So many overtaken messages with none between them are of a clock that was set back [1]."""
+"""Overtaken messages in a row from which on the clock was set back [1]."""
 
 _LATEST_STAMP = 1e11
-"""No clock counts so many seconds: what is beyond has another unit, or is too coarse [s]."""
+"""Largest stamp of any clock: one beyond has another unit, or is too coarse [s]."""
 
 SHARED, GROWTH, ARRIVAL = "shared clock", "growth only", "none"
 """What stamps are good for, as the status reports it."""
