@@ -45,8 +45,8 @@ class Feed(Generic[T]):
     def __post_init__(self) -> None:
         self.newest = self._begin()
 
-    def _begin(self) -> Lateness:
-        return Lateness(self.max_latency, self.wall, uses_stamps=self.uses_stamps)
+    def _begin(self, late: float = 0.0) -> Lateness:
+        return Lateness(self.max_latency, self.wall, uses_stamps=self.uses_stamps, late=late)
 
     def take(
         self, value: T, now: float, sender: str = "", sequence: int | None = None,
@@ -61,7 +61,7 @@ class Feed(Generic[T]):
             value: of the message. now: its arrival, monotonic [s].
             sender, sequence: who numbered it, and how. time: its stamp on the sender's clock [s].
         """
-        lateness = self._senders.pop(sender, None) or self._begin()
+        lateness = self._senders.pop(sender, None) or self._begin(self.newest.late)
         self._senders[sender] = lateness
         while len(self._senders) > _MOST_SENDERS:
             self._senders.pop(next(iter(self._senders)))

@@ -43,7 +43,7 @@ class WallTime(NamedTuple):
 class WallClock:
     """Wall time at moments of the monotonic clock.
 
-    For :data:`RECOVERY` seconds after the wall clock was set, both its settings are possible.
+    For :data:`RECOVERY` seconds after the wall clock was set, each of its settings is possible.
     """
 
     def __init__(
@@ -52,7 +52,8 @@ class WallClock:
         """Read the two clocks [s]."""
         self._wall, self._monotonic = wall, monotonic
         self._offset, self._read = wall() - monotonic(), monotonic()
-        self._before, self._set = self._offset, -math.inf
+        self._low = self._high = self._offset
+        self._set = -math.inf
 
     def at(self, moment: float) -> WallTime:
         """Wall time at a moment of the monotonic clock [s]."""
@@ -60,10 +61,12 @@ class WallClock:
         offset = self._wall() - now
         # NTP slews by less than ten times the drift of a clock.
         if abs(offset - self._offset) > STEP + 10.0 * DRIFT * (now - self._read):
-            self._before, self._set = self._offset, now
+            self._low, self._high = min(self._low, self._offset), max(self._high, self._offset)
+            self._set = now
         self._offset, self._read = offset, now
-        before = self._before if self.is_recovering(now) else offset
-        return WallTime(moment + max(offset, before), moment + min(offset, before))
+        if not self.is_recovering(now):
+            self._low = self._high = offset
+        return WallTime(moment + max(offset, self._high), moment + min(offset, self._low))
 
     def is_recovering(self, now: float) -> bool:
         """Return True if the clock was set lately; ``now``: monotonic [s]."""
@@ -81,17 +84,23 @@ class Lateness:
     """
 
     def __init__(
-        self, max_latency: float, wall: WallClock | None = None, *, uses_stamps: bool = True
+        self,
+        max_latency: float,
+        wall: WallClock | None = None,
+        *,
+        uses_stamps: bool = True,
+        late: float = 0.0,
     ) -> None:
         """Begin.
 
         Args:
             max_latency: declared bound of the delay that no shared clock shows [s].
             wall: the clock that stamps are of; None: no clock is shared.
+            late: lateness of the sender before this one [s]; not used with a shared clock.
             uses_stamps: False where they do not advance as time does, as in simulations.
         """
         self._max_latency, self._wall, self._uses_stamps = max_latency, wall, uses_stamps
-        self._clock = SenderClock()
+        self._clock = SenderClock(late if wall is None else 0.0)
         self._at, self.late, self._overtaken = -math.inf, 0.0, 0
         self.number: int | None = None
         self.stamps, self.repeated, self.stepped = ARRIVAL, False, -math.inf

@@ -198,3 +198,18 @@ def test_a_planner_that_brakes_by_itself_loses_no_time() -> None:
         ]
         speeds.append(sum(o.distance for o in outcomes) / sum(o.moving_time for o in outcomes))
     assert speeds[1] == pytest.approx(speeds[0], rel=0.01)
+
+
+def test_a_sender_that_is_renamed_is_as_late_as_before() -> None:
+    clock = [0.0]
+    it, ages = guard_with(clock, motion=0.2), []
+    here = VehicleMotion(PlanarPose(0.0, 0.0, 0.0), 0.0)
+    for k in range(900):
+        sent = 0.02 * k
+        now = clock[0] = sent + min(max(0.25 * (sent - 2.0), 0.0), 0.5)
+        it.motions.take(here, now, "a" if k < 300 else "b", k, 7.0 + sent)
+        ages.append(it.motions.age(now))
+    assert ages[299] == pytest.approx(0.5, abs=0.002)
+    assert ages[300] == pytest.approx(0.5, abs=0.002)
+    assert ages[500] > 0.2
+    assert ages[-1] < 0.01

@@ -173,3 +173,15 @@ def test_simulated_time_that_runs_slower_makes_messages_late_unless_stamps_are_i
     assert ignored.stamps == ARRIVAL
     assert ignored.age(now + 0.1) == pytest.approx(0.1)
     assert ignored.bound(now + 0.1) == pytest.approx(0.3)
+
+
+def test_a_wall_clock_that_is_set_twice_counts_the_worst_of_all_settings() -> None:
+    now, set_by = [0.0], [0.0]
+    wall = WallClock(lambda: 1000.0 + now[0] + set_by[0], lambda: now[0])
+    for k, leap in enumerate((0.0, -0.3, -0.6)):
+        now[0], set_by[0] = 1.0 + k, leap
+        time = wall.at(now[0])
+    assert time.latest == pytest.approx(1000.0 + now[0])
+    assert time.earliest == pytest.approx(999.4 + now[0])
+    now[0] += RECOVERY + 0.1
+    assert wall.at(now[0]) == pytest.approx((999.4 + now[0],) * 2)
