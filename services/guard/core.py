@@ -59,7 +59,7 @@ class Guard:
         timing, self.settings = settings.timing, settings
         self.counters: Counter[str] = Counter()
         shared = (wall or WallClock()) if timing.clock == "shared" else None
-        ages = self.counters, timing.max_latency, shared
+        ages = self.counters, timing.max_latency, shared, timing.clock != "ignored"
         self.commands: Feed[tuple[BaseCommand, int]] = Feed("command", timing.command, *ages)
         self.motions: Feed[VehicleMotion] = Feed("odometry", timing.motion, *ages)
         self.clears: Feed[_Clear] = Feed("clear distance", timing.clear, *ages)
@@ -92,7 +92,7 @@ class Guard:
     ) -> bool:  # fmt: skip
         """How far the way is known free from where the vehicle was at its stamp [m]."""
         if not (math.isfinite(distance) and distance >= 0.0):
-            self.clears.drop()
+            self.clears.drop(at=now)
             return False
         told = _Clear(distance, self.motions.fresh(now), self.motions.bound(now))
         return self.clears.take(told, now, sender, sequence, time)
@@ -161,7 +161,9 @@ class Guard:
         """
         told = self.clears.fresh(now)
         if told is None:
-            return None if self.settings.judgement.awaits_clear else math.inf
+            # One that arrives late, or cannot be used, says that there is a bound.
+            is_awaited = self.settings.judgement.awaits_clear or self.clears.is_arriving(now)
+            return None if is_awaited else math.inf
         if told.motion is None:
             gone = abs(reached) * self.clears.bound(now)
         else:

@@ -23,7 +23,7 @@ class Feed(Generic[T]):
 
     Attributes:
         name: for messages. deadline: age beyond which the newest is void [s].
-        counters: of the guard. max_latency, wall: of :class:`Lateness`.
+        counters: of the guard. max_latency, wall, uses_stamps: of :class:`Lateness`.
         newest: age of the newest message. has_messages: one was taken since the start.
         refused: why the newest was discarded, as text; empty: it was not, or no reason is known.
     """
@@ -33,6 +33,7 @@ class Feed(Generic[T]):
     counters: Counter[str]
     max_latency: float = 0.0
     wall: WallClock | None = None
+    uses_stamps: bool = True
     newest: Lateness = field(init=False)
     has_messages: bool = False
     refused: str = ""
@@ -42,7 +43,10 @@ class Feed(Generic[T]):
     _events: dict[str, tuple[float, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.newest = Lateness(self.max_latency, self.wall)
+        self.newest = self._begin()
+
+    def _begin(self, late: float = 0.0) -> Lateness:
+        return Lateness(self.max_latency, self.wall, uses_stamps=self.uses_stamps, late=late)
 
     def take(
         self, value: T, now: float, sender: str = "", sequence: int | None = None,
@@ -57,7 +61,7 @@ class Feed(Generic[T]):
             value: of the message. now: its arrival, monotonic [s].
             sender, sequence: who numbered it, and how. time: its stamp on the sender's clock [s].
         """
-        lateness = self._senders.pop(sender, None) or Lateness(self.max_latency, self.wall)
+        lateness = self._senders.pop(sender, None) or self._begin(self.newest.late)
         self._senders[sender] = lateness
         while len(self._senders) > _MOST_SENDERS:
             self._senders.pop(next(iter(self._senders)))
@@ -70,7 +74,7 @@ class Feed(Generic[T]):
                 self.counters[f"{self.name} repeated or late"] += 1
                 return False
         except ParameterError as error:
-            self.drop(f"{self.name} rejected: stamp: expected {error.expected}")
+            self.drop(f"{self.name} rejected: stamp: expected {error.expected}", now)
             self._record("refused stamp", now, self.refused)
             return False
         if sequence is not None and last is not None and sequence > last + 1:
@@ -100,12 +104,13 @@ class Feed(Generic[T]):
         """What is wrong with stamps and delay, or was within :data:`RECOVERY`."""
         found = [text for at, text in self._events.values() if now - at <= RECOVERY]
         if self.has_messages and self.newest.stamps == ARRIVAL:
-            found.append(f"{self.name} has no stamps: its delay is taken as {self.max_latency:g} s")
+            basis = "has no stamps" if self.uses_stamps else "is used without its stamps"
+            found.append(f"{self.name} {basis}: its delay is taken as {self.max_latency:g} s")
         return found
 
-    def drop(self, reason: str = "") -> None:
-        """Discard the newest: a message that cannot be read replaces it."""
-        self._value, self.refused = None, reason
+    def drop(self, reason: str = "", at: float = -math.inf) -> None:
+        """Discard the newest: a message that came ``at`` [s] and is unusable replaces it."""
+        self._value, self.refused, self._at = None, reason, max(self._at, at)
 
     def age(self, now: float) -> float:
         """Age of the newest, as far as stamps and arrival show it [s]; inf if none came."""
@@ -114,6 +119,10 @@ class Feed(Generic[T]):
     def bound(self, now: float) -> float:
         """Age of the newest that is not exceeded, if clocks or delay are as declared [s]."""
         return self.newest.bound(now)
+
+    def is_arriving(self, now: float) -> bool:
+        """Return True if a message came within the deadline, however late or unusable."""
+        return now - self._at <= self.deadline
 
     def fresh(self, now: float) -> T | None:
         """The newest, unless it is void."""

@@ -61,7 +61,8 @@ class GuardTiming:
     """How long what is heard may be believed, and how quick a fault is answered.
 
     Attributes:
-        clock: clock of stamps; shared: the wall clock of this machine.
+        clock: clock of stamps; shared: the wall clock of this machine; ignored: stamps
+            are not used, as of simulated time that runs slower.
     """
 
     period: float = quantity(
@@ -87,7 +88,7 @@ class GuardTiming:
         "s", "A command is taken to hold for so long before anything is done about it.",
         default=0.1, at_least=0.0, at_most=2.0,
     )  # fmt: skip
-    clock: Literal["unknown", "shared"] = "unknown"
+    clock: Literal["unknown", "shared", "ignored"] = "unknown"
     max_latency: float = quantity(
         "s", "Longest delay from measurement to arrival; unused where stamps show it.",
         default=0.2, at_least=0.0, at_most=2.0,

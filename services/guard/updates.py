@@ -13,7 +13,6 @@ from collections import Counter, OrderedDict, deque
 
 import zenoh
 
-from models.errors import InputError
 from services.guard.core import Guard
 from services.guard.ground import GuardGround, ground_of
 from services.guard.zenoh_wire import format_of
@@ -51,13 +50,14 @@ class KnownMap:
         self.ground, self.reason = None, reason
 
     def take(self, update: MapUpdate) -> None:
-        """Apply an update; a patch whose number shows that others are missing loses the ground.
+        """Apply an update; a patch before which others may be missing loses the ground.
 
         Raises:
             ParameterError: it is no ground, or does not fit what is known.
         """
         sender = update.source, update.instance
         last = self._last.pop(sender, None)
+        is_restarted = last is None and any(source == sender[0] for source, _ in self._last)
         self._last[sender] = update.sequence
         while len(self._last) > _MAX_SOURCES:
             self._last.popitem(last=False)
@@ -69,6 +69,8 @@ class KnownMap:
             self.lose(max(update.sequence - last - 1, 1))
         elif self.reason:
             self.counters["map patches unused"] += 1
+        elif last is None and (update.sequence > 1 or is_restarted):
+            self.lose()  # at least the one before it
         else:
             self.ground = ground_of(update, self.ground)
 
@@ -155,8 +157,8 @@ class Updates:
         encoding = codec.encoding_of(ParameterGroup, format_of(raw))
         try:
             group = codec.decode(ParameterGroup, raw, encoding, key, _LARGEST)
-        except InputError as error:
-            _log.warning("%s", error)
+        except Exception as error:  # noqa: BLE001 - logged; maps need this thread
+            _log.warning("%s: %s", key, error)
             return
         with self._news:
             self._new_groups.append(group)

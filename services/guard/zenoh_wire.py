@@ -11,6 +11,7 @@ from models.errors import InputError
 from services.guard.arc import PlanarPose
 from services.guard.core import BaseWord, Guard
 from services.guard.decide import BaseCommand, VehicleMotion
+from services.guard.feed import Feed
 from services.guard.messages import GuardClear, GuardCommand, GuardMotion, GuardOutput
 from services.ros.inbox import Inbox, Received
 from services.wire import codec
@@ -106,9 +107,8 @@ class ZenohWire(OutputWire):
                     commanded |= self._take(guard, name, received)
                 except InputError as error:
                     # A command or a place that cannot be read takes away the one before it.
-                    {"motion": guard.motions, "clear": guard.clears}.get(
-                        name, guard.commands
-                    ).drop()  # type: ignore[attr-defined]
+                    feeds: dict[str, Feed[Any]] = {"motion": guard.motions, "clear": guard.clears}
+                    feeds.get(name, guard.commands).drop(at=received.at)
                     self.inbox.refuse(name, str(error))
         return commanded
 

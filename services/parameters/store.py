@@ -110,10 +110,11 @@ class Store:
         """Keep a file that is none beside the new one, a few of them at most."""
         stem = self.path.name + ".corrupt-"
         names = [self.path.with_name(f"{stem}{n}") for n in range(1, _CORRUPT_KEPT + 1)]
-        free = [name for name in names if not name.exists()]
-        kept = free[0] if free else min(names, key=lambda name: name.stat().st_mtime)
+        # On a full disk every attempt leaves an empty file: it must not push out one with data.
+        kept = min(names, key=_worth)
         self.path.replace(kept)
         log, quarantined = (file.with_name(file.name + "-wal") for file in (self.path, kept))
+        quarantined.unlink(missing_ok=True)
         if log.exists():
             log.replace(quarantined)
         self.path.with_name(self.path.name + "-shm").unlink(missing_ok=True)
@@ -264,3 +265,11 @@ class Store:
                 rows.close()
         except sqlite3.Error as error:
             raise StoreError(f"{self.path.name} cannot be read: {error}") from None
+
+
+def _worth(file: Path) -> tuple[bool, bool, float]:
+    """Order in which files make room: those that are not there, empty ones, then the oldest."""
+    if not file.exists():
+        return False, False, 0.0
+    log = file.with_name(file.name + "-wal")
+    return True, file.stat().st_size > 0 or log.exists(), file.stat().st_mtime

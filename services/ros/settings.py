@@ -107,7 +107,8 @@ class Timing:
     """How often, how long things hold, and how far is looked.
 
     Attributes:
-        clock: clock of odometry's stamps; shared: the wall clock of this machine.
+        clock: clock of odometry's stamps; shared: the wall clock of this machine; ignored: stamps
+            are not used, as of simulated time that runs slower.
     """
 
     period: float = quantity(
@@ -124,7 +125,7 @@ class Timing:
     odometry_age: float = quantity(
         "s", "Odometry older than that tells no speed.", default=0.3, above=0.0
     )
-    clock: Literal["unknown", "shared"] = "unknown"
+    clock: Literal["unknown", "shared", "ignored"] = "unknown"
     max_latency: float = quantity(
         "s", "Longest delay from measurement to arrival; unused where stamps show it.",
         default=0.2, at_least=0.0, at_most=2.0,

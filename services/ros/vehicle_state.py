@@ -47,7 +47,8 @@ class VehicleState:
         self._at = -float("inf")
         timing = settings.timing
         wall = WallClock() if timing.clock == "shared" else None
-        self._lateness = Lateness(timing.max_latency, wall)
+        uses_stamps = timing.clock != "ignored"
+        self._lateness = Lateness(timing.max_latency, wall, uses_stamps=uses_stamps)
         self._teller: SampleTeller | None = None
         if topics.imu and topics.command:
             wheels = ("v_left", "v_right") if topics.joints and settings.wheels.left else ()

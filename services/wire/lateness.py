@@ -21,6 +21,12 @@ SYNCHRONY = 0.02
 _REORDERED = 1.0
 """Without a number, a stamp that is earlier by less is of a message that was overtaken [s]."""
 
+_IN_A_ROW = 3
+"""Overtaken messages in a row from which on the clock was set back [1]."""
+
+_LATEST_STAMP = 1e11
+"""Largest stamp of any clock: one beyond has another unit, or is too coarse [s]."""
+
 SHARED, GROWTH, ARRIVAL = "shared clock", "growth only", "none"
 """What stamps are good for, as the status reports it."""
 
@@ -37,7 +43,7 @@ class WallTime(NamedTuple):
 class WallClock:
     """Wall time at moments of the monotonic clock.
 
-    For :data:`RECOVERY` seconds after the wall clock was set, both its settings are possible.
+    For :data:`RECOVERY` seconds after the wall clock was set, each of its settings is possible.
     """
 
     def __init__(
@@ -46,7 +52,8 @@ class WallClock:
         """Read the two clocks [s]."""
         self._wall, self._monotonic = wall, monotonic
         self._offset, self._read = wall() - monotonic(), monotonic()
-        self._before, self._set = self._offset, -math.inf
+        self._low = self._high = self._offset
+        self._set = -math.inf
 
     def at(self, moment: float) -> WallTime:
         """Wall time at a moment of the monotonic clock [s]."""
@@ -54,10 +61,12 @@ class WallClock:
         offset = self._wall() - now
         # NTP slews by less than ten times the drift of a clock.
         if abs(offset - self._offset) > STEP + 10.0 * DRIFT * (now - self._read):
-            self._before, self._set = self._offset, now
+            self._low, self._high = min(self._low, self._offset), max(self._high, self._offset)
+            self._set = now
         self._offset, self._read = offset, now
-        before = self._before if self.is_recovering(now) else offset
-        return WallTime(moment + max(offset, before), moment + min(offset, before))
+        if not self.is_recovering(now):
+            self._low = self._high = offset
+        return WallTime(moment + max(offset, self._high), moment + min(offset, self._low))
 
     def is_recovering(self, now: float) -> bool:
         """Return True if the clock was set lately; ``now``: monotonic [s]."""
@@ -74,16 +83,25 @@ class Lateness:
         stepped: when the sender's clock was last seen to be set, monotonic [s].
     """
 
-    def __init__(self, max_latency: float, wall: WallClock | None = None) -> None:
+    def __init__(
+        self,
+        max_latency: float,
+        wall: WallClock | None = None,
+        *,
+        uses_stamps: bool = True,
+        late: float = 0.0,
+    ) -> None:
         """Begin.
 
         Args:
             max_latency: declared bound of the delay that no shared clock shows [s].
             wall: the clock that stamps are of; None: no clock is shared.
+            late: lateness of the sender before this one [s]; not used with a shared clock.
+            uses_stamps: False where they do not advance as time does, as in simulations.
         """
-        self._max_latency, self._wall = max_latency, wall
-        self._clock = SenderClock()
-        self._at, self.late = -math.inf, 0.0
+        self._max_latency, self._wall, self._uses_stamps = max_latency, wall, uses_stamps
+        self._clock = SenderClock(late if wall is None else 0.0)
+        self._at, self.late, self._overtaken = -math.inf, 0.0, 0
         self.number: int | None = None
         self.stamps, self.repeated, self.stepped = ARRIVAL, False, -math.inf
 
@@ -95,30 +113,34 @@ class Lateness:
             number: counts the messages of the sender; None: they are not numbered.
 
         Raises:
-            ParameterError: the stamp is no number, or later than now by a shared clock.
+            ParameterError: the stamp is no time, or later than now by a shared clock.
         """
-        known = 0.0
+        stamp, known = stamp if self._uses_stamps else None, 0.0
         if stamp is not None:
             known = self._checked(stamp, at)
             if number is None and 0.0 < self._clock.stamp - stamp < _REORDERED:
+                self._overtaken += 1
                 return False
         self.repeated = stamp == self._clock.stamp or (stamp is None and self._clock.is_known)
         if stamp is not None:
             steps = self._clock.steps
             sent = 0 if number is None or self.number is None else number - self.number
-            self.late = self._clock.lateness(stamp, at, known, sent)
+            is_set = self._overtaken >= _IN_A_ROW
+            self.late = self._clock.lateness(stamp, at, known, sent, is_set=is_set)
             self.stamps = GROWTH if self._wall is None else SHARED
             self.stepped = at if self._clock.steps > steps else self.stepped
         elif self.repeated:
             # A sender that omits its stamp may repeat itself.
             self.late = self._clock.lateness(self._clock.stamp, at)
-        self._at, self.number = at, self.number if number is None else number
+        self._at, self._overtaken = at, self._overtaken if self.repeated else 0
+        self.number = self.number if number is None else number
         return True
 
     def _checked(self, stamp: float, at: float) -> float:
         """Age by the shared clock, 0 without one [s]."""
-        if not math.isfinite(stamp):
-            raise ParameterError("stamp", f"a finite number [s], got {stamp}")
+        if not abs(stamp) <= _LATEST_STAMP:
+            expected = f"a finite time in seconds, {_LATEST_STAMP:g} at most"
+            raise ParameterError("stamp", f"{expected}, got {stamp:g}")
         if self._wall is None:
             return 0.0
         wall = self._wall.at(at)

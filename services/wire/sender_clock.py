@@ -37,12 +37,12 @@ class SenderClock:
         stamp: stamp of the newest message, on the sender's clock [s]. steps: how often it was set.
     """
 
-    def __init__(self) -> None:
-        """Nothing was heard yet."""
+    def __init__(self, late: float = 0.0) -> None:
+        """Begin; ``late``: lateness of the sender before this one, given up as after a step [s]."""
         self.lead = self.stamp = -math.inf
         self.steps = 0
         self._doubtful: list[float] = []
-        self._at = self._late = 0.0
+        self._at, self._late = 0.0, late
         self._uncertain = self._recovers = self._interval = 0.0
         self._measured = 0
 
@@ -51,7 +51,9 @@ class SenderClock:
         """Return True after the first message with a stamp."""
         return math.isfinite(self.stamp)
 
-    def lateness(self, stamp: float, at: float, known: float = 0.0, sent: int = 0) -> float:
+    def lateness(
+        self, stamp: float, at: float, known: float = 0.0, sent: int = 0, *, is_set: bool = False
+    ) -> float:
         """How late a message is [s]: what is known of it, and what it is later than the quickest.
 
         A message is never later than the one before it was on arrival and the time since then.
@@ -62,14 +64,18 @@ class SenderClock:
             stamp: on the sender's clock [s]; messages come in the order in which they were sent.
             at: arrival, monotonic [s]. known: age by a clock that both share, 0 without one [s].
             sent: messages that were sent since the last one, 0 where they are not numbered.
+            is_set: the sender's clock is known to have been set.
         """
-        lead, passed = stamp - at, max(at - self._at, 0.0)
+        lead, passed = stamp - at, max(at - self._at, 0.0) if self.is_known else 0.0
         if stamp == self.stamp:
             return max(self._late + passed, known)
         recovered = min(self._uncertain, self._recovers * passed)
         self._uncertain -= recovered
         self.lead -= recovered
-        if self.is_known and self._is_step(stamp, at, passed, sent):
+        if not self.is_known:
+            self.lead, self._uncertain = lead + self._late, self._late
+            self._recovers = self._late / RECOVERY
+        elif is_set or self._is_step(stamp, at, passed, sent):
             latest = self._late + passed
             growth = max(self.lead - (self.stamp - self._at), 0.0)
             self._uncertain += latest - growth

@@ -22,10 +22,10 @@ from tests.services.guard.test_decide import FLAT
 WALL = 1.7e9
 
 
-def guard_with(now: list[float], **timing: object) -> Guard:
+def guard_with(now: list[float], *, awaits_clear: bool = True, **timing: object) -> Guard:
     settings = GuardSettings(
         model="atv", timing=GuardTiming(**timing),  # type: ignore[arg-type]
-        judgement=GuardJudgement(awaits_clear=True),
+        judgement=GuardJudgement(awaits_clear=awaits_clear),
     )  # fmt: skip
     return Guard(settings, MODEL, FLAT, WallClock(lambda: WALL + now[0], lambda: now[0]))
 
@@ -52,6 +52,31 @@ def test_old_odometry_is_refused_with_its_age_by_the_stamp() -> None:
     assert reason == "odometry is 0.83 s old (stamp), limit 0.3 s"
     assert it.stamps()["odometry"] == "shared clock"
     assert "odometry arrives 0.83 s late" in it.flags(clock[0])
+
+
+@pytest.mark.parametrize("kind", ["late", "future", "unusable"])
+def test_a_clear_distance_that_arrives_but_cannot_be_used_never_frees_the_way(kind: str) -> None:
+    """Not awaited, it bounds the way from the first one on, until none has come for its age."""
+    clock = [0.0]
+    it = guard_with(clock, clock="shared", awaits_clear=False)
+    for k in range(100):
+        clock[0] = now = 0.02 * k
+        it.motions.take(VehicleMotion(PlanarPose(0.0, 0.0, 0.0), 0.0), now, "r", k, WALL + now)
+        it.commands.take((BaseCommand(2.0, 0.0), k), now, "p", k, WALL + now)
+        distance, stamp = 0.5, WALL + now
+        if k >= 50:
+            distance = -1.0 if kind == "unusable" else distance
+            stamp += {"late": -0.83, "future": 3.0}.get(kind, 0.0)
+        it.clear(distance, now, "c", k, stamp)
+        assert it.word(now).decision.command.speed < 0.5, k
+    decision = it.word(now).decision
+    assert decision.action == "stop"
+    assert "clear distance" in decision.reason
+    later = now + it.settings.timing.clear + 0.02
+    it.motions.take(VehicleMotion(PlanarPose(0.0, 0.0, 0.0), 0.0), later, "r", 100, WALL + later)
+    it.commands.take((BaseCommand(2.0, 0.0), 100), later, "p", 100, WALL + later)
+    clock[0] = later
+    assert it.word(later).decision.action == "pass"
 
 
 def test_growth_counts_where_no_clock_is_shared() -> None:
@@ -173,3 +198,18 @@ def test_a_planner_that_brakes_by_itself_loses_no_time() -> None:
         ]
         speeds.append(sum(o.distance for o in outcomes) / sum(o.moving_time for o in outcomes))
     assert speeds[1] == pytest.approx(speeds[0], rel=0.01)
+
+
+def test_a_sender_that_is_renamed_is_as_late_as_before() -> None:
+    clock = [0.0]
+    it, ages = guard_with(clock, motion=0.2), []
+    here = VehicleMotion(PlanarPose(0.0, 0.0, 0.0), 0.0)
+    for k in range(900):
+        sent = 0.02 * k
+        now = clock[0] = sent + min(max(0.25 * (sent - 2.0), 0.0), 0.5)
+        it.motions.take(here, now, "a" if k < 300 else "b", k, 7.0 + sent)
+        ages.append(it.motions.age(now))
+    assert ages[299] == pytest.approx(0.5, abs=0.002)
+    assert ages[300] == pytest.approx(0.5, abs=0.002)
+    assert ages[500] > 0.2
+    assert ages[-1] < 0.01

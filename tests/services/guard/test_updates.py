@@ -23,11 +23,13 @@ from tests.services.guard.test_decide import MODEL, group
 SPACE = "test/updates"
 
 
-def update(sequence: int, *, patch: bool = False, height: float = 0.0) -> MapUpdate:
+def update(
+    sequence: int, *, patch: bool = False, height: float = 0.0, instance: str = ""
+) -> MapUpdate:
     cells = np.full((2, 2) if patch else (40, 40), height)
     return MapUpdate(
         source="mapper", sequence=sequence, elevation=cells, resolution=0.25, origin=(0.0, 0.0),
-        patch=patch,
+        patch=patch, instance=instance,
     )  # fmt: skip
 
 
@@ -50,6 +52,34 @@ def test_a_missing_patch_removes_the_ground_until_the_next_whole_map() -> None:
     assert known.ground.elevation[0, 0] == 2.0
     known.take(update(4, patch=True))  # late, or of a source that counts from one again
     assert known.reason == LOST
+
+
+@pytest.mark.parametrize(("sequence", "instance"), [(7, ""), (7, "b"), (1, "b")])
+def test_a_first_patch_before_which_others_may_be_missing_removes_the_ground(
+    sequence: int, instance: str
+) -> None:
+    """The guard joined late, or the mapper was restarted."""
+    at_start = KnownMap(None)
+    at_start.take(update(1))
+    known = KnownMap(at_start.ground)
+    if instance:
+        known.take(update(3, instance="a"))
+    known.take(update(sequence, patch=True, instance=instance))
+    assert (known.ground, known.reason) == (None, LOST)
+    known.take(update(sequence + 1, instance=instance))
+    known.take(update(sequence + 2, patch=True, instance=instance))
+    assert known.ground is not None
+
+
+@pytest.mark.parametrize("sequence", [0, 1])
+def test_patches_counted_from_the_beginning_change_the_first_map(sequence: int) -> None:
+    at_start = KnownMap(None)
+    at_start.take(update(1))
+    known = KnownMap(at_start.ground)
+    known.take(update(sequence, patch=True, height=1.0))
+    known.take(update(sequence + 1, patch=True, height=2.0))
+    assert known.ground is not None
+    assert known.ground.elevation[0, 0] == 2.0
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import resource
 import sqlite3
 import subprocess
 import sys
@@ -104,6 +105,23 @@ def test_corrupt_files_do_not_pile_up(path: Path) -> None:
         path.write_bytes(f"nonsense {n}".encode() * 100)
         Store(path).close()
     assert len(list(path.parent.glob("*corrupt*"))) == 3
+
+
+def test_attempts_on_a_full_disk_push_out_no_corrupt_file_with_data(path: Path) -> None:
+    path.parent.mkdir()
+    path.write_bytes(b"nonsense" * 100)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))  # no file may grow, as on a full disk
+    try:
+        for _ in range(6):
+            with pytest.raises(StoreError):
+                Store(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert path.with_name("parameters.sqlite.corrupt-1").read_bytes() == b"nonsense" * 100
+    again = Store(path)
+    assert again.lost
+    again.close()
 
 
 def test_a_row_that_changed_on_disk_is_left_out(path: Path) -> None:

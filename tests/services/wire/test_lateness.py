@@ -132,3 +132,56 @@ def test_without_numbers_an_overtaken_message_is_ignored() -> None:
     assert not newest.take(9.9, 1.01)
     assert newest.take(4.9, 1.02)  # the clock was set
     assert newest.stepped == 1.02
+
+
+def test_without_numbers_a_clock_set_back_by_less_than_a_second_is_over_in_its_time() -> None:
+    """Half a second back: what looks overtaken is refused, and what comes after it is a step."""
+    newest, ages = Lateness(0.2), []
+    for k in range(round((RECOVERY + 4.0) / PERIOD)):
+        now = PERIOD * k
+        if newest.take(50.0 + now - (0.5 if now >= 2.0 else 0.0), now):
+            ages.append((now, newest.age(now)))
+    first = next(age for now, age in ages if now > 2.0)
+    assert first >= 0.5 - PERIOD
+    assert newest.stepped > 2.0
+    assert ages[-1][1] < 0.01
+
+
+def test_stamps_that_no_clock_reaches_are_refused_and_hide_no_delay() -> None:
+    """In another unit, or so large that fractions of a second are lost in them."""
+    newest = Lateness(0.2)
+    for k in range(200):
+        sent = PERIOD * k
+        assert newest.take(1e9 + sent, sent + 0.4 * (k >= 100), k)
+    for stamp in (1e300, -1e300, 1.7e18):
+        with pytest.raises(ParameterError, match="a finite time in seconds"):
+            newest.take(stamp, sent + 0.41)
+    newest.take(1e9 + PERIOD * 200, PERIOD * 200 + 0.4, 200)
+    assert newest.age(PERIOD * 200 + 0.4) == pytest.approx(0.4, abs=0.001)
+
+
+@pytest.mark.parametrize("rate", [0.9, 0.99])
+def test_simulated_time_that_runs_slower_makes_messages_late_unless_stamps_are_ignored(
+    rate: float,
+) -> None:
+    used, ignored = Lateness(0.2), Lateness(0.2, uses_stamps=False)
+    for k in range(3000):
+        now = PERIOD * k
+        used.take(rate * now, now, k)
+        ignored.take(rate * now, now, k)
+    assert used.age(now) > 0.5
+    assert ignored.stamps == ARRIVAL
+    assert ignored.age(now + 0.1) == pytest.approx(0.1)
+    assert ignored.bound(now + 0.1) == pytest.approx(0.3)
+
+
+def test_a_wall_clock_that_is_set_twice_counts_the_worst_of_all_settings() -> None:
+    now, set_by = [0.0], [0.0]
+    wall = WallClock(lambda: 1000.0 + now[0] + set_by[0], lambda: now[0])
+    for k, leap in enumerate((0.0, -0.3, -0.6)):
+        now[0], set_by[0] = 1.0 + k, leap
+        time = wall.at(now[0])
+    assert time.latest == pytest.approx(1000.0 + now[0])
+    assert time.earliest == pytest.approx(999.4 + now[0])
+    now[0] += RECOVERY + 0.1
+    assert wall.at(now[0]) == pytest.approx((999.4 + now[0],) * 2)
