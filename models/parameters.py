@@ -212,7 +212,7 @@ class Terrain:
 class Limits:
     """What a plan may ask of the vehicle and its load."""
 
-    speed: float = quantity("m/s", "Highest planned speed.", (0.05, 40.0), above=0.0)
+    speed: float = quantity("m/s", "Highest planned speed.", (0.01, 40.0), above=0.0)
     accel: float = quantity("m/s²", "Highest planned acceleration.", (0.01, 12.0), above=0.0)
     decel: float = quantity(
         "m/s²", "Highest planned (service) deceleration.", (0.01, 12.0), above=0.0
@@ -239,7 +239,7 @@ class Limits:
     )
     max_path_deviation: float | None = quantity(
         "m", "Largest distance between a given path and the planned line; a quarter of the "
-        "vehicle's width, 0.05 m at least, by default.", default=None, above=0.0,
+        "vehicle's width, 0.05 m at least, by default.", (1e-3, 5.0), default=None, above=0.0,
     )  # fmt: skip
 
     def __post_init__(self) -> None:

@@ -39,6 +39,10 @@ _POWER = (0.05, 1000.0)
 _DECEL_MARGIN = 3.0
 """Of the strongest braking, up to which the service deceleration may lie above it: worn brakes."""
 
+_CLEARANCE = 6.0
+"""Wheel radii up to which the underside may lie above the ground: robots that drive over rows of
+plants have 3 to 5."""
+
 _MIN_ROLLOVER = 0.1
 """Half of the track over the height of the centre of gravity; below, 6° of roll tip the vehicle."""
 
@@ -140,7 +144,8 @@ def _of_vehicle(v: Table) -> Iterator[_Bound]:
     by = f" with wheels of {radius:g} m"
     for key in ("ground_clearance", "max_step", "wheel_travel", "wheel_width"):
         if v.get(key) is not None:
-            yield _Bound(f"vehicle.{key}", "m", v[key], 0.0, 2.0 * radius, by)
+            high = (_CLEARANCE if key == "ground_clearance" else 2.0) * radius
+            yield _Bound(f"vehicle.{key}", "m", v[key], 0.0, high, by)
     by = f" with a track of {track:g} m"
     if v.get("width") is not None:
         yield _Bound("vehicle.width", "m", v["width"], track, 3.0 * track, by)

@@ -37,7 +37,7 @@ class SurfaceBraking:
         covariance, speed_range, grade_range, roll_range, uphill: See [braking].
         speed_by_grade: likewise; that of ``[braking]`` does not hold beside ranges of its own.
         class_id: number by which a map calls the surface; left out, its place among the tables,
-            counted from 1 (:mod:`models.surface_names`).
+            counted from 1.
         state_of: the surface of which this is no ground of its own but a state of the brakes that
             nobody can foresee, "" for the base; wherever a plan takes the one, it takes the worse
             of the two.

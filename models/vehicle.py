@@ -52,7 +52,7 @@ class Vehicle:
     wheel_radius: float = quantity("m", "Radius of the loaded wheel.", (0.02, 2.5), above=0.0)
     drive: Literal["skid_steer", "ackermann"]
     max_wheel_speed: float = quantity(
-        "m/s", "Highest speed at the rim of a wheel.", (0.05, 40.0), above=0.0
+        "m/s", "Highest speed at the rim of a wheel.", (0.01, 40.0), above=0.0
     )
     max_drive_force: float = quantity(
         "N", "Highest thrust of all wheels together.", (0.2, 1e7), above=0.0

@@ -21,7 +21,6 @@ class Kernel(CPUDispatcher):
 
 _python = False
 _compiled = Borrowing.__call__
-_warnings = np.geterr()
 
 
 def is_interpreting() -> bool:
@@ -41,13 +40,17 @@ def interpret(yes: bool) -> None:
     kernel: Any = Kernel
     borrowing: Any = Borrowing
     if yes:
-        kernel.__call__ = borrowing.__call__ = _in_python
-        np.seterr(all="ignore")
+        kernel.__call__, borrowing.__call__ = _kernel_in_python, _in_python
     else:
         # Compiled ones cost nothing more to call: numba itself does it again.
         del kernel.__call__
         borrowing.__call__ = _compiled
-        np.seterr(**_warnings)
+
+
+def _kernel_in_python(function: CPUDispatcher, *args: Any) -> Any:
+    # As compiled code it warns of nothing; numpy's state is that of the calling thread.
+    with np.errstate(all="ignore"):
+        return function.py_func(*args)
 
 
 def _in_python(function: CPUDispatcher, *args: Any) -> Any:

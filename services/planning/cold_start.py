@@ -10,7 +10,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from typing import TypeVar
 
@@ -44,9 +45,9 @@ _COMPILER = (
 
 T = TypeVar("T")
 
-_lock = threading.Lock()
+_changed = threading.Condition()
 _running = 0
-"""Jobs of this process whose kernels run as Python now."""
+"""Jobs of this process that run now, all of them as Python or all compiled."""
 _compiler: subprocess.Popen[bytes] | None = None
 
 
@@ -77,31 +78,46 @@ def compile_first(meanwhile: str) -> None:
 def sooner(job: Callable[[], T], stations: Callable[[], float]) -> T:
     """Do what plans, in Python where the compiler would take longer, and another process compiles.
 
-    The first job after that finds everything compiled.
+    The first job after that finds everything compiled. A job must not begin another one.
 
     Args:
         job: may be done twice: where Python has no number but an error, the compiler is waited for.
         stations: how many it plans along; NaN for a path that is refused anyway.
     """
-    global _running
-    with _lock:
-        in_python = is_interpreting() if _running else _begin_in_python()
-        _running += in_python
-    if not in_python:
-        return job()
-    try:
-        if not stations() > FEW:
+    with _joined(_prefers_python) as in_python:
+        if not in_python:
             return job()
-    except ParameterError:
-        raise
-    except (ArithmeticError, ValueError):
-        pass
-    finally:
-        with _lock:
-            _running -= 1
+        try:
+            if not stations() > FEW:
+                return job()
+        except ParameterError:
+            raise
+        except (ArithmeticError, ValueError):
+            pass
     _wait()
-    interpret(False)
-    return job()
+    with _joined(lambda: False):
+        return job()
+
+
+@contextmanager
+def _joined(prefers_python: Callable[[], bool]) -> Iterator[bool]:
+    """Take a place among the jobs that run; yields whether all of them run as Python.
+
+    Kernels change over between jobs only: half a plan in Python would call from there what kernels
+    alone may call. So a job that needs the other kind waits until those that run are done.
+    """
+    global _running
+    with _changed:
+        while (in_python := prefers_python()) != is_interpreting() and _running:
+            _changed.wait()
+        interpret(in_python)
+        _running += 1
+    try:
+        yield in_python
+    finally:
+        with _changed:
+            _running -= 1
+            _changed.notify_all()
 
 
 def stations_of(paths: PathBatch | Sequence[CandidatePath | EvenPath], spacing: float) -> float:
@@ -112,13 +128,13 @@ def stations_of(paths: PathBatch | Sequence[CandidatePath | EvenPath], spacing: 
     return float(sum(lengths)) / spacing
 
 
-def _begin_in_python() -> bool:
-    """Whether kernels run as Python now: as long as another process compiles them."""
+def _prefers_python() -> bool:
+    """Whether a job had better run as Python: as long as another process compiles."""
     global _compiler
-    if kept.is_compiled() or not kept.can_be_kept():
-        if not kept.can_be_kept():
-            _say(_NOWHERE)
-        interpret(False)
+    if kept.is_compiled():
+        return False
+    if not kept.can_be_kept():
+        _say(_NOWHERE)
         return False
     _say(_IN_PYTHON)
     if not kept.is_compiling():
@@ -132,9 +148,7 @@ def _begin_in_python() -> bool:
             )  # fmt: skip
         elif _compiler.poll() is not None:
             # It ended before it was done. What is missing is compiled where it is called.
-            interpret(False)
             return False
-    interpret(True)
     return True
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from planner.ground.uncertainty import Uncertainty
 from planner.kernels.interpreted import interpret, is_interpreting
 from planner.path import CandidatePath
 from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan
+from planner.plan import SpeedPlan, Status
 from planner.settings import PlannerSettings
 from tests.planner.swept.test_screen import rough_ground
 
@@ -21,6 +23,10 @@ GROUND = {
     "level": ElevationMap(elevation=np.zeros((60, 120)), resolution=0.1, origin=(0.0, 0.0)),
     "rough": rough_ground(2, 0.1, 0.28),
     "with a step": rough_ground(5, 0.1, 0.28),
+    "with a hole": ElevationMap(
+        elevation=np.where(np.arange(120) < 80, 0.0, np.nan)[None, :].repeat(60, 0),
+        resolution=0.1, origin=(0.0, 0.0),
+    ),
     "on a map of the wheels' size": rough_ground(3, 0.5, 0.28),
     "two surfaces": ElevationMap(
         elevation=np.fromfunction(lambda i, j: 0.02 * j + 0.01 * i, (60, 120)), resolution=0.1,
@@ -66,10 +72,21 @@ def test_no_kernel_is_compiled_meanwhile(model: Model) -> None:
     assert not compiled.buffer
 
 
-def test_numpy_warns_again_afterwards() -> None:
-    before = np.geterr()
-    interpret(True)
-    assert np.geterr() != before
-    interpret(False)
-    assert np.geterr() == before
+def test_numpy_warns_as_before(model: Model) -> None:
+    """Of a state that the caller chose, in a thread that was there before, and afterwards."""
+    with np.errstate(all="raise"), ThreadPoolExecutor(1) as other:
+        before = np.geterr()
+        of_other = other.submit(np.geterr).result()
+        interpret(True)
+        try:
+            assert np.geterr() == before
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                # Ground that is unknown makes NaN of most numbers.
+                plans = other.submit(plans_on, GROUND["with a hole"], model).result()
+        finally:
+            interpret(False)
+        assert np.geterr() == before
+        assert other.submit(np.geterr).result() == of_other
+    assert plans[0].status is Status.BLOCKED
     assert not is_interpreting()

@@ -50,7 +50,7 @@ WRONG: list[tuple[str, Any, str]] = [
     ("vehicle.idle_current", 800.0, "800 mA would be 0.8 A"),
     ("vehicle.ride_frequency", 150.0, "150 1/min would be 2.5 Hz"),
     ("vehicle.width", 1200, "1200 mm would be 1.2 m"),
-    ("vehicle.ground_clearance", 0.6, "expected 0 … 0.56 [m] with wheels of 0.28 m"),
+    ("vehicle.ground_clearance", 2.5, "expected 0 … 1.68 [m] with wheels of 0.28 m"),
     ("vehicle.ground_clearance", 25, "25 cm would be 0.25 m"),
     ("vehicle.max_step", 90, "90 mm would be 0.09 m"),
     ("vehicle.wheel_travel", 9, "9 cm would be 0.09 m"),
@@ -83,6 +83,7 @@ WRONG: list[tuple[str, Any, str]] = [
     ("limits.jerk", 2000, "2000 mm/s³ would be 2 m/s³"),
     ("limits.lateral_accel", 2000, "2000 mm/s² would be 2 m/s²"),
     ("limits.min_load", 10, "10 % would be 0.1"),
+    ("limits.max_path_deviation", 300, "300 mm would be 0.3 m"),
 ]  # fmt: skip
 
 EFFECTS: list[tuple[str, dict[str, float], str]] = [
@@ -166,9 +167,25 @@ TRUCK = scaled(
 TRUCK["terrain"]["slip_track"] = 6.0
 TRUCK["limits"]["speed"] = 15.0
 TRUCK["braking"]["speed_range"] = [2.0, 15.0]
+# Over a row of plants.
+STRADDLER = scaled(
+    mass=210.0, wheelbase=1.2, track_width=1.4, cg_x=0.6, cg_z=0.8, wheel_radius=0.21, width=1.7,
+    max_drive_force=1500.0, max_drive_power=2000.0, ground_clearance=0.69,
+)  # fmt: skip
+STRADDLER["terrain"]["slip_track"] = 2.0
+ROVER = scaled(
+    mass=1000.0, wheelbase=2.2, track_width=2.3, cg_x=1.1, cg_z=0.9, wheel_radius=0.26, width=2.7,
+    max_drive_force=1500.0, max_drive_power=110.0, ground_clearance=0.6, max_wheel_speed=0.042,
+)  # fmt: skip
+ROVER["terrain"]["slip_track"] = 3.5
+ROVER["limits"]["speed"] = 0.04
+ROVER["braking"]["speed_range"] = [0.01, 0.04]
+SIZES = {
+    "1/10 car": CAR, "mining truck": TRUCK, "atv": ATV, "straddler": STRADDLER, "Mars rover": ROVER,
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("tables", [CAR, TRUCK, ATV], ids=["1/10 car", "mining truck", "atv"])
+@pytest.mark.parametrize("tables", SIZES.values(), ids=SIZES)
 def test_vehicles_of_all_sizes_are_read(tmp_path: Path, tables: dict[str, Any]) -> None:
     file = written(tmp_path, tables)
     model = read_model(file)

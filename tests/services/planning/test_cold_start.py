@@ -7,8 +7,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -119,14 +121,63 @@ def test_a_few_paths_are_planned_in_python_while_another_process_compiles(
 def test_compiled_code_is_taken_to_as_soon_as_it_is_there(
     compiled: list[set[str]], meanwhile: list[Any]
 ) -> None:
-    def job() -> list[bool]:
-        compiled.append(set())
-        # A job of another thread changes nothing for one that runs.
-        return [cold_start.sooner(is_interpreting, lambda: 200.0), is_interpreting()]
+    with ThreadPoolExecutor(1) as other:
 
-    assert cold_start.sooner(job, lambda: 200.0) == [True, True]
-    assert not cold_start.sooner(is_interpreting, lambda: 200.0)
+        def job() -> tuple[bool, bool, Future[bool]]:
+            compiled.append(set())
+            # A job of another thread changes nothing for one that runs.
+            begun = other.submit(cold_start.sooner, is_interpreting, lambda: 200.0)
+            return is_interpreting(), wait([begun], 0.3).not_done == {begun}, begun
+
+        in_python, waits, after = cold_start.sooner(job, lambda: 200.0)
+        assert (in_python, waits, after.result(10.0)) == (True, True, False)
     assert len(meanwhile) == 1
+
+
+@pytest.mark.usefixtures("meanwhile")
+def test_no_job_is_switched_to_compiled_kernels_by_a_longer_one(compiled: list[set[str]]) -> None:
+    """Of two threads: the longer plan has waited for the compiler, the shorter one is half done."""
+    asked = threading.Event()
+
+    def many() -> float:
+        asked.set()
+        return cold_start.FEW + 1.0
+
+    with ThreadPoolExecutor(1) as other:
+
+        def job() -> tuple[bool, Future[bool]]:
+            longer = other.submit(cold_start.sooner, is_interpreting, many)
+            assert asked.wait(10.0)
+            compiled.append(set())
+            wait([longer], 3.0 * cold_start._LOOK)
+            return is_interpreting(), longer
+
+        in_python, longer = cold_start.sooner(job, lambda: 200.0)
+        assert in_python
+        assert not longer.result(10.0)
+
+
+@pytest.mark.usefixtures("meanwhile")
+def test_threads_that_plan_all_the_time_get_to_compiled_code(compiled: list[set[str]]) -> None:
+    def plan_until_compiled() -> bool:
+        latest = time.monotonic() + 10.0
+        while cold_start.sooner(plan, few):
+            if time.monotonic() > latest:
+                return False
+        return True
+
+    def plan() -> bool:
+        time.sleep(0.01)
+        return is_interpreting()
+
+    def few() -> float:
+        return 200.0
+
+    with ThreadPoolExecutor(3) as threads:
+        done = [threads.submit(plan_until_compiled) for _ in range(3)]
+        time.sleep(0.1)
+        compiled.append(set())
+        assert all(one.result(20.0) for one in done)
 
 
 def test_a_compiler_that_ends_early_is_not_started_again_and_again(meanwhile: list[Any]) -> None:
