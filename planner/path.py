@@ -122,7 +122,9 @@ class PathBatch:
         given = self.given[j] if self.given else None
         if given is not None:
             return given.points
-        return np.stack((self.x[: self.count[j], j], self.y[: self.count[j], j]), axis=1)
+        points = np.empty((self.count[j], 2))
+        points[:, 0], points[:, 1] = self.x[: len(points), j], self.y[: len(points), j]
+        return points
 
 
 def joined(paths: PathBatch, other: PathBatch) -> PathBatch:

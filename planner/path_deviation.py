@@ -8,7 +8,7 @@ the reported distance and `_EXACT`; where the order of places is lost, the dista
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +60,7 @@ class PathDeviation:
 
     def from_row(self, first: int, x: Floats, y: Floats, station: Floats) -> PathDeviation:
         """Of the same line from a row on; positions and stations of its rows, (N − first,) [m]."""
-        return _largest_of(replace(self, distance=self.distance[first:]), x, y, station)
+        return _largest_of(self.distance[first:], x, y, station, self.limit)
 
 
 def path_deviation(
@@ -77,23 +77,21 @@ def path_deviation(
             the length of these [m]; then the common part of both lines is compared.
     """
     distance = np.zeros(len(x))
-    line = np.stack((x, y), axis=1)
+    line = np.empty((len(x), 2))
+    line[:, 0], line[:, 1] = x, y
     if part is None:
         deviation_along(given, line, distance)
     else:
         _deviation_of_part(given, line, *part, distance)
-    return _largest_of(PathDeviation(0.0, 0.0, 0.0, 0.0, limit, distance), x, y, station)
+    return _largest_of(distance, x, y, station, limit)
 
 
-def _largest_of(deviation: PathDeviation, x: Floats, y: Floats, station: Floats) -> PathDeviation:
-    k = int(np.argmax(deviation.distance))
-    return replace(
-        deviation,
-        largest=float(deviation.distance[k]),
-        station=float(station[k]),
-        x=float(x[k]),
-        y=float(y[k]),
-    )
+def _largest_of(
+    distance: Floats, x: Floats, y: Floats, station: Floats, limit: float
+) -> PathDeviation:
+    k = int(distance.argmax())
+    largest, at, at_x, at_y = (float(values[k]) for values in (distance, station, x, y))
+    return PathDeviation(largest, at, at_x, at_y, limit, distance)
 
 
 @kernel
