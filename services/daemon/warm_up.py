@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from models.arrays import Floats
+from models.effects.registry import LAWS, MOTION_LAWS
 from models.parameters import Effect
 from models.surface_braking import SurfaceBraking
 from planner.ground.elevation_map import ElevationMap
@@ -42,8 +43,9 @@ def as_calibrated(parameters: ParametersInUse) -> ParametersInUse:
     braking, effect = parameters.model.braking, parameters.model.effect
     hull = tuple((grade, braking.speed_range[1]) for grade in braking.grade_range)
     braking = replace(braking, speed_by_grade=braking.speed_by_grade or hull)
-    drag = Effect(name="aerodynamic_drag", parameters={"c": 0.01})
-    model = replace(parameters.model, braking=braking, effect=effect or (drag,))
+    law = MOTION_LAWS[0]
+    some = Effect(name=law, parameters=dict.fromkeys(LAWS[law].parameters, 0.01))
+    model = replace(parameters.model, braking=braking, effect=effect or (some,))
     return replace(parameters, model=model, serial=-1_000_000 - parameters.serial)
 
 

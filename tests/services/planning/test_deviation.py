@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -107,16 +108,14 @@ def test_an_operator_may_only_tighten_the_limit() -> None:
     [(1.2, None, 0.3), (None, None, 0.299), (0.12, None, 0.05), (1.2, 0.02, 0.02)],
 )
 def test_the_limit_is_a_quarter_of_the_width_if_the_model_names_none(
-    tmp_path: Path, width: float | None, given: float | None, limit: float
+    width: float | None, given: float | None, limit: float
 ) -> None:
-    text = find_model("atv").read_text()
-    text = re.sub(r"^width = .*\n", f"width = {width}\n" if width else "", text, flags=re.M)
-    if width is not None and width < 1.0:
-        text = text.replace("track_width = 1.0 ", "track_width = 0.1 ")
-    if given is not None:
-        text = text.replace("[limits]\n", f"[limits]\nmax_path_deviation = {given}\n")
-    (tmp_path / "m.toml").write_text(text)
-    assert read_model(tmp_path / "m.toml").max_path_deviation == pytest.approx(limit)
+    model = read_model(find_model("atv"))
+    track = min(model.vehicle.track_width, width or 1.0)
+    vehicle = replace(model.vehicle, width=width, track_width=track)
+    limits = replace(model.limits, max_path_deviation=given)
+    model = replace(model, vehicle=vehicle, limits=limits)
+    assert model.max_path_deviation == pytest.approx(limit)
 
 
 # ------------------------------------------------------------------------------- command line
