@@ -138,8 +138,10 @@ def main(folder: str, out: str) -> None:
         written += 1
         print(f"wrote {path}")
     if not written:
-        sys.exit(f"nothing written: expected folders {', '.join(TERRAINS)} with pro_*.csv and "
-                 f"imu_*.csv in {folder}")  # fmt: skip
+        sys.exit(
+            f"nothing written: expected folders {', '.join(TERRAINS)} with pro_*.csv and "
+            f"imu_*.csv in {folder}"
+        )
 
 
 if __name__ == "__main__":

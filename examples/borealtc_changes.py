@@ -62,9 +62,11 @@ def samples_of(folder: Path) -> dict[str, Floats]:
 def changes(samples: Floats, model: SignatureModel | None) -> list[GroundChange]:
     """Changes that a fresh monitor tells in (n, 12) samples at 100 Hz."""
     monitor = TerrainMonitor(
-        read_model(_MODEL), TerrainClasses(name="none"), MonitorSettings(SETTINGS, rates=2),
+        read_model(_MODEL),
+        TerrainClasses(name="none"),
+        MonitorSettings(SETTINGS, rates=2),
         signatures=model,
-    )  # fmt: skip
+    )
     events = []
     for i, row in enumerate(samples.tolist()):
         sample = DriveSample(i / _RATE, *row[:7])
@@ -113,9 +115,11 @@ def joined(runs: list[Run], samples: dict[str, Floats], seed: int) -> list[Outco
             found = any(joint < e.time <= joint + _WITHIN + 0.02 for e in told)
             outcome = Outcome(str(one), str(two), found, distinguished(first, second))
             late = ", ".join(f"{e.time - joint:.0f}" for e in told)
-            print(f"  {one} to {two}: {'found' if found else 'not found'} "
-                  f"({'distinguished' if outcome.distinguished else 'alike'}; told at {late})",
-                  flush=True)  # fmt: skip
+            print(
+                f"  {one} to {two}: {'found' if found else 'not found'} "
+                f"({'distinguished' if outcome.distinguished else 'alike'}; told at {late})",
+                flush=True,
+            )
             outcomes.append(outcome)
     return outcomes
 
@@ -129,8 +133,10 @@ def main() -> None:
     runs, samples = load(options.folder), samples_of(options.folder)
     outcomes = joined(runs, samples, options.seed)
     can = [o.found for o in outcomes if o.distinguished]
-    print(f"changes found within {_WITHIN:.0f} s: {np.mean([o.found for o in outcomes]):.2f} of "
-          f"{len(outcomes)}; distinguished ones {np.mean(can):.2f} of {len(can)}")  # fmt: skip
+    print(
+        f"changes found within {_WITHIN:.0f} s: {np.mean([o.found for o in outcomes]):.2f} of "
+        f"{len(outcomes)}; distinguished ones {np.mean(can):.2f} of {len(can)}"
+    )
     alarms, by_class, minutes = 0, 0, 0.0
     for run in runs:
         told = changes(samples[run.name], model_of([r for r in runs if r is not run]))
@@ -138,8 +144,10 @@ def main() -> None:
         alarms += len(told)
         by_class += sum(e.classes is not None for e in told)
         minutes += len(samples[run.name]) / _RATE / 60.0
-    print(f"alarms inside runs: {alarms} in {minutes:.0f} min, {10 * alarms / minutes:.2f} in "
-          f"10 min; {by_class} of them told by classes")  # fmt: skip
+    print(
+        f"alarms inside runs: {alarms} in {minutes:.0f} min, {10 * alarms / minutes:.2f} in "
+        f"10 min; {by_class} of them told by classes"
+    )
 
 
 if __name__ == "__main__":

@@ -35,8 +35,15 @@ Floats = NDArray[np.float64]
 SETTINGS = EstimatorSettings(filter=FilterSettings(yaw_rate_std=0.1))  # vibration of this vehicle
 _MODEL = Path(__file__).with_name("borealtc.toml")
 _SAMPLE = (
-    "t", "v_left", "v_right", "yaw_rate", "current_left", "current_right", "pitch", "roll",
-)  # fmt: skip
+    "t",
+    "v_left",
+    "v_right",
+    "yaw_rate",
+    "current_left",
+    "current_right",
+    "pitch",
+    "roll",
+)
 _RATES = ("roll_rate", "pitch_rate")
 _SECOND = 100  # samples
 _BEFORE, _AFTER, _FOUND_WITHIN = 20, 8, 5.0  # [s]

@@ -28,9 +28,18 @@ from models.terrain.signature_model import SignatureModel
 from slopewise import read_model
 
 CHANNELS = (
-    "v_left", "v_right", "current_left", "current_right", "pitch",
-    "yaw_rate", "roll_rate", "pitch_rate", "accel_x", "accel_y", "accel_z",
-)  # fmt: skip
+    "v_left",
+    "v_right",
+    "current_left",
+    "current_right",
+    "pitch",
+    "yaw_rate",
+    "roll_rate",
+    "pitch_rate",
+    "accel_x",
+    "accel_y",
+    "accel_z",
+)
 _MODEL = Path(__file__).with_name("borealtc.toml")
 _SECOND, _SECONDS = 100, 5
 
@@ -109,8 +118,9 @@ def leave_one_run_out(asked: Sequence[Run], runs: Sequence[Run]) -> None:
         right += [a.name == run.terrain for a in together]
         refused += sum(a.name == NONE for a in together)
         last = max(model.classes, key=lambda c: together[-1].probabilities[c])
-        usual = max(model.classes, key=lambda c: sum(np.log(a.probabilities[c] + 1e-3)
-                                                     for a in alone))  # fmt: skip
+        usual = max(
+            model.classes, key=lambda c: sum(np.log(a.probabilities[c] + 1e-3) for a in alone)
+        )
         run_truth.append(run.terrain)
         run_told.append(usual)
         if usual != run.terrain:
@@ -122,8 +132,10 @@ def leave_one_run_out(asked: Sequence[Run], runs: Sequence[Run]) -> None:
     _print("runs", run_truth, run_told)
     print("  runs told wrong:", "; ".join(wrong))
     error = expected_calibration_error(np.array(sure), np.array(right))
-    print(f"expected calibration error {error:.3f}; p > 0.9 in {np.mean(np.array(sure) > 0.9):.2f}"
-          f", of these right {np.mean(np.array(right)[np.array(sure) > 0.9]):.3f}")  # fmt: skip
+    print(
+        f"expected calibration error {error:.3f}; p > 0.9 in {np.mean(np.array(sure) > 0.9):.2f}"
+        f", of these right {np.mean(np.array(right)[np.array(sure) > 0.9]):.3f}"
+    )
     print(f"known ground called none of these: {refused / len(truth):.3f}")
 
 
@@ -136,8 +148,10 @@ def leave_one_class_out(asked: Sequence[Run], runs: Sequence[Run]) -> None:
         share = float(np.mean([a.name == NONE for a in answers]))
         sure = float(np.mean([a.name != NONE and a.probability > 0.9 for a in answers]))
         shares.append(share)
-        print(f"  {name:11s} left out: none of these {share:.2f} of {len(answers)}, "
-              f"a known class with p > 0.9 {sure:.2f}")  # fmt: skip
+        print(
+            f"  {name:11s} left out: none of these {share:.2f} of {len(answers)}, "
+            f"a known class with p > 0.9 {sure:.2f}"
+        )
     print(f"  mean over classes {np.mean(shares):.3f}")
 
 

@@ -35,9 +35,16 @@ def hills() -> Floats:
 def write_map(file: Path) -> None:
     """The hills as a GeoTIFF."""
     with rasterio.open(
-        file, "w", driver="GTiff", width=CELLS, height=CELLS, count=1, dtype="float32",
-        crs="EPSG:32632", transform=from_origin(EAST, NORTH, 1.0, 1.0),
-    ) as dataset:  # fmt: skip
+        file,
+        "w",
+        driver="GTiff",
+        width=CELLS,
+        height=CELLS,
+        count=1,
+        dtype="float32",
+        crs="EPSG:32632",
+        transform=from_origin(EAST, NORTH, 1.0, 1.0),
+    ) as dataset:
         dataset.write(hills().astype(np.float32), 1)
 
 

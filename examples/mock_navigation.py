@@ -88,16 +88,22 @@ class Robot:
         away = np.hypot(CELL * columns - self.x, CELL * rows - self.y)
         cells = np.nonzero(away <= SIGHT)
         whole = self.sequence == 0
-        cut = np.s_[:, :] if whole else np.s_[
-            cells[0].min() : cells[0].max() + 1, cells[1].min() : cells[1].max() + 1
-        ]  # fmt: skip
+        cut = (
+            np.s_[:, :]
+            if whole
+            else np.s_[cells[0].min() : cells[0].max() + 1, cells[1].min() : cells[1].max() + 1]
+        )
         first = (0, 0) if whole else (int(cells[1].min()), int(cells[0].min()))
         self.known[cells] = self.ground[cells]
         self.sequence += 1
         return MapUpdate(
-            source=self.source, sequence=self.sequence, elevation=self.known[cut], resolution=CELL,
-            origin=(CELL * first[0], CELL * first[1]), patch=not whole,
-        )  # fmt: skip
+            source=self.source,
+            sequence=self.sequence,
+            elevation=self.known[cut],
+            resolution=CELL,
+            origin=(CELL * first[0], CELL * first[1]),
+            patch=not whole,
+        )
 
     def candidates(self) -> list[Path]:
         """Stretches of the loop from here on, each moving gently to its own side of it."""
@@ -189,10 +195,13 @@ def main() -> None:
     with (
         zenoh.open(zenoh_config(settings)) as session,
         PlanClient(
-            session, namespace=given.namespace, name="mock_navigation", timeout=0.9 * period,
+            session,
+            namespace=given.namespace,
+            name="mock_navigation",
+            timeout=0.9 * period,
             deceleration=OWN_BRAKES,
         ) as client,
-    ):  # fmt: skip
+    ):
         done = drive_around(robot, client, period, max(round(given.seconds * given.rate), 1))
     ms = 1e3 * np.percentile(done.took, [50, 99])
     laps, top = robot.driven / robot.loop.length, max(speed for *_, speed in done.track)

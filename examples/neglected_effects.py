@@ -99,72 +99,219 @@ def _behind(stop: Stop) -> float:
 
 
 METRES = (
-    Row("obstacles that move", "1.5 m/s towards it", "v_o t_s", lambda s: 1.5 * s.seconds,
-        "room is lost", "nothing: `--clear` has to tell what will still be free"),
-    Row("a map that is 0.5 s old where things move", "1.5 m/s towards it", "v_o t", lambda s: 0.75,
-        "room is lost", "nothing: take it off `--clear`"),
-    Row("position along the path", "0.10 m", "δ", lambda s: 0.10, "either",
-        "nothing: take it off `--clear`"),
-    Row("a trailer without brakes", "20 % of the mass", "F → F/1.2",
-        lambda s: s.longer(force=s.force * (1.0 / 1.2 - 1.0)), "longer",
-        "nothing: calibrate with it"),
-    Row("age of the pose", "50 ms", "v t", lambda s: 0.05 * s.speed, "longer",
-        "nothing: whoever asks says where the vehicle is now"),
-    Row("slow build-up of the force", "τ = 0.1 s", "v τ", lambda s: s.longer(dead_time=0.1),
-        "longer", "dead time, if learned from stops; effect `brake_lag`"),
-    Row("hot brakes", "10 % less force", "F → 0.9 F", lambda s: s.longer(force=-0.1 * s.force),
-        "longer", "effect `brake_fade`; else `force_std`"),
-    Row("tyre pressure, wear, soft ground", "f_r less by 0.02", "F → F − 0.02",
-        lambda s: s.longer(force=-0.02), "longer",
-        "`force_std`, `covariance`; tables of surfaces"),
-    Row("sinkage", "f_r more by 0.05", "F → F + 0.05", lambda s: s.longer(force=0.05),
-        "shorter; a rut may hold the wheels", "nothing needed; no way out is planned"),
-    Row("tyre radius of the speed sensor", "1 %", "v → 1.01 v",
-        lambda s: s.longer(speed=0.01 * s.speed), "longer, if the tyre is larger than thought",
-        "`distance_offset`, if learned with these tyres; `speed_error`"),
-    Row("tail wind", f"{WIND:.0f} m/s", "F → F − ½ ρ A w²/W",
-        lambda s: s.longer(force=-_air(s, WIND)), "longer", "effect `headwind`; else `force_std`"),
-    Row("drag of the air", "still air", "F → F + ½ ρ A (v²/2)/W",
-        lambda s: s.longer(force=_air(s, s.speed / math.sqrt(2.0))), "shorter", "nothing needed"),
-    Row("inertia of wheels and motors", "5 % of the mass", "sin θ → sin θ/1.05 beside a learned F",
+    Row(
+        "obstacles that move",
+        "1.5 m/s towards it",
+        "v_o t_s",
+        lambda s: 1.5 * s.seconds,
+        "room is lost",
+        "nothing: `--clear` has to tell what will still be free",
+    ),
+    Row(
+        "a map that is 0.5 s old where things move",
+        "1.5 m/s towards it",
+        "v_o t",
+        lambda s: 0.75,
+        "room is lost",
+        "nothing: take it off `--clear`",
+    ),
+    Row(
+        "position along the path",
+        "0.10 m",
+        "δ",
+        lambda s: 0.10,
+        "either",
+        "nothing: take it off `--clear`",
+    ),
+    Row(
+        "a trailer without brakes",
+        "20 % of the mass",
+        "F → F/1.2",
+        lambda s: s.longer(force=s.force * (1.0 / 1.2 - 1.0)),
+        "longer",
+        "nothing: calibrate with it",
+    ),
+    Row(
+        "age of the pose",
+        "50 ms",
+        "v t",
+        lambda s: 0.05 * s.speed,
+        "longer",
+        "nothing: whoever asks says where the vehicle is now",
+    ),
+    Row(
+        "slow build-up of the force",
+        "τ = 0.1 s",
+        "v τ",
+        lambda s: s.longer(dead_time=0.1),
+        "longer",
+        "dead time, if learned from stops; effect `brake_lag`",
+    ),
+    Row(
+        "hot brakes",
+        "10 % less force",
+        "F → 0.9 F",
+        lambda s: s.longer(force=-0.1 * s.force),
+        "longer",
+        "effect `brake_fade`; else `force_std`",
+    ),
+    Row(
+        "tyre pressure, wear, soft ground",
+        "f_r less by 0.02",
+        "F → F − 0.02",
+        lambda s: s.longer(force=-0.02),
+        "longer",
+        "`force_std`, `covariance`; tables of surfaces",
+    ),
+    Row(
+        "sinkage",
+        "f_r more by 0.05",
+        "F → F + 0.05",
+        lambda s: s.longer(force=0.05),
+        "shorter; a rut may hold the wheels",
+        "nothing needed; no way out is planned",
+    ),
+    Row(
+        "tyre radius of the speed sensor",
+        "1 %",
+        "v → 1.01 v",
+        lambda s: s.longer(speed=0.01 * s.speed),
+        "longer, if the tyre is larger than thought",
+        "`distance_offset`, if learned with these tyres; `speed_error`",
+    ),
+    Row(
+        "tail wind",
+        f"{WIND:.0f} m/s",
+        "F → F − ½ ρ A w²/W",
+        lambda s: s.longer(force=-_air(s, WIND)),
+        "longer",
+        "effect `headwind`; else `force_std`",
+    ),
+    Row(
+        "drag of the air",
+        "still air",
+        "F → F + ½ ρ A (v²/2)/W",
+        lambda s: s.longer(force=_air(s, s.speed / math.sqrt(2.0))),
+        "shorter",
+        "nothing needed",
+    ),
+    Row(
+        "inertia of wheels and motors",
+        "5 % of the mass",
+        "sin θ → sin θ/1.05 beside a learned F",
         lambda s: s.longer(force=math.sin(s.grade) * (1.0 / (1.0 + ROTATING) - 1.0)),
-        "longer uphill, shorter downhill", "`b_m`, if learned on slopes"),
-    Row("slope that changes within the wheelbase", "κ_v = 0.1/m", "κ_v L²/8 / (a/g)",
-        lambda s: CREST * s.model.vehicle.wheelbase**2 / 8.0 / s.net, "either",
-        "`height_std` of the map"),
-    Row("side slip in a turn", "pole of turning 0.1 L ahead", "front · sin atan(0.1 L κ)",
-        _corner, "a corner leaves the path sideways", "nothing: paths need that much room"),
-)  # fmt: skip
+        "longer uphill, shorter downhill",
+        "`b_m`, if learned on slopes",
+    ),
+    Row(
+        "slope that changes within the wheelbase",
+        "κ_v = 0.1/m",
+        "κ_v L²/8 / (a/g)",
+        lambda s: CREST * s.model.vehicle.wheelbase**2 / 8.0 / s.net,
+        "either",
+        "`height_std` of the map",
+    ),
+    Row(
+        "side slip in a turn",
+        "pole of turning 0.1 L ahead",
+        "front · sin atan(0.1 L κ)",
+        _corner,
+        "a corner leaves the path sideways",
+        "nothing: paths need that much room",
+    ),
+)
 
 LOADS = (
-    Row("payload farther to the front", "5 cm", "rear: δ cos θ/(L − x_c)",
-        lambda s: SHIFT * math.cos(s.grade) / _behind(s), "rear is lighter",
-        "`min_load`, as far as it goes"),
-    Row("payload higher", "5 cm", "rear: δ F/(L − x_c)", lambda s: SHIFT * s.force / _behind(s),
-        "rear is lighter", "`min_load`, as far as it goes"),
-    Row("payload to one side", "5 cm", "side: 2 δ/B",
-        lambda s: 2.0 * SHIFT / s.model.vehicle.track_width, "a side is lighter",
-        "`min_load`, as far as it goes"),
-    Row("dive of the body", "as `ride_frequency`", "rear: 4 a z_c²/(ω² L² (L − x_c))",
-        lambda s: 4.0 * GRAVITY * s.net * s.model.vehicle.cg_z**2
-        / (_ride(s) * s.model.vehicle.wheelbase**2 * _behind(s)),
-        "rear is lighter", "`min_load`"),
-    Row("roll of the body", "as `ride_frequency`", "side: 8 a_y z_c²/(ω² B³)",
-        lambda s: 8.0 * s.model.limits.lateral_accel * s.model.vehicle.cg_z**2
-        / (_ride(s) * s.model.vehicle.track_width**3),
-        "the inner side is lighter", "`min_load`"),
-    Row("twist of the ground under the wheels", "1 cm", "wheel: ω² w/(4 g)",
+    Row(
+        "payload farther to the front",
+        "5 cm",
+        "rear: δ cos θ/(L − x_c)",
+        lambda s: SHIFT * math.cos(s.grade) / _behind(s),
+        "rear is lighter",
+        "`min_load`, as far as it goes",
+    ),
+    Row(
+        "payload higher",
+        "5 cm",
+        "rear: δ F/(L − x_c)",
+        lambda s: SHIFT * s.force / _behind(s),
+        "rear is lighter",
+        "`min_load`, as far as it goes",
+    ),
+    Row(
+        "payload to one side",
+        "5 cm",
+        "side: 2 δ/B",
+        lambda s: 2.0 * SHIFT / s.model.vehicle.track_width,
+        "a side is lighter",
+        "`min_load`, as far as it goes",
+    ),
+    Row(
+        "dive of the body",
+        "as `ride_frequency`",
+        "rear: 4 a z_c²/(ω² L² (L − x_c))",
+        lambda s: (
+            4.0
+            * GRAVITY
+            * s.net
+            * s.model.vehicle.cg_z**2
+            / (_ride(s) * s.model.vehicle.wheelbase**2 * _behind(s))
+        ),
+        "rear is lighter",
+        "`min_load`",
+    ),
+    Row(
+        "roll of the body",
+        "as `ride_frequency`",
+        "side: 8 a_y z_c²/(ω² B³)",
+        lambda s: (
+            8.0
+            * s.model.limits.lateral_accel
+            * s.model.vehicle.cg_z**2
+            / (_ride(s) * s.model.vehicle.track_width**3)
+        ),
+        "the inner side is lighter",
+        "`min_load`",
+    ),
+    Row(
+        "twist of the ground under the wheels",
+        "1 cm",
+        "wheel: ω² w/(4 g)",
         lambda s: _ride(s) * 0.01 / (4.0 * GRAVITY),
-        "one diagonal is lighter; axles and sides keep their sums", "`wheel_travel`, `max_step`"),
-    Row("gyroscopes in the wheels", "5 % of the mass", "side: 0.1 r a_y/(B g)",
-        lambda s: 2.0 * ROTATING * s.model.vehicle.wheel_radius * s.model.limits.lateral_accel
-        / (s.model.vehicle.track_width * GRAVITY),
-        "the inner side is lighter", "`min_load`"),
-)  # fmt: skip
+        "one diagonal is lighter; axles and sides keep their sums",
+        "`wheel_travel`, `max_step`",
+    ),
+    Row(
+        "gyroscopes in the wheels",
+        "5 % of the mass",
+        "side: 0.1 r a_y/(B g)",
+        lambda s: (
+            2.0
+            * ROTATING
+            * s.model.vehicle.wheel_radius
+            * s.model.limits.lateral_accel
+            / (s.model.vehicle.track_width * GRAVITY)
+        ),
+        "the inner side is lighter",
+        "`min_load`",
+    ),
+)
 
 OTHERS = (
-    Row("cos² θ of a path drawn in plan view", "steepest grade", "1 − cos² θ of a_y",
-        lambda s: math.sin(s.grade) ** 2, "turns are slower than they need be", "nothing needed"),
-    Row("losses between motor and wheel", "15 %", "of the power that climbs", lambda s: 0.15,
-        "climbs are slower than planned", "`max_drive_power` at the wheels"),
-)  # fmt: skip
+    Row(
+        "cos² θ of a path drawn in plan view",
+        "steepest grade",
+        "1 − cos² θ of a_y",
+        lambda s: math.sin(s.grade) ** 2,
+        "turns are slower than they need be",
+        "nothing needed",
+    ),
+    Row(
+        "losses between motor and wheel",
+        "15 %",
+        "of the power that climbs",
+        lambda s: 0.15,
+        "climbs are slower than planned",
+        "`max_drive_power` at the wheels",
+    ),
+)

@@ -52,9 +52,11 @@ class TrackingMpc:
         s, v, a = (ca.SX.sym(name, STEPS) for name in ("s", "v", "a"))
         slack = ca.SX.sym("slack")
         begin, around, slope, most = (
-            ca.SX.sym("begin", 2), ca.SX.sym("around", STEPS), ca.SX.sym("slope", STEPS),
+            ca.SX.sym("begin", 2),
+            ca.SX.sym("around", STEPS),
+            ca.SX.sym("slope", STEPS),
             ca.SX.sym("most"),
-        )  # fmt: skip
+        )
         before_s, before_v = ca.vertcat(begin[0], s[:-1]), ca.vertcat(begin[1], v[:-1])
         moves = ca.vertcat(
             s - before_s - STEP * before_v - 0.5 * STEP**2 * a, v - before_v - STEP * a
@@ -63,9 +65,11 @@ class TrackingMpc:
         cost = ca.sumsqr(v - most) + 0.05 * ca.sumsqr(a) + 0.2 * ca.sumsqr(a[1:] - a[:-1])
         variables = ca.vertcat(s, v, a, slack)
         problem = {
-            "x": variables, "f": cost + SLACK * slack**2,
-            "g": ca.vertcat(moves, stops), "p": ca.vertcat(begin, around, slope, most),
-        }  # fmt: skip
+            "x": variables,
+            "f": cost + SLACK * slack**2,
+            "g": ca.vertcat(moves, stops),
+            "p": ca.vertcat(begin, around, slope, most),
+        }
         quiet = {"osqp": {"verbose": False, "eps_abs": 1e-4, "eps_rel": 1e-4, "max_iter": 8000}}
         self._solver = ca.qpsol("mpc", "osqp", problem, {**quiet, "error_on_fail": False})
         self._last = np.zeros(STEPS)
@@ -102,16 +106,22 @@ class TrackingMpc:
             (np.full(STEPS, -1.0), np.zeros(STEPS), np.full(STEPS, -self._limits.decel), [0.0])
         )
         high = np.concatenate(
-            (np.full(STEPS, 1e3), np.full(STEPS, max(most, speed)),
-             np.full(STEPS, self._limits.accel), [1e3])
-        )  # fmt: skip
+            (
+                np.full(STEPS, 1e3),
+                np.full(STEPS, max(most, speed)),
+                np.full(STEPS, self._limits.accel),
+                [1e3],
+            )
+        )
         parameters = np.concatenate(([0.0, speed], around, slope, [most]))
         bounds = np.zeros(2 * STEPS)
         solved = self._solver(
-            p=parameters, lbx=low, ubx=high,
+            p=parameters,
+            lbx=low,
+            ubx=high,
             lbg=np.concatenate((bounds, np.full(STEPS, -1e3))),
             ubg=np.concatenate((bounds, np.full(STEPS, free))),
-        )  # fmt: skip
+        )
         self._last = np.clip(np.array(solved["x"]).ravel()[STEPS : 2 * STEPS], 0.0, 6.0)
         return solved
 

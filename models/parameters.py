@@ -89,16 +89,22 @@ class Braking:
         at_least=0.0,
     )
     force_scatter: float = quantity(
-        "1", "The part of that scatter that is in proportion, as a share of F_b/W.",
-        (0.0, 2.0), default=0.0, at_least=0.0,
-    )  # fmt: skip
+        "1",
+        "The part of that scatter that is in proportion, as a share of F_b/W.",
+        (0.0, 2.0),
+        default=0.0,
+        at_least=0.0,
+    )
     dead_time_std: float = quantity(
         "s", "Scatter of the dead time.", (0.0, 5.0), default=0.0, at_least=0.0
     )
     speed_error: float = quantity(
-        "m/s", "Standard deviation of the driven speed around the planned one.", default=0.0,
-        at_least=0.0, at_most=5.0,
-    )  # fmt: skip
+        "m/s",
+        "Standard deviation of the driven speed around the planned one.",
+        default=0.0,
+        at_least=0.0,
+        at_most=5.0,
+    )
     drive_in_dead_time: Literal["held", "cut", "either"] = "either"
     sliding_friction: float | None = quantity(
         "1", "Friction of locked wheels; caps the force.", (0.02, 2.0), default=None, above=0.0
@@ -107,18 +113,24 @@ class Braking:
         "1", "Share of full brake application.", default=1.0, above=0.0, at_most=1.0
     )
     dead_band: float = quantity(
-        "1", "Application up to which the brakes do nothing.", default=0.0, at_least=0.0,
+        "1",
+        "Application up to which the brakes do nothing.",
+        default=0.0,
+        at_least=0.0,
         at_most=0.9,
-    )  # fmt: skip
+    )
     saturation: float = quantity(
         "1", "Application from which they do all they can.", default=1.0, above=0.0, at_most=1.0
     )
     uphill: UphillBraking | None = None
     extrapolate: bool = False
     extrapolation_margin: float = quantity(
-        "1", "Share of the force given up where it extrapolates.", default=0.3, at_least=0.0,
+        "1",
+        "Share of the force given up where it extrapolates.",
+        default=0.3,
+        at_least=0.0,
         at_most=1.0,
-    )  # fmt: skip
+    )
     terrain: MappingProxyType[str, SurfaceBraking] | dict[str, SurfaceBraking] = field(
         default_factory=dict
     )
@@ -190,9 +202,13 @@ class Terrain:
         "1", "Coefficient f_r that the drive has to overcome.", (0.0, 1.0), at_least=0.0
     )
     braking_resistance: float | None = quantity(
-        "1", "The f_r that counts as part of the braking force at a level below 1; "
-        "motion_resistance if left out or higher.", (0.0, 1.0), default=None, at_least=0.0,
-    )  # fmt: skip
+        "1",
+        "The f_r that counts as part of the braking force at a level below 1; "
+        "motion_resistance if left out or higher.",
+        (0.0, 1.0),
+        default=None,
+        at_least=0.0,
+    )
     lateral_resistance: float = quantity("1", "Coefficient μ_t.", (0.0, 1.5), at_least=0.0)
     slip_track: float = quantity(
         "m", "Slip track B_s, at least the track width.", (0.05, 50.0), above=0.0
@@ -227,9 +243,12 @@ class Limits:
         above=0.0,
     )
     vertical_accel: float = quantity(
-        "m/s²", "Highest vertical acceleration of the body on rough ground and in dips.",
-        (0.1, 100.0), default=5.0, above=0.0,
-    )  # fmt: skip
+        "m/s²",
+        "Highest vertical acceleration of the body on rough ground and in dips.",
+        (0.1, 100.0),
+        default=5.0,
+        above=0.0,
+    )
     min_load: float = quantity(
         "1",
         "Share of its level static load every axle and side must keep.",
@@ -238,9 +257,13 @@ class Limits:
         at_most=0.9,
     )
     max_path_deviation: float | None = quantity(
-        "m", "Largest distance between a given path and the planned line; a quarter of the "
-        "vehicle's width, 0.05 m at least, by default.", (1e-3, 5.0), default=None, above=0.0,
-    )  # fmt: skip
+        "m",
+        "Largest distance between a given path and the planned line; a quarter of the "
+        "vehicle's width, 0.05 m at least, by default.",
+        (1e-3, 5.0),
+        default=None,
+        above=0.0,
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)

@@ -71,13 +71,19 @@ class Vehicle:
     )
 
     width: float | None = quantity(
-        "m", "Widest part of body and wheels; track width and wheel width if left out.",
-        (0.05, 15.0), default=None, above=0.0,
-    )  # fmt: skip
+        "m",
+        "Widest part of body and wheels; track width and wheel width if left out.",
+        (0.05, 15.0),
+        default=None,
+        above=0.0,
+    )
     front_overhang: float | None = quantity(
-        "m", "Body ahead of the front axle; the wheel radius if left out.",
-        (0.0, 10.0), default=None, at_least=0.0,
-    )  # fmt: skip
+        "m",
+        "Body ahead of the front axle; the wheel radius if left out.",
+        (0.0, 10.0),
+        default=None,
+        at_least=0.0,
+    )
     rear_overhang: float | None = quantity(
         "m",
         "Body behind the rear axle; the wheel radius if left out.",
@@ -86,13 +92,19 @@ class Vehicle:
         at_least=0.0,
     )
     ground_clearance: float | None = quantity(
-        "m", "Underside of the body above level ground; 3/4 of the wheel radius if left out.",
-        (0.0, 3.0), default=None, at_least=0.0,
-    )  # fmt: skip
+        "m",
+        "Underside of the body above level ground; 3/4 of the wheel radius if left out.",
+        (0.0, 3.0),
+        default=None,
+        at_least=0.0,
+    )
     max_step: float | None = quantity(
-        "m", "Highest step that a wheel may climb or fall; 1/3 of its radius if left out.",
-        (1e-3, 2.0), default=None, above=0.0,
-    )  # fmt: skip
+        "m",
+        "Highest step that a wheel may climb or fall; 1/3 of its radius if left out.",
+        (1e-3, 2.0),
+        default=None,
+        above=0.0,
+    )
     wheel_width: float | None = quantity(
         "m",
         "Width of a tyre; 0.7 of the wheel radius if left out.",
@@ -101,20 +113,32 @@ class Vehicle:
         above=0.0,
     )
     wheel_travel: float | None = quantity(
-        "m", "How far a wheel reaches below the plane of the other three; 1/3 of its radius if "
-        "left out.", (1e-3, 2.0), default=None, above=0.0,
-    )  # fmt: skip
+        "m",
+        "How far a wheel reaches below the plane of the other three; 1/3 of its radius if "
+        "left out.",
+        (1e-3, 2.0),
+        default=None,
+        above=0.0,
+    )
     front_brake_share: float | None = quantity(
-        "1", "Part of the braking force on the front axle; left out, that of the static load, or, "
-        "skid-steered, wheels of a side that turn as one.", default=None, at_least=0.0, at_most=1.0,
-    )  # fmt: skip
+        "1",
+        "Part of the braking force on the front axle; left out, that of the static load, or, "
+        "skid-steered, wheels of a side that turn as one.",
+        default=None,
+        at_least=0.0,
+        at_most=1.0,
+    )
     ride_frequency: float = quantity(
         "Hz", "Bounce of the body on its suspension or tyres.", (0.2, 50.0), default=2.5, above=0.0
     )
     ride_damping: float = quantity(
-        "1", "Damping of that bounce, a share of the critical one.",
-        (0.01, 2.0), default=0.3, above=0.0, at_most=2.0,
-    )  # fmt: skip
+        "1",
+        "Damping of that bounce, a share of the critical one.",
+        (0.01, 2.0),
+        default=0.3,
+        above=0.0,
+        at_most=2.0,
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)
@@ -144,10 +168,15 @@ class Vehicle:
         size = {n: defaults[n] if v is None else float(v) for n, v in given.items()}
         half = 0.5 * self.wheelbase
         return Shape(
-            size["width"], half + size["front_overhang"], half + size["rear_overhang"],
-            size["ground_clearance"], size["max_step"], size["wheel_travel"], wheel_width,
+            size["width"],
+            half + size["front_overhang"],
+            half + size["rear_overhang"],
+            size["ground_clearance"],
+            size["max_step"],
+            size["wheel_travel"],
+            wheel_width,
             tuple(n for n, v in given.items() if v is None),
-        )  # fmt: skip
+        )
 
     @property
     def brake_share(self) -> float | None:

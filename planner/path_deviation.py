@@ -64,9 +64,13 @@ class PathDeviation:
 
 
 def path_deviation(
-    given: Floats, x: Floats, y: Floats, station: Floats, limit: float,
+    given: Floats,
+    x: Floats,
+    y: Floats,
+    station: Floats,
+    limit: float,
     part: tuple[float, float] | None = None,
-) -> PathDeviation:  # fmt: skip
+) -> PathDeviation:
     """How far a planned line lies from the polyline that was given.
 
     Args:
@@ -138,9 +142,14 @@ def _feet_on_line(given: Floats, line: Floats, along: Floats, feet: Floats, away
 
 @kernel
 def _feet_on_given(
-    given: Floats, line: Floats, along: Floats, feet: Floats, window: Ints, back: Floats,
+    given: Floats,
+    line: Floats,
+    along: Floats,
+    feet: Floats,
+    window: Ints,
+    back: Floats,
     away: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """For each station the given segments around it, the place on them, and its distance [m]."""
     n, last = given.shape[0], line.shape[0] - 1
     latest, earliest = feet.copy(), feet.copy()

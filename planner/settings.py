@@ -28,13 +28,17 @@ class PlannerSettings:
         at_least=0.0,
     )
     margin_weight: float = quantity(
-        "s/m", "Ranking: time that a metre of spare clear distance is worth.", default=0.0,
+        "s/m",
+        "Ranking: time that a metre of spare clear distance is worth.",
+        default=0.0,
         at_least=0.0,
-    )  # fmt: skip
+    )
     margin_enough: float = quantity(
-        "m", "Ranking: spare clear distance beyond which more is worth nothing.", default=1.0,
+        "m",
+        "Ranking: spare clear distance beyond which more is worth nothing.",
+        default=1.0,
         at_least=0.0,
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)

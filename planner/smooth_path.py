@@ -128,9 +128,15 @@ def _between_vertices(points: Floats, along: Floats, stray: float) -> tuple[Floa
 
 @kernel
 def _evenly(
-    knots: Floats, x: Floats, y: Floats, degree: int, length: float, count: int, first: Floats,
+    knots: Floats,
+    x: Floats,
+    y: Floats,
+    degree: int,
+    length: float,
+    count: int,
+    first: Floats,
     last: Floats,
-) -> Floats:  # fmt: skip
+) -> Floats:
     """Stations at even distances along a spline whose parameter runs from 0 to ``length``.
 
     Its own length differs a little from the polyline's that its parameter is.

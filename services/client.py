@@ -96,9 +96,11 @@ class PlanClient:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Leave the session to whoever opened it."""
         self._querier.undeclare()
 
@@ -119,9 +121,13 @@ class PlanClient:
         begun = time.perf_counter()
         self._sequence += 1
         request = PlanRequest(
-            speed=speed, paths=list(paths), client=self._name, pose=pose, clear=clear,
+            speed=speed,
+            paths=list(paths),
+            client=self._name,
+            pose=pose,
+            clear=clear,
             sequence=self._sequence,
-        )  # fmt: skip
+        )
         try:
             reply = self._ask(request)
             reason = "no service answers" if reply is None else _objection(reply, request)
@@ -148,17 +154,19 @@ class PlanClient:
     def put_map(self, update: MapUpdate) -> None:
         """Send ground; that it arrived shows in the map version of the next reply."""
         self._session.put(
-            self._map_key, codec.encode(update, self._written),
+            self._map_key,
+            codec.encode(update, self._written),
             encoding=codec.encoding_of(MapUpdate, self._written),
             congestion_control=zenoh.CongestionControl.BLOCK,
-        )  # fmt: skip
+        )
 
     def _ask(self, request: PlanRequest) -> PlanReply | None:
         deadline = f"deadline={_FOR_THE_WAY * self._timeout:.6f}"
         replies = self._querier.get(
-            parameters=deadline, payload=codec.encode(request, self._written),
+            parameters=deadline,
+            payload=codec.encode(request, self._written),
             encoding=self._encoding,
-        )  # fmt: skip
+        )
         for reply in replies:
             if reply.ok is not None:
                 sample = reply.ok

@@ -36,11 +36,27 @@ if TYPE_CHECKING:
     from slopewise.planning import Horizon, check_plan, plan
 
 __all__ = [
-    "CandidatePath", "CheckReport", "DriveLog", "ElevationMap", "GivenPlan", "Horizon", "Model",
-    "PlanClient", "PlanarState", "SlopewiseError", "SpeedPlan", "calibrate", "check_plan",
-    "find_discrepancies", "plan", "read_drive_log", "read_map", "read_model", "read_paths",
+    "CandidatePath",
+    "CheckReport",
+    "DriveLog",
+    "ElevationMap",
+    "GivenPlan",
+    "Horizon",
+    "Model",
+    "PlanClient",
+    "PlanarState",
+    "SlopewiseError",
+    "SpeedPlan",
+    "calibrate",
+    "check_plan",
+    "find_discrepancies",
+    "plan",
+    "read_drive_log",
+    "read_map",
+    "read_model",
+    "read_paths",
     "write_model",
-]  # fmt: skip
+]
 
 _HOMES = {
     "CandidatePath": "planner.path",

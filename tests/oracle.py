@@ -166,9 +166,11 @@ class Ground:
         for column, level in [(0, 0.0), (1, 0.0), (2, 0.0), *((0, grade) for grade in grades)]:
             slope = self.slope[:, column]
             inside = np.divide(
-                level - self.table[:-1, column], slope, out=np.full_like(slope, -1.0),
+                level - self.table[:-1, column],
+                slope,
+                out=np.full_like(slope, -1.0),
                 where=slope != 0.0,
-            )  # fmt: skip
+            )
             found.append(self._within(inside))
         for patch in patches:
             place = self.table[:-1, 4:] - (patch["x"], patch["y"])
@@ -178,9 +180,11 @@ class Ground:
             root = np.sqrt(np.maximum(b**2 - a * c, 0.0))
             for sign in (-1.0, 1.0):
                 inside = np.divide(
-                    -b + sign * root, a, out=np.full_like(a, -1.0),
+                    -b + sign * root,
+                    a,
+                    out=np.full_like(a, -1.0),
                     where=(a > 0.0) & (b**2 > a * c),
-                )  # fmt: skip
+                )
                 found.append(self._within(inside))
         return np.unique(np.concatenate(found))
 

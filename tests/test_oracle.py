@@ -321,9 +321,9 @@ def test_effects_of_the_slope(stop, name, k, grade, roll, more):
 
 def test_turning_resistance(stop):
     curvature, k = -0.1, 0.5
-    got = stop(1.0, EFFECT_SPEED, ground(curvature=curvature), model_with(
-        ("turning_resistance", {"k": k})
-    ))  # fmt: skip
+    got = stop(
+        1.0, EFFECT_SPEED, ground(curvature=curvature), model_with(("turning_resistance", {"k": k}))
+    )
     expected = _linear(G * BASE, G * k * abs(curvature)) + 0.3 * EFFECT_SPEED + 0.2
     assert got.distance == pytest.approx(expected, abs=1e-7)
 
@@ -331,9 +331,12 @@ def test_turning_resistance(stop):
 def test_heading_comes_from_the_path(stop):
     """Furrows across a circle: the force swings with twice the heading."""
     columns = ground(length=15.0, step=0.1, curvature=0.1)
-    got = stop(0.0, EFFECT_SPEED, columns, model_with(
-        ("directional_surface", {"k": 0.2, "direction": 0.0})
-    ))  # fmt: skip
+    got = stop(
+        0.0,
+        EFFECT_SPEED,
+        columns,
+        model_with(("directional_surface", {"k": 0.2, "direction": 0.0})),
+    )
 
     def energy(s: float) -> float:
         return G * (BASE * s + 0.2 * math.sin(2 * 0.1 * s) / (2 * 0.1))
@@ -407,10 +410,8 @@ def test_loads_by_hand(stop):
     v, grade, weight = 2.0, -math.radians(5.0), 500.0 * G
     a = G * ((-0.06 - 0.35) * grade + 0.03 + 0.40 + math.sin(grade))
     rear = (
-        (1.2 - 0.6) * weight * math.cos(grade)
-        - 0.55 * 500.0 * a
-        + 0.55 * weight * math.sin(grade)
-    ) / 1.2  # fmt: skip
+        (1.2 - 0.6) * weight * math.cos(grade) - 0.55 * 500.0 * a + 0.55 * weight * math.sin(grade)
+    ) / 1.2
     front = (0.6 * weight * math.cos(grade) + 0.55 * weight * -math.sin(grade)) / 1.2
     got = stop(1.0, v, ground(grade=grade), MODEL)
     assert got.rear_load == pytest.approx(rear / (weight / 2), abs=1e-9)

@@ -45,9 +45,14 @@ _MAP = 0.005  # [rad] error of a map's grade
 _STEP, _LONGEST = 0.005, 30.0  # [s]
 _DRAWS = 50
 _KNOWN = Braking(
-    m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.4, dead_time=0.25, speed_range=(1.0, 4.0),
+    m_m=0.0,
+    b_m=0.0,
+    m_b=0.0,
+    b_b=0.4,
+    dead_time=0.25,
+    speed_range=(1.0, 4.0),
     grade_range=(-0.26, 0.26),
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +113,18 @@ def hold(name: str, seed: int, asked: Question, *, ground: bool = False) -> Held
     most = allowed(b, actual, met, asked.quantile)
     spare = most - actual.distance
     return HeldStops(
-        name, ground, seed, asked, float(np.mean(actual.distance - mean)),
-        int(np.sum(spare < 0.0)), float(spare.min()), float(spare.mean()),
-        float(np.mean(spare / actual.distance)), b.distance_offset, learned.objections,
-    )  # fmt: skip
+        name,
+        ground,
+        seed,
+        asked,
+        float(np.mean(actual.distance - mean)),
+        int(np.sum(spare < 0.0)),
+        float(spare.min()),
+        float(spare.mean()),
+        float(np.mean(spare / actual.distance)),
+        b.distance_offset,
+        learned.objections,
+    )
 
 
 def _scene(
@@ -180,9 +193,12 @@ def allowed(braking: Braking, driven: DrivenStops, grade: Floats, quantile: floa
 
 
 def _stop(
-    speed: Floats, dead_time: float, station: Floats, grade: Floats,
+    speed: Floats,
+    dead_time: float,
+    station: Floats,
+    grade: Floats,
     force_on: Callable[[Floats], Floats],
-) -> Floats:  # fmt: skip
+) -> Floats:
     """(n,) way until rest [m]; inf where a stop does not end."""
     way, v = speed * dead_time, speed.copy()
 
@@ -224,10 +240,15 @@ def main() -> None:
             held = hold(name, seed, asked, ground=ground)
             rows.append(held)
             told = (
-                "map" if ground else "pitch", str(seed), f"{held.off:.3f}", str(held.beyond),
-                f"{held.nearest:.3f}", f"{held.excess:.3f}", f"{held.share:.1%}",
+                "map" if ground else "pitch",
+                str(seed),
+                f"{held.off:.3f}",
+                str(held.beyond),
+                f"{held.nearest:.3f}",
+                f"{held.excess:.3f}",
+                f"{held.share:.1%}",
                 f"{held.offset:.3f}",
-            )  # fmt: skip
+            )
             print(f"{name:22}" + "".join(f"{value:>10}" for value in told), flush=True)
             for words in held.objections:
                 print(f"  refused: {words}")

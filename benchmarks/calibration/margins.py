@@ -28,22 +28,29 @@ VEHICLES = (
     PlantVehicle(name="scatter 0.03", stops=100, scatter=0.03, late=0.02),
     PlantVehicle(name="scatter 0.05", stops=150, scatter=0.05, late=0.03),
     PlantVehicle(name="scatter 0.06, late 40 ms", stops=300, scatter=0.06, late=0.04),
-    PlantVehicle(name="scatter 0.02 of the weight", stops=100, scatter=0.02, shared=False,
-                 b_m=-0.6),
+    PlantVehicle(
+        name="scatter 0.02 of the weight", stops=100, scatter=0.02, shared=False, b_m=-0.6
+    ),
     PlantVehicle(name="5 % weak by 30 %", stops=120, scatter=0.03, late=0.02, weak=0.05),
     PlantVehicle(name="10 % weak by 30 %", stops=100, scatter=0.03, late=0.02, weak=0.10),
-    PlantVehicle(name="25 % weak by 40 %", stops=200, scatter=0.03, late=0.02, weak=0.25, ratio=0.6,
-            b_b=0.6),
+    PlantVehicle(
+        name="25 % weak by 40 %", stops=200, scatter=0.03, late=0.02, weak=0.25, ratio=0.6, b_b=0.6
+    ),
     PlantVehicle(name="heavy tails, t5", stops=200, scatter=0.03, late=0.01, freedom=5.0),
     PlantVehicle(name="heavy tails, t3", stops=300, scatter=0.03, late=0.01, freedom=3.0),
     PlantVehicle(name="6 sessions", stops=120, scatter=0.02, late=0.02, session=0.03, sessions=6),
-)  # fmt: skip
+)
 QUANTILES = (0.99, 0.999)
 FRESH, _TRUE = 40_000, 4_000
 _KNOWN = Braking(
-    m_m=0.0, b_m=-0.1, m_b=0.0, b_b=0.5, dead_time=0.25, speed_range=(1.0, 4.0),
+    m_m=0.0,
+    b_m=-0.1,
+    m_b=0.0,
+    b_b=0.5,
+    dead_time=0.25,
+    speed_range=(1.0, 4.0),
     grade_range=(-0.26, 0.26),
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +95,9 @@ def hold(vehicle: PlantVehicle, seed: int, fresh: int = FRESH) -> tuple[list[Hel
     columns, runs, ground = drive_log(vehicle, rng)
     learned = learn(columns, runs, _KNOWN, ground=ground)
     speed, grade = conditions(fresh, rng)
-    actual = distances(speed, grade, _forces(vehicle, speed, grade, rng),
-                       vehicle.delays(fresh, rng))  # fmt: skip
+    actual = distances(
+        speed, grade, _forces(vehicle, speed, grade, rng), vehicle.delays(fresh, rng)
+    )
     part = slice(0, 300)
     many = (_TRUE, 300)
     v, theta = (np.broadcast_to(a[part], many) for a in (speed, grade))
@@ -102,12 +110,18 @@ def hold(vehicle: PlantVehicle, seed: int, fresh: int = FRESH) -> tuple[list[Hel
         ends = np.isfinite(allowed[part]) & np.isfinite(true)
         held.append(
             Held(
-                vehicle.name, seed, vehicle.stops, q, float(np.mean(actual > allowed)), 1.0 - q,
+                vehicle.name,
+                seed,
+                vehicle.stops,
+                q,
+                float(np.mean(actual > allowed)),
+                1.0 - q,
                 float(np.mean((allowed[part] - middle)[ends])),
-                float(np.mean((true - middle)[ends])), float(np.mean(~np.isfinite(allowed))),
+                float(np.mean((true - middle)[ends])),
+                float(np.mean(~np.isfinite(allowed))),
                 learned.surfaces[0].state is not None,
             )
-        )  # fmt: skip
+        )
     return held, learned
 
 
@@ -126,20 +140,26 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     rows: list[Held] = []
-    print(f"{'vehicle':28}{'stops':>6}{'q':>7}{'beyond %':>10}{'of promised':>12}"
-          f"{'worst log':>10}{'excess m':>10}{'true m':>8}{'times':>7}{'endless':>9}")  # fmt: skip
+    print(
+        f"{'vehicle':28}{'stops':>6}{'q':>7}{'beyond %':>10}{'of promised':>12}"
+        f"{'worst log':>10}{'excess m':>10}{'true m':>8}{'times':>7}{'endless':>9}"
+    )
     for vehicle in VEHICLES:
         own = [h for seed in range(given.seeds) for h in hold(vehicle, seed)[0]]
         rows += own
         for q in QUANTILES:
             at = [h for h in own if h.quantile == q]
             share = [h.beyond / h.promised for h in at]
-            excess, true = (float(np.mean([getattr(h, n) for h in at]))
-                            for n in ("excess", "true_excess"))  # fmt: skip
-            print(f"{vehicle.name:28}{vehicle.stops:6d}{q:7.3f}"
-                  f"{100 * np.mean([h.beyond for h in at]):10.3f}{np.mean(share):12.2f}"
-                  f"{max(share):10.2f}{excess:10.3f}{true:8.3f}{excess / max(true, 1e-9):7.2f}"
-                  f"{np.mean([h.endless for h in at]):9.3f}", flush=True)  # fmt: skip
+            excess, true = (
+                float(np.mean([getattr(h, n) for h in at])) for n in ("excess", "true_excess")
+            )
+            print(
+                f"{vehicle.name:28}{vehicle.stops:6d}{q:7.3f}"
+                f"{100 * np.mean([h.beyond for h in at]):10.3f}{np.mean(share):12.2f}"
+                f"{max(share):10.2f}{excess:10.3f}{true:8.3f}{excess / max(true, 1e-9):7.2f}"
+                f"{np.mean([h.endless for h in at]):9.3f}",
+                flush=True,
+            )
     for q in QUANTILES:
         mean = np.mean([h.beyond / h.promised for h in rows if h.quantile == q])
         print(f"all vehicles at {q}: {mean:.2f} of the promised share beyond")

@@ -130,9 +130,13 @@ def _stop(
 
     rest.terminal = True  # type: ignore[attr-defined]
     solved = solve_ivp(
-        lambda _, y: [y[1], -pull], (delay, 120.0), [0.0, speed], events=rest, dense_output=True,
+        lambda _, y: [y[1], -pull],
+        (delay, 120.0),
+        [0.0, speed],
+        events=rest,
+        dense_output=True,
         rtol=1e-8,
-    )  # fmt: skip
+    )
     end = float(solved.t[-1])
     t = np.arange(-_LEAD + phase, end + _TAIL, 1.0 / _HZ)
     v = np.where(t < delay, speed, 0.0)

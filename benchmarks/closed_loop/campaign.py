@@ -121,14 +121,19 @@ def run(size: DriveCounts, progress: Progress, keep: Path | None = None) -> Camp
         "targets": targets(results, OWN, PERFECT),
         "stops": [
             {
-                "speed": s.speed, "grade": s.grade, "surface": s.surface, "actual": s.actual,
-                "predicted": s.predicted, "left": s.left, "forced": s.forced,
+                "speed": s.speed,
+                "grade": s.grade,
+                "surface": s.surface,
+                "actual": s.actual,
+                "predicted": s.predicted,
+                "left": s.left,
+                "forced": s.forced,
             }
             for drive in drives[OWN]
             for s in drive.stops
         ],
         "seconds": time.perf_counter() - began,
-    }  # fmt: skip
+    }
     return Campaign(result, drives, model, dem)
 
 
@@ -155,9 +160,15 @@ def _learned(model: Model, samples: list[StopSample]) -> Result:
             name: {
                 key: getattr(model.braking.on(name), key)
                 for key in (
-                    "m_m", "b_m", "m_b", "b_b", "distance_offset", "speed_range", "grade_range"
+                    "m_m",
+                    "b_m",
+                    "m_b",
+                    "b_b",
+                    "distance_offset",
+                    "speed_range",
+                    "grade_range",
                 )
             }
             for name in model.braking.terrain
         },
-    }  # fmt: skip
+    }

@@ -76,9 +76,13 @@ class _Loop:
         """As the policy sees it; sight depends on where the vehicle really is."""
         told = self.course.told(self.station, self.policy.exact)
         return View(
-            self.state, self.seen_station, self.route, self.map,
-            told - self.seen_station, self.course.known - self.seen_station,
-        )  # fmt: skip
+            self.state,
+            self.seen_station,
+            self.route,
+            self.map,
+            told - self.seen_station,
+            self.course.known - self.seen_station,
+        )
 
     def stop_now(self, *, forced: bool, reason: str) -> None:
         """Slam the brakes on and remember from where."""
@@ -90,8 +94,14 @@ class _Loop:
         surface = SURFACES[self.world.surface]
         held = self.state.speed
         self.stop_started = (
-            self.station, self.world.speed, predicted, held, self.seen_station, surface, forced
-        )  # fmt: skip
+            self.station,
+            self.world.speed,
+            predicted,
+            held,
+            self.seen_station,
+            surface,
+            forced,
+        )
         self.rows = []
 
     def trigger(self) -> None:
@@ -211,11 +221,15 @@ class _Loop:
         """Keep a row of this cycle."""
         route, station = self.route, self.station
         row = (
-            self.world.time, station, self.world.speed,
-            self.course.told(station, self.policy.exact), self.course.limit,
-            route.at(station, route.grade), route.at(station, route.roll),
+            self.world.time,
+            station,
+            self.world.speed,
+            self.course.told(station, self.policy.exact),
+            self.course.limit,
+            route.at(station, route.grade),
+            route.at(station, route.roll),
             float(self.world.surface),
-        )  # fmt: skip
+        )
         self.history.append(row)
 
     def cycle(self) -> None:
@@ -232,9 +246,13 @@ class _Loop:
 
 
 def run_drive(
-    terrain: PhysicsGround, route: Route, course: Course, policy: Policy, seed: int,
+    terrain: PhysicsGround,
+    route: Route,
+    course: Course,
+    policy: Policy,
+    seed: int,
     watch: Callable[[DrivenWorld], None] | None = None,
-) -> DrivenScene:  # fmt: skip
+) -> DrivenScene:
     """Drive a route once.
 
     Args:

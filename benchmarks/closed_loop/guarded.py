@@ -158,10 +158,12 @@ def learned_model(results: Path) -> Model:
     weakest = min(tables.values(), key=lambda table: table.b_b or 0.0)
     base = {name: getattr(weakest, name) for name in ("m_m", "b_m", "m_b", "b_b", "dead_time")}
     braking = Braking(
-        **base, distance_offset=weakest.distance_offset or 0.0,
+        **base,
+        distance_offset=weakest.distance_offset or 0.0,
         speed_range=weakest.speed_range or (0.0, 4.0),
-        grade_range=weakest.grade_range or (-0.3, 0.3), terrain=tables,
-    )  # fmt: skip
+        grade_range=weakest.grade_range or (-0.3, 0.3),
+        terrain=tables,
+    )
     return Model(name="learned", vehicle=QUAD, braking=braking, terrain=ROLLING, limits=LIMITS)
 
 

@@ -35,6 +35,8 @@ def _origin() -> str:
     dem = dem_folder()
     models = sorted(dem.glob("*.tif")) if dem is not None else []
     return digest_of_sources(
-        _SOURCES, _SHOWING, *(version(name) for name in _LIBRARIES),
+        _SOURCES,
+        _SHOWING,
+        *(version(name) for name in _LIBRARIES),
         *(f"{file.name} {file.stat().st_size}" for file in models),
-    )  # fmt: skip
+    )

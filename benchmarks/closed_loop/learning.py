@@ -77,8 +77,16 @@ def fit(samples: list[StopSample], name: str) -> Model:
         tables[surface] = replace(b, b_b=b.b_b - margin, distance_offset=offset)
     # On ground of no known surface the weakest of all holds.
     weakest = min(tables.values(), key=lambda b: b.level_force(2.0))
-    keys = ("m_m", "b_m", "m_b", "b_b", "distance_offset", "covariance", "speed_range",
-            "grade_range")  # fmt: skip
+    keys = (
+        "m_m",
+        "b_m",
+        "m_b",
+        "b_b",
+        "distance_offset",
+        "covariance",
+        "speed_range",
+        "grade_range",
+    )
     base = replace(
         weakest,
         distance_offset=max(b.distance_offset for b in tables.values()),
@@ -124,12 +132,15 @@ def _braking(
     speed, grade = [s.speed for s in samples], [s.grade for s in samples]
     even = 0.5 * (covariance + covariance.T)
     return Braking(
-        m_m=float(four[0]), b_m=float(four[1]), m_b=float(four[2]), b_b=float(four[3]),
+        m_m=float(four[0]),
+        b_m=float(four[1]),
+        m_b=float(four[2]),
+        b_b=float(four[3]),
         dead_time=dead_time,
         covariance=tuple(tuple(float(c) for c in row) for row in even),
         speed_range=(float(np.quantile(speed, 0.02)), max(speed)),
         grade_range=(min(grade), max(grade)),
-    )  # fmt: skip
+    )
 
 
 def _cover(beyond: Floats, weight: Floats, level: float) -> tuple[float, float]:

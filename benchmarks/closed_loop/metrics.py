@@ -57,9 +57,12 @@ def targets(results: dict[str, Result], own: str, perfect: str) -> list[Result]:
     def row(what: str, relation: str, wanted: float, reached: float) -> Result:
         passed = reached >= wanted if relation == ">=" else reached <= wanted
         return {
-            "what": what, "relation": relation, "wanted": wanted, "reached": float(reached),
+            "what": what,
+            "relation": relation,
+            "wanted": wanted,
+            "reached": float(reached),
             "passed": bool(passed),
-        }  # fmt: skip
+        }
 
     return [
         row("drives", ">=", 300, r["drives"]),
@@ -67,13 +70,17 @@ def targets(results: dict[str, Result], own: str, perfect: str) -> list[Result]:
         row("collisions", "<=", 0, r["collisions"]),
         row("stops past the clear distance", "<=", 0, r["past_clear"]),
         row(
-            "load violations that perfect knowledge avoids", "<=", 0,
+            "load violations that perfect knowledge avoids",
+            "<=",
+            0,
             r["load_violations_avoidable"],
         ),
         row(
-            "mean speed, share of perfect knowledge", ">=", 0.85,
+            "mean speed, share of perfect knowledge",
+            ">=",
+            0.85,
             r["mean_speed"] / results[perfect]["mean_speed"],
         ),
         row("stops not longer than predicted, share", ">=", 0.999, r["covered"]),
         row("mean excess of the prediction [m]", "<=", 0.25, r["mean_excess"]),
-    ]  # fmt: skip
+    ]

@@ -81,8 +81,9 @@ def stops(rows: list[dict[str, Any]]) -> Figure:
     figure.suptitle(
         f"{len(rows)} emergency stops: {np.mean(excess >= 0.0):.2%} not longer than predicted, "
         f"prediction {np.mean(excess):.2f} m above on average",
-        x=0.01, ha="left",
-    )  # fmt: skip
+        x=0.01,
+        ha="left",
+    )
     return figure
 
 

@@ -11,18 +11,25 @@ OVERHANG = 0.95
 """From the middle of the wheelbase to the front of the body [m]."""
 
 QUAD = Vehicle(
-    mass=500.0, wheelbase=1.2, track_width=1.0, cg_x=0.6, cg_z=0.55, wheel_radius=0.28,
-    drive="ackermann", max_wheel_speed=6.0, max_drive_force=3600.0, max_drive_power=14000.0,
-    front_overhang=OVERHANG - 0.6, rear_overhang=OVERHANG - 0.6,
-)  # fmt: skip
+    mass=500.0,
+    wheelbase=1.2,
+    track_width=1.0,
+    cg_x=0.6,
+    cg_z=0.55,
+    wheel_radius=0.28,
+    drive="ackermann",
+    max_wheel_speed=6.0,
+    max_drive_force=3600.0,
+    max_drive_power=14000.0,
+    front_overhang=OVERHANG - 0.6,
+    rear_overhang=OVERHANG - 0.6,
+)
 """Data sheet: weighed and measured, so the planner may know it."""
 
 ROLLING = Terrain(motion_resistance=0.08, lateral_resistance=0.2, slip_track=1.0)
 """Data sheet: the most that rolling costs on any of the surfaces."""
 
-LIMITS = Limits(
-    speed=4.0, accel=1.5, decel=2.0, jerk=4.0, lateral_accel=2.0, min_load=0.2
-)  # fmt: skip
+LIMITS = Limits(speed=4.0, accel=1.5, decel=2.0, jerk=4.0, lateral_accel=2.0, min_load=0.2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

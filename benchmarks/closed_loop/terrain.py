@@ -70,9 +70,12 @@ class PhysicsGround:
     def elevation_map(self, heights: Floats) -> ElevationMap:
         """The planner's map with these heights."""
         return ElevationMap(
-            elevation=heights, resolution=RESOLUTION, origin=(0.0, 0.0),
-            terrain_class=self.surface, class_names=SURFACES,
-        )  # fmt: skip
+            elevation=heights,
+            resolution=RESOLUTION,
+            origin=(0.0, 0.0),
+            terrain_class=self.surface,
+            class_names=SURFACES,
+        )
 
 
 def slope(direction: float, steepness: float, rng: np.random.Generator) -> PhysicsGround:

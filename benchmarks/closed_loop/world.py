@@ -238,6 +238,8 @@ class DrivenWorld:
         east, north, up = (float(v) for v in self.data.qvel[:3])
         self.speed = ahead[0] * east + ahead[1] * north + ahead[2] * up
         self.pose = (
-            float(self.data.qpos[0]), float(self.data.qpos[1]), math.atan2(ahead[1], ahead[0])
-        )  # fmt: skip
+            float(self.data.qpos[0]),
+            float(self.data.qpos[1]),
+            math.atan2(ahead[1], ahead[0]),
+        )
         self.pitch = -math.asin(min(max(ahead[2], -1.0), 1.0))

@@ -64,9 +64,15 @@ def peak_memory() -> float:
 def machine() -> dict[str, Any]:
     """Where and with what the figures were found."""
     names = (
-        "numpy", "numba", "osqp", "casadi", "toppra", "trajectory-planning-helpers", "piqp",
+        "numpy",
+        "numba",
+        "osqp",
+        "casadi",
+        "toppra",
+        "trajectory-planning-helpers",
+        "piqp",
         "clarabel",
-    )  # fmt: skip
+    )
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),

@@ -26,9 +26,15 @@ from .worth import SEEN, TOLD_APART, worth
 
 _NEARLY = (1.0, 12.0)  # expected χ² to the nearest rival of a case
 _EFFECTS = (
-    "headwind", "viscous_resistance", "aerodynamic_drag", "grade_asymmetry", "grade_nonlinearity",
-    "step_change", "session_drift", "brake_fade",
-)  # fmt: skip
+    "headwind",
+    "viscous_resistance",
+    "aerodynamic_drag",
+    "grade_asymmetry",
+    "grade_nonlinearity",
+    "step_change",
+    "session_drift",
+    "brake_fade",
+)
 _LADDER = (6, 12, 18, 24, 36, 48, 72, 96, 144, 192)
 _TRIES = 60
 
@@ -62,9 +68,11 @@ def case(number: int) -> HiddenSet | None:
         order = Order("single", (name,), size, int(rng.integers(2**31)))
         own = np.random.default_rng(order.seed)
         drawn = catalogue.drawn(order, own)
-        if len(drawn.stops.speed) <= 100 and drawn.worth.gap >= SEEN and (
-            _NEARLY[0] <= drawn.worth.apart <= _NEARLY[1]
-        ):  # fmt: skip
+        if (
+            len(drawn.stops.speed) <= 100
+            and drawn.worth.gap >= SEEN
+            and (_NEARLY[0] <= drawn.worth.apart <= _NEARLY[1])
+        ):
             return catalogue.measured(drawn, own)
     return None
 
@@ -101,9 +109,15 @@ def _resolve(hidden: HiddenSet, finding: InquiryFinding, inquiry: Inquiry) -> Re
     again = inquiry.ask(SealedLog(longer.columns, tables_of(hidden.configured)))
     right = again.verdict == "missing_effect" and set(again.names) == set(hidden.order.names)
     return Resolved(
-        hidden.order.names[0], hidden.worth.nearest, hidden.order.seed, finding.verdict, fewest,
-        _needed(hidden, random), again.verdict, right,
-    )  # fmt: skip
+        hidden.order.names[0],
+        hidden.worth.nearest,
+        hidden.order.seed,
+        finding.verdict,
+        fewest,
+        _needed(hidden, random),
+        again.verdict,
+        right,
+    )
 
 
 def _needed(hidden: HiddenSet, more: Callable[[int], Stops]) -> int:
@@ -112,9 +126,14 @@ def _needed(hidden: HiddenSet, more: Callable[[int], Stops]) -> int:
     def told(count: int) -> bool:
         stops = joined(hidden.stops, more(count))
         found = worth(
-            hidden.truth, hidden.base, stops, hidden.noise, hidden.scatter, hidden.order.names,
+            hidden.truth,
+            hidden.base,
+            stops,
+            hidden.noise,
+            hidden.scatter,
+            hidden.order.names,
             weighed=len(stops.speed),
-        )  # fmt: skip
+        )
         return found.apart >= TOLD_APART
 
     # More stops tell more, so halving the ladder will do.
@@ -123,9 +142,11 @@ def _needed(hidden: HiddenSet, more: Callable[[int], Stops]) -> int:
 
 
 def planned(
-    hidden: HiddenSet, design: Sequence[dict[str, float | None]], count: int,
+    hidden: HiddenSet,
+    design: Sequence[dict[str, float | None]],
+    count: int,
     rng: np.random.Generator,
-) -> Stops:  # fmt: skip
+) -> Stops:
     """Proposed stops, again and again up to a count; what is left open is as in the log."""
     any_stop = draw(hidden.design, count, hidden.scatter, rng)
     cycle = [design[i % len(design)] for i in range(count)]
@@ -138,12 +159,15 @@ def planned(
     rate = told("yaw_rate", any_stop.curvature * any_stop.speed)
     pauses = told("pause", np.diff(any_stop.clock, prepend=0.0))
     return any_stop._replace(
-        speed=speed, grade=told("grade", any_stop.grade), heading=told("heading", any_stop.heading),
-        roll=told("roll", any_stop.roll), curvature=rate / np.maximum(speed, 0.3),
+        speed=speed,
+        grade=told("grade", any_stop.grade),
+        heading=told("heading", any_stop.heading),
+        roll=told("roll", any_stop.roll),
+        curvature=rate / np.maximum(speed, 0.3),
         x=np.clip(told("x", any_stop.x), 0.0, FIELD[0]),
         y=np.clip(told("y", any_stop.y), 0.0, FIELD[1]),
         clock=np.cumsum(pauses + 8.0),
-    )  # fmt: skip
+    )
 
 
 def joined(first: Stops, second: Stops) -> Stops:
@@ -158,9 +182,13 @@ def _metrics(resolved: Sequence[Resolved], silent: int) -> list[Metric]:
     told = [one for one in resolved if min(one.proposed, one.random) <= _LADDER[-1]]
     ratios = [one.proposed / one.random for one in told]
     return [
-        share("called ambiguous, with stops proposed", "", 0.0,
-              [True] * len(resolved) + [False] * silent),
+        share(
+            "called ambiguous, with stops proposed",
+            "",
+            0.0,
+            [True] * len(resolved) + [False] * silent,
+        ),
         figure("stops to tell apart, proposed over any, median", "<=", 0.5, ratios, unit="×"),
         share("cases with half the stops or fewer", "", 0.0, [r <= 0.5 for r in ratios]),
         share("right name with the proposed stops", "", 0.0, [one.right for one in resolved]),
-    ]  # fmt: skip
+    ]

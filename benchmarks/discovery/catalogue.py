@@ -194,10 +194,12 @@ def drawn(order: Order, rng: np.random.Generator, conditions: SetConditions = AL
 
 def _draw_base(rng: np.random.Generator) -> Physics:
     return Physics(
-        m_m=float(rng.uniform(-0.03, 0.02)), b_m=float(rng.uniform(-0.40, -0.05)),
-        m_b=float(rng.uniform(-0.006, 0.015)), b_b=float(rng.uniform(0.40, 0.52)),
+        m_m=float(rng.uniform(-0.03, 0.02)),
+        b_m=float(rng.uniform(-0.40, -0.05)),
+        m_b=float(rng.uniform(-0.006, 0.015)),
+        b_b=float(rng.uniform(0.40, 0.52)),
         dead_time=float(rng.uniform(0.15, 0.40)),
-    )  # fmt: skip
+    )
 
 
 def _configured(base: Physics, rng: np.random.Generator, *, drifted: bool) -> dict[str, float]:

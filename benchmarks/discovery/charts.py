@@ -39,9 +39,11 @@ def _shares(title: str, rows: list[Result]) -> Any:
         )
     )
     figure.update_layout(
-        title=f"{title}: shares with 95 % Wilson intervals", template="plotly_white",
-        yaxis_autorange="reversed", xaxis_title="%",
-    )  # fmt: skip
+        title=f"{title}: shares with 95 % Wilson intervals",
+        template="plotly_white",
+        yaxis_autorange="reversed",
+        xaxis_title="%",
+    )
     return figure
 
 
@@ -54,9 +56,11 @@ def _closed(outcomes: list[Result]) -> Any:
             rank = [(i + 0.5) / len(shares) for i in range(len(shares))]
             figure.add_scatter(x=shares, y=rank, name=kind, mode="lines+markers")
     figure.update_layout(
-        title="Share of the closable gap that is closed on fresh stops", template="plotly_white",
-        xaxis={"title": "%", "range": [-20.0, 105.0]}, yaxis_title="share of sets",
-    )  # fmt: skip
+        title="Share of the closable gap that is closed on fresh stops",
+        template="plotly_white",
+        xaxis={"title": "%", "range": [-20.0, 105.0]},
+        yaxis_title="share of sets",
+    )
     return figure
 
 
@@ -70,9 +74,12 @@ def _by_worth(outcomes: list[Result]) -> Any:
     }
     for name, group in verdicts.items():
         figure.add_scatter(
-            x=[o["gap"] for o in group], y=[max(o["apart"], 0.1) for o in group], name=name,
-            mode="markers", text=[f"{o['truth'][0]}: {o['verdict']}" for o in group],
-        )  # fmt: skip
+            x=[o["gap"] for o in group],
+            y=[max(o["apart"], 0.1) for o in group],
+            name=name,
+            mode="markers",
+            text=[f"{o['truth'][0]}: {o['verdict']}" for o in group],
+        )
     figure.update_layout(title="What was said, by what can be known", template="plotly_white")
     figure.update_xaxes(title="expected χ² of the effect", type="log")
     figure.update_yaxes(title="expected χ² to the nearest rival", type="log")

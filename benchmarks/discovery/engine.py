@@ -111,8 +111,10 @@ class _Vehicle:
         lead = v * (BEFORE + _SETTLE)
         mujoco.mj_resetData(self.model, data)
         data.qpos[:3] = (
-            stops.x[i] - lead * math.cos(heading), stops.y[i] - lead * math.sin(heading), RADIUS,
-        )  # fmt: skip
+            stops.x[i] - lead * math.cos(heading),
+            stops.y[i] - lead * math.sin(heading),
+            RADIUS,
+        )
         data.qpos[3:7] = (math.cos(0.5 * heading), 0.0, 0.0, math.sin(0.5 * heading))
         data.qvel[:2] = (v * math.cos(heading), v * math.sin(heading))
         data.qvel[self.axles] = v / RADIUS
@@ -128,9 +130,11 @@ class _Vehicle:
         start = -round((BEFORE + _SETTLE) / TICK)
         station, stood = -lead, 0
         for tick in range(start, round(_LONGEST / TICK)):
-            grade = float(stops.grade[i] + stops.wave[i] * math.sin(
-                2.0 * math.pi * station / stops.wave_length[i] + stops.wave_phase[i]
-            ))  # fmt: skip
+            grade = float(
+                stops.grade[i]
+                + stops.wave[i]
+                * math.sin(2.0 * math.pi * station / stops.wave_length[i] + stops.wave_phase[i])
+            )
             self._lean(grade, float(stops.roll[i]), heading)
             speed, row = self._look(station, grade, float(stops.roll[i]))
             if tick - start >= round(_SETTLE / TICK):
@@ -164,9 +168,10 @@ class _Vehicle:
         ahead, left = -math.sin(grade), -math.cos(grade) * math.sin(roll)
         c, s = math.cos(heading), math.sin(heading)
         self.model.opt.gravity[:] = (
-            GRAVITY * (ahead * c - left * s), GRAVITY * (ahead * s + left * c),
+            GRAVITY * (ahead * c - left * s),
+            GRAVITY * (ahead * s + left * c),
             -GRAVITY * math.cos(grade) * math.cos(roll),
-        )  # fmt: skip
+        )
 
     def _frame(self) -> Floats:
         frame: Floats = self.data.xmat[self.body].reshape(3, 3)

@@ -48,9 +48,15 @@ _ONE_PARAMETER: dict[str, tuple[str, str, tuple[float, float, float], bool]] = {
 }
 
 NAMED = (
-    *_ONE_PARAMETER, "headwind", "brake_fade", "wheel_lockup", "surface_patch",
-    "directional_surface", "step_change", "session_drift",
-)  # fmt: skip
+    *_ONE_PARAMETER,
+    "headwind",
+    "brake_fade",
+    "wheel_lockup",
+    "surface_patch",
+    "directional_surface",
+    "step_change",
+    "session_drift",
+)
 
 
 FIELDS: dict[str, dict[str, str]] = {

@@ -65,9 +65,13 @@ def share(
 
 
 def figure(
-    what: str, relation: str, wanted: float, values: Sequence[float],
-    of: Callable[[Any], Any] = np.median, unit: str = "",
-) -> Metric:  # fmt: skip
+    what: str,
+    relation: str,
+    wanted: float,
+    values: Sequence[float],
+    of: Callable[[Any], Any] = np.median,
+    unit: str = "",
+) -> Metric:
     """A figure over sets, with quartiles."""
     if not values:
         return Metric(what, relation, wanted, None, 0.0, 0.0, 0, 0, unit)
@@ -93,22 +97,44 @@ def metrics(outcomes: Sequence[SetOutcome]) -> list[Metric]:
     return [
         share("right name first, medium and large", ">=", 0.95, [o.right for o in marked]),
         share("right name first, small", ">=", 0.85, [o.right for o in small]),
-        share("right name first or among the rivals, all sizes", "", 0.0,
-              [set(o.truth) <= {*o.named, *o.alternatives} for o in single]),
-        share("wrong name given with confidence", "<=", 0.01,
-              [o.wrong for o in single + pairs + off]),
+        share(
+            "right name first or among the rivals, all sizes",
+            "",
+            0.0,
+            [set(o.truth) <= {*o.named, *o.alternatives} for o in single],
+        ),
+        share(
+            "wrong name given with confidence", "<=", 0.01, [o.wrong for o in single + pairs + off]
+        ),
         share("the same on sets that are too weak to name", "<=", 0.01, [o.wrong for o in weak]),
-        share("missing_effect on clean sets", "<=", 0.02,
-              [o.verdict == "missing_effect" for o in of_kind["clean"]]),
-        share("drift called drift", ">=", 0.95,
-              [o.verdict == "parameter_drift" for o in of_kind["drift"]]),
+        share(
+            "missing_effect on clean sets",
+            "<=",
+            0.02,
+            [o.verdict == "missing_effect" for o in of_kind["clean"]],
+        ),
+        share(
+            "drift called drift",
+            ">=",
+            0.95,
+            [o.verdict == "parameter_drift" for o in of_kind["drift"]],
+        ),
         share("both names of a pair", ">=", 0.90, [o.right for o in pairs]),
-        share("off-library: unknown or its axis, no name", ">=", 0.90,
-              [_told_unknown(o) for o in off]),
-        share("absorbed by the base: no name", ">=", 0.99,
-              [o.verdict != "missing_effect" for o in of_kind["absorbed"]]),
-        share("absorbed by the base: called unidentifiable", "", 0.0,
-              [o.verdict == "unidentifiable" for o in of_kind["absorbed"]]),
+        share(
+            "off-library: unknown or its axis, no name", ">=", 0.90, [_told_unknown(o) for o in off]
+        ),
+        share(
+            "absorbed by the base: no name",
+            ">=",
+            0.99,
+            [o.verdict != "missing_effect" for o in of_kind["absorbed"]],
+        ),
+        share(
+            "absorbed by the base: called unidentifiable",
+            "",
+            0.0,
+            [o.verdict == "unidentifiable" for o in of_kind["absorbed"]],
+        ),
         figure("closable gap closed, fresh stops, median", ">=", 0.95, closed, unit="share"),
         share("sets that close four fifths of it", ">=", SEVERAL, [c >= 0.8 for c in closed]),
         share("right axis located", ">=", 0.90, [o.axis_right for o in single + off]),
@@ -117,7 +143,7 @@ def metrics(outcomes: Sequence[SetOutcome]) -> list[Metric]:
         figure("time per 100 stops, worst", "<=", 20.0, seconds, np.max, "s"),
         share("stops held out made worse", "<=", 0.0, [o.worse > 1.0 for o in outcomes]),
         share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
-    ]  # fmt: skip
+    ]
 
 
 def _told_unknown(o: SetOutcome) -> bool:
@@ -133,9 +159,13 @@ def record(metric: Metric) -> dict[str, Any]:
 
 
 def effect_row(
-    kind: str, effect: str, group: Sequence[Any], known: Sequence[Any],
-    closed: Sequence[float | None], axis: int | None,
-) -> dict[str, Any]:  # fmt: skip
+    kind: str,
+    effect: str,
+    group: Sequence[Any],
+    known: Sequence[Any],
+    closed: Sequence[float | None],
+    axis: int | None,
+) -> dict[str, Any]:
     """One effect in a table: sets, identifiable ones, right and wrong names, gap closed.
 
     Args:
@@ -144,8 +174,13 @@ def effect_row(
     """
     shares = sorted(share for share in closed if share is not None)
     return {
-        "kind": kind, "effect": effect, "sets": len(group), "identifiable": len(known),
-        "right": sum(o.right for o in known), "wrong": sum(o.wrong for o in group),
-        "axis": axis, "verdicts": dict(Counter(o.verdict for o in known or group)),
+        "kind": kind,
+        "effect": effect,
+        "sets": len(group),
+        "identifiable": len(known),
+        "right": sum(o.right for o in known),
+        "wrong": sum(o.wrong for o in group),
+        "axis": axis,
+        "verdicts": dict(Counter(o.verdict for o in known or group)),
         "closed": shares[len(shares) // 2] if shares else None,
-    }  # fmt: skip
+    }

@@ -106,10 +106,19 @@ def drive(nature: CarNature, stops: Stops, finer: float = 1.0) -> DrivenStops:
     rest = np.array([trace.rest for trace in found])
     swing = np.exp(-np.maximum(time - rest[:, None], 0.0) / _SWINGS_BACK)
     return DrivenStops(
-        time, speed, station, x, y, yaw, rate, grade + swing * pitch,
-        stops.roll[:, None] + roll, rest, np.array([trace.distance for trace in found]),
+        time,
+        speed,
+        station,
+        x,
+        y,
+        yaw,
+        rate,
+        grade + swing * pitch,
+        stops.roll[:, None] + roll,
+        rest,
+        np.array([trace.distance for trace in found]),
         np.array([trace.deceleration for trace in found]),
-    )  # fmt: skip
+    )
 
 
 def _one(
@@ -129,10 +138,18 @@ def _one(
     bend = curvature if abs(curvature) > 1e-9 else 1e-9
     state[0] = stops.x[i] + (math.sin(heading + bend * back) - math.sin(heading)) / bend
     state[1] = -stops.y[i] + (math.cos(heading + bend * back) - math.cos(heading)) / bend
-    return _Traces(*stop_car(
-        state, grounds, np.array([area[:3] for area in areas]),
-        _push(nature, stops, i, late, finer), heat, time, begun, back,
-    ))  # fmt: skip
+    return _Traces(
+        *stop_car(
+            state,
+            grounds,
+            np.array([area[:3] for area in areas]),
+            _push(nature, stops, i, late, finer),
+            heat,
+            time,
+            begun,
+            back,
+        )
+    )
 
 
 def _push(nature: CarNature, stops: Stops, i: int, late: bool, finer: float) -> CarPush:
@@ -140,11 +157,26 @@ def _push(nature: CarNature, stops: Stops, i: int, late: bool, finer: float) -> 
     strength = float(stops.friction[i]) * (1.0 - nature.glazing * float(stops.clock[i]))
     strength *= nature.repair if late else 1.0
     return CarPush(
-        float(stops.speed[i]), float(stops.grade[i]), float(stops.wave[i]),
-        float(stops.wave_length[i]), float(stops.wave_phase[i]), float(stops.roll[i]),
-        nature.delay + float(stops.delay[i]), nature.build_up,
-        torque * nature.brake * strength, torque * nature.assist * strength, nature.front,
-        torque * nature.resistance, torque * nature.furrows, nature.furrows_along,
-        nature.driveline, nature.air, nature.wind, nature.wind_from,
-        nature.fading, nature.hot, nature.cooling, 1.0 / finer,
-    )  # fmt: skip
+        float(stops.speed[i]),
+        float(stops.grade[i]),
+        float(stops.wave[i]),
+        float(stops.wave_length[i]),
+        float(stops.wave_phase[i]),
+        float(stops.roll[i]),
+        nature.delay + float(stops.delay[i]),
+        nature.build_up,
+        torque * nature.brake * strength,
+        torque * nature.assist * strength,
+        nature.front,
+        torque * nature.resistance,
+        torque * nature.furrows,
+        nature.furrows_along,
+        nature.driveline,
+        nature.air,
+        nature.wind,
+        nature.wind_from,
+        nature.fading,
+        nature.hot,
+        nature.cooling,
+        1.0 / finer,
+    )

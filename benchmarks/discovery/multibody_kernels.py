@@ -61,9 +61,7 @@ def _brake(push: CarPush, t: float, grade: float, heat: float) -> float:
 
 
 @njit(cache=False)
-def _slopes(
-    state: Floats, t: float, grade: float, brake: float, push: CarPush, car: Any
-) -> Floats:  # fmt: skip
+def _slopes(state: Floats, t: float, grade: float, brake: float, push: CarPush, car: Any) -> Floats:
     """The package's derivatives, with what is put on from outside."""
     f = np.array(car_slopes(state, np.zeros(2), car))
     yaw = -state[4]
@@ -117,9 +115,15 @@ def _stepped(
 
 @njit(cache=False)
 def stop_car(
-    state: Floats, grounds: Any, areas: Floats, push: CarPush, heat: float, time: Floats,
-    begun: float, back: float,
-) -> tuple[Floats, float, float, float, float]:  # fmt: skip
+    state: Floats,
+    grounds: Any,
+    areas: Floats,
+    push: CarPush,
+    heat: float,
+    time: Floats,
+    begun: float,
+    back: float,
+) -> tuple[Floats, float, float, float, float]:
     """One stop, held at its speed first.
 
     Args:
@@ -138,8 +142,16 @@ def stop_car(
         if t >= time[k] - 1e-9:
             yaw = -state[4]
             rows[k] = (
-                state[3], s, state[0], -state[1], yaw, -state[5], grade, state[8], state[6],
-            )  # fmt: skip
+                state[3],
+                s,
+                state[0],
+                -state[1],
+                yaw,
+                -state[5],
+                grade,
+                state[8],
+                state[6],
+            )
             k += 1
             continue
         v = state[3]

@@ -70,13 +70,17 @@ def multibody_metrics(outcomes: Sequence[WorldOutcome]) -> list[Metric]:
     return [
         share("right name, medium and large", ">=", 0.90, [o.right for o in marked]),
         share("right name, small", ">=", 0.75, [o.right for o in small]),
-        share("right name, or it and the build-up that is there, all", "", 0.0,
-              [o.right or _beside_build_up(o) for o in hidden]),
+        share(
+            "right name, or it and the build-up that is there, all",
+            "",
+            0.0,
+            [o.right or _beside_build_up(o) for o in hidden],
+        ),
         share("wrong name given with confidence", "<=", 0.01, [o.wrong for o in hidden]),
         share("a name on clean sets", "<=", 0.0, [o.verdict == "missing_effect" for o in clean]),
         share("nothing found on clean sets", "", 0.0, [o.verdict == "none" for o in clean]),
         *common_metrics(outcomes, 0.90),
-    ]  # fmt: skip
+    ]
 
 
 def _beside_build_up(o: WorldOutcome) -> bool:

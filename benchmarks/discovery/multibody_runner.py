@@ -36,9 +36,15 @@ class KeptOutcome(msgspec.Struct):
 
 
 def run(
-    half: str, share: float, file: Path, console: Console, only: Collection[str] = (),
-    seed: int = 1, *, with_peers: bool = False,
-) -> list[FinishedSet]:  # fmt: skip
+    half: str,
+    share: float,
+    file: Path,
+    console: Console,
+    only: Collection[str] = (),
+    seed: int = 1,
+    *,
+    with_peers: bool = False,
+) -> list[FinishedSet]:
     """All sets of a share of a half, in this process and the one that investigates.
 
     Args:
@@ -60,9 +66,11 @@ def run(
         done = known.get(task)
         if done is None:
             done = do(
-                task, ALL, lambda digest: put(KeptOutcome(sources, promised=digest)),
+                task,
+                ALL,
+                lambda digest: put(KeptOutcome(sources, promised=digest)),
                 with_peers=with_peers,
-            )  # fmt: skip
+            )
             put(KeptOutcome(sources, done=done))
         finished.append(done)
     return finished
@@ -111,9 +119,15 @@ def _sets(outcomes: Sequence[WorldOutcome]) -> Table:
         sizes = (f"{1000.0 * size:.1f}" for size in (o.before, o.after, o.floor))
         closed = "–" if o.closed is None else f"{o.closed:.0%}"
         table.add_row(
-            o.what, o.strength, o.verdict, ", ".join(o.named), mark, *sizes, closed,
+            o.what,
+            o.strength,
+            o.verdict,
+            ", ".join(o.named),
+            mark,
+            *sizes,
+            closed,
             f"{o.seconds:.1f}",
-        )  # fmt: skip
+        )
     return table
 
 
@@ -136,7 +150,12 @@ def main() -> None:
     if arguments.out is None:
         parser.error("--out FILE.jsonl is missing")
     finished = run(
-        arguments.half, arguments.share, arguments.out, console, arguments.only, arguments.seed,
+        arguments.half,
+        arguments.share,
+        arguments.out,
+        console,
+        arguments.only,
+        arguments.seed,
         with_peers=arguments.peers,
-    )  # fmt: skip
+    )
     show(finished, console)

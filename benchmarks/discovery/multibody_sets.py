@@ -51,11 +51,17 @@ def car_table() -> dict[str, Any]:
     """The vehicle's table of the model file that goes with the car's logs."""
     base = CAR.a + CAR.b
     return {
-        "mass": CAR.m, "wheelbase": base, "track_width": 0.5 * (CAR.T_f + CAR.T_r),
-        "cg_x": (CAR.m_s * CAR.b + CAR.m_uf * base) / CAR.m, "cg_z": CAR.h_cg,
-        "wheel_radius": CAR.R_w, "drive": "ackermann", "max_wheel_speed": 7.0,
-        "max_drive_force": 5000.0, "max_drive_power": 20000.0,
-    }  # fmt: skip
+        "mass": CAR.m,
+        "wheelbase": base,
+        "track_width": 0.5 * (CAR.T_f + CAR.T_r),
+        "cg_x": (CAR.m_s * CAR.b + CAR.m_uf * base) / CAR.m,
+        "cg_z": CAR.h_cg,
+        "wheel_radius": CAR.R_w,
+        "drive": "ackermann",
+        "max_wheel_speed": 7.0,
+        "max_drive_force": 5000.0,
+        "max_drive_power": 20000.0,
+    }
 
 
 def calibrated(nature: CarNature) -> dict[str, float]:

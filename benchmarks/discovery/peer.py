@@ -17,10 +17,19 @@ from .plant import GRAVITY
 from .sensing import Columns
 
 EFFECTS = (
-    "viscous_resistance", "aerodynamic_drag", "grade_asymmetry", "grade_nonlinearity",
-    "cross_slope", "turning_resistance", "directional_surface", "directional_surface",
-    "session_drift", "headwind", "headwind", "ambient",
-)  # fmt: skip
+    "viscous_resistance",
+    "aerodynamic_drag",
+    "grade_asymmetry",
+    "grade_nonlinearity",
+    "cross_slope",
+    "turning_resistance",
+    "directional_surface",
+    "directional_surface",
+    "session_drift",
+    "headwind",
+    "headwind",
+    "ambient",
+)
 _BASE = 4
 _KEPT = 100.0  # by which coefficients of the base are larger than the sparsity threshold sees
 _LEAST = 0.08  # [m/s²] a term that adds less than that (one standard deviation) is none
@@ -57,9 +66,10 @@ def name_effects(columns: Columns, configured: dict[str, float]) -> tuple[str, .
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model.fit(
-            [v[:, None] / spread for v in speeds], t=times,
+            [v[:, None] / spread for v in speeds],
+            t=times,
             u=[(f - shift) / scale for f in features],
-        )  # fmt: skip
+        )
     found = model.coefficients()[0]
     weights = np.abs(np.concatenate((found[:1], found[1 + _BASE :])))
     strongest = np.argsort(-weights)
@@ -92,9 +102,20 @@ def _features(part: dict[str, Floats], onset: float) -> Floats:
     theta = one * float(np.mean(theta))
     yaw = part["yaw"]
     terms = [
-        onset * theta, theta, onset * one, one,
-        v * v, np.maximum(theta, 0.0), theta * np.abs(theta),
-        np.abs(part["roll"]), np.abs(part["yaw_rate"]), np.cos(2.0 * yaw), np.sin(2.0 * yaw),
-        part["t"], v * np.cos(yaw), v * np.sin(yaw), part["ambient"],
-    ]  # fmt: skip
+        onset * theta,
+        theta,
+        onset * one,
+        one,
+        v * v,
+        np.maximum(theta, 0.0),
+        theta * np.abs(theta),
+        np.abs(part["roll"]),
+        np.abs(part["yaw_rate"]),
+        np.cos(2.0 * yaw),
+        np.sin(2.0 * yaw),
+        part["t"],
+        v * np.cos(yaw),
+        v * np.sin(yaw),
+        part["ambient"],
+    ]
     return -GRAVITY * np.column_stack(terms)

@@ -56,8 +56,9 @@ def candidates(found: BaseFit) -> Iterator[Candidate]:
     yield single("cross_slope", np.abs(t.roll))
     yield single("turning_resistance", np.abs(t.turn), positive=True)
     yield single("session_drift", t.clock - np.mean(t.clock) * one)
-    yield single("crest_unloading", -force * np.maximum(-_bend(t), 0.0) * t.v**2 / GRAVITY,
-                 positive=True)  # fmt: skip
+    yield single(
+        "crest_unloading", -force * np.maximum(-_bend(t), 0.0) * t.v**2 / GRAVITY, positive=True
+    )
     furrows = (t.lost(wave(2.0 * t.yaw)) for wave in (np.cos, np.sin))
     yield Candidate("directional_surface", np.stack(list(furrows), axis=2), 2)
     for wind in WINDS:

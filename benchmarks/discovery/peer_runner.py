@@ -95,11 +95,13 @@ def show(asked: list[AskedSet], console: Console) -> None:
         if not of:
             continue
         counts.add_row(
-            peers.TITLES[key], f"{sum(right(one, key) for one in hidden)}/{len(hidden)}",
+            peers.TITLES[key],
+            f"{sum(right(one, key) for one in hidden)}/{len(hidden)}",
             f"{sum(wrong(one, key) for one in hidden)}/{len(hidden)}",
             f"{sum(not one.answers[key].named for one in clean)}/{len(clean)}",
-            f"{seconds[len(seconds) // 2]:.1f}", f"{seconds[-1]:.1f}",
-        )  # fmt: skip
+            f"{seconds[len(seconds) // 2]:.1f}",
+            f"{seconds[-1]:.1f}",
+        )
     console.print(counts)
 
 

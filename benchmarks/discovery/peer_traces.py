@@ -98,12 +98,24 @@ def traces_of(columns: Columns, dead_time: float) -> Traces:
     count = np.sum(into, axis=2).astype(float)
     average = into / np.maximum(count, 1.0)[:, :, None]
     return Traces(
-        since=since, weight=np.clip(since, 0.0, step), step=step, into=average, samples=count,
-        held=np.array([held for *_, held, _ in stops]), v=padded("smooth"), grade=padded("grade"),
-        roll=padded("roll"), yaw=padded("yaw"), turn=padded("yaw_rate"), x=padded("x"),
-        y=padded("y"), clock=padded("t"), v_i=np.array([v_i for _, _, v_i, *_ in stops]),
-        measured=padded("v"), run=np.array([number for number, *_ in stops]),
-    )  # fmt: skip
+        since=since,
+        weight=np.clip(since, 0.0, step),
+        step=step,
+        into=average,
+        samples=count,
+        held=np.array([held for *_, held, _ in stops]),
+        v=padded("smooth"),
+        grade=padded("grade"),
+        roll=padded("roll"),
+        yaw=padded("yaw"),
+        turn=padded("yaw_rate"),
+        x=padded("x"),
+        y=padded("y"),
+        clock=padded("t"),
+        v_i=np.array([v_i for _, _, v_i, *_ in stops]),
+        measured=padded("v"),
+        run=np.array([number for number, *_ in stops]),
+    )
 
 
 def _stop(

@@ -26,9 +26,11 @@ PEERS: dict[str, NamesEffects] = {
     "regime_tests": regime_tests.name_effects,
 }
 TITLES = {
-    "pysindy": "PySINDy", "gls_scan": "GLS scan", "regime_tests": "regime tests",
+    "pysindy": "PySINDy",
+    "gls_scan": "GLS scan",
+    "regime_tests": "regime tests",
     "slopewise": "slopewise",
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,16 +99,25 @@ def summary(answers: Sequence[Answers], own: Sequence[SetOutcome]) -> list[dict[
 
 
 def world_summary(
-    answers: Sequence[Answers], own: Sequence[WorldOutcome],
+    answers: Sequence[Answers],
+    own: Sequence[WorldOutcome],
     names: Mapping[str, tuple[tuple[str, ...], ...]],
-) -> list[dict[str, Any]] | None:  # fmt: skip
+) -> list[dict[str, Any]] | None:
     """Shares of all on the same sets of a world of physics; None where nobody was asked."""
     rows = [
-        (o, JudgedSet(tuple(frozenset(one) for one in names.get(o.what, ())), o.right, o.wrong,
-                   o.verdict == "missing_effect", given))
+        (
+            o,
+            JudgedSet(
+                tuple(frozenset(one) for one in names.get(o.what, ())),
+                o.right,
+                o.wrong,
+                o.verdict == "missing_effect",
+                given,
+            ),
+        )
         for given, o in zip(answers, own, strict=True)
         if given
-    ]  # fmt: skip
+    ]
     if not rows:
         return None
     hidden = [j for o, j in rows if o.what != CLEAN]
@@ -119,9 +130,11 @@ def world_summary(
 
 
 def _row(
-    what: str, rows: Sequence[JudgedSet], hit: Callable[[JudgedSet, tuple[str, ...]], bool],
+    what: str,
+    rows: Sequence[JudgedSet],
+    hit: Callable[[JudgedSet, tuple[str, ...]], bool],
     mine: Callable[[JudgedSet], bool],
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     found: dict[str, Any] = {"what": what}
     for key in PEERS:
         asked = [j for j in rows if key in j.peers]

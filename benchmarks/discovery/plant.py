@@ -64,9 +64,19 @@ def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> D
     )
     roll = np.broadcast_to(stops.roll[:, None], speed.shape)
     return DrivenStops(
-        time, speed, station, x, y, yaw, bend * speed, stops.grade[:, None] + wave, roll, rest,
-        distance, last,
-    )  # fmt: skip
+        time,
+        speed,
+        station,
+        x,
+        y,
+        yaw,
+        bend * speed,
+        stops.grade[:, None] + wave,
+        roll,
+        rest,
+        distance,
+        last,
+    )
 
 
 def speeds(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> Floats:

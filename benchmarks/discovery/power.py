@@ -86,9 +86,11 @@ def cases(seeds: int) -> list[PowerCase]:
 def outcome(case: PowerCase) -> PowerOutcome:
     """Drive, measure and investigate one log."""
     conditions = SetConditions(
-        designs=("mixed",), counts=(case.stops,), noises=(_NOISE * case.factor,),
+        designs=("mixed",),
+        counts=(case.stops,),
+        noises=(_NOISE * case.factor,),
         scatters=(_SCATTER * case.factor,),
-    )  # fmt: skip
+    )
     kind, names = ("faint", (case.name,)) if case.name else ("clean", ())
     made = make(Order(kind, names, case.size, case.seed), conditions)
     found = investigate_job(SealedLog(made.columns, tables_of(made.configured)))
@@ -101,9 +103,15 @@ def outcome(case: PowerCase) -> PowerOutcome:
         )
     change = change_beyond_base(made.truth, made.base, made.stops, made.noise, made.scatter)
     return PowerOutcome(
-        case, made.worth.named, sure and named == {case.name}, case.name in named,
-        sure and named != {case.name}, found.verdict, change, sizes.get(case.name, np.inf),
-    )  # fmt: skip
+        case,
+        made.worth.named,
+        sure and named == {case.name},
+        case.name in named,
+        sure and named != {case.name},
+        found.verdict,
+        change,
+        sizes.get(case.name, np.inf),
+    )
 
 
 def by_stops(done: Sequence[PowerOutcome]) -> list[str]:

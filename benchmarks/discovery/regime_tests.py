@@ -102,9 +102,14 @@ def regimes(found: BaseFit) -> list[Mask]:
     braking = (t.weight > 0.0) / np.maximum(np.sum(t.weight > 0.0, axis=1, keepdims=True), 1)
     grade, roll, turn = (np.sum(one * braking, axis=1) for one in (t.grade, t.roll, t.turn))
     alike = [
-        t.v_i, grade, np.abs(grade), np.abs(roll), np.abs(turn), t.clock[:, 0],
+        t.v_i,
+        grade,
+        np.abs(grade),
+        np.abs(roll),
+        np.abs(turn),
+        t.clock[:, 0],
         heat(found, _COOLING)[:, 0],
-    ]  # fmt: skip
+    ]
     masks = [one for values in alike for one in _thirds(values)]
     quarter = np.floor(np.mod(t.yaw[:, 0], 2.0 * np.pi) / (0.5 * np.pi))
     masks += [quarter == k for k in range(4)]

@@ -13,9 +13,14 @@ Fields = dict[str, float]
 Doses = Mapping[str, Sequence[Sequence[Fields]]]
 
 ONE_SIGN = {
-    "aerodynamic_drag", "viscous_resistance", "brake_lag", "turning_resistance", "headwind",
-    "brake_fade", "wheel_lockup",
-}  # fmt: skip
+    "aerodynamic_drag",
+    "viscous_resistance",
+    "brake_lag",
+    "turning_resistance",
+    "headwind",
+    "brake_fade",
+    "wheel_lockup",
+}
 """Effects that can only be there, not the other way round."""
 
 NOT_NEGATIVE = ("drag", "viscous", "lag", "turning", "wind_drag", "fade", "friction")

@@ -99,15 +99,32 @@ def score(hidden: HiddenSet, finding: InquiryFinding) -> SetOutcome:
     axis = finding.located[0][0] if finding.located else ""
     wanted = {word for name in order.names for word in AXES.get(name, ())}
     return SetOutcome(
-        order.kind, order.names, order.size, order.seed, hidden.design, len(hidden.stops.speed),
-        hidden.noise, hidden.scatter, hidden.worth.gap, hidden.worth.nearest, hidden.worth.apart,
-        hidden.identifiable, finding.verdict, finding.names, tuple(sorted(others)),
-        sure and named == truth, sure and bool(named - truth),
-        finding.located[0][0] if finding.located else "", axis in wanted,
-        _covered(hidden.hidden, finding) if sure else {}, closing(hidden, finding),
-        finding.closed, finding.seconds * 100.0 / max(len(hidden.stops.speed), 1), finding.text,
+        order.kind,
+        order.names,
+        order.size,
+        order.seed,
+        hidden.design,
+        len(hidden.stops.speed),
+        hidden.noise,
+        hidden.scatter,
+        hidden.worth.gap,
+        hidden.worth.nearest,
+        hidden.worth.apart,
+        hidden.identifiable,
+        finding.verdict,
+        finding.names,
+        tuple(sorted(others)),
+        sure and named == truth,
+        sure and bool(named - truth),
+        finding.located[0][0] if finding.located else "",
+        axis in wanted,
+        _covered(hidden.hidden, finding) if sure else {},
+        closing(hidden, finding),
+        finding.closed,
+        finding.seconds * 100.0 / max(len(hidden.stops.speed), 1),
+        finding.text,
         finding.worse,
-    )  # fmt: skip
+    )
 
 
 def _covered(hidden: tuple[HiddenTerm, ...], finding: InquiryFinding) -> dict[str, bool]:

@@ -180,7 +180,9 @@ def model_of(tables: dict[str, Any]) -> Any:
     from models.vehicle import Vehicle
 
     return Model(
-        name=tables["name"], vehicle=Vehicle(**tables["vehicle"]),
-        braking=Braking(**tables["braking"]), terrain=Terrain(**tables["terrain"]),
+        name=tables["name"],
+        vehicle=Vehicle(**tables["vehicle"]),
+        braking=Braking(**tables["braking"]),
+        terrain=Terrain(**tables["terrain"]),
         limits=Limits(**tables["limits"]),
-    )  # fmt: skip
+    )

@@ -13,18 +13,21 @@ from .peers import TITLES
 Result = dict[str, Any]
 
 _METRICS = (
-    ("metrics", "hidden effects"), ("engine", "in the physics engine"),
+    ("metrics", "hidden effects"),
+    ("engine", "in the physics engine"),
     ("multibody", "with the multi-body car"),
-)  # fmt: skip
+)
 _BY_EFFECT = (
-    ("by_effect", "by effect"), ("engine_by_effect", "in the engine"),
+    ("by_effect", "by effect"),
+    ("engine_by_effect", "in the engine"),
     ("multibody_by_effect", "with the car"),
-)  # fmt: skip
+)
 
 _PEERS = (
-    ("peer", "the same sets"), ("engine_peer", "the same sets of the engine"),
+    ("peer", "the same sets"),
+    ("engine_peer", "the same sets of the engine"),
     ("multibody_peer", "the same sets of the car"),
-)  # fmt: skip
+)
 
 
 def tables(result: Result) -> Iterator[Table]:

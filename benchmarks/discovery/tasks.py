@@ -81,9 +81,12 @@ def tasks(
 
 
 def do(
-    task: SetTask, conditions: SetConditions, promise: Callable[[str], None], *,
+    task: SetTask,
+    conditions: SetConditions,
+    promise: Callable[[str], None],
+    *,
     with_peers: bool = True,
-) -> FinishedSet:  # fmt: skip
+) -> FinishedSet:
     """Make a set, promise its truth, have it investigated, compare.
 
     Args:

@@ -53,9 +53,11 @@ def _compiled_car() -> Any:
     }
     slow = _compiled(vehicle_dynamics_ks_cog.vehicle_dynamics_ks_cog, **helpers)
     return _compiled(
-        multi_body.vehicle_dynamics_mb, **helpers, vehicle_dynamics_ks_cog=slow,
+        multi_body.vehicle_dynamics_mb,
+        **helpers,
+        vehicle_dynamics_ks_cog=slow,
         tireModel=_compiled_tyre(),
-    )  # fmt: skip
+    )
 
 
 car_slopes = _compiled_car()
@@ -86,9 +88,12 @@ def loaded(payload: float) -> Any:
     """Parameters of the car with a load in its body [kg]."""
     share = 1.0 + payload / CAR.m_s
     return CAR._replace(
-        m=CAR.m + payload, m_s=CAR.m_s + payload, I_Phi_s=CAR.I_Phi_s * share,
-        I_y_s=CAR.I_y_s * share, I_z=CAR.I_z * share,
-    )  # fmt: skip
+        m=CAR.m + payload,
+        m_s=CAR.m_s + payload,
+        I_Phi_s=CAR.I_Phi_s * share,
+        I_y_s=CAR.I_y_s * share,
+        I_z=CAR.I_z * share,
+    )
 
 
 def on_ground(car: Any, friction: float) -> Any:

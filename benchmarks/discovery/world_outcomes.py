@@ -50,11 +50,15 @@ def by_what(kind: str, outcomes: Sequence[WorldOutcome]) -> list[dict[str, Any]]
         groups.setdefault((o.what, o.strength), []).append(o)
     return [
         effect_row(
-            kind, ", ".join(filter(None, (what, strength))), group, group,
-            [o.closed for o in group], None,
+            kind,
+            ", ".join(filter(None, (what, strength))),
+            group,
+            group,
+            [o.closed for o in group],
+            None,
         )
         for (what, strength), group in groups.items()
-    ]  # fmt: skip
+    ]
 
 
 def common_metrics(outcomes: Sequence[WorldOutcome], closing: float) -> list[Metric]:

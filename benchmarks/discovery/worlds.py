@@ -58,9 +58,11 @@ class WorldSet(Generic[N]):
 
 
 def make(
-    world: World[N], order: WorldOrder, configured: Callable[[N], dict[str, float]],
+    world: World[N],
+    order: WorldOrder,
+    configured: Callable[[N], dict[str, float]],
     count: int = STOPS,
-) -> WorldSet[N]:  # fmt: skip
+) -> WorldSet[N]:
     """Drive and measure one set.
 
     Args:
@@ -104,11 +106,24 @@ def judge(world: World[N], one: WorldSet[N], finding: InquiryFinding) -> WorldOu
     if order.what and before >= WORTH_CLOSING * floor:
         closed = (before - after) / (before - floor)
     return WorldOutcome(
-        order.what or CLEAN, order.seed, one.noise, one.scatter, finding.verdict, finding.names,
-        right, wrong, before, after, floor, closed, finding.closed,
-        finding.seconds * 100.0 / len(one.stops.speed), finding.text, order.strength,
+        order.what or CLEAN,
+        order.seed,
+        one.noise,
+        one.scatter,
+        finding.verdict,
+        finding.names,
+        right,
+        wrong,
+        before,
+        after,
+        floor,
+        closed,
+        finding.closed,
+        finding.seconds * 100.0 / len(one.stops.speed),
+        finding.text,
+        order.strength,
         finding.worse,
-    )  # fmt: skip
+    )
 
 
 def _named(finding: InquiryFinding, allowed: Sequence[tuple[str, ...]]) -> tuple[bool, bool]:

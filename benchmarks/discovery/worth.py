@@ -131,9 +131,12 @@ def change_beyond_base(
 
 
 def _nearest(
-    scene: _Scene, fitted: Physics, residual: Floats, free: Mapping[str, float],
+    scene: _Scene,
+    fitted: Physics,
+    residual: Floats,
+    free: Mapping[str, float],
     names: Sequence[str],
-) -> tuple[str, float]:  # fmt: skip
+) -> tuple[str, float]:
     """The rival that comes nearest beside what is fitted already, and the χ² it leaves."""
     tangents = scene.tangents(fitted, _BASE | dict(free))
     rivals = []

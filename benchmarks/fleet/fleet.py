@@ -122,11 +122,21 @@ def _write_map(path: Path, size: FleetSize) -> Path:
     half = 0.5 * _RESOLUTION
     rng = np.random.default_rng(_SEED)
     with rasterio.open(
-        path, "w", driver="GTiff", width=cells, height=cells, count=1, dtype="float32",
-        crs="EPSG:32633", nodata=-9999.0, tiled=True, blockxsize=_TILE, blockysize=_TILE,
-        BIGTIFF="YES", transform=from_origin(-half, cells * _RESOLUTION - half, _RESOLUTION,
-                                             _RESOLUTION),
-    ) as dataset:  # fmt: skip
+        path,
+        "w",
+        driver="GTiff",
+        width=cells,
+        height=cells,
+        count=1,
+        dtype="float32",
+        crs="EPSG:32633",
+        nodata=-9999.0,
+        tiled=True,
+        blockxsize=_TILE,
+        blockysize=_TILE,
+        BIGTIFF="YES",
+        transform=from_origin(-half, cells * _RESOLUTION - half, _RESOLUTION, _RESOLUTION),
+    ) as dataset:
         from rasterio.windows import Window
 
         x = (np.arange(cells) * _RESOLUTION).astype(np.float32)
@@ -167,9 +177,20 @@ def _write_paths(folder: Path, size: FleetSize) -> list[Path]:
 
 def _command(map_file: Path, paths: list[Path], out: Path, *words: str) -> list[str]:
     return [
-        sys.executable, "-m", "services.cli", "fleet", "plan", str(map_file), *map(str, paths),
-        "--model", "atv", "--out", str(out), "--json", *words,
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "services.cli",
+        "fleet",
+        "plan",
+        str(map_file),
+        *map(str, paths),
+        "--model",
+        "atv",
+        "--out",
+        str(out),
+        "--json",
+        *words,
+    ]
 
 
 def _run(map_file: Path, paths: list[Path], out: Path, *words: str) -> Result:
@@ -308,9 +329,11 @@ def _killed(map_file: Path, paths: list[Path], folder: Path) -> Result:
         raise RuntimeError(f"fleet plan ended with {process.returncode}: {error.strip()}")
     result = json.loads(text)
     return {
-        "after_parts": dead, "parts": parts, "planned": result["planned"],
+        "after_parts": dead,
+        "parts": parts,
+        "planned": result["planned"],
         "candidates": result["candidates"],
-    }  # fmt: skip
+    }
 
 
 def _digest(folder: Path) -> str:

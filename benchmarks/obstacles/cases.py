@@ -60,9 +60,15 @@ def cases(wanted: int, models: Mapping[str, Model], seed: int) -> Iterator[Case]
         block = _KINDS[kind](rng, vehicle, resolution)
         slope = Slope(*(np.tan(rng.uniform(-_STEEPEST, _STEEPEST, 2)) * (rng.random() < 0.7)))
         yield Case(
-            kind, name, block, slope, resolution, float(rng.uniform(-np.pi, np.pi)),
-            int(rng.integers(2**31)), *_sizes(block, resolution, vehicle),
-        )  # fmt: skip
+            kind,
+            name,
+            block,
+            slope,
+            resolution,
+            float(rng.uniform(-np.pi, np.pi)),
+            int(rng.integers(2**31)),
+            *_sizes(block, resolution, vehicle),
+        )
 
 
 def _sizes(block: Block, resolution: float, vehicle: Vehicle) -> tuple[Size, Size]:
@@ -89,9 +95,10 @@ def map_of(case: Case, vehicle: Vehicle, *, empty: bool = False) -> ElevationMap
         0.0, _NOISE * vehicle.wheel_radius, (cells,) * 2
     )
     return ElevationMap(
-        elevation=np.median(heights, axis=0) + noise, resolution=case.resolution,
+        elevation=np.median(heights, axis=0) + noise,
+        resolution=case.resolution,
         origin=(float(along[0]), float(along[0])),
-    )  # fmt: skip
+    )
 
 
 def path_of(case: Case, vehicle: Vehicle) -> CandidatePath:
@@ -120,46 +127,55 @@ def _rock_under_wheel(rng: np.random.Generator, vehicle: Vehicle, resolution: fl
     side = float(rng.choice([-0.5, 0.5])) * vehicle.track_width
     half = _length(rng, vehicle, resolution)
     y = side + float(rng.uniform(-0.5, 0.5)) * vehicle.shape.wheel_width
-    return Block(0.0, y, float(rng.uniform(-0.8, 0.8)), half, half,
-                 _share(rng) * vehicle.shape.max_step)  # fmt: skip
+    return Block(
+        0.0, y, float(rng.uniform(-0.8, 0.8)), half, half, _share(rng) * vehicle.shape.max_step
+    )
 
 
 def _rock_between(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
     half = min(_length(rng, vehicle, resolution), 0.3 * vehicle.track_width)
     y = float(rng.uniform(-0.15, 0.15)) * vehicle.track_width
-    return Block(0.0, y, float(rng.uniform(-0.8, 0.8)), half, half,
-                 _share(rng) * vehicle.shape.clearance)  # fmt: skip
+    return Block(
+        0.0, y, float(rng.uniform(-0.8, 0.8)), half, half, _share(rng) * vehicle.shape.clearance
+    )
 
 
 def _log(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
     half = _length(rng, vehicle, resolution)
-    return Block(0.0, 0.0, float(rng.uniform(-0.6, 0.6)), half, FAR,
-                 _share(rng) * vehicle.shape.max_step)  # fmt: skip
+    return Block(
+        0.0, 0.0, float(rng.uniform(-0.6, 0.6)), half, FAR, _share(rng) * vehicle.shape.max_step
+    )
 
 
 def _step(sign: float) -> _Draw:
     def draw(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
         yaw = float(rng.uniform(-0.6, 0.6))
         return Block(
-            FAR * np.cos(yaw), FAR * np.sin(yaw), yaw, FAR, 2.0 * FAR,
+            FAR * np.cos(yaw),
+            FAR * np.sin(yaw),
+            yaw,
+            FAR,
+            2.0 * FAR,
             sign * _share(rng) * vehicle.shape.max_step,
-        )  # fmt: skip
+        )
 
     return draw
 
 
 def _ditch(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
     half = 0.5 * max(float(rng.uniform(0.3, 7.0)) * vehicle.wheel_radius, 2.5 * resolution)
-    return Block(0.0, 0.0, float(rng.uniform(-0.5, 0.5)), half, FAR,
-                 -_share(rng) * vehicle.shape.max_step)  # fmt: skip
+    return Block(
+        0.0, 0.0, float(rng.uniform(-0.5, 0.5)), half, FAR, -_share(rng) * vehicle.shape.max_step
+    )
 
 
 def _hole(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
     side = float(rng.choice([-0.5, 0.5])) * vehicle.track_width
     half = max(_length(rng, vehicle, resolution), 0.8 * vehicle.shape.wheel_width)
     y = side + float(rng.uniform(-0.3, 0.3)) * half
-    return Block(0.0, y, float(rng.uniform(-0.8, 0.8)), half, half,
-                 -_share(rng) * vehicle.shape.max_step)  # fmt: skip
+    return Block(
+        0.0, y, float(rng.uniform(-0.8, 0.8)), half, half, -_share(rng) * vehicle.shape.max_step
+    )
 
 
 def _wall(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:

@@ -50,9 +50,12 @@ def driven(outcome: Outcome, model: Model, built: Model) -> Driving | None:
 
 
 def drives(
-    found: list[Outcome], models: Mapping[str, Model], built: Mapping[str, Model], wanted: int,
+    found: list[Outcome],
+    models: Mapping[str, Model],
+    built: Mapping[str, Model],
+    wanted: int,
     progress: Callable[[int], None] | None,
-) -> list[Driving]:  # fmt: skip
+) -> list[Driving]:
     """Half of them of plans that are ok, half of ways that are barred, in turn as they come."""
     passed = [o for o in found if o.bar is None]
     barred = [o for o in found if o.bar is not None]

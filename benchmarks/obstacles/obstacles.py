@@ -67,14 +67,23 @@ def show(result: Result, console: Console) -> None:
     """Both tables."""
     table = table_of(
         f"obstacles: {result['planned']['all']['cases']} planned",
-        "cases", "too large", "of these passed", "small", "of these barred", first="kind",
-    )  # fmt: skip
+        "cases",
+        "too large",
+        "of these passed",
+        "small",
+        "of these barred",
+        first="kind",
+    )
     planned = result["planned"]
     for kind, row in {**planned["kinds"], "all": planned["all"]}.items():
         table.add_row(
-            kind, str(row["cases"]), str(row["too_large"]), str(row["passed_though_too_large"]),
-            str(row["small"]), str(row["barred_though_small"]),
-        )  # fmt: skip
+            kind,
+            str(row["cases"]),
+            str(row["too_large"]),
+            str(row["passed_though_too_large"]),
+            str(row["small"]),
+            str(row["barred_though_small"]),
+        )
     console.print(table)
     if "driven" not in result:
         console.print("not driven: needs mujoco (pip install '.\\[sim]' in a clone)")
@@ -84,8 +93,9 @@ def show(result: Result, console: Console) -> None:
             f"{name} in the engine: steps to {limits['max_step']:.3f} m, one wheel to "
             f"{limits['wheel_travel']:.3f} m"
         )
-    table = table_of("obstacles driven", "drives", "struck", "tipped", "in the air", "stuck",
-                     "failed")  # fmt: skip
+    table = table_of(
+        "obstacles driven", "drives", "struck", "tipped", "in the air", "stuck", "failed"
+    )
     for name, words in (
         ("passed", "plan is ok"),
         ("barred", "barred, driven all the same"),

@@ -78,9 +78,12 @@ def picture(found: OnMap, path: Path) -> None:
     half = 0.5 * ground.resolution
     figure, axes = plt.subplots(figsize=(11.0, 9.0), layout="constrained")
     axes.imshow(
-        shade(ground.elevation, ground.resolution)[..., 0], cmap="gray", vmin=0, vmax=255,
+        shade(ground.elevation, ground.resolution)[..., 0],
+        cmap="gray",
+        vmin=0,
+        vmax=255,
         extent=(x[0] - half, x[1] + half, x[2] - half, x[3] + half),
-    )  # fmt: skip
+    )
     for plan in found.plans:
         moving = plan.speed > 0.0
         axes.plot(plan.x[moving], plan.y[moving], color="#2a78d6", linewidth=0.8)

@@ -34,9 +34,13 @@ class Block:
     def grown(self, by: float) -> Block:
         """The same, wider on all sides; smaller if ``by`` is negative [m]."""
         return Block(
-            self.x, self.y, self.yaw, max(self.half_length + by, 0.0),
-            max(self.half_width + by, 0.0), self.height,
-        )  # fmt: skip
+            self.x,
+            self.y,
+            self.yaw,
+            max(self.half_length + by, 0.0),
+            max(self.half_width + by, 0.0),
+            self.height,
+        )
 
     def holds(self, x: Floats, y: Floats) -> Bools:
         """Which points are inside."""

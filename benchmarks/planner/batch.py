@@ -48,9 +48,13 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
             vehicle.track_width,
         )
         solved = solve(
-            ahead, ground_along(ahead, model), model, start_speed=0.0, clear=np.inf,
+            ahead,
+            ground_along(ahead, model),
+            model,
+            start_speed=0.0,
+            clear=np.inf,
             speed_limit=None,
-        )  # fmt: skip
+        )
         return np.argsort(solved.cost)
 
     return {
@@ -58,11 +62,21 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
             bounds.speed_sq_max, SPACING, limits.accel, limits.decel, out
         ),
         "pass with braking": lambda: braking_pass(
-            bounds.speed_sq_max, profile.station, profile.grade, profile.sin_grade, model.braking,
-            limits.accel, limits.decel, out,
+            bounds.speed_sq_max,
+            profile.station,
+            profile.grade,
+            profile.sin_grade,
+            model.braking,
+            limits.accel,
+            limits.decel,
+            out,
         ),
         "terrain": lambda: terrain_profile(
-            scene.elevation_map, scene.x, scene.y, scene.count, vehicle.wheelbase,
+            scene.elevation_map,
+            scene.x,
+            scene.y,
+            scene.count,
+            vehicle.wheelbase,
             vehicle.track_width,
         ),
         "ground": lambda: ground_along(profile, model),
@@ -73,7 +87,7 @@ def stages(scene: Scene, solved: TimeOptimalBatch) -> dict[str, Callable[[], obj
         "swept footprint": lambda: swept_hazards(scene.elevation_map, profile, model),
         "poses to ranked plans": lambda: np.argsort(scene.plan().cost),
         "the same without the swept footprint": without_sweep,
-    }  # fmt: skip
+    }
 
 
 def in_batch(scene: Scene, rounds: int) -> list[Result]:

@@ -98,5 +98,7 @@ def _further(plan: SpeedPlan, x: float, y: float, way: float) -> tuple[float, fl
     k = int(np.clip(np.searchsorted(passed, target, "right") - 1, 0, len(length) - 1))
     u = (target - passed[k]) / length[k]
     return (
-        float(plan.x[k] + u * dx[k]), float(plan.y[k] + u * dy[k]), float(np.arctan2(dy[k], dx[k]))
-    )  # fmt: skip
+        float(plan.x[k] + u * dx[k]),
+        float(plan.y[k] + u * dy[k]),
+        float(np.arctan2(dy[k], dx[k])),
+    )

@@ -80,10 +80,18 @@ def planner_alone(scene: Scene, task: PeerTask) -> Callable[[], Floats]:
         return np.ascontiguousarray(values[:, None])
 
     problem = ProfileProblem(
-        column(p.station), column(p.speed_sq_max), column(p.sin_grade), column(p.lower_slope),
-        column(p.lower_intercept), column(p.slowest), column(p.accel_max), column(p.demand),
-        np.array([p.start_sq]), p.decel, p.specific_power,
-    )  # fmt: skip
+        column(p.station),
+        column(p.speed_sq_max),
+        column(p.sin_grade),
+        column(p.lower_slope),
+        column(p.lower_intercept),
+        column(p.slowest),
+        column(p.accel_max),
+        column(p.demand),
+        np.array([p.start_sq]),
+        p.decel,
+        p.specific_power,
+    )
     return lambda: time_optimal_profile(problem)[0][:, 0]
 
 
@@ -143,10 +151,14 @@ def emitted(scene: Scene, chosen: Sequence[int], rounds: int) -> list[Result]:
     finishing: list[float] = []
     for j in chosen:
         judge = partial(
-            check, track_of(solved.profile, solved.ground, j),
-            np.ascontiguousarray(solved.speed_sq[:, j]), float(solved.bounds.clear_distance[j]),
-            float(solved.ground.distance_offset[j]), solved.ground.motion, model,
-        )  # fmt: skip
+            check,
+            track_of(solved.profile, solved.ground, j),
+            np.ascontiguousarray(solved.speed_sq[:, j]),
+            float(solved.bounds.clear_distance[j]),
+            float(solved.ground.distance_offset[j]),
+            solved.ground.motion,
+            model,
+        )
         finish = partial(finished, solved, j, "plan", smooth=True)
         for action, seconds in ((judge, judging), (finish, finishing)):
             action()

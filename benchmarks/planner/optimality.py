@@ -85,7 +85,7 @@ def run(quick: bool = False, progress: Callable[[int], None] | None = None) -> R
         "seconds": {"planner": summary(own), "IPOPT": summary(ipopt)},
         "ratio": _ratios(ipopt, own),
         "wanted": {"excess": WANTED_EXCESS, "ratio": WANTED_RATIO},
-    }  # fmt: skip
+    }
 
 
 def total(quick: bool) -> int:
@@ -100,9 +100,13 @@ def compared(instance: Instance) -> Result:
     own, answer = _second(partial(smooth, problem))
     ipopt, optimum = _second(partial(reference.solve, problem))
     row: Result = {
-        "name": instance.name, "planner": own, "ipopt": ipopt, "excess": None, "breach": None,
+        "name": instance.name,
+        "planner": own,
+        "ipopt": ipopt,
+        "excess": None,
+        "breach": None,
         "reason": answer.reason or optimum.reason,
-    }  # fmt: skip
+    }
     if answer.speed_sq is None or optimum.speed_sq is None:
         return row
     row["excess"] = _time(problem, answer.speed_sq) / optimum.travel_time - 1.0
@@ -166,13 +170,18 @@ def _vehicle(rng: np.random.Generator) -> Model:
     model = atv()
     limits = replace(
         model.limits,
-        speed=rng.uniform(1.5, 4.0), accel=rng.uniform(0.4, 2.0), decel=rng.uniform(0.6, 2.5),
-        jerk=rng.uniform(0.8, 6.0), lateral_accel=rng.uniform(0.8, 4.0),
-    )  # fmt: skip
+        speed=rng.uniform(1.5, 4.0),
+        accel=rng.uniform(0.4, 2.0),
+        decel=rng.uniform(0.6, 2.5),
+        jerk=rng.uniform(0.8, 6.0),
+        lateral_accel=rng.uniform(0.8, 4.0),
+    )
     braking = replace(
-        model.braking, b_b=rng.uniform(0.3, 0.6), b_m=rng.uniform(-0.5, 0.5),
+        model.braking,
+        b_b=rng.uniform(0.3, 0.6),
+        b_m=rng.uniform(-0.5, 0.5),
         dead_time=rng.uniform(0.1, 0.6),
-    )  # fmt: skip
+    )
     return replace(model, limits=limits, braking=braking)
 
 

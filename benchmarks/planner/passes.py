@@ -56,9 +56,15 @@ def plain_pass(
 
 
 def braking_pass(
-    speed_sq_max: Floats, station: Floats, grade: Floats, sin_grade: Floats, braking: Braking,
-    accel: float, decel: float, speed_sq: Floats,
-) -> None:  # fmt: skip
+    speed_sq_max: Floats,
+    station: Floats,
+    grade: Floats,
+    sin_grade: Floats,
+    braking: Braking,
+    accel: float,
+    decel: float,
+    speed_sq: Floats,
+) -> None:
     """As :func:`plain_pass`, braking by F_b/W = (m_m v + b_m) θ + m_b v + b_b in the backward one.
 
     Args:
@@ -74,9 +80,15 @@ def braking_pass(
 
 @kernel
 def _braking_pass(
-    speed_sq_max: Floats, station: Floats, grade: Floats, sin_grade: Floats,
-    braking: BrakingLine, accel: float, decel: float, speed_sq: Floats,
-) -> None:  # fmt: skip
+    speed_sq_max: Floats,
+    station: Floats,
+    grade: Floats,
+    sin_grade: Floats,
+    braking: BrakingLine,
+    accel: float,
+    decel: float,
+    speed_sq: Floats,
+) -> None:
     stations, candidates = speed_sq_max.shape
     b = braking
     for first in range(0, candidates, TILE):

@@ -93,10 +93,18 @@ def planning_helpers(task: PeerTask) -> Solver:
 
     def solve() -> Floats | None:
         profile = calculate(
-            ax_max_machines=machines, kappa=sideways / speed**2, el_lengths=ds, closed=False,
-            drag_coeff=0.0, m_veh=1.0, loc_gg=grip, v_max=float(speed.max()), dyn_model_exp=2.0,
-            v_start=0.1, v_end=0.0,
-        )  # fmt: skip
+            ax_max_machines=machines,
+            kappa=sideways / speed**2,
+            el_lengths=ds,
+            closed=False,
+            drag_coeff=0.0,
+            m_veh=1.0,
+            loc_gg=grip,
+            v_max=float(speed.max()),
+            dyn_model_exp=2.0,
+            v_start=0.1,
+            v_end=0.0,
+        )
         return np.asarray(profile) ** 2
 
     return solve

@@ -74,9 +74,14 @@ def _targets(result: Result) -> list[Result]:
             passed = values[0] <= limit if relation == "<=" else values[0] >= limit
         median, least = values or (None, None)
         return {
-            "name": name, "relation": relation, "limit": limit, "unit": unit,
-            "value": median, "value_least": least, "passed": passed,
-        }  # fmt: skip
+            "name": name,
+            "relation": relation,
+            "limit": limit,
+            "unit": unit,
+            "value": median,
+            "value_least": least,
+            "passed": passed,
+        }
 
     def at_most(name: str, limit: float, row: Result, to: str) -> Result:
         return target(name, "<=", limit, "×", row[to], row[f"{to}_least"])

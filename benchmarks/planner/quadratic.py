@@ -62,9 +62,16 @@ def osqp(problem: SmoothingProblem) -> Callable[[], Floats | None]:
     def solve() -> Floats | None:
         solver = module.OSQP()
         solver.setup(
-            program.quadratic, -program.top, rows, lower, upper,
-            verbose=False, eps_abs=1e-4, eps_rel=0.0, max_iter=4000,
-        )  # fmt: skip
+            program.quadratic,
+            -program.top,
+            rows,
+            lower,
+            upper,
+            verbose=False,
+            eps_abs=1e-4,
+            eps_rel=0.0,
+            max_iter=4000,
+        )
         result = solver.solve(raise_error=False)
         solved = result.info.status_val == module.SolverStatus.OSQP_SOLVED
         return np.array(result.x) if solved else None
@@ -77,10 +84,13 @@ def piqp(problem: SmoothingProblem) -> Callable[[], Floats | None]:
     module = importlib.import_module("piqp")
     program = program_of(problem)
     matrices = {
-        "P": program.quadratic, "c": -program.top,
-        "A": program.equations, "b": program.top[program.fixed],
-        "G": program.constraints, "h_u": program.upper,
-    }  # fmt: skip
+        "P": program.quadratic,
+        "c": -program.top,
+        "A": program.equations,
+        "b": program.top[program.fixed],
+        "G": program.constraints,
+        "h_u": program.upper,
+    }
 
     def solve() -> Floats | None:
         solver = module.SparseSolver()

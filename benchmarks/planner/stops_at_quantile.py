@@ -60,9 +60,12 @@ def scattering_model(path: Path | None = None) -> Model:
     """The quad with scatter, no constant offset to hide behind, and a covariance."""
     model = read_model(path or shipped_files("vehicles")["atv"])
     braking = replace(
-        model.braking, distance_offset=0.0, force_std=_FORCE_STD, dead_time_std=_DEAD_TIME_STD,
+        model.braking,
+        distance_offset=0.0,
+        force_std=_FORCE_STD,
+        dead_time_std=_DEAD_TIME_STD,
         speed_error=_SPEED_ERROR,
-    )  # fmt: skip
+    )
     return replace(model, braking=braking)
 
 
@@ -127,9 +130,12 @@ def _path(rng: np.random.Generator, index: int) -> CandidatePath:
 
 
 def _overruns(
-    plan: SpeedPlan, drawn: np.ndarray, ground: ElevationMap, model: Model,
+    plan: SpeedPlan,
+    drawn: np.ndarray,
+    ground: ElevationMap,
+    model: Model,
     rng: np.random.Generator,
-) -> Floats:  # fmt: skip
+) -> Floats:
     """By how much stops from the drawn stations end beyond the clear distance, (K,) [m]."""
     b = model.braking
     fine = np.arange(0.0, plan.station[-1] + _LONGEST, _STEP)

@@ -37,8 +37,11 @@ def _batch(result: Result) -> Table:
     table = table_of(
         f"In batch: {problem['candidates']} candidates of {problem['stations']} stations, "
         "one thread; ratios of medians (of least times)",
-        "median", "min … max", "to plain", "to braking",
-    )  # fmt: skip
+        "median",
+        "min … max",
+        "to plain",
+        "to braking",
+    )
     for row in result["batch"]:
         table.add_row(
             row["name"], *_spread(row), _ratio(row, "to_plain"), _ratio(row, "to_braking")
@@ -53,10 +56,12 @@ def _solvers(title: str, rows: list[Result]) -> Table:
             table.add_row(row["name"], row["note"])
             continue
         table.add_row(
-            row["name"], *_spread(row), f"{row['solved']}/{row['of']}",
+            row["name"],
+            *_spread(row),
+            f"{row['solved']}/{row['of']}",
             f"{row['travel_time']:.3f} s" if "travel_time" in row else "–",
             f"{row['excess']:.2%}" if "excess" in row else "–",
-        )  # fmt: skip
+        )
     return table
 
 
@@ -87,7 +92,7 @@ def _targets(result: Result) -> Table:
         reached = (
             "–" if value is None else f"{value:.3g} {unit}"
             for value in (row["value"], row["value_least"])
-        )  # fmt: skip
+        )
         verdict = {True: "[green]pass", False: "[red]miss", None: "not measured"}[row["passed"]]
         table.add_row(row["name"], f"{row['relation']} {row['limit']:g} {unit}", *reached, verdict)
     return table

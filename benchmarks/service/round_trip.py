@@ -61,18 +61,25 @@ def _fan(candidates: int) -> list[np.ndarray]:
 
 
 def _ask(
-    endpoint: str, process: int, drawn: list[np.ndarray], questions: int, rate: float,
+    endpoint: str,
+    process: int,
+    drawn: list[np.ndarray],
+    questions: int,
+    rate: float,
     seconds: float,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
     with zenoh.open(config) as session:
         ground = {
-            "source": "bench", "sequence": 1, "elevation": _block(np.zeros((121, 241))),
-            "resolution": 0.25, "origin": [-5.0, -15.0],
-        }  # fmt: skip
+            "source": "bench",
+            "sequence": 1,
+            "elevation": _block(np.zeros((121, 241))),
+            "resolution": 0.25,
+            "origin": [-5.0, -15.0],
+        }
         payload = msgspec.msgpack.encode(ground)
         session.put("bench/v1/map", payload, encoding=_FORMAT.format("map_update"))
         time.sleep(0.5)

@@ -27,9 +27,13 @@ _HEAD = "| key | unit and range | default | what |\n|---|---|---|---|\n"
 def model_page() -> str:
     """Keys of a model file, and effects."""
     tables = (
-        ("vehicle", Vehicle), ("braking", Braking), ("braking.uphill", UphillBraking),
-        ("braking.terrain.NAME", SurfaceBraking), ("terrain", Terrain), ("limits", Limits),
-    )  # fmt: skip
+        ("vehicle", Vehicle),
+        ("braking", Braking),
+        ("braking.uphill", UphillBraking),
+        ("braking.terrain.NAME", SurfaceBraking),
+        ("terrain", Terrain),
+        ("limits", Limits),
+    )
     parts = [
         "# Model file\n",
         "TOML, in SI units and radians. A key that is not known is an error that names it. What\n"
@@ -58,14 +62,16 @@ def edge_page() -> str:
     intro = "What `slopewise ros --config ros.toml` reads; `configs/ros.toml` is the shipped one.\n"
     return "\n".join(
         [
-            "# ROS 2 settings\n", intro, *_settings(EdgeSettings),
+            "# ROS 2 settings\n",
+            intro,
+            *_settings(EdgeSettings),
             "# Topic mapping\n",
             "What `--topics` reads for recordings; `configs/topics.toml` is the shipped one.\n",
             f"## [map]\n\n{_lead(MapSource)}\n\n{_table(MapSource)}\n",
             f"## [paths]\n\n{_lead(PathSource)}\n\n{_table(PathSource)}\n",
             f"## [COLUMN]\n\n{_lead(Channel)}\n\n{_table(Channel)}\n",
         ]
-    )  # fmt: skip
+    )
 
 
 def messages_page() -> str:

@@ -37,8 +37,10 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     given = parser.parse_args()
     known = read_model(find_model("ugv")).braking
-    print(f"{'recording':10}{'speeds m/s':>14}{'stops':>7}{'beyond':>8}{'upper 95 %':>12}"
-          f"{'excess m':>10}{'of stop':>9}{'endless':>9}")  # fmt: skip
+    print(
+        f"{'recording':10}{'speeds m/s':>14}{'stops':>7}{'beyond':>8}{'upper 95 %':>12}"
+        f"{'excess m':>10}{'of stop':>9}{'endless':>9}"
+    )
     for name, (reader, folder) in RECORDINGS.items():
         log = _log(reader.read(given.data / folder))
         runs = list(log.runs)
@@ -50,8 +52,10 @@ def main() -> None:
         _rows(name, held)
         learned = learn(log.columns, log.runs, known)
         slow = [w for w in learned.windows if w.held_speed < 0.3]
-        print(f"{'':10}found {learned.verdicts}, below 0.3 m/s {len(slow)}; "
-              f"sessions that the others could not predict: {held.unpredicted}")  # fmt: skip
+        print(
+            f"{'':10}found {learned.verdicts}, below 0.3 m/s {len(slow)}; "
+            f"sessions that the others could not predict: {held.unpredicted}"
+        )
 
 
 def _rows(name: str, held: HeldOut) -> None:
@@ -61,9 +65,11 @@ def _rows(name: str, held: HeldOut) -> None:
         ends, beyond = np.isfinite(excess), int(np.sum(excess < 0.0))
         upper = float(beta.ppf(0.95, beyond + 1, len(part) - beyond)) if len(part) else 1.0
         speeds = f"{held.speed[part].min():.2f}–{held.speed[part].max():.2f}"
-        print(f"{name:10}{speeds:>14}{len(part):7d}{beyond:8d}{upper:12.3f}"
-              f"{excess[ends].mean():10.3f}{np.mean(excess[ends] / distance[ends]):9.0%}"
-              f"{int((~ends).sum()):9d}")  # fmt: skip
+        print(
+            f"{name:10}{speeds:>14}{len(part):7d}{beyond:8d}{upper:12.3f}"
+            f"{excess[ends].mean():10.3f}{np.mean(excess[ends] / distance[ends]):9.0%}"
+            f"{int((~ends).sum()):9d}"
+        )
 
 
 def _log(columns: dict[str, Any]) -> DriveLog:

@@ -87,18 +87,21 @@ def at_full_level(
         off = full - found.resistance
         width = found.saturation - found.dead_band
         inside = 1.0 if g < 1.0 else 0.0
-        line = np.hypot(
-            found.std[0] * (1.0 - g) / width, found.std[1] * g / width
-        ) * inside * off / g  # fmt: skip
+        line = (
+            np.hypot(found.std[0] * (1.0 - g) / width, found.std[1] * g / width) * inside * off / g
+        )
         rolling = found.std[2] * (1.0 / g - 1.0)
         noise = float(np.sqrt((r.force_std / g) ** 2 + line**2 + rolling**2))
         taught = u > found.dead_band + 1e-9
         records.append(
             dataclasses.replace(
-                r, force_ratio=full if taught else known.level_force(r.onset_speed),
-                force_std=noise if taught else 1.0, applied=g, resistance=found.resistance,
+                r,
+                force_ratio=full if taught else known.level_force(r.onset_speed),
+                force_std=noise if taught else 1.0,
+                applied=g,
+                resistance=found.resistance,
             )
-        )  # fmt: skip
+        )
     return dataclasses.replace(measured, records=tuple(records)), found
 
 
@@ -131,6 +134,9 @@ def _fit(measured: Measured, level: Floats, known: Braking, resistance: float) -
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))[4:]
     band, full, rolling = (float(v) for v in best.x[4:])
     return BrakeLevels(
-        band, max(full, band + _LEAST_WIDTH), rolling,
-        (float(spread[0]), float(spread[1]), float(spread[2])), int((level < _PART).sum()),
-    )  # fmt: skip
+        band,
+        max(full, band + _LEAST_WIDTH),
+        rolling,
+        (float(spread[0]), float(spread[1]), float(spread[2])),
+        int((level < _PART).sum()),
+    )

@@ -77,9 +77,13 @@ def covered(
     """
     b = model.braking
     log = measure_stops(
-        columns, runs, lambda v: b.m_m * v + b.b_m,
-        lambda _, mount: (mount, lambda v: b.m_m * v + b.b_m), ground=ground, fewest=1,
-    )  # fmt: skip
+        columns,
+        runs,
+        lambda v: b.m_m * v + b.b_m,
+        lambda _, mount: (mount, lambda v: b.m_m * v + b.b_m),
+        ground=ground,
+        fewest=1,
+    )
     records = measured_beside(log.measured, model, columns).records
     allowed = np.array([allowed_distance(b, r, quantile) for r in records])
     return Coverage(records, allowed, sessions_of(columns, runs, records), log.windows, quantile)
@@ -99,10 +103,13 @@ def allowed_distance(braking: Braking, record: StopRecord, quantile: float) -> f
         held = record.samples.window.held_speed
         more = extra_force(on, max(held, on.speed_range[0]), record.path[1])
         distance = stopping_distance(
-            held, on.dead_time + width * on.dead_time_std,
-            record.at_level(own), *record.path, (record.applied * width) ** 2 * margin,
+            held,
+            on.dead_time + width * on.dead_time_std,
+            record.at_level(own),
+            *record.path,
+            (record.applied * width) ** 2 * margin,
             None if more is None else record.applied * more,
-        )  # fmt: skip
+        )
         worst = max(worst, distance + on.distance_offset + record.by_effects)
     return worst
 

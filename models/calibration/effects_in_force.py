@@ -68,10 +68,13 @@ def measured_beside(
     shift = np.zeros(len(force))
     seen: list[list[tuple[float, float]]] = [[] for _ in measured.records]
     # The dead time is the mean that :mod:`models.stop_logs.dead_time` takes.
-    weight = np.array([
-        1.0 / (r.noise**2 * float(r.knee.covariance[1, 1]) + common.between_stops**2 + _LEAST_VAR)
-        for r in measured.records
-    ])  # fmt: skip
+    weight = np.array(
+        [
+            1.0
+            / (r.noise**2 * float(r.knee.covariance[1, 1]) + common.between_stops**2 + _LEAST_VAR)
+            for r in measured.records
+        ]
+    )
     extra, shown = np.zeros(len(force)), np.ones(len(force))
     for last in (False,) * _PASSES + (True,):
         heat = _Heat(model)
@@ -97,14 +100,21 @@ def measured_beside(
             dead = max(common.value - float(np.average(shift, weights=weight)), 0.0)
     records = tuple(
         dataclasses.replace(
-            r, force_ratio=float(f), onset_shift=float(s), by_effects=float(e),
+            r,
+            force_ratio=float(f),
+            onset_shift=float(s),
+            by_effects=float(e),
             force_std=r.force_std / share if share > _HIDDEN else _NO_WORD,
         )
         for r, f, s, e, share in zip(
-            measured.records, force.tolist(), shift.tolist(), extra.tolist(), shown.tolist(),
+            measured.records,
+            force.tolist(),
+            shift.tolist(),
+            extra.tolist(),
+            shown.tolist(),
             strict=True,
         )
-    )  # fmt: skip
+    )
     return dataclasses.replace(
         measured, records=records, dead_time=dataclasses.replace(measured.dead_time, value=dead)
     )
@@ -155,9 +165,15 @@ def _track(record: StopRecord, columns: Mapping[str, NDArray[Any]]) -> GroundTra
     turning = channel("yaw_rate") / speed[keep]
     bend = channel("vertical_curvature") if "vertical_curvature" in columns else None
     return GroundTrack(
-        station[keep], grade[keep], channel("roll"), channel("yaw"), turning, channel("x"),
-        channel("y"), bend,
-    )  # fmt: skip
+        station[keep],
+        grade[keep],
+        channel("roll"),
+        channel("yaw"),
+        turning,
+        channel("x"),
+        channel("y"),
+        bend,
+    )
 
 
 def _simulated(
@@ -166,14 +182,24 @@ def _simulated(
     """A stop with this force and dead time, and the fit of its speeds."""
     m_m, b_m, m_b, b_b = _coefficients(model, record, force)
     on = dataclasses.replace(
-        model.braking, m_m=m_m, b_m=b_m, m_b=m_b, b_b=b_b, dead_time=dead, terrain={}, uphill=None,
+        model.braking,
+        m_m=m_m,
+        b_m=b_m,
+        m_b=m_b,
+        b_b=b_b,
+        dead_time=dead,
+        terrain={},
+        uphill=None,
         level=1.0,
-    )  # fmt: skip
+    )
     held = record.samples.window.held_speed
     stop = simulate_stop(
-        dataclasses.replace(model, braking=on), track, held,
-        session_time=record.samples.clock, heat=heat,
-    )  # fmt: skip
+        dataclasses.replace(model, braking=on),
+        track,
+        held,
+        session_time=record.samples.clock,
+        heat=heat,
+    )
     if not stop.stopped:
         return stop, None
     end = float(stop.time[-1])

@@ -116,12 +116,22 @@ def vehicle_stops(name: str, log: MeasuredLog, mapped: bool) -> VehicleStops:
         station, ground = r.path
         stops.append(
             FleetStop(
-                s.terrain, s.window.held_speed, r.onset_speed, r.grade, r.force_ratio, r.force_std,
-                s.distance, s.standstill_time, station, ground, s.distance - own_distance(r, 0.0),
+                s.terrain,
+                s.window.held_speed,
+                r.onset_speed,
+                r.grade,
+                r.force_ratio,
+                r.force_std,
+                s.distance,
+                s.standstill_time,
+                station,
+                ground,
+                s.distance - own_distance(r, 0.0),
                 r.knee.onset_time - r.onset_shift - m.dead_time.value,
-                float(r.noise * np.sqrt(r.knee.covariance[1, 1])), r.by_effects,
+                float(r.noise * np.sqrt(r.knee.covariance[1, 1])),
+                r.by_effects,
             )
-        )  # fmt: skip
+        )
     common = abs(float(np.mean(m.by_dead_time))) * m.dead_time.std if stops else 0.0
     mount_std = 0.0 if mapped else log.mount.std
     return VehicleStops(name, tuple(stops), m.dead_time, common, mount_std)
@@ -191,15 +201,21 @@ def _dead_times(vehicles: Sequence[VehicleStops]) -> tuple[DeadTime, Floats]:
 
 
 def _surface(
-    vehicles: Sequence[VehicleStops], surfaces: Sequence[str], dead: Floats,
+    vehicles: Sequence[VehicleStops],
+    surfaces: Sequence[str],
+    dead: Floats,
     settings: CalibrationSettings,
-) -> tuple[Hierarchy, list[dict[str, Any]]]:  # fmt: skip
+) -> tuple[Hierarchy, list[dict[str, Any]]]:
     """The hierarchy of a surface, and for each vehicle the keys of its table."""
     pairs = [(i, s) for i, v in enumerate(vehicles) for s in v.stops if s.surface in surfaces]
     owner = np.array([i for i, _ in pairs], np.int64)
-    speed, grade, force, noise = np.array(
-        [(s.onset_speed, s.grade, s.force_ratio, s.force_std) for _, s in pairs], np.float64
-    ).reshape(-1, 4).T  # fmt: skip
+    speed, grade, force, noise = (
+        np.array(
+            [(s.onset_speed, s.grade, s.force_ratio, s.force_std) for _, s in pairs], np.float64
+        )
+        .reshape(-1, 4)
+        .T
+    )
     x = design(speed, grade)
     fit = hierarchy.fit(x, force, noise, owner, len(vehicles))
     residual, without = _unseen(fit, x, force, noise, owner)
@@ -217,9 +233,12 @@ def _surface(
     for j, (i, stop) in enumerate(pairs):
         way = stop.station, stop.ground
         reach = stopping_distance(
-            stop.held_speed, dead[i] + width * each[i].dead_time, without[j], *way,
+            stop.held_speed,
+            dead[i] + width * each[i].dead_time,
+            without[j],
+            *way,
             each[i].matrix(without[j], width),
-        )  # fmt: skip
+        )
         mean = stopping_distance(stop.held_speed, dead[i], without[j], *way)
         over[j] = stop.distance - reach - stop.by_effects
         short[j] = stop.standstill_time - stopping_time(

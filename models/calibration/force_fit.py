@@ -93,9 +93,12 @@ def fit_force(
         covariance = covariance + np.outer(direction, direction)
     learned = np.clip(1.0 - np.diag(covariance) / np.diag(prior), 0.0, 1.0)
     return ForceFit(
-        regression.coefficients, 0.5 * (covariance + covariance.T), learned, regression.scatter,
+        regression.coefficients,
+        0.5 * (covariance + covariance.T),
+        learned,
+        regression.scatter,
         regression,
-    )  # fmt: skip
+    )
 
 
 def with_mount(fit: ForceFit, mount_std: float) -> ForceFit:

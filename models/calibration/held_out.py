@@ -52,9 +52,11 @@ class HeldOut:
 
 
 def leave_sessions_out(
-    columns: Mapping[str, NDArray[Any]], sessions: Sequence[Sequence[slice]], known: Braking,
+    columns: Mapping[str, NDArray[Any]],
+    sessions: Sequence[Sequence[slice]],
+    known: Braking,
     settings: CalibrationSettings | None = None,
-) -> HeldOut:  # fmt: skip
+) -> HeldOut:
     """Predict each session by what all others taught.
 
     The stops of a session are measured as they are in a calibration of the whole log.
@@ -76,9 +78,10 @@ def leave_sessions_out(
     for index, session in enumerate(sessions):
         others = [run for s in sessions if s is not session for run in s]
         own = [
-            r for r in records
+            r
+            for r in records
             if any(run.start <= r.samples.window.command < run.stop for run in session)
-        ]  # fmt: skip
+        ]
         if not own:
             continue
         try:

@@ -118,9 +118,14 @@ def fit(
     sums = _sums(design, observed, noise, vehicle, vehicles, kept, scatter)
     state = _solve(sums, spread)
     return Hierarchy(
-        state.mean, state.mean_covariance, spread, scatter, state.mean + state.effects,
-        _errors(sums, state), kept,
-    )  # fmt: skip
+        state.mean,
+        state.mean_covariance,
+        spread,
+        scatter,
+        state.mean + state.effects,
+        _errors(sums, state),
+        kept,
+    )
 
 
 def _check(design: Floats, observed: Floats, noise: Floats, vehicle: Ints, vehicles: int) -> None:
@@ -139,9 +144,14 @@ def _check(design: Floats, observed: Floats, noise: Floats, vehicle: Ints, vehic
 
 
 def _sums(
-    design: Floats, observed: Floats, noise: Floats, vehicle: Ints, vehicles: int, kept: Bools,
+    design: Floats,
+    observed: Floats,
+    noise: Floats,
+    vehicle: Ints,
+    vehicles: int,
+    kept: Bools,
     scatter: float,
-) -> _Sums:  # fmt: skip
+) -> _Sums:
     x, y, i = design[kept], observed[kept], vehicle[kept]
     variance = noise[kept] ** 2 + scatter**2
     p = x.shape[1]
@@ -170,9 +180,12 @@ def _solve(sums: _Sums, spread: Floats) -> _State:
     quadratic -= float(np.sum(left * effects))
     logs = np.linalg.slogdet(grown)[1].sum() - np.linalg.slogdet(mean_covariance)[1]
     return _State(
-        mean, mean_covariance, effects, conditional,
+        mean,
+        mean_covariance,
+        effects,
+        conditional,
         float(sums.log_variance + logs + quadratic),
-    )  # fmt: skip
+    )
 
 
 def _spread(sums: _Sums, spread: Floats, usual: Floats, imagined: float) -> Floats:
@@ -194,9 +207,15 @@ def _spread(sums: _Sums, spread: Floats, usual: Floats, imagined: float) -> Floa
 
 
 def _scatter(
-    design: Floats, observed: Floats, noise: Floats, vehicle: Ints, vehicles: int, kept: Bools,
-    spread: Floats, before: float,
-) -> float:  # fmt: skip
+    design: Floats,
+    observed: Floats,
+    noise: Floats,
+    vehicle: Ints,
+    vehicles: int,
+    kept: Bools,
+    spread: Floats,
+    before: float,
+) -> float:
     """Restricted maximum likelihood of the scatter at a given spread."""
 
     def cost(log_scatter: float) -> float:

@@ -55,9 +55,12 @@ def extrapolated_corners(speed: Floats, grade: Floats, fit: ForceFit) -> tuple[C
 
 
 def speed_by_grade(
-    speed: Floats, grade: Floats, speed_range: tuple[float, float],
-    grade_range: tuple[float, float], corners: tuple[Corner, ...],
-) -> Matrix | None:  # fmt: skip
+    speed: Floats,
+    grade: Floats,
+    speed_range: tuple[float, float],
+    grade_range: tuple[float, float],
+    corners: tuple[Corner, ...],
+) -> Matrix | None:
     """Highest speeds driven, by grade: corners (grade [rad], speed [m/s]), concave.
 
     A stop counts for a tenth of both ranges around it. Of the hull's corners those that matter

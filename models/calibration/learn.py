@@ -138,10 +138,18 @@ def learn(
             braking, dead_band=levels.dead_band, saturation=levels.saturation
         )
     return Calibration(
-        braking, tuple(surfaces), log.windows, log.suspects,
-        measured.dead_time, measured.dive, mount, driven, tuple(warnings),
-        objections(tuple(surfaces), measured.dead_time, wanted.coverage), levels,
-    )  # fmt: skip
+        braking,
+        tuple(surfaces),
+        log.windows,
+        log.suspects,
+        measured.dead_time,
+        measured.dive,
+        mount,
+        driven,
+        tuple(warnings),
+        objections(tuple(surfaces), measured.dead_time, wanted.coverage),
+        levels,
+    )
 
 
 def _with_curves(
@@ -189,9 +197,14 @@ def measure_log(
 
     stops = StopSettings() if settings is None else settings.stops
     return measure_stops(
-        columns, runs, lambda v: known.m_m * v + known.b_m, believed,
-        ground=ground, settings=stops, fewest=fewest,
-    )  # fmt: skip
+        columns,
+        runs,
+        lambda v: known.m_m * v + known.b_m,
+        believed,
+        ground=ground,
+        settings=stops,
+        fewest=fewest,
+    )
 
 
 def _braking(
@@ -239,11 +252,13 @@ def _state_values(
 
 def _values(surface: SurfaceFit, uneven: Asymmetry | None) -> dict[str, Any]:
     return _coefficients(surface.fit.coefficients, surface.margins, uneven) | {
-        "distance_offset": surface.distance_offset, "time_offset": surface.time_offset,
-        "speed_range": surface.speed_range, "grade_range": surface.grade_range,
+        "distance_offset": surface.distance_offset,
+        "time_offset": surface.time_offset,
+        "speed_range": surface.speed_range,
+        "grade_range": surface.grade_range,
         "speed_by_grade": surface.speed_by_grade,
         "dead_time_std": surface.margins.dead_time,
-    }  # fmt: skip
+    }
 
 
 def _coefficients(values: Floats, margins: Margins, uneven: Asymmetry | None) -> dict[str, Any]:
@@ -257,5 +272,6 @@ def _coefficients(values: Floats, margins: Margins, uneven: Asymmetry | None) ->
         "uphill": uphill,
         **dict(zip(NAMES, (float(c) for c in values), strict=True)),
         "covariance": tuple(tuple(float(c) for c in row) for row in covariance),
-        "force_std": margins.force.absolute, "force_scatter": margins.force.relative,
-    }  # fmt: skip
+        "force_std": margins.force.absolute,
+        "force_scatter": margins.force.relative,
+    }

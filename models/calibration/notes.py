@@ -81,6 +81,9 @@ def _corners(base: SurfaceFit) -> list[str]:
 def _asymmetry(base: SurfaceFit) -> Asymmetry | None:
     kept = [r for r in base.records if r.kept]
     return asymmetry(
-        np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept]),
-        np.array([r.force_ratio for r in kept]), np.array([r.force_std for r in kept]), WEAK_PRIOR,
-    )  # fmt: skip
+        np.array([r.onset_speed for r in kept]),
+        np.array([r.grade for r in kept]),
+        np.array([r.force_ratio for r in kept]),
+        np.array([r.force_std for r in kept]),
+        WEAK_PRIOR,
+    )

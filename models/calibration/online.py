@@ -58,9 +58,14 @@ class OnlineBraking:
     """
 
     def __init__(
-        self, known: Braking, *, mount: float = 0.0, dive: float = 0.0,
-        recursive: RecursiveSettings | None = None, publish: PublishSettings | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        known: Braking,
+        *,
+        mount: float = 0.0,
+        dive: float = 0.0,
+        recursive: RecursiveSettings | None = None,
+        publish: PublishSettings | None = None,
+    ) -> None:
         self._known = known
         self._recursive = recursive or RecursiveSettings()
         self._publish = publish or PublishSettings()
@@ -70,9 +75,15 @@ class OnlineBraking:
         )
 
     def feed(
-        self, time: float, speed: float, command: float, pitch: float, *,
-        grade: float = math.nan, surface: str = "",
-    ) -> OnlineStop | None:  # fmt: skip
+        self,
+        time: float,
+        speed: float,
+        command: float,
+        pitch: float,
+        *,
+        grade: float = math.nan,
+        surface: str = "",
+    ) -> OnlineStop | None:
         """One sample; the stop that it completes, if it does.
 
         Args:
@@ -136,9 +147,13 @@ class OnlineBraking:
         return on is not None and not on.pristine
 
     def restore(
-        self, learned: LearnedForce, surface: str = "", *, age: float = 0.0,
+        self,
+        learned: LearnedForce,
+        surface: str = "",
+        *,
+        age: float = 0.0,
         time_constant: float = 3600.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Go on from what a surface had taught ``age`` seconds ago."""
         on = self._on(surface)
         estimate = on.estimate

@@ -63,9 +63,12 @@ class PublishedForce:
     """
 
     def __init__(
-        self, coefficients: Floats, speed_range: tuple[float, float],
-        grade_range: tuple[float, float], settings: PublishSettings | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        coefficients: Floats,
+        speed_range: tuple[float, float],
+        grade_range: tuple[float, float],
+        settings: PublishSettings | None = None,
+    ) -> None:
         self.settings = settings or PublishSettings()
         down, up = grade_range
         # By how much the other end of the grades falls for each end raised: level ground stays.

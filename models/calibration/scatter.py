@@ -90,10 +90,13 @@ def scatter_of(residual: Floats, noise: Floats, doubt: float = DOUBT) -> Scatter
     freedom = np.array(list(_FREEDOM))
     grid, free = (a.ravel() for a in np.meshgrid(scales, freedom, indexing="ij"))
     width = np.hypot(scales[:, None], noise)
-    likely = np.concatenate([
-        np.sum(stats.t.logpdf(seen / width, nu) - np.log(width), axis=1)[:, None]
-        for nu in freedom.tolist()
-    ], axis=1).ravel()  # fmt: skip
+    likely = np.concatenate(
+        [
+            np.sum(stats.t.logpdf(seen / width, nu) - np.log(width), axis=1)[:, None]
+            for nu in freedom.tolist()
+        ],
+        axis=1,
+    ).ravel()
     prior = np.tile(np.log(np.array(list(_FREEDOM.values()))), len(scales))
     weight = np.exp(likely + prior - np.max(likely + prior))
     weight /= weight.sum()

@@ -112,9 +112,12 @@ def dead_time_scatter(records: Sequence[StopRecord], dead_time: DeadTime) -> Sca
 
 
 def bounds(
-    records: Sequence[StopRecord], coefficients: Floats, dead_time: float, margins: Margins,
+    records: Sequence[StopRecord],
+    coefficients: Floats,
+    dead_time: float,
+    margins: Margins,
     width: float,
-) -> Floats:  # fmt: skip
+) -> Floats:
     """(n,) distances at ``width`` standard deviations, without the constant [m]; inf if endless.
 
     Args:

@@ -23,9 +23,14 @@ _FARTHEST = 500.0  # [m] a vehicle that rolls that far does not stop
 
 
 def stopping_distance(
-    speed: float, dead_time: float, coefficients: Floats, station: Floats, grade: Floats,
-    margin: Floats | None = None, extra: Floats | None = None,
-) -> float:  # fmt: skip
+    speed: float,
+    dead_time: float,
+    coefficients: Floats,
+    station: Floats,
+    grade: Floats,
+    margin: Floats | None = None,
+    extra: Floats | None = None,
+) -> float:
     """Distance from stop command to standstill, without offset [m]; inf if it does not stop.
 
     Args:

@@ -156,9 +156,13 @@ def _level_force(surface: SurfaceFit) -> float:
 
 
 def _surface(
-    name: str, records: Sequence[StopRecord], measured: Measured, known: Braking, mount: Mount,
+    name: str,
+    records: Sequence[StopRecord],
+    measured: Measured,
+    known: Braking,
+    mount: Mount,
     settings: CalibrationSettings,
-) -> SurfaceFit:  # fmt: skip
+) -> SurfaceFit:
     on = known.on(name) if name else known
     mount_std = mount.std if records[0].samples.grade is None else 0.0
     late = float(
@@ -185,12 +189,17 @@ def _surface(
     grades = [r.grade for r in seen if r.kept]
     forces = np.array([r.force_ratio for r in seen if r.kept])
     return SurfaceFit(
-        name, with_mount(fit, mount_std), tuple(seen), margins, state, offset,
+        name,
+        with_mount(fit, mount_std),
+        tuple(seen),
+        margins,
+        state,
+        offset,
         offset_for(settings.coverage, time[np.isfinite(time)]),
         (float(min(speeds)), float(max(speeds))),
         (float(min(grades)) - _PAD, float(max(grades)) + _PAD),
         fit_two_stages(np.array(speeds), np.array(grades), forces),
-    )  # fmt: skip
+    )
 
 
 def _weak(records: Sequence[StopRecord], measured: Measured, known: Braking) -> Bools:
@@ -260,9 +269,13 @@ def _predicted(
 
 
 def _bounded(
-    records: Sequence[StopRecord], fit: ForceFit, margins: Margins, state: WeakerState | None,
-    dead_time: float, settings: CalibrationSettings,
-) -> tuple[float, list[StopRecord]]:  # fmt: skip
+    records: Sequence[StopRecord],
+    fit: ForceFit,
+    margins: Margins,
+    state: WeakerState | None,
+    dead_time: float,
+    settings: CalibrationSettings,
+) -> tuple[float, list[StopRecord]]:
     """The constant beside all other margins, and the stops with what a plan allows for them.
 
     Raises:

@@ -47,9 +47,10 @@ def _without(record: StopRecord, change: float, dead: float, known: Braking) -> 
     )
     longer = uphill - plain
     return dataclasses.replace(
-        record, force_ratio=force,
+        record,
+        force_ratio=force,
         by_effects=record.by_effects + (longer if math.isfinite(longer) else 0.0),
-    )  # fmt: skip
+    )
 
 
 def extra_force(on: Braking, speed: float, grade: Floats) -> Floats | None:

@@ -83,9 +83,14 @@ def investigate_with_evidence(
 
 
 def _investigated(
-    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], model: Model,
-    ground: Floats | None, settings: DiscrepancySettings | None, source: str, progress: Progress,
-) -> tuple[Findings, Evidence]:  # fmt: skip
+    columns: Mapping[str, NDArray[Any]],
+    runs: Sequence[slice],
+    model: Model,
+    ground: Floats | None,
+    settings: DiscrepancySettings | None,
+    source: str,
+    progress: Progress,
+) -> tuple[Findings, Evidence]:
     begin = time.perf_counter()
     wanted = settings or DiscrepancySettings()
     table, notes = prepare(columns, runs, model, ground, wanted)

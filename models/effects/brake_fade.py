@@ -35,15 +35,24 @@ EFFECT = EffectLaw(
     law=kept_share,
     parameters={
         "k": Parameter(
-            unit="kg/J", plausible=(0.0, 0.1),
-            bounds=POSITIVE, step=1e-6, relative_step=0.1, longer_stop=1,
+            unit="kg/J",
+            plausible=(0.0, 0.1),
+            bounds=POSITIVE,
+            step=1e-6,
+            relative_step=0.1,
+            longer_stop=1,
             lighter_rear=-1,
         ),
         # Brakes that are cold again within seconds would be a curve over speed within each stop.
         "tau": Parameter(
-            unit="s", plausible=(1.0, 36000.0),
-            bounds=POSITIVE, step=1e-6, relative_step=0.1, usual=(20.0, 3600.0),
-            longer_stop=1, lighter_rear=-1,
+            unit="s",
+            plausible=(1.0, 36000.0),
+            bounds=POSITIVE,
+            step=1e-6,
+            relative_step=0.1,
+            usual=(20.0, 3600.0),
+            longer_stop=1,
+            lighter_rear=-1,
         ),
     },
     depends_on=frozenset(("heat",)),
@@ -52,4 +61,4 @@ EFFECT = EffectLaw(
     search=Search(columns=_columns, strength="k", one_sided=True, starts=2, pause_tells=True),
     once=True,
     only_takes=lambda _: True,
-)  # fmt: skip
+)

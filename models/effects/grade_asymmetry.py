@@ -35,11 +35,15 @@ EFFECT = EffectLaw(
     axis="grade",
     experiment="stop uphill as well as downhill",
     search=Search(
-        columns=_columns, strength="k", one_sided=False, shape="slope",
-        shows_along=("grade", "abs_grade"), seen_below=0.01,
+        columns=_columns,
+        strength="k",
+        one_sided=False,
+        shape="slope",
+        shows_along=("grade", "abs_grade"),
+        seen_below=0.01,
     ),
     kinks_at_level=True,
     most_force=lambda _: {"k": 0.35},
     per_slope=1.0,
     may_add=lambda p: p["k"] > 0.0,
-)  # fmt: skip
+)

@@ -32,9 +32,13 @@ EFFECT = EffectLaw(
     axis="grade",
     experiment="stop on steeper ground, up and down",
     search=Search(
-        columns=_columns, strength="k", one_sided=False, shape="slope",
-        shows_along=("grade", "abs_grade"), seen_below=0.01,
+        columns=_columns,
+        strength="k",
+        one_sided=False,
+        shape="slope",
+        shows_along=("grade", "abs_grade"),
+        seen_below=0.01,
     ),
     most_force=lambda _: {"k": 0.12},
     per_slope=0.7,
-)  # fmt: skip
+)

@@ -199,9 +199,10 @@ def up_to_run(effects: Iterable[Effect], run: int) -> tuple[Effect, ...]:
     Lasting changes are not there before their own run.
     """
     return tuple(
-        e for e in effects
+        e
+        for e in effects
         if law_of(e).enters is not Enters.LASTING or validate(e).get("run", 0.0) <= run
-    )  # fmt: skip
+    )
 
 
 def crest_share(effects: Iterable[Effect]) -> float | None:

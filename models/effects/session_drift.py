@@ -35,9 +35,14 @@ EFFECT = EffectLaw(
     axis="time",
     experiment="repeat these stops much later in the session",
     search=Search(
-        columns=_columns, strength="k", one_sided=False, shape="session",
-        shows_along=("run", "time"), seen_below=0.05, pause_tells=True,
+        columns=_columns,
+        strength="k",
+        one_sided=False,
+        shape="session",
+        shows_along=("run", "time"),
+        seen_below=0.05,
+        pause_tells=True,
     ),
     most_force=lambda _: {"k": _LONGEST},
     may_add=lambda p: p["k"] > 0.0,
-)  # fmt: skip
+)

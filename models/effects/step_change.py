@@ -50,11 +50,18 @@ EFFECT = EffectLaw(
     axis="run",
     experiment="repeat these stops as the vehicle was before",
     search=Search(
-        columns=_columns, strength="scale", one_sided=False, offset=1.0, chosen=2,
-        other_form=_by_delta, shape="session", shows_along=("run", "time"), seen_below=0.05,
+        columns=_columns,
+        strength="scale",
+        one_sided=False,
+        offset=1.0,
+        chosen=2,
+        other_form=_by_delta,
+        shape="session",
+        shows_along=("run", "time"),
+        seen_below=0.05,
         pause_tells=True,
     ),
     where=lambda p: f"from the log's run {p['run']:.0f} on, the first being 0",
     most_force=lambda _: {"scale": 1.0, "delta": 1.0},
     may_add=lambda p: p.get("scale", 1.0) > 1.0 or p.get("delta", 0.0) > 0.0,
-)  # fmt: skip
+)

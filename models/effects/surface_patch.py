@@ -93,12 +93,17 @@ EFFECT = EffectLaw(
     axis="place",
     experiment="stop outside the place of these stops",
     search=Search(
-        columns=_columns, strength="delta", one_sided=False, starts=2,
-        shows_along=("place", "x", "y"), seen_below=0.003, placed=True,
+        columns=_columns,
+        strength="delta",
+        one_sided=False,
+        starts=2,
+        shows_along=("place", "x", "y"),
+        seen_below=0.003,
+        placed=True,
     ),
     where=_where,
     grown=_grown,
     along=_along,
     most_force=lambda _: {"delta": 1.0},
     may_add=lambda p: p["delta"] > 0.0,
-)  # fmt: skip
+)

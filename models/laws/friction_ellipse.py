@@ -107,7 +107,11 @@ def lateral_speed_sq(
     over = upright * np.fmax(1.0 - held / np.fmax(kept, _NONE), 0.0) / np.fmax(falls, _NONE)
     # A maximum or minimum forgets what is not a number: this does not.
     sound = _HAIR * (
-        np.sqrt(friction) + np.fabs(grade) + np.fabs(roll) + np.fabs(curvature)
-        + np.fabs(vertical_curvature) + np.fabs(along)
-    )  # fmt: skip
+        np.sqrt(friction)
+        + np.fabs(grade)
+        + np.fabs(roll)
+        + np.fabs(curvature)
+        + np.fabs(vertical_curvature)
+        + np.fabs(along)
+    )
     return GRAVITY * np.fmin(over, np.fmin(out, down)) + sound

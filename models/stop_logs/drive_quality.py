@@ -24,10 +24,16 @@ from models.stop_logs import unit_suspects
 
 _SENTINELS = (99.99, 999.0, 999.9, 1000.0, 9999.0, 32767.0, 32768.0, 65535.0, 1e6)
 _LARGEST = {  # beyond these a value is no measurement
-    "v": 40.0, "v_cmd": 40.0, "v_left": 60.0, "v_right": 60.0,
-    "pitch": np.pi / 2, "roll": np.pi, "yaw_rate": 40.0,
-    "current_left": 2000.0, "current_right": 2000.0,
-}  # fmt: skip
+    "v": 40.0,
+    "v_cmd": 40.0,
+    "v_left": 60.0,
+    "v_right": 60.0,
+    "pitch": np.pi / 2,
+    "roll": np.pi,
+    "yaw_rate": 40.0,
+    "current_left": 2000.0,
+    "current_right": 2000.0,
+}
 _FREEZES = ("v", "v_left", "v_right", "pitch", "yaw_rate")
 _WHEELS = ("v_left", "v_right")
 _FAR = 3.0  # times the largest measured value: a sentinel's distance from measurements

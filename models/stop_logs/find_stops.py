@@ -155,11 +155,17 @@ def find_stops(
     offset = run.start
     return [
         StopWindow(
-            w.begin + offset, w.command + offset, w.standstill + offset, w.end + offset,
-            w.held_speed, w.verdict, w.reason, w.level,
+            w.begin + offset,
+            w.command + offset,
+            w.standstill + offset,
+            w.end + offset,
+            w.held_speed,
+            w.verdict,
+            w.reason,
+            w.level,
         )
         for w in search.windows()
-    ]  # fmt: skip
+    ]
 
 
 class _Search:
@@ -213,9 +219,15 @@ class _Search:
         )
         verdict, reason = self._verdict(begin, i, standstill, held)
         return StopWindow(
-            begin, i, standstill, max(end, standstill + 1), held, verdict, reason,
+            begin,
+            i,
+            standstill,
+            max(end, standstill + 1),
+            held,
+            verdict,
+            reason,
             application(self._brake(slice(i, standstill + 1)), s.uneven)[0],
-        )  # fmt: skip
+        )
 
     def _standstill(self, i: int, stop: int, held: float) -> int | None:
         """First sample at zero or below; the first of a settled stretch that meets no zero soon."""

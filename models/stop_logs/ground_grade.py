@@ -133,9 +133,12 @@ def _estimate(
     each, weight = np.array(single), np.array(information)
     noise = np.sqrt(sum(remains) / max(sum(counts), 1) / weight)
     fit = random_effects.fit(
-        np.ones((len(each), 1)), each, np.maximum(noise, 1e-9), np.zeros(1),
+        np.ones((len(each), 1)),
+        each,
+        np.maximum(noise, 1e-9),
+        np.zeros(1),
         np.array([[_DIVE_PRIOR**2]]),
-    )  # fmt: skip
+    )
     value = float(fit.coefficients[0])
     cost = sum(remains) + float(np.sum(weight * np.minimum((each - value) ** 2, noise**2 * 9.0)))
     return cost, Dive(value, float(np.sqrt(fit.covariance[0, 0])), settling)

@@ -76,11 +76,17 @@ def measure(
     force = sharp.force_ratio + np.sin(seen) - np.sin(grade)
     records = tuple(
         StopRecord(
-            stops[i], measured[j], grounds[i], float(noise[j]), float(sharp.onset_speed[j]),
-            float(grade[j]), float(force[j]), float(sharp.force_std[j]),
+            stops[i],
+            measured[j],
+            grounds[i],
+            float(noise[j]),
+            float(sharp.onset_speed[j]),
+            float(grade[j]),
+            float(force[j]),
+            float(sharp.force_std[j]),
         )
         for j, i in enumerate(good)
-    )  # fmt: skip
+    )
     return Measured(records, missing, common, sharp.by_dead_time, dive)
 
 
@@ -124,10 +130,14 @@ def _dive(stops: Sequence[StopSamples], knees: Sequence[Knee | None]) -> Dive:
             continue
         pitches.append(
             StopPitch(
-                stop.time, stop.station, stop.pitch, knee.onset_time, stop.standstill_time,
+                stop.time,
+                stop.station,
+                stop.pitch,
+                knee.onset_time,
+                stop.standstill_time,
                 _mean_deceleration(stop, knee),
             )
-        )  # fmt: skip
+        )
     return estimate_dive(pitches)
 
 

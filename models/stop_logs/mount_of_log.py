@@ -21,9 +21,12 @@ _PLACE = ("x", "y", "z", "yaw")
 
 
 def mount_of_log(
-    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], good: Bools,
-    ground: Floats | None, measured: Measured,
-) -> Mount:  # fmt: skip
+    columns: Mapping[str, NDArray[Any]],
+    runs: Sequence[slice],
+    good: Bools,
+    ground: Floats | None,
+    measured: Measured,
+) -> Mount:
     """Offset of the pitch sensor, unknown where nothing tells it.
 
     Args:

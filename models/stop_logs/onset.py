@@ -218,7 +218,15 @@ def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, standstill_time
     sum_sq = float(residual @ residual)
     correlation = float(residual[1:] @ residual[:-1]) / max(sum_sq, 1e-300)
     return Knee(
-        speed, onset, force, covariance[np.ix_(order, order)], float(np.sqrt(sum_sq / freedom)),
-        correlation, len(t), float(pull.mean_grade(onset, standstill_time)), creep,
-        float(covariance[1, 1]), pull.held,
-    )  # fmt: skip
+        speed,
+        onset,
+        force,
+        covariance[np.ix_(order, order)],
+        float(np.sqrt(sum_sq / freedom)),
+        correlation,
+        len(t),
+        float(pull.mean_grade(onset, standstill_time)),
+        creep,
+        float(covariance[1, 1]),
+        pull.held,
+    )

@@ -120,18 +120,36 @@ def _scatter(design: Floats, observed: Floats, noise: Floats, info: Floats, mean
         quadratic = residual @ (residual / variance) + off @ info @ off
         return float(np.sum(np.log(variance)) - np.linalg.slogdet(covariance)[1] + quadratic)
 
-    typical = max(float(np.std(observed - design @ _solve(
-        design, observed, np.full(len(noise), float(np.median(noise)) ** 2 + 1e-12), info, mean
-    )[0])), 1e-9)  # fmt: skip
+    typical = max(
+        float(
+            np.std(
+                observed
+                - design
+                @ _solve(
+                    design,
+                    observed,
+                    np.full(len(noise), float(np.median(noise)) ** 2 + 1e-12),
+                    info,
+                    mean,
+                )[0]
+            )
+        ),
+        1e-9,
+    )
     low, high = np.log(1e-3 * typical), np.log(10.0 * typical)
     best = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-3})
     return float(np.exp(best.x))
 
 
 def _result(
-    design: Floats, observed: Floats, noise: Floats, scatter: float, kept: Bools,
-    info: Floats, mean: Floats,
-) -> LinearFit:  # fmt: skip
+    design: Floats,
+    observed: Floats,
+    noise: Floats,
+    scatter: float,
+    kept: Bools,
+    info: Floats,
+    mean: Floats,
+) -> LinearFit:
     variance = noise**2 + scatter**2
     beta, covariance = _solve(design[kept], observed[kept], variance[kept], info, mean)
     residuals = observed - design @ beta
@@ -140,6 +158,11 @@ def _result(
     gain = np.zeros((design.shape[1], len(observed)))
     gain[:, kept] = covariance @ (design[kept] / variance[kept][:, None]).T
     return LinearFit(
-        beta, covariance * max(shown, 1.0), scatter, kept, residuals, variance * max(shown, 1.0),
+        beta,
+        covariance * max(shown, 1.0),
+        scatter,
+        kept,
+        residuals,
+        variance * max(shown, 1.0),
         gain,
-    )  # fmt: skip
+    )

@@ -137,9 +137,15 @@ def cut(
         window,
         str(columns["run"][window.command]) if "run" in columns else "",
         str(columns["terrain"][window.command]) if "terrain" in columns else "",
-        time, speed, columns["pitch"][part], None if grade is None else grade[part], station,
-        standstill_time, float(station[k] - station[at_command]), clock,
-    )  # fmt: skip
+        time,
+        speed,
+        columns["pitch"][part],
+        None if grade is None else grade[part],
+        station,
+        standstill_time,
+        float(station[k] - station[at_command]),
+        clock,
+    )
 
 
 def _crossing(t0: float, v0: float, t1: float, v1: float) -> float:

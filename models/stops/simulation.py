@@ -198,9 +198,14 @@ def simulate_stop(
     standstill.terminal = True  # type: ignore[attr-defined]
     standstill.direction = -1.0  # type: ignore[attr-defined]
     result = solve_ivp(
-        rates, (0.0, LONGEST), [onset, speed, 0.0, heat], events=standstill,
-        rtol=1e-7, atol=1e-9, max_step=0.05,
-    )  # fmt: skip
+        rates,
+        (0.0, LONGEST),
+        [onset, speed, 0.0, heat],
+        events=standstill,
+        rtol=1e-7,
+        atol=1e-9,
+        max_step=0.05,
+    )
     stopped = result.status == 1
     time = np.concatenate(([0.0], result.t + on.dead_time))
     along = np.concatenate(([station], result.y[0]))
@@ -299,9 +304,15 @@ def replay(model: Model, run: RunChannels, surface: str = "") -> Floats:
         end = i + int(again[0]) if len(again) else len(time)
         heat *= math.exp(-(float(time[i]) - cooled_since) / cooling)
         stop = simulate_stop(
-            model, track, _held_speed(time, speed, i), station=float(track.station[i]),
-            surface=surface, session_time=float(time[i]), heat=heat, level=run.level(i, end),
-        )  # fmt: skip
+            model,
+            track,
+            _held_speed(time, speed, i),
+            station=float(track.station[i]),
+            surface=surface,
+            session_time=float(time[i]),
+            heat=heat,
+            level=run.level(i, end),
+        )
         simulated[i:end] = stop.speed_at(time[i:end] - time[i])
         heat, cooled_since = stop.heat, float(time[i]) + float(stop.time[-1])
     return simulated

@@ -41,16 +41,21 @@ class ChangeSettings:
         "s", "Driving that the usual spread counts as.", default=10.0, at_least=1.0
     )
     patchy: float = quantity(
-        "s", "Time constant with which it is forgotten that ground is patchy.", default=15.0,
+        "s",
+        "Time constant with which it is forgotten that ground is patchy.",
+        default=15.0,
         above=0.0,
-    )  # fmt: skip
+    )
     alike: float = quantity(
         "1", "Correlation of one second with another.", default=0.3, at_least=0.0, at_most=0.99
     )
     shared: float = quantity(
-        "1", "Usual correlation between bands and axes of shaking.", default=0.25, at_least=0.0,
+        "1",
+        "Usual correlation between bands and axes of shaking.",
+        default=0.25,
+        at_least=0.0,
         at_most=0.9,
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)

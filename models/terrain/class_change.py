@@ -33,13 +33,19 @@ class ClassChangeSettings:
         "1", "Log probability below which no class falls in one second.", default=6.0, above=0.0
     )
     sure: float = quantity(
-        "1", "Probability of the class believed in, for others to be held against it.", default=0.8,
-        above=0.5, at_most=1.0,
-    )  # fmt: skip
+        "1",
+        "Probability of the class believed in, for others to be held against it.",
+        default=0.8,
+        above=0.5,
+        at_most=1.0,
+    )
     change: float = quantity(
-        "1", "Probability that the ground changes from one second to the next.", default=0.006,
-        above=0.0, at_most=0.5,
-    )  # fmt: skip
+        "1",
+        "Probability that the ground changes from one second to the next.",
+        default=0.006,
+        above=0.0,
+        at_most=0.5,
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)

@@ -200,9 +200,14 @@ class TerrainEstimator:
         f_r = self.known.motion_resistance
         assumed = self._assumed if f_r is UNKNOWN else f_r
         lateral = lateral_resistance_of(
-            stretch, self._vehicle, self._drive, assumed, settings, signed=self.signed,
+            stretch,
+            self._vehicle,
+            self._drive,
+            assumed,
+            settings,
+            signed=self.signed,
             least_inner_speed=self._settings.motion.least_inner_speed,
-        )  # fmt: skip
+        )
         slip = UNKNOWN
         if self._turned:
             slip = TerrainEstimate(self.filter.slip_track, self.filter.slip_track_std)

@@ -179,8 +179,15 @@ class TerrainMonitor:
         time, v_left, v_right, yaw_rate, current_left, current_right, pitch, _ = sample
         changes = self._watch(time) if time >= self._window_end else ()
         seen = (
-            v_left, v_right, current_left, current_right, pitch, yaw_rate, *rates, *accelerations
-        )  # fmt: skip
+            v_left,
+            v_right,
+            current_left,
+            current_right,
+            pitch,
+            yaw_rate,
+            *rates,
+            *accelerations,
+        )
         self._window.append(seen)
         if not (usable and isfinite(sum(seen))) or self.estimator.phases.phase is Phase.STUCK:
             self._whole = False

@@ -40,9 +40,23 @@ class MotionPhases:
     """
 
     __slots__ = (
-        "_dv", "_dv_slow", "_held", "_kind", "_settings", "_spun", "_started", "_stopped", "_track",
-        "_turning", "_v", "_v_slow", "_w", "_w_slow", "phase", "withheld",
-    )  # fmt: skip
+        "_dv",
+        "_dv_slow",
+        "_held",
+        "_kind",
+        "_settings",
+        "_spun",
+        "_started",
+        "_stopped",
+        "_track",
+        "_turning",
+        "_v",
+        "_v_slow",
+        "_w",
+        "_w_slow",
+        "phase",
+        "withheld",
+    )
 
     def __init__(self, track_width: float, settings: MotionSettings) -> None:
         """Begin a run.

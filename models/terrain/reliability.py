@@ -38,8 +38,9 @@ def reliability_curve(said: Floats, right: Bools) -> tuple[ReliabilityBin, ...]:
     for k in range(_BINS):
         own = place == k
         if own.any():
-            found.append(ReliabilityBin(float(said[own].mean()), float(right[own].mean()),
-                                        int(own.sum())))  # fmt: skip
+            found.append(
+                ReliabilityBin(float(said[own].mean()), float(right[own].mean()), int(own.sum()))
+            )
     return tuple(found)
 
 

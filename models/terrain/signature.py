@@ -33,9 +33,15 @@ SENSORS = ("yaw_rate", "roll_rate", "pitch_rate", "accel_x", "accel_y", "accel_z
 """What shaking is taken from, in the order of :func:`second_of`."""
 
 DRIVING_FEATURES = (
-    "thrust_straight", "thrust_turn", "thrust_spot", "ripple", "ripple_spot",
-    "unlike_sides", "turning_turn", "turning_spot",
-)  # fmt: skip
+    "thrust_straight",
+    "thrust_turn",
+    "thrust_spot",
+    "ripple",
+    "ripple_spot",
+    "unlike_sides",
+    "turning_turn",
+    "turning_spot",
+)
 FEATURE_NAMES = DRIVING_FEATURES + tuple(
     f"shaking_{sensor}_{low:g}_{high:g}_hz" for sensor in SENSORS for low, high in BANDS
 )
@@ -137,9 +143,16 @@ def second_of(samples: Floats, settings: SecondSettings) -> GroundSecond | None:
     turned = math.nan if kind == _STRAIGHT else settings.track_width * float(means[5]) / difference
     thrust, rolling, ripple, unlike = _thrusts(samples, means, kind, settings.drive)
     return GroundSecond(
-        kind, rim, abs(difference) / (2.0 * rim), thrust, rolling, ripple, unlike, turned,
+        kind,
+        rim,
+        abs(difference) / (2.0 * rim),
+        thrust,
+        rolling,
+        ripple,
+        unlike,
+        turned,
         _shaking(samples[:, 5:] - means[5:]),
-    )  # fmt: skip
+    )
 
 
 def _thrusts(

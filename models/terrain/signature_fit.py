@@ -48,9 +48,12 @@ class FitSettings:
         "1", "Spread between classes, in spreads within them, before data.", default=1.5, above=0.0
     )
     known_refused: float = quantity(
-        "1", "Share of known ground that may be called none of these.", default=0.05, above=0.0,
+        "1",
+        "Share of known ground that may be called none of these.",
+        default=0.05,
+        above=0.0,
         at_most=0.5,
-    )  # fmt: skip
+    )
     latest: float = quantity(
         "1", "Signatures that strangeness is averaged over.", default=6.0, at_least=1.0
     )
@@ -171,9 +174,13 @@ def _linear(rows: _TrainingRows, classes: int, shrinkage: float) -> LinearPictur
     if classes == 2:  # scikit-learn then gives the second against the first
         weights, intercept = np.vstack([-weights, weights]) / 2, np.r_[-intercept, intercept] / 2
     return LinearPicture(
-        fill=fill, scale=scale, weights=weights, intercept=intercept, means=means,
+        fill=fill,
+        scale=scale,
+        weights=weights,
+        intercept=intercept,
+        means=means,
         precision=np.asarray(np.linalg.inv(scatter), np.float64),
-    )  # fmt: skip
+    )
 
 
 def _normal(rows: _TrainingRows, classes: int, settings: FitSettings) -> NormalPicture:

@@ -26,20 +26,28 @@ class MemorySettings:
     """How long the ground is taken to last."""
 
     change: float = quantity(
-        "1", "Probability that the ground changes from one signature to the next.", default=0.03,
-        above=0.0, at_most=0.5,
-    )  # fmt: skip
+        "1",
+        "Probability that the ground changes from one signature to the next.",
+        default=0.03,
+        above=0.0,
+        at_most=0.5,
+    )
     weight: float = quantity(
-        "1", "Share of its evidence that a signature adds: neighbours repeat each other.",
-        default=0.6, above=0.0, at_most=1.0,
-    )  # fmt: skip
+        "1",
+        "Share of its evidence that a signature adds: neighbours repeat each other.",
+        default=0.6,
+        above=0.0,
+        at_most=1.0,
+    )
     latest: float = quantity(
         "1", "Signatures that strangeness is averaged over.", default=6.0, at_least=1.0
     )
     steepness: float = quantity(
-        "1", "How fast the probability of unknown ground rises about the threshold.", default=2.0,
+        "1",
+        "How fast the probability of unknown ground rises about the threshold.",
+        default=2.0,
         above=0.0,
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)

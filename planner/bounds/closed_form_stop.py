@@ -34,9 +34,23 @@ _CLEARLY = 1.0 + 1e-6
 
 # Rows of the queue: what is known of the segment in which the onset lies, and the answer.
 (
-    _HERE, _DEAD, _LEFT, _RIGHT, _R_LEFT, _R_RIGHT, _PER_LENGTH, _SLOPE, _SLOPE_RISE,
-    _INTERCEPT, _INTERCEPT_RISE, _SLOPE_SUM, _INTERCEPT_SUM, _SLOWEST, _ANSWER, _COLUMNS,
-) = range(16)  # fmt: skip
+    _HERE,
+    _DEAD,
+    _LEFT,
+    _RIGHT,
+    _R_LEFT,
+    _R_RIGHT,
+    _PER_LENGTH,
+    _SLOPE,
+    _SLOPE_RISE,
+    _INTERCEPT,
+    _INTERCEPT_RISE,
+    _SLOPE_SUM,
+    _INTERCEPT_SUM,
+    _SLOWEST,
+    _ANSWER,
+    _COLUMNS,
+) = range(16)
 
 
 class _Block(NamedTuple):
@@ -82,10 +96,14 @@ class _BlockRow(NamedTuple):
 def _row(k: int, problem: StopProblem, block: _Block) -> _BlockRow:
     terrain, forces, first, end = problem.terrain, problem.forces, block.first, block.end
     return _BlockRow(
-        terrain.station[k, first:end], terrain.grade[k, first:end], terrain.sin_grade[k, first:end],
-        forces.lower_slope[k, first:end], forces.lower_intercept[k, first:end],
-        forces.slowest[k, first:end], forces.dead_time[k, first:end],
-    )  # fmt: skip
+        terrain.station[k, first:end],
+        terrain.grade[k, first:end],
+        terrain.sin_grade[k, first:end],
+        forces.lower_slope[k, first:end],
+        forces.lower_intercept[k, first:end],
+        forces.slowest[k, first:end],
+        forces.dead_time[k, first:end],
+    )
 
 
 @kernel
@@ -107,9 +125,18 @@ def stopping_bound(
     place = np.empty((2, _QUEUE + _BLOCK), np.int64)
     for first in range(0, candidates, _BLOCK):
         block = _Block(
-            first, min(first + _BLOCK, candidates), ints[0], lines[0], lines[1],
-            floats[0], floats[1], floats[2], lines[2], ints[1], ints[2],
-        )  # fmt: skip
+            first,
+            min(first + _BLOCK, candidates),
+            ints[0],
+            lines[0],
+            lines[1],
+            floats[0],
+            floats[1],
+            floats[2],
+            lines[2],
+            ints[1],
+            ints[2],
+        )
         first_tight = _sum_block(problem, block, bounds.barrier_station, fastest)
         _bound_block(problem, block, (fastest, longest, first_tight), bounds, queue, place)
 
@@ -134,9 +161,13 @@ def _sum_block(problem: StopProblem, block: _Block, barrier_station: Ints, faste
 
 @inlined
 def _bound_block(
-    problem: StopProblem, block: _Block, limits: tuple[float, float, int],
-    bounds: PointwiseBounds, queue: Floats, place: Ints,
-) -> None:  # fmt: skip
+    problem: StopProblem,
+    block: _Block,
+    limits: tuple[float, float, int],
+    bounds: PointwiseBounds,
+    queue: Floats,
+    place: Ints,
+) -> None:
     """A dead time earlier, as long as the distance driven in it reaches rows that are not free."""
     fastest, longest, first_tight = limits
     station = problem.terrain.station
@@ -159,11 +190,24 @@ def _bound_block(
         if rise < reach:
             for i in range(k, reach):
                 _lower(block.onset[i], block.least)
-        if _sort_out(k, _SettleRow(
-            row.station, row.dead_time, station[reach, first:end], problem.target[first:end],
-            bounds.barrier[first:end], bounds.barrier_station[first:end],
-            bounds.speed_sq_max[k, first:end], bounds.limiting[k, first:end],
-        ), block, fastest) == 0:  # fmt: skip
+        if (
+            _sort_out(
+                k,
+                _SettleRow(
+                    row.station,
+                    row.dead_time,
+                    station[reach, first:end],
+                    problem.target[first:end],
+                    bounds.barrier[first:end],
+                    bounds.barrier_station[first:end],
+                    bounds.speed_sq_max[k, first:end],
+                    bounds.limiting[k, first:end],
+                ),
+                block,
+                fastest,
+            )
+            == 0
+        ):
             continue
         for t in range(end - first):
             if block.near[t] != 0:

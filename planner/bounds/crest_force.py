@@ -44,9 +44,12 @@ class _CrestRow(NamedTuple):
 
 @kernel
 def lose_on_crests(
-    problem: StopProblem, fastest: float, limits: PlanningLimits, motion: MotionTerms,
+    problem: StopProblem,
+    fastest: float,
+    limits: PlanningLimits,
+    motion: MotionTerms,
     bounds: PointwiseBounds,
-) -> None:  # fmt: skip
+) -> None:
     """Lower ``bounds.lower_slope`` and ``bounds.lower_intercept`` to what crests leave of them.
 
     Args:
@@ -66,11 +69,17 @@ def lose_on_crests(
     for k in range(stations - 1, -1, -1):
         after = min(k + 1, stations - 1)
         row = _CrestRow(
-            terrain.station[k], terrain.station[after], terrain.sin_grade[k], terrain.sin_roll[k],
-            terrain.vertical_curvature[k], forces.dead_time[k], bounds.speed_sq_max[k],
+            terrain.station[k],
+            terrain.station[after],
+            terrain.sin_grade[k],
+            terrain.sin_roll[k],
+            terrain.vertical_curvature[k],
+            forces.dead_time[k],
+            bounds.speed_sq_max[k],
             forces.slowest[k],
-            bounds.lower_slope[k], bounds.lower_intercept[k],
-        )  # fmt: skip
+            bounds.lower_slope[k],
+            bounds.lower_intercept[k],
+        )
         _lose(row, problem.target, fastest, limits, (taken_out, force_ahead, least))
     if motion.lag > 0.0:
         for k in range(stations):
@@ -81,9 +90,12 @@ def lose_on_crests(
 
 @row_pass
 def _lose(
-    row: _CrestRow, target: Floats, fastest: float, limits: PlanningLimits,
+    row: _CrestRow,
+    target: Floats,
+    fastest: float,
+    limits: PlanningLimits,
     carried: tuple[Floats, Floats, Floats],
-) -> None:  # fmt: skip
+) -> None:
     """One row; carried on are what the brakes take out from it to the target, over m g [m], its
     force and slope, and the least share that any station keeps.
     """

@@ -44,9 +44,13 @@ _ROLLOVER = int(Limiting.ROLLOVER)
 
 @kernel
 def integrated_bound(
-    chosen: Ints, problem: StopProblem, everywhere: bool, motion: MotionTerms,
-    limits: PlanningLimits, bounds: PointwiseBounds,
-) -> None:  # fmt: skip
+    chosen: Ints,
+    problem: StopProblem,
+    everywhere: bool,
+    motion: MotionTerms,
+    limits: PlanningLimits,
+    bounds: PointwiseBounds,
+) -> None:
     """Lower bounds to speeds whose integrated stop ends before the target, loads kept.
 
     Args:
@@ -63,9 +67,15 @@ def integrated_bound(
         last = path.station.shape[0] if everywhere else bounds.last_risk[j] + 1
         watched = np.inf if everywhere else path.station[min(last, path.station.shape[0] - 1)]
         conditions = StopConditions(
-            problem.target[j], motion, limits.rear_lever, limits.front_lever, limits.side_lever,
-            limits.min_load, problem.height, watched,
-        )  # fmt: skip
+            problem.target[j],
+            motion,
+            limits.rear_lever,
+            limits.front_lever,
+            limits.side_lever,
+            limits.min_load,
+            problem.height,
+            watched,
+        )
         for k in range(last):
             bound = bounds.speed_sq_max[k, j]
             if bound <= 0.0:
@@ -82,10 +92,22 @@ def _path_of(j: int, problem: StopProblem, columns: Floats) -> StopPath:
     terrain, forces = problem.terrain, problem.forces
     n = terrain.counts[j]
     path = StopPath(
-        columns[0, :n], columns[1, :n], columns[2, :n], columns[3, :n], columns[4, :n],
-        columns[5, :n], columns[6, :n], columns[7, :n], columns[8, :n], columns[9, :n],
-        columns[10, :n], columns[11, :n], columns[12, :n], columns[13, :n], columns[14, :n],
-    )  # fmt: skip
+        columns[0, :n],
+        columns[1, :n],
+        columns[2, :n],
+        columns[3, :n],
+        columns[4, :n],
+        columns[5, :n],
+        columns[6, :n],
+        columns[7, :n],
+        columns[8, :n],
+        columns[9, :n],
+        columns[10, :n],
+        columns[11, :n],
+        columns[12, :n],
+        columns[13, :n],
+        columns[14, :n],
+    )
     for k in range(n):
         sin_grade, sin_roll = terrain.sin_grade[k, j], terrain.sin_roll[k, j]
         curvature = terrain.curvature[k, j]

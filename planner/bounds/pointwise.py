@@ -149,22 +149,57 @@ def pointwise_bounds(problem: PointProblem, limits: PlanningLimits, out: Pointwi
         if problem.excess.shape[0] > 0:
             excess = problem.excess[k]
         row = _PointRow(
-            terrain.sin_grade[k], terrain.sin_roll[k], terrain.curvature[k], scratch[0], scratch[1],
-            terrain.known[k], forces.trained[k], forces.slowest[k], forces.fastest[k], limit,
-            hazard, rough_speed, terrain.vertical_curvature[k], friction,
-            scratch[2], scratch[3], scratch[4], scratch[5],
-            out.lower_slope[k], out.lower_intercept[k],
-            forces.upper_slope[k], forces.upper_intercept[k], barred,
-            out.speed_sq_max[k], out.limiting[k], out.accel_max[k], out.demand[k],
-        )  # fmt: skip
+            terrain.sin_grade[k],
+            terrain.sin_roll[k],
+            terrain.curvature[k],
+            scratch[0],
+            scratch[1],
+            terrain.known[k],
+            forces.trained[k],
+            forces.slowest[k],
+            forces.fastest[k],
+            limit,
+            hazard,
+            rough_speed,
+            terrain.vertical_curvature[k],
+            friction,
+            scratch[2],
+            scratch[3],
+            scratch[4],
+            scratch[5],
+            out.lower_slope[k],
+            out.lower_intercept[k],
+            forces.upper_slope[k],
+            forces.upper_intercept[k],
+            barred,
+            out.speed_sq_max[k],
+            out.limiting[k],
+            out.accel_max[k],
+            out.demand[k],
+        )
         _cosines(row)
         contact = ContactRow(
-            row.sin_grade, row.sin_roll, row.cosine, row.cos_lean, row.curvature,
-            row.vertical_curvature, excess, forces.dead_time[k], row.slowest, row.fastest,
-            row.limit, row.friction,
-            forces.lower_slope[k], forces.lower_intercept[k], row.lower_slope, row.lower_intercept,
-            row.crest_sq, row.friction_sq, row.grip, row.holds,
-        )  # fmt: skip
+            row.sin_grade,
+            row.sin_roll,
+            row.cosine,
+            row.cos_lean,
+            row.curvature,
+            row.vertical_curvature,
+            excess,
+            forces.dead_time[k],
+            row.slowest,
+            row.fastest,
+            row.limit,
+            row.friction,
+            forces.lower_slope[k],
+            forces.lower_intercept[k],
+            row.lower_slope,
+            row.lower_intercept,
+            row.crest_sq,
+            row.friction_sq,
+            row.grip,
+            row.holds,
+        )
         normal_force(contact, limits)
         if slips:
             friction_ellipse(contact, limits)
@@ -300,9 +335,13 @@ def _speeds(row: _PointRow, limits: PlanningLimits) -> None:
 
 @row_pass
 def side_reach(
-    curvature: float, sin_roll: float, cosine: float, cos_lean: float, sine: float,
+    curvature: float,
+    sin_roll: float,
+    cosine: float,
+    cos_lean: float,
+    sine: float,
     limits: PlanningLimits,
-) -> float:  # fmt: skip
+) -> float:
     """Highest v² |κ| that keeps both sides and every wheel loaded at a held speed [m/s²]."""
     outward = cosine * sin_roll if curvature > 0.0 else -cosine * sin_roll
     axle = min(limits.rear_lever * sine, -limits.front_lever * sine)

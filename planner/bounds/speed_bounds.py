@@ -103,40 +103,65 @@ def speed_bounds(
     speed_sq_max, accel_max, demand, lower_slope, lower_intercept, codes = empty(6, *shape)
     barrier, barrier_station, first_risk, last_risk = np.empty((4, shape[1]), np.int64)
     found = PointwiseBounds(
-        speed_sq_max, codes.view(np.int64), accel_max, demand, barrier, barrier_station,
-        lower_slope, lower_intercept, first_risk, last_risk,
-    )  # fmt: skip
+        speed_sq_max,
+        codes.view(np.int64),
+        accel_max,
+        demand,
+        barrier,
+        barrier_station,
+        lower_slope,
+        lower_intercept,
+        first_risk,
+        last_risk,
+    )
     limits, nothing = planning_limits(model), np.empty((0, 0))
     limits = limits._replace(holding=0.0 if holds_anywhere else 1.0)
     excess = speed_excess(profile, ground, limits)
     pointwise_bounds(
         PointProblem(
-            profile.rows, ground.forces, (hazards or nothing_looked_for()).rows,
+            profile.rows,
+            ground.forces,
+            (hazards or nothing_looked_for()).rows,
             nothing if ground.friction is None else ground.friction,
-            nothing if speed_limit is None else speed_limit, nothing if excess is None else excess,
-        ), limits, found,
-    )  # fmt: skip
+            nothing if speed_limit is None else speed_limit,
+            nothing if excess is None else excess,
+        ),
+        limits,
+        found,
+    )
     clear_distance = _clear_distance(profile, clear, barrier, barrier_station)
     left = replace(ground, lower_slope=lower_slope, lower_intercept=lower_intercept)
     _stopping_path((profile, left), clear_distance, excess, limits, found)
     _keep_chords_below(speed_sq_max, found.limiting, barrier)
     return SpeedBounds(
-        speed_sq_max, found.limiting, accel_max, demand, clear_distance, barrier, barrier_station,
-        left, ground if crest_share(model.effect) is None else left,
-    )  # fmt: skip
+        speed_sq_max,
+        found.limiting,
+        accel_max,
+        demand,
+        clear_distance,
+        barrier,
+        barrier_station,
+        left,
+        ground if crest_share(model.effect) is None else left,
+    )
 
 
 def _stopping_path(
-    track: tuple[TerrainProfile, BrakingGround], clear_distance: Floats, excess: Floats | None,
-    limits: PlanningLimits, found: PointwiseBounds,
-) -> None:  # fmt: skip
+    track: tuple[TerrainProfile, BrakingGround],
+    clear_distance: Floats,
+    excess: Floats | None,
+    limits: PlanningLimits,
+    found: PointwiseBounds,
+) -> None:
     """Lower v² to what stops before the clear distance, from the speed that it may really have."""
     profile, ground = track
     speed_sq_max, errors = found.speed_sq_max, ground.errors
     problem = StopProblem(
-        profile.rows, ground.forces, clear_distance - ground.distance_offset - STOP_GUARD,
+        profile.rows,
+        ground.forces,
+        clear_distance - ground.distance_offset - STOP_GUARD,
         errors.height,
-    )  # fmt: skip
+    )
     fastest = limits.speed
     if excess is not None:
         fastest += float(excess.max())

@@ -223,9 +223,14 @@ def _held_shares(
 
 @inlined
 def _brake(
-    i: int, u: float, piece: float, v_i: float, state: tuple[float, float, float, float],
-    path: StopPath, conditions: StopConditions,
-) -> tuple[float, float, float, float, float]:  # fmt: skip
+    i: int,
+    u: float,
+    piece: float,
+    v_i: float,
+    state: tuple[float, float, float, float],
+    path: StopPath,
+    conditions: StopConditions,
+) -> tuple[float, float, float, float, float]:
     """One piece of a stop, by what acts in its middle, at share u of segment i.
 
     Args:

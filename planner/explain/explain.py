@@ -127,9 +127,13 @@ def explain(
     """
     settings = settings or PlannerSettings()
     what_if = WhatIf(
-        elevation_map, path, model, settings=settings, start_speed=start_speed,
+        elevation_map,
+        path,
+        model,
+        settings=settings,
+        start_speed=start_speed,
         conditions=conditions,
-    )  # fmt: skip
+    )
     assumptions = Assumptions(
         model=model, uncertainty=uncertainty, clear=clear, smooth=settings.smooth
     )
@@ -162,11 +166,13 @@ def stretches(plan: SpeedPlan) -> tuple[LimitedStretch, ...]:
     edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), rest]
     return tuple(
         LimitedStretch(
-            float(plan.station[i]), float(plan.station[k]), Limiting(int(codes[i])),
+            float(plan.station[i]),
+            float(plan.station[k]),
+            Limiting(int(codes[i])),
             float(plan.time[k] - plan.time[i]),
         )
         for i, k in pairwise(edges)
-    )  # fmt: skip
+    )
 
 
 def _gain(plan: SpeedPlan, other: SpeedPlan, settings: PlannerSettings) -> tuple[float, float]:

@@ -60,36 +60,43 @@ def _everywhere(model: Model, **changes: Any) -> Model:
 
 MEASURABLE = (
     Measurable(
-        "braking", "more and fresher stops, until the braking coefficients are exact",
+        "braking",
+        "more and fresher stops, until the braking coefficients are exact",
         _braking_known,
     ),
     Measurable(
-        "dead_time", "a dead time that is the same in every stop and known exactly",
+        "dead_time",
+        "a dead time that is the same in every stop and known exactly",
         _dead_time_known,
     ),
     Measurable(
         "stop_offset", "predicted stops that need no safety offset on their distance", _no_offset
     ),
     Measurable(
-        "clear_distance", "a way known to be free as far as the path goes",
+        "clear_distance",
+        "a way known to be free as far as the path goes",
         lambda q: replace(q, clear=np.inf),
     ),
     Measurable("map_slopes", "exact grades and rolls in the map", _slopes_known),
     Measurable(
-        "map_coverage", "a look at the unknown ground, if it is level",
+        "map_coverage",
+        "a look at the unknown ground, if it is level",
         lambda q: replace(q, ground_known=True),
     ),
     Measurable(
-        "speed_range", "stops from higher speeds, up to the speed limit",
+        "speed_range",
+        "stops from higher speeds, up to the speed limit",
         lambda q: replace(q, model=trained_for(q.model, speeds=True)),
     ),
     Measurable(
-        "grade_range", "stops on steeper ground",
+        "grade_range",
+        "stops on steeper ground",
         lambda q: replace(q, model=trained_for(q.model, grades=True)),
     ),
     Measurable(
-        "surface", "stops on the surfaces never braked on, if they brake as the known ground does",
+        "surface",
+        "stops on the surfaces never braked on, if they brake as the known ground does",
         lambda q: replace(q, surfaces_known=True),
     ),
-)  # fmt: skip
+)
 """All of them; where nothing depends on one, knowing it changes nothing."""

@@ -131,12 +131,16 @@ class WhatIf:
         # Limits of the model may be lifted; the sizes of the vehicle stay.
         as_large = replace(model, vehicle=self._vehicle)
         solved = solve(
-            profile, ground, model, start_speed=self._start_speed,
+            profile,
+            ground,
+            model,
+            start_speed=self._start_speed,
             clear=behind_the_front(assumptions.clear, self._vehicle),
             speed_limit=self._limit if assumptions.path_limits else None,
             hazards=swept_hazards(self._map, profile, as_large, lifted=lifted),
-            holds_anywhere=assumptions.holds_anywhere, settings=self._settings,
-        )  # fmt: skip
+            holds_anywhere=assumptions.holds_anywhere,
+            settings=self._settings,
+        )
         return finished(solved, 0, self._name, smooth=self._settings.smooth and assumptions.smooth)
 
 

@@ -93,9 +93,16 @@ class BrakingGround:
     def forces(self) -> Forces:
         """The arrays for kernels."""
         return Forces(
-            self.lower_slope, self.lower_intercept, self.upper_slope, self.upper_intercept,
-            self.dead_time, self.slowest, self.fastest, self.trained, self.distance_offset,
-        )  # fmt: skip
+            self.lower_slope,
+            self.lower_intercept,
+            self.upper_slope,
+            self.upper_intercept,
+            self.dead_time,
+            self.slowest,
+            self.fastest,
+            self.trained,
+            self.distance_offset,
+        )
 
     @property
     def braking_intercept(self) -> Floats:
@@ -154,17 +161,22 @@ def ground_along(
         forces = forces._replace(upper_intercept=forces.upper_intercept + drag)
     width = 0.0 if uncertainty is None else uncertainty.width
     errors = StopErrors(
-        width * braking.speed_error, braking.drive_in_dead_time != "held",
+        width * braking.speed_error,
+        braking.drive_in_dead_time != "held",
         # The height of one place against that of another: two errors.
         width * np.sqrt(2.0) * profile.height_std,
-    )  # fmt: skip
+    )
     return BrakingGround(*forces, push, motion, known.closed_form, friction, errors)
 
 
 def _with_ground_terms(
-    forces: Forces, profile: TerrainProfile, model: Model, uncertainty: Uncertainty | None,
-    yaw: Floats, session_time: float,
-) -> Forces:  # fmt: skip
+    forces: Forces,
+    profile: TerrainProfile,
+    model: Model,
+    uncertainty: Uncertainty | None,
+    yaw: Floats,
+    session_time: float,
+) -> Forces:
     """Both bounds with what effects of the ground add to them."""
     lowest, highest = ground_terms(model, profile, yaw, session_time)
     if uncertainty is not None:

@@ -70,9 +70,16 @@ def on_one_surface(grade: Floats, sin_roll: Floats, surface: Floats, margin: flo
         upper_slope, upper_intercept = empty(2, *grade.shape)
     dead_time[:], slowest[:], fastest[:] = surface[DEAD], surface[SLOWEST], surface[FASTEST]
     forces = Forces(
-        lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
-        np.empty(grade.shape, np.bool_), np.full(grade.shape[1], surface[OFFSET]),
-    )  # fmt: skip
+        lower_slope,
+        lower_intercept,
+        upper_slope,
+        upper_intercept,
+        dead_time,
+        slowest,
+        fastest,
+        np.empty(grade.shape, np.bool_),
+        np.full(grade.shape[1], surface[OFFSET]),
+    )
     _forces_on_one_surface(grade, between, sin_roll, surface, margin, two, forces)
     return forces
 
@@ -92,9 +99,16 @@ def on_many_surfaces(
     )
     trained, distance_offset = np.empty(grade.shape, np.bool_), np.zeros(grade.shape[1])
     forces = Forces(
-        lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest,
-        trained, distance_offset,
-    )  # fmt: skip
+        lower_slope,
+        lower_intercept,
+        upper_slope,
+        upper_intercept,
+        dead_time,
+        slowest,
+        fastest,
+        trained,
+        distance_offset,
+    )
     rows = np.ascontiguousarray(bits)
     _forces(grade, grade_between(grade), sin_roll, rows, table, margin, forces)
     return forces
@@ -102,9 +116,14 @@ def on_many_surfaces(
 
 @kernel
 def _forces_on_one_surface(
-    grade: Floats, between: tuple[Floats, Floats], sin_roll: Floats, surface: Floats,
-    margin: float, two: bool, out: Forces,
-) -> None:  # fmt: skip
+    grade: Floats,
+    between: tuple[Floats, Floats],
+    sin_roll: Floats,
+    surface: Floats,
+    margin: float,
+    two: bool,
+    out: Forces,
+) -> None:
     """Both bounds, of which the upper one is written only where the two may differ."""
     extra = max(margin, 0.0)
     for k in range(grade.shape[0]):
@@ -166,9 +185,14 @@ def _trained_row(around: _Around, surface: Floats, margin: float, trained: Bools
 
 @kernel
 def _forces(
-    grade: Floats, between: tuple[Floats, Floats], sin_roll: Floats, surfaces: Ints,
-    table: Floats, margin: float, out: Forces,
-) -> None:  # fmt: skip
+    grade: Floats,
+    between: tuple[Floats, Floats],
+    sin_roll: Floats,
+    surfaces: Ints,
+    table: Floats,
+    margin: float,
+    out: Forces,
+) -> None:
     """Both bounds of the force over all surfaces that a station may be on."""
     stations, candidates = grade.shape
     for k in range(stations):

@@ -29,9 +29,13 @@ def _extremes(grade: Floats, lowest: Floats, highest: Floats) -> None:
     for k in range(last + 1):
         ahead = min(k + 1, last)
         _widen(
-            grade[max(k - 1, 0)], grade[k], grade[ahead], grade[min(k + 2, last)],
-            lowest[k], highest[k],
-        )  # fmt: skip
+            grade[max(k - 1, 0)],
+            grade[k],
+            grade[ahead],
+            grade[min(k + 2, last)],
+            lowest[k],
+            highest[k],
+        )
     for k in range(last, 0, -1):
         _join(lowest[k - 1], highest[k - 1], lowest[k], highest[k])
 

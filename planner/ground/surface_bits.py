@@ -11,9 +11,15 @@ from planner.kernels.compiled import inlined, kernel, row_pass
 
 @kernel
 def surfaces_under_wheels(
-    terrain_class: Ints, frame: CellFrame, x: Floats, y: Floats, heading_x: Floats,
-    heading_y: Floats, half: tuple[float, float], surfaces: Ints,
-) -> None:  # fmt: skip
+    terrain_class: Ints,
+    frame: CellFrame,
+    x: Floats,
+    y: Floats,
+    heading_x: Floats,
+    heading_y: Floats,
+    half: tuple[float, float],
+    surfaces: Ints,
+) -> None:
     """Collect the classes around the points of the footprint.
 
     Args:
@@ -40,9 +46,14 @@ def surfaces_under_wheels(
 
 @row_pass
 def _corner(
-    terrain_class: Ints, poses: CellPoses, ahead: float, aside: float, cell: Ints, east: Ints,
+    terrain_class: Ints,
+    poses: CellPoses,
+    ahead: float,
+    aside: float,
+    cell: Ints,
+    east: Ints,
     north: Ints,
-) -> None:  # fmt: skip
+) -> None:
     """South-west one of the four cells that a point's height is taken from, and the way to others.
 
     −1 off the map; at its rim the cells beyond are taken to be those before.

@@ -14,10 +14,24 @@ from planner.ground.terrain_profile import TerrainProfile
 from planner.ground.uncertainty import Uncertainty
 
 (
-    M_M, B_M, M_B, B_B, UP_M_M, UP_B_M, DEAD, OFFSET,
-    SLOWEST, FASTEST, STEEPEST_DOWN, STEEPEST_UP, LEAST_SIN_ROLL, MOST_SIN_ROLL,
-    FRICTION, MOST_FRICTION, COLUMNS,
-) = range(17)  # fmt: skip
+    M_M,
+    B_M,
+    M_B,
+    B_B,
+    UP_M_M,
+    UP_B_M,
+    DEAD,
+    OFFSET,
+    SLOWEST,
+    FASTEST,
+    STEEPEST_DOWN,
+    STEEPEST_UP,
+    LEAST_SIN_ROLL,
+    MOST_SIN_ROLL,
+    FRICTION,
+    MOST_FRICTION,
+    COLUMNS,
+) = range(17)
 """Columns of the table."""
 
 MOST_SURFACES = 62

@@ -85,9 +85,17 @@ class TerrainProfile:
     def rows(self) -> TerrainRows:
         """The arrays for kernels."""
         return TerrainRows(
-            self.count, self.station, self.heading_x, self.heading_y, self.curvature,
-            self.grade, self.sin_grade, self.sin_roll, self.vertical_curvature, self.known,
-        )  # fmt: skip
+            self.count,
+            self.station,
+            self.heading_x,
+            self.heading_y,
+            self.curvature,
+            self.grade,
+            self.sin_grade,
+            self.sin_roll,
+            self.vertical_curvature,
+            self.known,
+        )
 
     @property
     def roll(self) -> Floats:
@@ -120,10 +128,26 @@ def terrain_profile(
     frame = _frame_of(elevation_map)
     elevation = elevation_map.elevation
     _sample(
-        elevation, elevation.reshape(-1), frame, x, y, count - 1, 0.5 * wheelbase,
-        0.5 * track_width, z, station, heading_x, heading_y, curvature, grade, sin_grade,
-        sin_roll, known, twist, front,
-    )  # fmt: skip
+        elevation,
+        elevation.reshape(-1),
+        frame,
+        x,
+        y,
+        count - 1,
+        0.5 * wheelbase,
+        0.5 * track_width,
+        z,
+        station,
+        heading_x,
+        heading_y,
+        curvature,
+        grade,
+        sin_grade,
+        sin_roll,
+        known,
+        twist,
+        front,
+    )
     for j in np.flatnonzero(np.isnan(z[0])):
         seen = np.flatnonzero(np.isfinite(z[:, j]))
         first = int(seen[0]) if len(seen) else stations
@@ -132,14 +156,34 @@ def terrain_profile(
     if elevation_map.terrain_class is not None:
         surfaces = empty(*x.shape).view(np.int64)
         surfaces_under_wheels(
-            elevation_map.terrain_class, frame, x, y, heading_x, heading_y,
-            (0.5 * wheelbase, 0.5 * track_width), surfaces,
-        )  # fmt: skip
+            elevation_map.terrain_class,
+            frame,
+            x,
+            y,
+            heading_x,
+            heading_y,
+            (0.5 * wheelbase, 0.5 * track_width),
+            surfaces,
+        )
     return TerrainProfile(
-        count, x, y, z, station, heading_x, heading_y, curvature,
-        grade, sin_grade, sin_roll, vertical_curvature(station, grade, known), known,
-        surfaces, twist, front, elevation_map.height_std,
-    )  # fmt: skip
+        count,
+        x,
+        y,
+        z,
+        station,
+        heading_x,
+        heading_y,
+        curvature,
+        grade,
+        sin_grade,
+        sin_roll,
+        vertical_curvature(station, grade, known),
+        known,
+        surfaces,
+        twist,
+        front,
+        elevation_map.height_std,
+    )
 
 
 def stations_along(elevation_map: ElevationMap, x: Floats, y: Floats, count: Ints) -> Floats:
@@ -157,9 +201,14 @@ def _frame_of(elevation_map: ElevationMap) -> CellFrame:
 
 @kernel
 def _walk(
-    elevation: Floats, flat: Floats, frame: CellFrame, x: Floats, y: Floats, last: Ints,
+    elevation: Floats,
+    flat: Floats,
+    frame: CellFrame,
+    x: Floats,
+    y: Floats,
+    last: Ints,
     station: Floats,
-) -> None:  # fmt: skip
+) -> None:
     stations, candidates = x.shape
     level = np.zeros(candidates)
     poses = CellPoses(
@@ -183,12 +232,26 @@ def _walk(
 
 @kernel
 def _sample(
-    elevation: Floats, flat: Floats, frame: CellFrame, x: Floats, y: Floats, last: Ints,
-    half_length: float, half_width: float,
-    z: Floats, station: Floats, heading_x: Floats, heading_y: Floats, curvature: Floats,
-    grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools, twist: Singles,
+    elevation: Floats,
+    flat: Floats,
+    frame: CellFrame,
+    x: Floats,
+    y: Floats,
+    last: Ints,
+    half_length: float,
+    half_width: float,
+    z: Floats,
+    station: Floats,
+    heading_x: Floats,
+    heading_y: Floats,
+    curvature: Floats,
+    grade: Floats,
+    sin_grade: Floats,
+    sin_roll: Floats,
+    known: Bools,
+    twist: Singles,
     front: Singles,
-) -> None:  # fmt: skip
+) -> None:
     """Walk all candidates station by station; each pass runs along a row, one lane a candidate.
 
     Lanes beyond the last station of their candidate repeat it, and count as unknown.
@@ -205,36 +268,70 @@ def _sample(
     for k in range(stations):
         before, after = max(k - 1, 0), min(k + 1, stations - 1)
         _turn(
-            k, last, x[k], y[k], x[after], y[after], curvature[before],
-            step_x, step_y, step, heading_x[k], heading_y[k], curvature[k],
-        )  # fmt: skip
+            k,
+            last,
+            x[k],
+            y[k],
+            x[after],
+            y[after],
+            curvature[before],
+            step_x,
+            step_y,
+            step,
+            heading_x[k],
+            heading_y[k],
+            curvature[k],
+        )
         on_grid(frame, x[k], y[k], heading_x[k], heading_y[k], poses)
         for point in range(POINTS):
             ahead, aside = offset(point, half_length, half_width)
             locate(elevation, poses, ahead, aside, cell, across, up)
             interpolate(flat, elevation.shape[1], cell, across, up, heights[point])
         _tilt(
-            k, last, heights, 0.25 / half_length, 0.25 / half_width, z[before],
-            z[k], grade[k], sin_grade[k], sin_roll[k], known[k], twist[k],
-        )  # fmt: skip
+            k,
+            last,
+            heights,
+            0.25 / half_length,
+            0.25 / half_width,
+            z[before],
+            z[k],
+            grade[k],
+            sin_grade[k],
+            sin_roll[k],
+            known[k],
+            twist[k],
+        )
         for side in range(2):
             above_first(heights[side], z[0], front[before, side], k > 0, front[k, side])
         if k == 0:
             station[0] = 0.0
         else:
             _advance(
-                k, last, x[before], y[before], z[before], station[before],
-                x[k], y[k], z[k], station[k],
-            )  # fmt: skip
+                k,
+                last,
+                x[before],
+                y[before],
+                z[before],
+                station[before],
+                x[k],
+                y[k],
+                z[k],
+                station[k],
+            )
     # The first station has no step before it: it borrows the circle of the second.
     copy_row(curvature[1], curvature[0])
 
 
 @inlined
 def _first_step(
-    x: Floats, y: Floats, next_x: Floats, next_y: Floats,
-    step_x: Floats, step_y: Floats, step: Floats,
-) -> None:  # fmt: skip
+    x: Floats,
+    y: Floats,
+    next_x: Floats,
+    next_y: Floats,
+    step_x: Floats,
+    step_y: Floats,
+    step: Floats,
+) -> None:
     for j in range(x.shape[0]):
         step_x[j] = next_x[j] - x[j]
         step_y[j] = next_y[j] - y[j]
@@ -243,10 +340,20 @@ def _first_step(
 
 @inlined
 def _turn(
-    k: int, last: Ints, x: Floats, y: Floats, next_x: Floats, next_y: Floats, bend_before: Floats,
-    step_x: Floats, step_y: Floats, step: Floats,
-    heading_x: Floats, heading_y: Floats, curvature: Floats,
-) -> None:  # fmt: skip
+    k: int,
+    last: Ints,
+    x: Floats,
+    y: Floats,
+    next_x: Floats,
+    next_y: Floats,
+    bend_before: Floats,
+    step_x: Floats,
+    step_y: Floats,
+    step: Floats,
+    heading_x: Floats,
+    heading_y: Floats,
+    curvature: Floats,
+) -> None:
     """Heading and curvature from the steps before and after; leaves the step after behind."""
     for j in range(x.shape[0]):
         inside = k < last[j]
@@ -266,9 +373,14 @@ def _turn(
 
 @inlined
 def locate(
-    elevation: Floats, poses: CellPoses, ahead: float, aside: float, cell: Ints, across: Floats,
+    elevation: Floats,
+    poses: CellPoses,
+    ahead: float,
+    aside: float,
+    cell: Ints,
+    across: Floats,
     up: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Cell under one wheel, and the shares of its neighbours; NaN where the map has ended."""
     rows, columns = elevation.shape
     centre_u, centre_v, ahead_u, ahead_v = poses
@@ -302,9 +414,19 @@ def interpolate(
 
 @row_pass
 def _tilt(
-    k: int, last: Ints, heights: Floats, per_length: float, per_width: float, z_before: Floats,
-    z: Floats, grade: Floats, sin_grade: Floats, sin_roll: Floats, known: Bools, twist: Singles,
-) -> None:  # fmt: skip
+    k: int,
+    last: Ints,
+    heights: Floats,
+    per_length: float,
+    per_width: float,
+    z_before: Floats,
+    z: Floats,
+    grade: Floats,
+    sin_grade: Floats,
+    sin_roll: Floats,
+    known: Bools,
+    twist: Singles,
+) -> None:
     """Grade and roll of the plane nearest to the wheels, and how far they are off it."""
     front_left, front_right, rear_left = heights[0], heights[1], heights[2]
     rear_right, centre = heights[3], heights[4]
@@ -356,9 +478,17 @@ def arctan_of(tangent: float, secant: float) -> float:
 
 @row_pass
 def _advance(
-    k: int, last: Ints, x_before: Floats, y_before: Floats, z_before: Floats,
-    station_before: Floats, x: Floats, y: Floats, z: Floats, station: Floats,
-) -> None:  # fmt: skip
+    k: int,
+    last: Ints,
+    x_before: Floats,
+    y_before: Floats,
+    z_before: Floats,
+    station_before: Floats,
+    x: Floats,
+    y: Floats,
+    z: Floats,
+    station: Floats,
+) -> None:
     for j in range(x.shape[0]):
         dx, dy = x[j] - x_before[j], y[j] - y_before[j]
         # From a height that was never seen there is no step.

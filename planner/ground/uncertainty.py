@@ -29,9 +29,12 @@ class Uncertainty:
     """What a plan has to survive beside the model's mean."""
 
     quantile: float = quantity(
-        "1", "One-sided quantile that stopping path and loads survive.", default=QUANTILE,
-        at_least=0.5, at_most=0.999999,
-    )  # fmt: skip
+        "1",
+        "One-sided quantile that stopping path and loads survive.",
+        default=QUANTILE,
+        at_least=0.5,
+        at_most=0.999999,
+    )
     slope_std: float = quantity(
         "rad", "Error of the map's grade and roll.", default=0.0, at_least=0.0, at_most=0.2
     )
@@ -40,9 +43,12 @@ class Uncertainty:
         "1/h^½", "Growth of the error of F_b/W with the root of age.", default=0.01, at_least=0.0
     )
     untrained_share: float = quantity(
-        "1", "Share of the weakest known force that counts on surfaces never braked on.",
-        default=0.6, above=0.0, at_most=1.0,
-    )  # fmt: skip
+        "1",
+        "Share of the weakest known force that counts on surfaces never braked on.",
+        default=0.6,
+        above=0.0,
+        at_most=1.0,
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)

@@ -39,9 +39,11 @@ def _bends(station: Floats, grade: Floats, known: Bools, out: Floats) -> None:
 
 @row_pass
 def _bend(
-    stations: tuple[Floats, Floats], grades: tuple[Floats, Floats], seen: tuple[Bools, Bools],
+    stations: tuple[Floats, Floats],
+    grades: tuple[Floats, Floats],
+    seen: tuple[Bools, Bools],
     bend: Floats,
-) -> None:  # fmt: skip
+) -> None:
     station, ahead = stations[0], stations[1]
     grade, grade_ahead = grades[0], grades[1]
     known, known_ahead = seen[0], seen[1]

@@ -122,9 +122,12 @@ class Cycle:
             return None
         alone = candidates.paths.only(np.array([j]))
         offered = offered_path(
-            alone, int(candidates.projection.segment[j]), self._planner.stations(alone),
-            float(passed[j]), float(candidates.clear[j]),
-        )  # fmt: skip
+            alone,
+            int(candidates.projection.segment[j]),
+            self._planner.stations(alone),
+            float(passed[j]),
+            float(candidates.clear[j]),
+        )
         self._continuation = replace(continuation, offered=offered)
         self._ahead = self._continuation.path_ahead()
         if self._leads_away(candidates, j):
@@ -191,9 +194,10 @@ class Cycle:
             _, accel = self._continuation.motion
         n, limit = int(solved.profile.count[j]), solved.speed_limit
         plan = self._planner.finish(
-            batch.names[j], lambda: PlanFinalizer(solved, j, start_sq),
+            batch.names[j],
+            lambda: PlanFinalizer(solved, j, start_sq),
             Unfinished(solved.profile_of(j), not batch.too_fast[j], batch.passed(j), accel),
-        )  # fmt: skip
+        )
         limit = None if limit is None else limit[:n, j]
         return PreviousPlan(plan, limit, Polyline(*np.empty((2, 0))))
 

@@ -34,9 +34,14 @@ class CycleBatch:
     def judged(cls, names: tuple[str, ...], solved: TimeOptimalBatch) -> CycleBatch:
         """The first M candidates of a batch."""
         violation = screen(
-            solved.profile, solved.ground, solved.bounds, solved.speed_sq, solved.model,
-            solved.speed_limit, solved.hazards.rows.rough_speed,
-        )  # fmt: skip
+            solved.profile,
+            solved.ground,
+            solved.bounds,
+            solved.speed_sq,
+            solved.model,
+            solved.speed_limit,
+            solved.hazards.rows.rough_speed,
+        )
         m = len(names)
         return cls(names, solved, violation[:m], ~solved.reachable[:m])
 

@@ -64,10 +64,15 @@ class CyclePlanner:
         """
         equipment = self.equipment
         return time_optimal_batch(
-            self.elevation_map, paths, equipment.model, start_speed=start,
-            clear=np.maximum(clear, 0.0), settings=equipment.planning, conditions=self.conditions,
+            self.elevation_map,
+            paths,
+            equipment.model,
+            start_speed=start,
+            clear=np.maximum(clear, 0.0),
+            settings=equipment.planning,
+            conditions=self.conditions,
             uncertainty=equipment.uncertainty,
-        )  # fmt: skip
+        )
 
     def finish(
         self, name: str, finalizer: Callable[[], PlanFinalizer], profile: Unfinished

@@ -46,9 +46,14 @@ def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -
 
 @kernel
 def _cut(
-    x: Floats, y: Floats, count: Ints, segment: Ints, start: tuple[Floats, Floats],
-    new_x: Floats, new_y: Floats,
-) -> tuple[Ints, Bools, Ints]:  # fmt: skip
+    x: Floats,
+    y: Floats,
+    count: Ints,
+    segment: Ints,
+    start: tuple[Floats, Floats],
+    new_x: Floats,
+    new_y: Floats,
+) -> tuple[Ints, Bools, Ints]:
     """Lay ``new_x`` and ``new_y``, (N + 1, M) each [m].
 
     Args:

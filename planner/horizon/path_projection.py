@@ -67,9 +67,14 @@ def locate(
 
 @kernel
 def _locate(
-    x: Floats, y: Floats, count: Ints, at: tuple[float, float], heading: float,
-    segment: Ints, values: Floats,
-) -> None:  # fmt: skip
+    x: Floats,
+    y: Floats,
+    count: Ints,
+    at: tuple[float, float],
+    heading: float,
+    segment: Ints,
+    values: Floats,
+) -> None:
     """Attributes of :class:`PathProjection` in their order; ``values`` are those after segment."""
     at_x, at_y = at
     cosine, sine = np.cos(heading), np.sin(heading)

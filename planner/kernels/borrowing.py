@@ -16,12 +16,17 @@ from numba.core import types
 from numba.core.registry import CPUDispatcher
 
 _OPTIONS: dict[str, Any] = {
-    "nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False,
-}  # fmt: skip
+    "nogil": True,
+    "error_model": "numpy",
+    "forceinline": True,
+    "_nrt": False,
+}
 
 _BARE: dict[str, Any] = {
-    "nopython": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
-}  # fmt: skip
+    "nopython": True,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
 """Nothing but what kernels call: it has no entry for Python."""
 
 

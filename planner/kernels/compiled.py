@@ -26,9 +26,12 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _COMPILED: dict[str, Any] = {
-    "nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True,
+    "nopython": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
     "boundscheck": None,
-}  # fmt: skip
+}
 
 _NUMBA: Any = config
 

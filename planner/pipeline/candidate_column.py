@@ -134,11 +134,18 @@ class CandidateColumn:
 
         track = self.track
         problem = ProfileProblem(
-            column(track.station), column(self.bound), column(self._sine),
-            column(track.lower_slope), column(self._braking_intercept), column(track.slowest),
-            column(self._accel_max), column(self.demand), np.array([start_sq]),
-            self.scalars.decel, self.scalars.specific_power,
-        )  # fmt: skip
+            column(track.station),
+            column(self.bound),
+            column(self._sine),
+            column(track.lower_slope),
+            column(self._braking_intercept),
+            column(track.slowest),
+            column(self._accel_max),
+            column(self.demand),
+            np.array([start_sq]),
+            self.scalars.decel,
+            self.scalars.specific_power,
+        )
         answer, reachable = time_optimal_profile(problem)
         return answer[:, 0], float(reachable[0])
 
@@ -176,14 +183,24 @@ class CandidateColumn:
     def segment_limits(self, speed_sq: Floats) -> tuple[Floats, Floats]:
         """Accelerations and decelerations allowed on each segment, (N − 1,) each [m/s²]."""
         return labels.segment_limits(
-            self.track, speed_sq, self._accel_max, self.demand, self._braking_intercept,
+            self.track,
+            speed_sq,
+            self._accel_max,
+            self.demand,
+            self._braking_intercept,
             self.scalars,
-        )  # fmt: skip
+        )
 
     def limiting(self, speed_sq: Floats, accel: Floats, smoothed: bool) -> Ints:
         """What holds a profile at each station, as :class:`Limiting`."""
         accel_max, decel_max = self.segment_limits(speed_sq)
         return labels.labels(
-            speed_sq, accel, self.bound, self.label, accel_max, decel_max, self.scalars.accel,
+            speed_sq,
+            accel,
+            self.bound,
+            self.label,
+            accel_max,
+            decel_max,
+            self.scalars.accel,
             smoothed,
-        )  # fmt: skip
+        )

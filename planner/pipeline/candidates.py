@@ -81,10 +81,15 @@ class CandidatePlanner:
             part = slice(first, first + _BATCH)
             even = self.resampled(elevation_map, paths[part])
             solved = time_optimal_batch(
-                elevation_map, side_by_side(even), self.model, start_speed=start_speed,
-                clear=free[part], settings=self.settings, conditions=conditions,
+                elevation_map,
+                side_by_side(even),
+                self.model,
+                start_speed=start_speed,
+                clear=free[part],
+                settings=self.settings,
+                conditions=conditions,
                 uncertainty=self.uncertainty,
-            )  # fmt: skip
+            )
             for j, path in enumerate(even):
                 plan = finished(solved, j, path.name, smooth=self.settings.smooth)
                 plans.append(self._with_deviation(plan, path))

@@ -29,9 +29,13 @@ def _least_force(track: Track, k: int, fast: float) -> float:
 
 @kernel
 def segment_limits(
-    track: Track, speed_sq: Floats, accel_max: Floats, demand: Floats, braking_intercept: Floats,
+    track: Track,
+    speed_sq: Floats,
+    accel_max: Floats,
+    demand: Floats,
+    braking_intercept: Floats,
     n: PlanningLimits,
-) -> tuple[Floats, Floats]:  # fmt: skip
+) -> tuple[Floats, Floats]:
     """Accelerations allowed on each segment at any speed up to a profile.
 
     Args:
@@ -62,9 +66,15 @@ def segment_limits(
 
 @kernel
 def labels(
-    speed_sq: Floats, accel: Floats, bound: Floats, bound_label: Ints, accel_max: Floats,
-    decel_max: Floats, most_accel: float, smoothed: bool,
-) -> Ints:  # fmt: skip
+    speed_sq: Floats,
+    accel: Floats,
+    bound: Floats,
+    bound_label: Ints,
+    accel_max: Floats,
+    decel_max: Floats,
+    most_accel: float,
+    smoothed: bool,
+) -> Ints:
     """What holds at each station: its bound, or how fast the speed may change around it.
 
     Args:

@@ -102,9 +102,7 @@ class PlanFinalizer:
         verdict = self.column.judge(speed_sq)
         if not verdict.valid:
             return None
-        return self._plan(
-            name, Judged(speed_sq, verdict, *standing(self.column)), smoothed=True
-        )  # fmt: skip
+        return self._plan(name, Judged(speed_sq, verdict, *standing(self.column)), smoothed=True)
 
     def _plan(self, name: str, judged: Judged, *, smoothed: bool) -> SpeedPlan:
         column, track, speed_sq = self.column, self.column.track, judged.speed_sq
@@ -112,15 +110,28 @@ class PlanFinalizer:
         accel, time = motion_of(track.station, speed_sq)
         bound = np.sqrt(np.maximum(column.speed_sq_max, speed_sq))
         return SpeedPlan(
-            candidate=name, status=status, reason=reason,
-            station=track.station, x=column.x, y=column.y, z=column.z,
-            grade=track.grade, roll=track.roll, curvature=track.curvature,
-            speed=np.sqrt(speed_sq), accel=accel, time=time, speed_bound=bound,
+            candidate=name,
+            status=status,
+            reason=reason,
+            station=track.station,
+            x=column.x,
+            y=column.y,
+            z=column.z,
+            grade=track.grade,
+            roll=track.roll,
+            curvature=track.curvature,
+            speed=np.sqrt(speed_sq),
+            accel=accel,
+            time=time,
+            speed_bound=bound,
             limiting=column.limiting(speed_sq, accel, smoothed),
-            stop_distance=judged.verdict.stop_distance, clear_distance=column.clear,
-            rear_load=judged.verdict.rear_load, side_load=judged.verdict.side_load,
-            obstacle=column.obstacle, momentum=column.momentum,
-        )  # fmt: skip
+            stop_distance=judged.verdict.stop_distance,
+            clear_distance=column.clear,
+            rear_load=judged.verdict.rear_load,
+            side_load=judged.verdict.side_load,
+            obstacle=column.obstacle,
+            momentum=column.momentum,
+        )
 
     def _smooth(
         self, speed_sq: Floats, start_accel: float | None
@@ -132,9 +143,13 @@ class PlanFinalizer:
         begin = len(column.fixed_prefix) - 1
         accel_max, decel_max = column.segment_limits(speed_sq)
         problem = SmoothingProblem(
-            np.diff(column.track.station[begin:]), speed_sq[begin:], accel_max[begin:],
-            decel_max[begin:], column.model.limits.jerk, start_accel,
-        )  # fmt: skip
+            np.diff(column.track.station[begin:]),
+            speed_sq[begin:],
+            accel_max[begin:],
+            decel_max[begin:],
+            column.model.limits.jerk,
+            start_accel,
+        )
         # Where the judge objects to the answer of the one that was wanted, the usual one is asked.
         for solver in dict.fromkeys((column.solver, _USUAL)):
             result = smooth(problem, solver)

@@ -96,10 +96,15 @@ def time_optimal_batch(
     )
     ground = ground_along(profile, model, elevation_map.class_names, conditions, uncertainty)
     return solve(
-        profile, ground, model, start_speed=start_speed, clear=clear,
-        speed_limit=paths.speed_limit, settings=settings,
+        profile,
+        ground,
+        model,
+        start_speed=start_speed,
+        clear=clear,
+        speed_limit=paths.speed_limit,
+        settings=settings,
         hazards=swept_hazards(elevation_map, profile, model),
-    )  # fmt: skip
+    )
 
 
 def solve(

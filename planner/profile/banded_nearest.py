@@ -111,9 +111,16 @@ def nearest(
     p = _Program(wanted, is_open, rows)
     each = _Rows(limit, many[0], force, many[1], many[2], many[3], many[4], many[5], many[6])
     by_kind = _Rows(
-        limit.reshape(kinds * n), flat[0], force.reshape(kinds * n), flat[1], flat[2], flat[3],
-        flat[4], flat[5], flat[6],
-    )  # fmt: skip
+        limit.reshape(kinds * n),
+        flat[0],
+        force.reshape(kinds * n),
+        flat[1],
+        flat[2],
+        flat[3],
+        flat[4],
+        flat[5],
+        flat[6],
+    )
     s = _Iterate(points[0], points[1], few[6], few[7:], each, by_kind, few[:6])
     _along(p, s.x, s.each.along)
     _begin(s.flat.limit, s.flat.along, s.flat.slack, s.flat.force)
@@ -405,7 +412,7 @@ def _product(row: Floats, other: Floats, out: Floats) -> None:
 @row_pass
 def _add_products(
     weight: Floats, row: Floats, by: Floats, other: Floats, total: Floats, total_2: Floats
-) -> None:  # fmt: skip
+) -> None:
     """Weight times row times two others."""
     for k in range(weight.shape[0]):
         weighed, more, more_2 = weight[k] * row[k], total[k], total_2[k]

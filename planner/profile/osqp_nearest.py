@@ -28,10 +28,19 @@ def nearest_by_osqp(
     a = a @ sparse.diags(np.where(fixed, 0.0, 1.0))
     solver = osqp.OSQP()
     solver.setup(
-        sparse.eye(n, format="csc"), -wanted, a.tocsc(), np.full(len(right), -np.inf), right,
-        verbose=False, eps_abs=_TOLERANCE, eps_rel=0.0, max_iter=_ITERATIONS, polishing=False,
-        scaling=0, rho=1.0,
-    )  # fmt: skip
+        sparse.eye(n, format="csc"),
+        -wanted,
+        a.tocsc(),
+        np.full(len(right), -np.inf),
+        right,
+        verbose=False,
+        eps_abs=_TOLERANCE,
+        eps_rel=0.0,
+        max_iter=_ITERATIONS,
+        polishing=False,
+        scaling=0,
+        rho=1.0,
+    )
     result = solver.solve(raise_error=False)
     used = max(int(result.info.iter), 1)
     if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:

@@ -101,9 +101,11 @@ def time_optimal_problem(batch: ProfileProblem, candidate: int, count: int) -> T
         if np.ndim(getattr(batch, name)) == 2
     }
     return TimeOptimalProblem(
-        **columns, start_sq=float(batch.start_sq[candidate]), decel=batch.decel,
+        **columns,
+        start_sq=float(batch.start_sq[candidate]),
+        decel=batch.decel,
         specific_power=batch.specific_power,
-    )  # fmt: skip
+    )
 
 
 class TimeOptimalReference:
@@ -187,9 +189,12 @@ def jerk_limited_of_any_length(problem: SmoothingProblem) -> Reference:
         for a in (problem.ds, problem.accel_max, problem.decel_max)
     )
     filled = replace(
-        problem, ds=ds, accel_max=accel, decel_max=decel,
+        problem,
+        ds=ds,
+        accel_max=accel,
+        decel_max=decel,
         speed_sq_max=np.pad(problem.speed_sq_max, (0, more)),
-    )  # fmt: skip
+    )
     with _ONE_AT_A_TIME:
         found = _kept_program(n + more).solve(filled)
     return found if found.speed_sq is None else replace(found, speed_sq=found.speed_sq[:n])
@@ -203,9 +208,17 @@ def _kept_program(stations: int) -> JerkLimitedReference:
 def _time_optimal_solver(stations: int, max_iterations: int) -> Any:
     v = ca.SX.sym("v", stations)
     p = _symbols(
-        stations - 1, "ds", "moving", "accel", "hold", "slope", "intercept", "slowest",
-        "decel", "power",
-    )  # fmt: skip
+        stations - 1,
+        "ds",
+        "moving",
+        "accel",
+        "hold",
+        "slope",
+        "intercept",
+        "slowest",
+        "decel",
+        "power",
+    )
     before, after = v[:-1], v[1:]
     gained = (after**2 - before**2) / (2.0 * p["ds"])
     # Force that grows with speed is least at the slower end, else at the faster one.
@@ -282,9 +295,13 @@ def _solve(
         slowest[0] = fastest[0]
     guess = np.clip(0.8 * fastest, np.minimum(_SLOWEST_GUESS, fastest), fastest)
     result = solver(
-        x0=guess, p=np.concatenate(list(parameters.values())),
-        lbx=slowest, ubx=fastest, lbg=-_FREE, ubg=upper,
-    )  # fmt: skip
+        x0=guess,
+        p=np.concatenate(list(parameters.values())),
+        lbx=slowest,
+        ubx=fastest,
+        lbg=-_FREE,
+        ubg=upper,
+    )
     stats = solver.stats()
     iterations = int(stats["iter_count"])
     if not stats["success"]:

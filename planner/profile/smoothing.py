@@ -106,9 +106,14 @@ def _first_stations(problem: SmoothingProblem, count: int) -> _Numbers:
 
 @kernel
 def _along_stations(
-    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
-    start_accel: float, speed_sq: Floats,
-) -> int:  # fmt: skip
+    ds: Floats,
+    top: Floats,
+    accel_max: Floats,
+    decel_max: Floats,
+    jerk: float,
+    start_accel: float,
+    speed_sq: Floats,
+) -> int:
     """The answer of the interior-point method; its iterations, negative if it finds none, and
     ``_NO_PROFILE`` if there surely is none.
 
@@ -142,9 +147,14 @@ def _along_stations(
 
 
 def _by_osqp(
-    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
-    start_accel: float, speed_sq: Floats,
-) -> int:  # fmt: skip
+    ds: Floats,
+    top: Floats,
+    accel_max: Floats,
+    decel_max: Floats,
+    jerk: float,
+    start_accel: float,
+    speed_sq: Floats,
+) -> int:
     """The same by OSQP, with the first tangents."""
     around = reachable(ds, top, jerk, start_accel)
     fixed, rows, limit = program(ds, top, accel_max, decel_max, jerk, start_accel, around)
@@ -152,9 +162,14 @@ def _by_osqp(
 
 
 def _by_ipopt(
-    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
-    start_accel: float, speed_sq: Floats,
-) -> int:  # fmt: skip
+    ds: Floats,
+    top: Floats,
+    accel_max: Floats,
+    decel_max: Floats,
+    jerk: float,
+    start_accel: float,
+    speed_sq: Floats,
+) -> int:
     """The exact program by CasADi and IPOPT, tightened as the others are; much slower."""
     from planner.profile.reference import jerk_limited_of_any_length
 

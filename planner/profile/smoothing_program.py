@@ -84,9 +84,14 @@ def reachable(ds: Floats, top: Floats, jerk: float, start_accel: float) -> Float
 
 @kernel
 def program(
-    ds: Floats, top: Floats, accel_max: Floats, decel_max: Floats, jerk: float,
-    start_accel: float, around: Floats,
-) -> tuple[Bools, Floats, Floats]:  # fmt: skip
+    ds: Floats,
+    top: Floats,
+    accel_max: Floats,
+    decel_max: Floats,
+    jerk: float,
+    start_accel: float,
+    around: Floats,
+) -> tuple[Bools, Floats, Floats]:
     """The rows a · x[k] + b · x[k + 1] + c · x[k + 2] <= limit.
 
     Six kinds: v² at a station at most and at least, acceleration along a segment at most and at

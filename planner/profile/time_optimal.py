@@ -66,10 +66,18 @@ def profile_problem(
 ) -> ProfileProblem:
     """The problem of a batch; ``start_sq`` is (M,) [m²/s²]."""
     return ProfileProblem(
-        profile.station, bounds.speed_sq_max, profile.sin_grade, ground.lower_slope,
-        ground.braking_intercept, ground.slowest, bounds.accel_max, bounds.demand, start_sq,
-        limits.decel, limits.specific_power,
-    )  # fmt: skip
+        profile.station,
+        bounds.speed_sq_max,
+        profile.sin_grade,
+        ground.lower_slope,
+        ground.braking_intercept,
+        ground.slowest,
+        bounds.accel_max,
+        bounds.demand,
+        start_sq,
+        limits.decel,
+        limits.specific_power,
+    )
 
 
 class _TileRow(NamedTuple):
@@ -89,10 +97,16 @@ class _TileRow(NamedTuple):
 @inlined
 def _row(p: ProfileProblem, speed_sq: Floats, k: int, first: int, end: int) -> _TileRow:
     return _TileRow(
-        p.station[k, first:end], p.speed_sq_max[k, first:end], p.sin_grade[k, first:end],
-        p.lower_slope[k, first:end], p.lower_intercept[k, first:end], p.slowest[k, first:end],
-        p.accel_max[k, first:end], p.demand[k, first:end], speed_sq[k, first:end],
-    )  # fmt: skip
+        p.station[k, first:end],
+        p.speed_sq_max[k, first:end],
+        p.sin_grade[k, first:end],
+        p.lower_slope[k, first:end],
+        p.lower_intercept[k, first:end],
+        p.slowest[k, first:end],
+        p.accel_max[k, first:end],
+        p.demand[k, first:end],
+        speed_sq[k, first:end],
+    )
 
 
 def time_optimal_profile(problem: ProfileProblem) -> tuple[Floats, Floats]:

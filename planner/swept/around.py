@@ -35,9 +35,11 @@ class Around(NamedTuple):
         """Whether all of the other, of the same map and vehicle, is in this one."""
         top, end, left, right = self.window
         if not (
-            top <= other.window[0] and other.window[1] <= end
-            and left <= other.window[2] and other.window[3] <= right
-        ):  # fmt: skip
+            top <= other.window[0]
+            and other.window[1] <= end
+            and left <= other.window[2]
+            and other.window[3] <= right
+        ):
             return False
         rows = slice(other.window[0] - top, other.window[1] - top)
         shift = other.window[2] - left
@@ -85,9 +87,11 @@ def around(
     # The sweep follows wheels to where blocks that are asked about end, and looks ahead there.
     margin = far + math.ceil(max(sizes.reach, sizes.wheel_look * sizes.fine) * per)
     window = (
-        max(row - margin, 0), min(end_row + margin, rows),
-        max(column - margin, 0), min(end_column + margin, columns),
-    )  # fmt: skip
+        max(row - margin, 0),
+        min(end_row + margin, rows),
+        max(column - margin, 0),
+        min(end_column + margin, columns),
+    )
     shape = (window[1] - window[0], window[3] - window[2])
     first, ends = _between(v - window[0], u - window[2], far, *shape)
     return Around(window, first, ends)

@@ -94,17 +94,25 @@ def swept_hazards(
     code, found = empty(stations, candidates).view(np.int64), np.zeros((candidates, 4))
     bars = np.where(np.isin(_BAR_OF_KIND, list(lifted)), 0, _BAR_OF_KIND)
     looked = sweep(
-        ground, SweptPaths(profile.x, profile.y, profile.rows), profile.twist,
-        screen_for(elevation_map, vehicle, sizes, profile.x, profile.y), sizes,
-        scratch_for(sizes, float(spacing.max())), Swept(bars, code, found),
-    )  # fmt: skip
+        ground,
+        SweptPaths(profile.x, profile.y, profile.rows),
+        profile.twist,
+        screen_for(elevation_map, vehicle, sizes, profile.x, profile.y),
+        sizes,
+        scratch_for(sizes, float(spacing.max())),
+        Swept(bars, code, found),
+    )
     rough = np.empty((0, 0))
     if sizes.fine:
         ride = ride_of(model, sizes, float(np.clip(spacing.min(), 0.5 * spacing.max(), None)))
         behind = ground_behind(
-            ground, profile, run_up(sizes, ride.spacing), spacing, sizes.half_length,
+            ground,
+            profile,
+            run_up(sizes, ride.spacing),
+            spacing,
+            sizes.half_length,
             sizes.half_width,
-        )  # fmt: skip
+        )
         rough = rough_speeds(behind, profile.front, ride, spacing)
 
     def obstacle(j: int, k: int) -> Obstacle | None:
@@ -112,9 +120,11 @@ def swept_hazards(
         if code[k, j] == 0:
             return None
         pose = Pose(
-            float(profile.x[k, j]), float(profile.y[k, j]), float(profile.heading_x[k, j]),
+            float(profile.x[k, j]),
+            float(profile.y[k, j]),
+            float(profile.heading_x[k, j]),
             float(profile.heading_y[k, j]),
-        )  # fmt: skip
+        )
         return obstacle_of(Finding(int(kind), *where), pose, sizes)
 
     return Hazards(

@@ -105,9 +105,7 @@ def wheel_looks(
 
 
 @inlined
-def looked_closer(
-    pose: Pose, looks: int, screen: Screen, sizes: SweptSizes, around: Floats
-) -> int:  # fmt: skip
+def looked_closer(pose: Pose, looks: int, screen: Screen, sizes: SweptSizes, around: Floats) -> int:
     """What is left to look for: with the heading known, circles along the body can be told apart.
 
     Args:

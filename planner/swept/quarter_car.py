@@ -63,10 +63,18 @@ def bounce_step(ride: Ride, time: float) -> BounceStep:
         e = square
     f = np.float32
     return BounceStep(
-        f(e[0, 0]), f(e[0, 1] / w), f(e[0, 2] - e[0, 3]), f(e[0, 3]),
-        f(e[1, 0] * w), f(e[1, 1]), f((e[1, 2] - e[1, 3]) * w), f(e[1, 3] * w),
-        f(2.0 * z * w), f(1.0 / time), f(np.exp(-0.5 * w * time / (np.pi * _MEMORY))),
-    )  # fmt: skip
+        f(e[0, 0]),
+        f(e[0, 1] / w),
+        f(e[0, 2] - e[0, 3]),
+        f(e[0, 3]),
+        f(e[1, 0] * w),
+        f(e[1, 1]),
+        f((e[1, 2] - e[1, 3]) * w),
+        f(e[1, 3] * w),
+        f(2.0 * z * w),
+        f(1.0 / time),
+        f(np.exp(-0.5 * w * time / (np.pi * _MEMORY))),
+    )
 
 
 @row_pass
@@ -86,9 +94,15 @@ def set_out(
 
 @row_pass
 def advance(
-    height: Singles, following: Singles, step: BounceStep, second: bool, y: Singles, q: Singles,
-    square: Singles, power: Singles,
-) -> None:  # fmt: skip
+    height: Singles,
+    following: Singles,
+    step: BounceStep,
+    second: bool,
+    y: Singles,
+    q: Singles,
+    square: Singles,
+    power: Singles,
+) -> None:
     """One station on; ``power`` is the mean square of the acceleration, of two sides the higher."""
     for j in range(y.shape[0]):
         h, n, place, rate = height[j], following[j], y[j], q[j]

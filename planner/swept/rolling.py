@@ -21,9 +21,11 @@ def roll(behind: Singles, front: Singles, ride: Ride, path: Singles) -> None:
         for k in range(count):
             for side in range(2):
                 _sharpen(
-                    _row(behind, front, k - 1, side), _row(behind, front, k, side),
-                    _row(behind, front, k + 1, side), path[k, side],
-                )  # fmt: skip
+                    _row(behind, front, k - 1, side),
+                    _row(behind, front, k, side),
+                    _row(behind, front, k + 1, side),
+                    path[k, side],
+                )
         return
     rolled = np.empty_like(path)
     for k in range(count):
@@ -31,9 +33,11 @@ def roll(behind: Singles, front: Singles, ride: Ride, path: Singles) -> None:
             rolled[k, side] = behind[k, side] if k < before else front[k - before, side]
             for n in range(1, ride.rim.shape[0] + 1):
                 _touched(
-                    _row(behind, front, k - n, side), _row(behind, front, k + n, side),
-                    ride.rim[n - 1], rolled[k, side],
-                )  # fmt: skip
+                    _row(behind, front, k - n, side),
+                    _row(behind, front, k + n, side),
+                    ride.rim[n - 1],
+                    rolled[k, side],
+                )
     evened = np.zeros_like(path)
     share = np.float32(1.0 / (2 * ride.patch + 1))
     for k in range(count):
@@ -43,9 +47,11 @@ def roll(behind: Singles, front: Singles, ride: Ride, path: Singles) -> None:
     for k in range(count):
         for side in range(2):
             _sharpen(
-                evened[max(k - 1, 0), side], evened[k, side], evened[min(k + 1, count - 1), side],
+                evened[max(k - 1, 0), side],
+                evened[k, side],
+                evened[min(k + 1, count - 1), side],
                 path[k, side],
-            )  # fmt: skip
+            )
 
 
 @kernel

@@ -59,9 +59,13 @@ def _drive(track: Singles, ride: Ride, reached: Singles) -> None:
     for level in range(LEVELS):
         for side in range(2):
             set_out(
-                track[0, side], track[start, side], np.float32(1.0 / start), steps[level],
-                state[level, side, 0], state[level, side, 1],
-            )  # fmt: skip
+                track[0, side],
+                track[start, side],
+                np.float32(1.0 / start),
+                steps[level],
+                state[level, side, 0],
+                state[level, side, 1],
+            )
     reached[0] = np.float32(np.inf)
     for k in range(1, count):
         fast = reached[k]
@@ -71,18 +75,29 @@ def _drive(track: Singles, ride: Ride, reached: Singles) -> None:
             here, before = power[level % 2], power[1 - level % 2]
             for side in range(2):
                 advance(
-                    track[k - 1, side], track[k, side], steps[level], side > 0,
-                    state[level, side, 0], state[level, side, 1], state[level, side, 2], here,
-                )  # fmt: skip
+                    track[k - 1, side],
+                    track[k, side],
+                    steps[level],
+                    side > 0,
+                    state[level, side, 0],
+                    state[level, side, 1],
+                    state[level, side, 2],
+                    here,
+                )
             _note(here, before, limit, np.float32(ride.slowest / RATIO**level), over, under, fast)
         _cross(over, under, limit, np.float32(ride.slowest), fast)
 
 
 @row_pass
 def _note(
-    power: Singles, before: Singles, limit: np.float32, speed: np.float32, over: Singles,
-    under: Singles, fast: Singles,
-) -> None:  # fmt: skip
+    power: Singles,
+    before: Singles,
+    limit: np.float32,
+    speed: np.float32,
+    over: Singles,
+    under: Singles,
+    fast: Singles,
+) -> None:
     """Where this is the first speed that is too fast: it, the mean square there and before."""
     for j in range(power.shape[0]):
         here, last, found = power[j], before[j], fast[j]
@@ -121,8 +136,11 @@ def _hold(reached: Singles, ride: Ride, scale: Floats, held: Floats) -> None:
         first = max(count - stations + k - ride.rear, 0)
         last = min(count - stations + k + ride.ahead, count - 1)
         _slower(
-            reached[first], reached[max(last - width + 1, first)], scale, held[k],
-        )  # fmt: skip
+            reached[first],
+            reached[max(last - width + 1, first)],
+            scale,
+            held[k],
+        )
 
 
 @row_pass

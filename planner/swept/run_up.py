@@ -14,9 +14,13 @@ from planner.swept.wheel_path import Ground
 
 
 def ground_behind(
-    ground: Ground, profile: TerrainProfile, stations: int, spacing: Floats, half_length: float,
+    ground: Ground,
+    profile: TerrainProfile,
+    stations: int,
+    spacing: Floats,
+    half_length: float,
     half_width: float,
-) -> Singles:  # fmt: skip
+) -> Singles:
     """Ground under the front wheels of a vehicle that came straight to the first station.
 
     Args:
@@ -30,9 +34,14 @@ def ground_behind(
     """
     behind = np.empty((stations, *profile.front.shape[1:]), np.float32)
     start = _Start(
-        profile.x[0], profile.y[0], profile.heading_x[0], profile.heading_y[0], spacing,
-        profile.z[0], profile.front[0],
-    )  # fmt: skip
+        profile.x[0],
+        profile.y[0],
+        profile.heading_x[0],
+        profile.heading_y[0],
+        spacing,
+        profile.z[0],
+        profile.front[0],
+    )
     flat = ground.elevation.reshape(-1)
     _sample(ground, flat, start, half_length, half_width, behind)
     return behind
@@ -54,9 +63,13 @@ class _Start(NamedTuple):
 
 @kernel
 def _sample(
-    ground: Ground, flat: Floats, start: _Start, half_length: float, half_width: float,
+    ground: Ground,
+    flat: Floats,
+    start: _Start,
+    half_length: float,
+    half_width: float,
     behind: Singles,
-) -> None:  # fmt: skip
+) -> None:
     stations, _, candidates = behind.shape
     back_x, back_y, height = np.empty(candidates), np.empty(candidates), np.empty(candidates)
     frame = CellFrame(ground.origin_x, ground.origin_y, ground.per_metre)

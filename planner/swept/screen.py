@@ -126,31 +126,51 @@ def _gathered(
     rows, columns = window[1] - window[0], window[3] - window[2]
     first_row, first_column = (window[0] - pad) * cells, (window[2] - pad) * cells
     blocks = blocks_of(
-        elevation_map.elevation, first_row, first_column, cells,
+        elevation_map.elevation,
+        first_row,
+        first_column,
+        cells,
         (rows + 2 * pad, columns + 2 * pad),
-    )  # fmt: skip
+    )
     bits = np.full((rows, columns), UNSEEN | BODY, np.uint8)
     relief, lift = np.full((2, rows, columns), np.inf, np.float32)
     east, north, seen = np.zeros((3, rows, columns), np.float32)
     x, y = elevation_map.origin
     facets = Facets(
-        blocks.facets, x + first_column * resolution, y + first_row * resolution, 1.0 / resolution,
+        blocks.facets,
+        x + first_column * resolution,
+        y + first_row * resolution,
+        1.0 / resolution,
         blocks.level,
-    )  # fmt: skip
+    )
     out = Screen(
-        bits, relief, lift, east, north, seen, x + (window[2] * cells - 0.5) * resolution,
-        y + (window[0] * cells - 0.5) * resolution, 1.0 / (cells * resolution),
-        bounds.cleared, facets,
-    )  # fmt: skip
+        bits,
+        relief,
+        lift,
+        east,
+        north,
+        seen,
+        x + (window[2] * cells - 0.5) * resolution,
+        y + (window[0] * cells - 0.5) * resolution,
+        1.0 / (cells * resolution),
+        bounds.cleared,
+        facets,
+    )
     mean = smoothed(blocks.middle, bounds.fit + 1)
     return Unjudged(blocks, mean, pad, offsets, bounds, sizes.reach, out)
 
 
 @kernel
 def _feel(
-    i: int, left: int, blocks: Blocks, offsets: Ints, rim: Singles, edge: np.float32, s: Surface,
+    i: int,
+    left: int,
+    blocks: Blocks,
+    offsets: Ints,
+    rim: Singles,
+    edge: np.float32,
+    s: Surface,
     highest: Singles,
-) -> None:  # fmt: skip
+) -> None:
     """What a wheel feels around each block of row i from column `left` on, its rim taken off."""
     columns = highest.shape[0]
     for n in range(offsets.shape[0]):
@@ -158,17 +178,26 @@ def _feel(
         x, y = np.float32(j - left) * edge, np.float32(k - i) * edge
         end = j + columns
         row = FacetRow(
-            blocks.middle[k, j:end], blocks.above[k, j:end], blocks.east[k, j:end],
+            blocks.middle[k, j:end],
+            blocks.above[k, j:end],
+            blocks.east[k, j:end],
             blocks.north[k, j:end],
-        )  # fmt: skip
+        )
         felt(row, x, y, edge, rim[n], s, highest)
 
 
 @kernel
 def _look_around(
-    blocks: Blocks, mean: Singles, pad: int, offsets: ScreenOffsets, bounds: ScreenBounds,
-    reach: float, out: Screen, first: Ints, ends: Ints,
-) -> None:  # fmt: skip
+    blocks: Blocks,
+    mean: Singles,
+    pad: int,
+    offsets: ScreenOffsets,
+    bounds: ScreenBounds,
+    reach: float,
+    out: Screen,
+    first: Ints,
+    ends: Ints,
+) -> None:
     """Judge blocks by the ground around them; arguments as of :class:`Unjudged`.
 
     Of each row those from `first` to before `ends`, (rows,) each.
@@ -180,26 +209,45 @@ def _look_around(
             continue
         room = np.empty((12, columns), np.float32)
         s = Surface(
-            room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8],
-            room[9], room[10], room[11],
-        )  # fmt: skip
+            room[0],
+            room[1],
+            room[2],
+            room[3],
+            room[4],
+            room[5],
+            room[6],
+            room[7],
+            room[8],
+            room[9],
+            room[10],
+            room[11],
+        )
         i, left, done = r + pad, pad + first[r], slice(first[r], ends[r])
         west, east = slice(left - m, left - m + columns), slice(left + m, left + m + columns)
         here = slice(left, left + columns)
         fit(mean[i][west], mean[i][here], mean[i][east], np.float32(m) * edge, s)
         bend(mean[i - m][here], mean[i][here], mean[i + m][here], np.float32(m) * edge, s)
         warp(
-            mean[i - m][west], mean[i - m][east], mean[i + m][west], mean[i + m][east],
-            np.float32(m) * edge, s,
-        )  # fmt: skip
+            mean[i - m][west],
+            mean[i - m][east],
+            mean[i + m][west],
+            mean[i + m][east],
+            np.float32(m) * edge,
+            s,
+        )
         room[6], room[7] = -np.float32(np.inf), np.float32(np.inf)
         for n in range(offsets.body.shape[0]):
             k, j = i + offsets.body[n, 0], left + offsets.body[n, 1]
             x, y = np.float32(j - left) * edge, np.float32(k - i) * edge
             range_of(
-                blocks.top[k, j : j + columns], blocks.low[k, j : j + columns], x, y, s,
-                s.highest, s.lowest,
-            )  # fmt: skip
+                blocks.top[k, j : j + columns],
+                blocks.low[k, j : j + columns],
+                x,
+                y,
+                s,
+                s.highest,
+                s.lowest,
+            )
             if n == 8:
                 # The nearest come first, this block and those beside it; on a map that shows what
                 # wheels feel the body reaches farther.
@@ -213,11 +261,16 @@ def _look_around(
             end = j + columns
             stood_on(
                 FacetRow(
-                    blocks.middle[k, j:end], blocks.below[k, j:end], blocks.east[k, j:end],
+                    blocks.middle[k, j:end],
+                    blocks.below[k, j:end],
+                    blocks.east[k, j:end],
                     blocks.north[k, j:end],
                 ),
-                x, y, edge, s,
-            )  # fmt: skip
+                x,
+                y,
+                edge,
+                s,
+            )
         judge_body(s, bounds, out.bits[r][done])
         out.east[r][done], out.north[r][done] = s.east, s.north
         judge_relief(s, bounds, out.relief[r][done], out.lift[r][done])

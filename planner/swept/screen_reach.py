@@ -114,10 +114,15 @@ def offsets_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenOffset
         return rim_at(sizes.radius, over).astype(np.float32)
 
     return ScreenOffsets(
-        steps(_around(body, edge)), steps(around[gap < swept]), steps(around[felt]),
-        rim(away[felt]), steps(around[stands]), rim(along[stands]),
-        steps(hidden), (hidden[:, 2] - 2.0 * half).astype(np.float32),
-    )  # fmt: skip
+        steps(_around(body, edge)),
+        steps(around[gap < swept]),
+        steps(around[felt]),
+        rim(away[felt]),
+        steps(around[stands]),
+        rim(along[stands]),
+        steps(hidden),
+        (hidden[:, 2] - 2.0 * half).astype(np.float32),
+    )
 
 
 def bounds_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenBounds:

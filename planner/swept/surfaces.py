@@ -66,9 +66,13 @@ def bend(south: Singles, here: Singles, north: Singles, distance: np.float32, s:
 
 @row_pass
 def warp(
-    south_west: Singles, south_east: Singles, north_west: Singles, north_east: Singles,
-    distance: np.float32, s: Surface,
-) -> None:  # fmt: skip
+    south_west: Singles,
+    south_east: Singles,
+    north_west: Singles,
+    north_east: Singles,
+    distance: np.float32,
+    s: Surface,
+) -> None:
     """The bend of both."""
     share = np.float32(0.25) / (distance * distance)
     for j in range(south_west.shape[0]):
@@ -88,9 +92,14 @@ def _height(s: Surface, j: int, x: np.float32, y: np.float32) -> np.float32:
 
 @row_pass
 def _tilt(
-    s: Surface, j: int, east: np.float32, north: np.float32, x: np.float32, y: np.float32,
+    s: Surface,
+    j: int,
+    east: np.float32,
+    north: np.float32,
+    x: np.float32,
+    y: np.float32,
     edge: np.float32,
-) -> np.float32:  # fmt: skip
+) -> np.float32:
     """How far the corner of a block's plane is off the surface of block j there [m].
 
     Args:
@@ -107,9 +116,14 @@ def _tilt(
 
 @row_pass
 def range_of(
-    top: Singles, low: Singles, x: np.float32, y: np.float32, s: Surface, highest: Singles,
+    top: Singles,
+    low: Singles,
+    x: np.float32,
+    y: np.float32,
+    s: Surface,
+    highest: Singles,
     lowest: Singles,
-) -> None:  # fmt: skip
+) -> None:
     """Highest and lowest of what is left."""
     for j in range(top.shape[0]):
         surface = _height(s, j, x, y)
@@ -121,9 +135,14 @@ def range_of(
 
 @row_pass
 def felt(
-    row: FacetRow, x: np.float32, y: np.float32, edge: np.float32, rim: np.float32, s: Surface,
+    row: FacetRow,
+    x: np.float32,
+    y: np.float32,
+    edge: np.float32,
+    rim: np.float32,
+    s: Surface,
     highest: Singles,
-) -> None:  # fmt: skip
+) -> None:
     """Highest of what is left in a block, its facets against the slope of the surface there."""
     middle, off, east, north = row.middle, row.off, row.east, row.north
     for j in range(middle.shape[0]):
@@ -133,9 +152,7 @@ def felt(
 
 
 @row_pass
-def stood_on(
-    row: FacetRow, x: np.float32, y: np.float32, edge: np.float32, s: Surface
-) -> None:  # fmt: skip
+def stood_on(row: FacetRow, x: np.float32, y: np.float32, edge: np.float32, s: Surface) -> None:
     """Lowest of what is left in a block, its facets against the slope of the surface there."""
     middle, off, east, north = row.middle, row.off, row.east, row.north
     for j in range(middle.shape[0]):

@@ -80,9 +80,15 @@ class Swept(NamedTuple):
 
 @inlined
 def pose_met(
-    ground: Ground, facets: Facets, pose: Pose, back: float, looks: int, sizes: SweptSizes,
-    scratch: Scratch, unknown_bars: bool,
-) -> Finding:  # fmt: skip
+    ground: Ground,
+    facets: Facets,
+    pose: Pose,
+    back: float,
+    looks: int,
+    sizes: SweptSizes,
+    scratch: Scratch,
+    unknown_bars: bool,
+) -> Finding:
     """What bars a pose, and all poses since the one before.
 
     Args:
@@ -125,9 +131,14 @@ def pose_met(
 
 @kernel
 def sweep(
-    ground: Ground, paths: SweptPaths, twist: Singles, screen: Screen, sizes: SweptSizes,
-    scratch: Scratch, out: Swept,
-) -> int:  # fmt: skip
+    ground: Ground,
+    paths: SweptPaths,
+    twist: Singles,
+    screen: Screen,
+    sizes: SweptSizes,
+    scratch: Scratch,
+    out: Swept,
+) -> int:
     """Bars of all candidates, up to the first of each; the first stations are where they stand.
 
     Args:
@@ -161,9 +172,11 @@ def sweep(
                 continue
             dx, dy = paths.x[k, j] - paths.x[k - 1, j], paths.y[k, j] - paths.y[k - 1, j]
             pose = Pose(
-                paths.x[k, j], paths.y[k, j], paths.rows.heading_x[k, j],
+                paths.x[k, j],
+                paths.y[k, j],
+                paths.rows.heading_x[k, j],
                 paths.rows.heading_y[k, j],
-            )  # fmt: skip
+            )
             look = looked_closer(pose, int(looks[j]), screen, sizes, scratch.around)
             if look == 0:
                 continue

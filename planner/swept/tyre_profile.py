@@ -46,9 +46,14 @@ class TyreLine(NamedTuple):
 
 @inlined
 def tyre_profile(
-    ground: Facets, pose: Pose, line: TyreLine, first: int, end: int, sizes: SweptSizes,
+    ground: Facets,
+    pose: Pose,
+    line: TyreLine,
+    first: int,
+    end: int,
+    sizes: SweptSizes,
     profile: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Highest known ground across a tyre along its way, above one level [m].
 
     What the wheel leans with is taken off: on a cross slope a tyre meets what lies askew with its
@@ -95,10 +100,13 @@ def _run(ground: Facets, pose: Pose, begin: float, aside: float, stride: float) 
     u, v = (x - ground.origin_x) * ground.per_metre, (y - ground.origin_y) * ground.per_metre
     column, row = np.rint(u), np.rint(v)
     return _Run(
-        np.int32(row), np.int32(column), np.float32(u - column), np.float32(v - row),
+        np.int32(row),
+        np.int32(column),
+        np.float32(u - column),
+        np.float32(v - row),
         np.float32(stride * pose.heading_x * ground.per_metre),
         np.float32(stride * pose.heading_y * ground.per_metre),
-    )  # fmt: skip
+    )
 
 
 @inlined

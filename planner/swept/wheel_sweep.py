@@ -14,8 +14,11 @@ from planner.swept.tyre_profile import Facets, TyreLine, tyre_profile
 from planner.swept.wheel_path import NO_GROUND, Pose, drop_of_rim
 
 _NOTHING, _RISE, _DROP, _TWIST = (
-    int(Kind.NOTHING), int(Kind.RISE), int(Kind.DROP), int(Kind.TWIST),
-)  # fmt: skip
+    int(Kind.NOTHING),
+    int(Kind.RISE),
+    int(Kind.DROP),
+    int(Kind.TWIST),
+)
 
 STEEPEST = 0.6
 """Slope that explains a climb or a fall at most, 31°."""
@@ -60,9 +63,14 @@ def twisted(contact: Floats, sizes: SweptSizes) -> Finding:
 
 @inlined
 def step_met(
-    ground: Facets, pose: Pose, wheel: int, back: float, sizes: SweptSizes, slopes: Slopes,
+    ground: Facets,
+    pose: Pose,
+    wheel: int,
+    back: float,
+    sizes: SweptSizes,
+    slopes: Slopes,
     scratch: Floats,
-) -> Finding:  # fmt: skip
+) -> Finding:
     """The first step or drop that a wheel meets on the last piece of its way.
 
     The centre of the wheel runs on the upper envelope of circles over the ground. Where it climbs

@@ -49,9 +49,12 @@ def screen(
         limit = limit if own is None or own.size == 0 else np.minimum(limit, own)
     friction = np.empty((0, 0)) if ground.friction is None else ground.friction
     batch = ProfileBatch(
-        profile.rows, ground.forces._replace(fastest=limit), friction, speed_sq,
+        profile.rows,
+        ground.forces._replace(fastest=limit),
+        friction,
+        speed_sq,
         bounds.clear_distance,
-    )  # fmt: skip
+    )
     _screen(batch, terms_of(model, ground.motion, ground.errors, all_loads=False), worst)
     return worst
 
@@ -80,10 +83,21 @@ def _screen(batch: ProfileBatch, terms: Terms, worst: Floats) -> None:
         for k in range(m):
             column[14, k] = batch.speed_sq[k, j]
         track = Track(
-            column[0, :m], column[1, :m], column[2, :m], column[3, :m], column[4, :m],
-            column[5, :m], column[6, :m], column[7, :m], column[8, :m], column[9, :m],
-            column[10, :m], column[11, :m], column[12, :m], column[13, :m],
-        )  # fmt: skip
+            column[0, :m],
+            column[1, :m],
+            column[2, :m],
+            column[3, :m],
+            column[4, :m],
+            column[5, :m],
+            column[6, :m],
+            column[7, :m],
+            column[8, :m],
+            column[9, :m],
+            column[10, :m],
+            column[11, :m],
+            column[12, :m],
+            column[13, :m],
+        )
         survey = survey_of(track, terms.body, memory)
         plan = JudgedPlan(
             track,

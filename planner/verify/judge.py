@@ -42,9 +42,18 @@ BETWEEN = 3
 
 _TOLERANCE = 1e-6
 (
-    _OVERRUN, _AXLE, _SIDE, _SPEED, _LATERAL, _WHEEL, _ACCEL, _DECEL, _VERTICAL, _FRICTION,
+    _OVERRUN,
+    _AXLE,
+    _SIDE,
+    _SPEED,
+    _LATERAL,
+    _WHEEL,
+    _ACCEL,
+    _DECEL,
+    _VERTICAL,
+    _FRICTION,
     _WHEEL_LOAD,
-) = range(11)  # fmt: skip
+) = range(11)
 _LEAST_TURN = 0.1
 """Share of the lateral acceleration that any bank leaves to a turn."""
 
@@ -208,9 +217,13 @@ def _breaks(worst: Floats, kind: int, breach: float) -> bool:
 
 @kernel
 def _check(
-    tracks: tuple[Track, Track], speed_sq: Floats, clear_distance: float, distance_offset: float,
-    terms: Terms, notes: JudgeNotes,
-) -> None:  # fmt: skip
+    tracks: tuple[Track, Track],
+    speed_sq: Floats,
+    clear_distance: float,
+    distance_offset: float,
+    terms: Terms,
+    notes: JudgeNotes,
+) -> None:
     track, even = tracks
     survey = survey_of(track, terms.body, np.empty((8, speed_sq.shape[0])))
     even_survey = survey_of(even, terms.body, np.empty((8, speed_sq.shape[0])))
@@ -277,9 +290,12 @@ def judge_track(plan: JudgedPlan, terms: Terms, notes: JudgeNotes) -> None:
 
 @inlined
 def _follow(
-    ground: tuple[Track, Survey], terms: Terms, watch: _Watch, command: StopCommand,
+    ground: tuple[Track, Survey],
+    terms: Terms,
+    watch: _Watch,
+    command: StopCommand,
     start: tuple[int, int, int, bool],
-) -> tuple[float, Shares, int, int]:  # fmt: skip
+) -> tuple[float, Shares, int, int]:
     """Where a stop ends, the least loads on it, and the segments of its onset and end.
 
     Args:
@@ -329,9 +345,13 @@ def _as_it_may_be(
 
 @inlined
 def _judge_point(
-    plan: JudgedPlan, terms: Terms, place: tuple[int, float, float],
-    stop: tuple[float, float], shares: Shares, worst: Floats,
-) -> bool:  # fmt: skip
+    plan: JudgedPlan,
+    terms: Terms,
+    place: tuple[int, float, float],
+    stop: tuple[float, float],
+    shares: Shares,
+    worst: Floats,
+) -> bool:
     """Is anything breached at share u of segment i, at this v²?
 
     Args:

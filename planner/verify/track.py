@@ -146,9 +146,14 @@ def track_of(
 
 @kernel
 def copy_columns(
-    first: int, j: int, terrain: TerrainRows, forces: Forces, friction: Floats, turns: bool,
+    first: int,
+    j: int,
+    terrain: TerrainRows,
+    forces: Forces,
+    friction: Floats,
+    turns: bool,
     out: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Stations of candidate j from ``first`` on, in the order of :class:`Track`.
 
     Args:
@@ -191,14 +196,21 @@ def survey_of(track: Track, body: Body, memory: Floats) -> Survey:
     """Walk a track once; ``memory`` is (8, ≥ N)."""
     n = track.station.shape[0]
     survey = Survey(
-        memory[0], memory[1], memory[2], memory[3], memory[4], memory[5], memory[6], memory[7],
+        memory[0],
+        memory[1],
+        memory[2],
+        memory[3],
+        memory[4],
+        memory[5],
+        memory[6],
+        memory[7],
         _front_share(0.0, 0.0, 0.0, body.wheelbase, body.cg_x, body.cg_z)
         - _front_share(0.0, 0.0, -1.0, body.wheelbase, body.cg_x, body.cg_z),
         _rear_share(0.0, 0.0, 0.0, body.wheelbase, body.cg_x, body.cg_z)
         - _rear_share(0.0, 0.0, 1.0, body.wheelbase, body.cg_x, body.cg_z),
         _left_share(0.0, 0.0, 0.0, body.track_width, body.cg_z)
         - _left_share(0.0, 0.0, 1.0, body.track_width, body.cg_z),
-    )  # fmt: skip
+    )
     for k in range(n):
         grade, roll = track.grade[k], track.roll[k]
         survey.sine[k] = np.sin(grade)

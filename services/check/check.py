@@ -27,9 +27,13 @@ _UNJUDGED = "jerk, and vertical acceleration on rough ground, are comfort and we
 
 
 def check(
-    plan: GivenPlan, model: Model, heights: Heights, *, clear: float = np.inf,
+    plan: GivenPlan,
+    model: Model,
+    heights: Heights,
+    *,
+    clear: float = np.inf,
     quantile: float = 0.5,
-) -> CheckReport:  # fmt: skip
+) -> CheckReport:
     """Does a plan keep every rule of its model on this ground?
 
     Args:
@@ -109,6 +113,12 @@ def _report(
     plan: GivenPlan, ledger: Ledger, station: Floats, told: Floats, stops: int
 ) -> CheckReport:
     return CheckReport(
-        plan.name, plan.status, ledger.violations(), tuple(ledger.notes), station, told[0],
-        told[1], stops,
-    )  # fmt: skip
+        plan.name,
+        plan.status,
+        ledger.violations(),
+        tuple(ledger.notes),
+        station,
+        told[0],
+        told[1],
+        stops,
+    )

@@ -75,9 +75,14 @@ class _Book:
         self.ledger, self.rows = ledger, rows
 
     def compare(
-        self, name: str, given: Floats, own: Floats, allowed: Floats,
-        counts: Bools | None = None, words: str = "",
-    ) -> None:  # fmt: skip
+        self,
+        name: str,
+        given: Floats,
+        own: Floats,
+        allowed: Floats,
+        counts: Bools | None = None,
+        words: str = "",
+    ) -> None:
         """Note rows (n <= N) where a column is farther off than is allowed."""
         off = np.abs(given - own) / allowed
         if counts is not None:
@@ -91,10 +96,12 @@ class _Book:
             return out
 
         self.ledger.add(
-            "columns", spread(off, _NOTHING),
+            "columns",
+            spread(off, _NOTHING),
             f"{words or name} is {{0:.4g}} in the plan, {{1:.4g}} by positions, speeds and map",
-            spread(given), spread(own),
-        )  # fmt: skip
+            spread(given),
+            spread(own),
+        )
 
 
 def judge_told_stops(

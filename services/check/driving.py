@@ -24,9 +24,14 @@ _NOTHING = -np.inf
 
 
 def judge_driving(
-    ledger: Ledger, model: Model, line: Line, ground: LineGround, brakes: Brakes, motion: Motion,
+    ledger: Ledger,
+    model: Model,
+    line: Line,
+    ground: LineGround,
+    brakes: Brakes,
+    motion: Motion,
     speed_limit: Floats | None,
-) -> None:  # fmt: skip
+) -> None:
     """Note what the driven motion breaks.
 
     Args:
@@ -43,15 +48,21 @@ def judge_driving(
             along = accel / GRAVITY + pose.sine
             used = utilisation(pose, brakes.friction, motion.speed**2, along)
             ledger.add(
-                "friction", np.where(motion.moving, used - 1.0, _NOTHING),
-                "needs {0:.0%} of what friction gives", used,
-            )  # fmt: skip
+                "friction",
+                np.where(motion.moving, used - 1.0, _NOTHING),
+                "needs {0:.0%} of what friction gives",
+                used,
+            )
 
 
 def _speeds(
-    ledger: Ledger, model: Model, line: Line, brakes: Brakes, motion: Motion,
+    ledger: Ledger,
+    model: Model,
+    line: Line,
+    brakes: Brakes,
+    motion: Motion,
     speed_limit: Floats | None,
-) -> None:  # fmt: skip
+) -> None:
     free = motion.moving & ~motion.excused
     allowed = np.minimum(model.limits.speed, brakes.fastest)
     if speed_limit is not None:
@@ -60,14 +71,18 @@ def _speeds(
         allowed = np.minimum(
             allowed,
             np.where(
-                line.share > 0.0, np.maximum(speed_limit[line.row], speed_limit[ahead]),
+                line.share > 0.0,
+                np.maximum(speed_limit[line.row], speed_limit[ahead]),
                 speed_limit[line.row],
             ),
-        )  # fmt: skip
+        )
     ledger.add(
-        "speed_limit", np.where(free, motion.speed - allowed, _NOTHING),
-        "{0:.3f} m/s where {1:.3f} m/s is the highest", motion.speed, allowed,
-    )  # fmt: skip
+        "speed_limit",
+        np.where(free, motion.speed - allowed, _NOTHING),
+        "{0:.3f} m/s where {1:.3f} m/s is the highest",
+        motion.speed,
+        allowed,
+    )
 
 
 def _turns(ledger: Ledger, model: Model, line: Line, pose: Stance, motion: Motion) -> None:
@@ -78,21 +93,28 @@ def _turns(ledger: Ledger, model: Model, line: Line, pose: Stance, motion: Motio
     found = turn + outward
     beyond = np.minimum(found / limit - 1.0, turn / limit - _TINY_TURN)
     ledger.add(
-        "lateral", np.where(free, beyond, _NOTHING),
-        "lateral acceleration of {0:.2f} m/s², {1:.2f} of it by the bank", found, outward,
-    )  # fmt: skip
+        "lateral",
+        np.where(free, beyond, _NOTHING),
+        "lateral acceleration of {0:.2f} m/s², {1:.2f} of it by the bank",
+        found,
+        outward,
+    )
     pressed = motion.speed**2 * pose.bend
     ledger.add(
-        "dip", np.where(free, pressed / model.limits.vertical_accel - 1.0, _NOTHING),
-        "vertical acceleration of {0:.2f} m/s²", pressed,
-    )  # fmt: skip
+        "dip",
+        np.where(free, pressed / model.limits.vertical_accel - 1.0, _NOTHING),
+        "vertical acceleration of {0:.2f} m/s²",
+        pressed,
+    )
     skids = vehicle.drive == "skid_steer"
     track = model.terrain.slip_track if skids else vehicle.track_width
     rim = motion.speed * (1.0 + 0.5 * np.abs(line.curvature) * track)
     ledger.add(
-        "wheel_speed", np.where(free, rim / vehicle.max_wheel_speed - 1.0, _NOTHING),
-        "the outer wheels turn at {0:.2f} m/s", rim,
-    )  # fmt: skip
+        "wheel_speed",
+        np.where(free, rim / vehicle.max_wheel_speed - 1.0, _NOTHING),
+        "the outer wheels turn at {0:.2f} m/s",
+        rim,
+    )
 
 
 def _drive(
@@ -106,19 +128,29 @@ def _drive(
     speed = np.maximum(motion.speed, 1e-6)
     thrust = np.minimum(vehicle.max_drive_force, vehicle.max_drive_power / speed) / vehicle.mass
     ledger.add(
-        "traction", np.where(motion.moving, needed - thrust, _NOTHING),
-        "needs {0:.2f} m/s² of the drive, which gives {1:.2f} m/s²", needed, thrust,
-    )  # fmt: skip
+        "traction",
+        np.where(motion.moving, needed - thrust, _NOTHING),
+        "needs {0:.2f} m/s² of the drive, which gives {1:.2f} m/s²",
+        needed,
+        thrust,
+    )
     ledger.add(
-        "accel", np.where(motion.moving, accel - model.limits.accel, _NOTHING),
-        "speeds up at {0:.2f} m/s²", accel,
-    )  # fmt: skip
+        "accel",
+        np.where(motion.moving, accel - model.limits.accel, _NOTHING),
+        "speeds up at {0:.2f} m/s²",
+        accel,
+    )
 
 
 def _brakes(
-    ledger: Ledger, model: Model, line: Line, pose: Stance, brakes: Brakes, motion: Motion,
+    ledger: Ledger,
+    model: Model,
+    line: Line,
+    pose: Stance,
+    brakes: Brakes,
+    motion: Motion,
     accel: Floats,
-) -> None:  # fmt: skip
+) -> None:
     terms = registry.motion(model.effect)
     cap = braking_cap(model.vehicle, pose, brakes.friction, motion.speed**2)
     force = np.minimum(brakes.force(motion.speed), cap)
@@ -126,14 +158,19 @@ def _brakes(
     pushed = registry.motion_deceleration(motion.speed, line.curvature, line.heading, terms)
     given = GRAVITY * (force + pose.sine) + np.minimum(pushed, 0.0)
     ledger.add(
-        "decel", np.where(motion.moving & (accel < 0.0), -accel - given, _NOTHING),
-        "slows down at {0:.2f} m/s², the brakes give {1:.2f} m/s²", -accel, given,
-    )  # fmt: skip
+        "decel",
+        np.where(motion.moving & (accel < 0.0), -accel - given, _NOTHING),
+        "slows down at {0:.2f} m/s², the brakes give {1:.2f} m/s²",
+        -accel,
+        given,
+    )
     free = motion.moving & ~motion.excused
     ledger.add(
-        "decel", np.where(free, -accel - model.limits.decel, _NOTHING),
-        "slows down at {0:.2f} m/s²", -accel,
-    )  # fmt: skip
+        "decel",
+        np.where(free, -accel - model.limits.decel, _NOTHING),
+        "slows down at {0:.2f} m/s²",
+        -accel,
+    )
 
 
 def judge_loads(ledger: Ledger, model: Model, pose: Stance, motion: Motion, accel: Floats) -> None:
@@ -154,9 +191,13 @@ def judge_loads(ledger: Ledger, model: Model, pose: Stance, motion: Motion, acce
 
 
 def add_load(
-    ledger: Ledger, kind: str, what: str, shares: tuple[Floats, Floats], least: float,
+    ledger: Ledger,
+    kind: str,
+    what: str,
+    shares: tuple[Floats, Floats],
+    least: float,
     counts: Bools,
-) -> None:  # fmt: skip
+) -> None:
     """Note loads that are too low, as those of a crest where an even slope would be all right.
 
     Args:

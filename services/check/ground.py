@@ -67,9 +67,16 @@ def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> LineGround:
     classes = np.any([classes_around(heights, *place) for place in places], axis=0)
     bend = _bend(station, grade, known, length, line)
     return LineGround(
-        station, z, wheels, grade, roll, bend, known, _body_known(heights, line, vehicle),
+        station,
+        z,
+        wheels,
+        grade,
+        roll,
+        bend,
+        known,
+        _body_known(heights, line, vehicle),
         classes,
-    )  # fmt: skip
+    )
 
 
 def beside(line: Line, ahead: float | Floats, aside: float | Floats) -> tuple[Floats, Floats]:

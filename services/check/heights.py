@@ -46,10 +46,9 @@ def height_of(heights: Heights, x: Floats, y: Floats) -> Floats:
     i = np.minimum(v.astype(np.int64), rows - 2)
     j = np.minimum(u.astype(np.int64), columns - 2)
     p, q = u - j, v - i
-    found = (
-        (1.0 - q) * ((1.0 - p) * z[i, j] + p * z[i, j + 1])
-        + q * ((1.0 - p) * z[i + 1, j] + p * z[i + 1, j + 1])
-    )  # fmt: skip
+    found = (1.0 - q) * ((1.0 - p) * z[i, j] + p * z[i, j + 1]) + q * (
+        (1.0 - p) * z[i + 1, j] + p * z[i + 1, j + 1]
+    )
     return np.where(inside, found, np.nan)
 
 

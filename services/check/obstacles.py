@@ -35,10 +35,11 @@ def judge_obstacles(
         highest = _above_wheels(heights, line, ground, vehicle, samples)
         for kind, found in zip(("clearance", "body"), highest, strict=True):
             ledger.add(
-                kind, found / clearance - 1.0,
+                kind,
+                found / clearance - 1.0,
                 f"ground {{0:.3f}} m above the wheels, the underside is at {clearance:.3f} m",
                 found,
-            )  # fmt: skip
+            )
     if heights.resolution > vehicle.wheel_radius:
         ledger.notes.append(
             f"steps were not looked for: cells of {heights.resolution:g} m do not show any to "
@@ -99,6 +100,8 @@ def _steps(
     np.maximum.at(highest, sample, step)
     limit = vehicle.shape.max_step
     ledger.add(
-        "step", np.where(moving, highest / limit - 1.0, _NOTHING),
-        f"a step of {{0:.3f}} m at a wheel, {limit:.3f} m is the highest", highest,
-    )  # fmt: skip
+        "step",
+        np.where(moving, highest / limit - 1.0, _NOTHING),
+        f"a step of {{0:.3f}} m at a wheel, {limit:.3f} m is the highest",
+        highest,
+    )

@@ -104,9 +104,14 @@ class Ledger:
             if known is None or size > known.size:
                 words = sentence.format(*(float(v[k]) for v in values))
                 self._worst[key] = Violation(
-                    self.candidate, key[0], float(self.station[k]), kind, size, tolerance.unit,
+                    self.candidate,
+                    key[0],
+                    float(self.station[k]),
+                    kind,
+                    size,
+                    tolerance.unit,
                     words,
-                )  # fmt: skip
+                )
 
     def violations(self) -> tuple[Violation, ...]:
         """All of them, by station."""

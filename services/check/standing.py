@@ -66,17 +66,23 @@ def judge_stops(
 
     excess = np.where(stops.ended, end - clear[lanes], np.maximum(end - clear[lanes], _ON))
     ledger.add(
-        "stopping_path", spread(excess),
+        "stopping_path",
+        spread(excess),
         "a stop from {0:.2f} m/s ends {1:.2f} m on, {2:.2f} m are clear",
-        motion.speed, longest, clear - ground.station,
-    )  # fmt: skip
+        motion.speed,
+        longest,
+        clear - ground.station,
+    )
     for kind, barred, words in _bars(ground, brakes, model):
         ahead = _next_barred(barred, ground.station)
         ledger.add(
-            kind, spread(end - ahead[lanes]),
+            kind,
+            spread(end - ahead[lanes]),
             f"a stop from {{0:.2f}} m/s ends {{1:.2f}} m on, beyond {words} {{2:.2f}} m ahead",
-            motion.speed, longest, ahead - ground.station,
-        )  # fmt: skip
+            motion.speed,
+            longest,
+            ahead - ground.station,
+        )
     _loads_on(ledger, model, stops, lanes, len(clear))
     _hold_at(ledger, field, stops, spread)
     distance, rear = np.zeros(len(rows)), np.ones(len(rows))
@@ -157,13 +163,21 @@ def _hold_at(ledger: Ledger, field: StopField, stops: StopEnds, spread: object) 
     words = "a stop ends where {0:.3f} of the weight has to be held, {1} {2:.3f}"
     lack = np.where(stops.ended, slope - held, _NOTHING)
     ledger.add(
-        "holding", spread(lack), words.replace("{1}", "brakes hold"),
-        spread(slope, 0.0), spread(slope, 0.0), spread(held, 0.0),
-    )  # fmt: skip
+        "holding",
+        spread(lack),
+        words.replace("{1}", "brakes hold"),
+        spread(slope, 0.0),
+        spread(slope, 0.0),
+        spread(held, 0.0),
+    )
     pull = np.hypot(here.pose.sine, here.pose.tilt)
     grip = here.friction * here.pose.upright
     lack = np.where(stops.ended, pull - grip, _NOTHING)
     ledger.add(
-        "holding", spread(lack), words.replace("{1}", "friction holds"),
-        spread(pull, 0.0), spread(pull, 0.0), spread(grip, 0.0),
-    )  # fmt: skip
+        "holding",
+        spread(lack),
+        words.replace("{1}", "friction holds"),
+        spread(pull, 0.0),
+        spread(pull, 0.0),
+        spread(grip, 0.0),
+    )

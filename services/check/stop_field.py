@@ -63,9 +63,13 @@ class StopField:
         first = brakes.slope[0], brakes.intercept[0] + brakes.extra
         table = np.stack((*pose, line.curvature, line.heading, brakes.friction, *first), axis=1)
         return cls(
-            model, brakes, ground.station, table, registry.motion(model.effect),
+            model,
+            brakes,
+            ground.station,
+            table,
+            registry.motion(model.effect),
             registry.crest_share(model.effect),
-        )  # fmt: skip
+        )
 
     @cached_property
     def two_sided(self) -> bool:
@@ -97,9 +101,13 @@ class StopField:
     def _force_at(self, sample: Ints, onset_speed: Floats, most: bool) -> Floats:
         b = self.brakes
         part = b._replace(
-            on=b.on[:, sample], slope=b.slope[:, sample], intercept=b.intercept[:, sample],
-            spare=b.spare[:, sample], extra=b.extra[sample], doubt=b.doubt[:, :, sample],
-        )  # fmt: skip
+            on=b.on[:, sample],
+            slope=b.slope[:, sample],
+            intercept=b.intercept[:, sample],
+            spare=b.spare[:, sample],
+            extra=b.extra[sample],
+            doubt=b.doubt[:, :, sample],
+        )
         return part.force(onset_speed, most=most)
 
     def deceleration(

@@ -24,15 +24,21 @@ TOLERANCES: dict[str, Tolerance] = {
         0.002, "m/s", "faster than vehicle, path or trained range allow", "rounding in files"
     ),
     "stopping_path": Tolerance(
-        0.01, "m", "an emergency stop ends beyond the clear distance",
+        0.01,
+        "m",
+        "an emergency stop ends beyond the clear distance",
         "grade between rows is sampled here, and taken to be linear by plans",
     ),
     "unknown_terrain": Tolerance(
-        0.01, "m", "the vehicle is, or comes to rest, where ground is unknown",
+        0.01,
+        "m",
+        "the vehicle is, or comes to rest, where ground is unknown",
         "as of stopping_path; 1 m stands for being there",
     ),
     "model_validity": Tolerance(
-        0.01, "m", "the vehicle is, or comes to rest, on slopes that the model was not trained on",
+        0.01,
+        "m",
+        "the vehicle is, or comes to rest, on slopes that the model was not trained on",
         "as of stopping_path; 1 m stands for being there, from 0.6° beyond the range on",
     ),
     "tip_over": Tolerance(0.01, "1", "an axle loses too much load", "slopes between rows"),
@@ -40,14 +46,16 @@ TOLERANCES: dict[str, Tolerance] = {
         0.015, "1", "a side or a wheel loses too much load", "slopes and turns between rows"
     ),
     "crest": Tolerance(
-        0.02, "1", "over a crest an axle, side or wheel loses too much load",
+        0.02,
+        "1",
+        "over a crest an axle, side or wheel loses too much load",
         "vertical curvature is a second derivative of the map's heights",
     ),
-    "dip": Tolerance(
-        0.10, "share", "vertical acceleration of the body in a dip", "as of crest"
-    ),
+    "dip": Tolerance(0.10, "share", "vertical acceleration of the body in a dip", "as of crest"),
     "lateral": Tolerance(
-        0.03, "share", "lateral acceleration in a turn, its bank counted in",
+        0.03,
+        "share",
+        "lateral acceleration in a turn, its bank counted in",
         "curvature out of rows that are rounded",
     ),
     "wheel_speed": Tolerance(0.01, "share", "the outer wheels turn too fast", "as of lateral"),
@@ -59,34 +67,44 @@ TOLERANCES: dict[str, Tolerance] = {
         0.03, "m/s²", "slows down more than the limit or the brakes allow", "slopes between rows"
     ),
     "friction": Tolerance(
-        0.02, "share", "slope, turn and drive or brakes ask for more than friction gives",
+        0.02,
+        "share",
+        "slope, turn and drive or brakes ask for more than friction gives",
         "curvature and slopes between rows",
     ),
     "holding": Tolerance(
         0.01, "1", "comes to rest where brakes or friction do not hold it", "slopes between rows"
     ),
     "step": Tolerance(
-        0.10, "share", "a wheel meets a step, a drop or a hole that is too high",
+        0.10,
+        "share",
+        "a wheel meets a step, a drop or a hole that is too high",
         "heights between cells are a ramp, its middle is not sharp",
     ),
     "clearance": Tolerance(
         0.10, "share", "the ground between the wheels reaches the underside", "as of step"
     ),
     "body": Tolerance(
-        0.10, "share", "the body strikes ground ahead of, behind or beside the wheels",
+        0.10,
+        "share",
+        "the body strikes ground ahead of, behind or beside the wheels",
         "as of step",
     ),
     "stop_distance": Tolerance(
-        0.02, "m", "the plan's own stopping distance is not what the model gives",
+        0.02,
+        "m",
+        "the plan's own stopping distance is not what the model gives",
         "beyond 2.5 % of it: where brakes hardly slow down, a little grade between rows counts",
     ),
     "rear_load": Tolerance(
         0.03, "1", "the plan tells more rear load than the stop leaves", "slopes between rows"
     ),
     "columns": Tolerance(
-        1.0, "of what is allowed", "columns of the plan contradict its positions, speeds or map",
+        1.0,
+        "of what is allowed",
+        "columns of the plan contradict its positions, speeds or map",
         "allowed are 1 cm and 0.2 % of stations, 2 cm of heights, 0.6° of slopes, 0.02 1/m and "
         "10 % of curvature, 0.03 m/s² and 3 % of acceleration, 20 ms and 0.5 % of time",
     ),
-}  # fmt: skip
+}
 """Every kind of violation. Shares are of the limit that is passed."""

@@ -101,9 +101,13 @@ def _grounds() -> Iterator[ElevationMap]:
     classes = np.zeros((rows, columns), np.int64)
     classes[:, 60:] = 1
     yield ElevationMap(
-        elevation=0.1 * np.linspace(0.0, 48.0, columns)[None, :] + level, resolution=0.25,
-        origin=(-3.0, -6.0), terrain_class=classes, class_names=("", "warm-up"), height_std=0.02,
-    )  # fmt: skip
+        elevation=0.1 * np.linspace(0.0, 48.0, columns)[None, :] + level,
+        resolution=0.25,
+        origin=(-3.0, -6.0),
+        terrain_class=classes,
+        class_names=("", "warm-up"),
+        height_std=0.02,
+    )
 
 
 def _ground(elevation: Floats) -> ElevationMap:

@@ -63,9 +63,10 @@ class StatusCollector(Collector):
             if number is not None:
                 yield GaugeMetricFamily(name, words, value=number)
         told = {
-            "service": status.service, "model": parameters.name,
+            "service": status.service,
+            "model": parameters.name,
             "vehicle": parameters.fingerprint,
-        }  # fmt: skip
+        }
         yield InfoMetricFamily("slopewise_service", "Who this is.", value=told)
 
 

@@ -54,11 +54,15 @@ class ParameterBoard:
         for stop in list(service.learner.stops)[len(service.learner.stops) - new :]:
             self._board.stopped(
                 StopSeen(
-                    speed=stop.speed, grade=stop.grade, predicted=stop.predicted,
-                    actual=stop.actual, surface=stop.surface, outcome=stop.outcome,
+                    speed=stop.speed,
+                    grade=stop.grade,
+                    predicted=stop.predicted,
+                    actual=stop.actual,
+                    surface=stop.surface,
+                    outcome=stop.outcome,
                     version=service.log.version,
                 )
-            )  # fmt: skip
+            )
         ground = service.learner.ground.told(time.monotonic())
         if ground != self._ground:
             self._ground = ground
@@ -77,7 +81,12 @@ class ParameterBoard:
 
 def _seen(told: ParameterGroup | HistoryEntry, **at: float) -> GroupSeen:
     return GroupSeen(
-        group=told.group, names=list(told.values), value=list(told.values.values()),
-        std=[told.stds.get(name) for name in told.values], valid=told.valid, version=told.version,
-        cause=told.cause, **at,
-    )  # fmt: skip
+        group=told.group,
+        names=list(told.values),
+        value=list(told.values.values()),
+        std=[told.stds.get(name) for name in told.values],
+        valid=told.valid,
+        version=told.version,
+        cause=told.cause,
+        **at,
+    )

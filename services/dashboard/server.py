@@ -33,12 +33,17 @@ class PageServer:
 
         try:
             self._server: Any = create_server(
-                application, host=settings.host, port=settings.port, threads=_THREADS,
-                connection_limit=_MOST_CONNECTIONS, channel_timeout=_PATIENCE,
+                application,
+                host=settings.host,
+                port=settings.port,
+                threads=_THREADS,
+                connection_limit=_MOST_CONNECTIONS,
+                channel_timeout=_PATIENCE,
                 cleanup_interval=_LOOKS,
-                max_request_body_size=_LARGEST_BODY, max_request_header_size=_LARGEST_HEADER,
+                max_request_body_size=_LARGEST_BODY,
+                max_request_header_size=_LARGEST_HEADER,
                 ident=None,
-            )  # fmt: skip
+            )
         except (OSError, ValueError) as error:
             words = f"expected a free address, got {settings.host}:{settings.port}: {error}"
             raise InputError("page", "port", words) from None

@@ -25,8 +25,15 @@ from services.report.plan_data import relief
 from services.report.png import data_uri
 from services.wire.messages import ServiceStatus
 
-_SCRIPTS = ("helpers.js", "axes.js", "live_map.js", "live_plan.js", "live_learned.js",
-            "live_finding.js", "live.js")  # fmt: skip
+_SCRIPTS = (
+    "helpers.js",
+    "axes.js",
+    "live_map.js",
+    "live_plan.js",
+    "live_learned.js",
+    "live_finding.js",
+    "live.js",
+)
 _HEADERS = [
     ("Cache-Control", "no-store"),
     ("X-Content-Type-Options", "nosniff"),

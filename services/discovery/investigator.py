@@ -84,9 +84,14 @@ class Investigator:
             return
         for cut in self._cutter.take(source, columns, surface):
             stop = StoredStop(
-                source=cut.source, surface=cut.surface, at=time.time(), vehicle=self._vehicle,
-                model=model, columns=list(cut.columns), values=np.stack(list(cut.columns.values())),
-            )  # fmt: skip
+                source=cut.source,
+                surface=cut.surface,
+                at=time.time(),
+                vehicle=self._vehicle,
+                model=model,
+                columns=list(cut.columns),
+                values=np.stack(list(cut.columns.values())),
+            )
             try:
                 self._store.put(stop)
             except InputError as error:
@@ -132,9 +137,12 @@ class Investigator:
         self._begun = time.monotonic()
         folder = Path(tempfile.mkdtemp(prefix="slopewise-look-"))
         job = InvestigationJob(
-            store=str(Path(self._settings.samples).resolve()), vehicle=self._vehicle, cause=cause,
-            names=self._store.latest(int(self._settings.stops)), limit=self._settings.limit,
-        )  # fmt: skip
+            store=str(Path(self._settings.samples).resolve()),
+            vehicle=self._vehicle,
+            cause=cause,
+            names=self._store.latest(int(self._settings.stops)),
+            limit=self._settings.limit,
+        )
         try:
             # Surfaces that were only learned are in none of the others.
             on = in_use.braking
@@ -146,9 +154,12 @@ class Investigator:
             with (folder / _SAID).open("wb") as said:
                 self._process = subprocess.Popen(
                     [sys.executable, "-m", "services.discovery.investigate", str(folder)],
-                    stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=said,
-                    start_new_session=True, env=os.environ | {"OMP_NUM_THREADS": "1"},
-                )  # fmt: skip
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.DEVNULL,
+                    stderr=said,
+                    start_new_session=True,
+                    env=os.environ | {"OMP_NUM_THREADS": "1"},
+                )
         except (OSError, InputError) as error:
             shutil.rmtree(folder, ignore_errors=True)
             raise ParameterError("start", f"a process to look with: {reason(error)}") from None

@@ -105,9 +105,14 @@ def _sum(one: Braking, other: Braking) -> tuple[tuple[float, ...], ...] | None:
 def _distance(model: Model, case: _Case) -> float:
     one = np.zeros(1)
     track = GroundTrack(
-        one, one + case.grade, one + case.roll, one + case.yaw, one + case.curvature,
-        one + case.place[0], one + case.place[1],
-    )  # fmt: skip
+        one,
+        one + case.grade,
+        one + case.roll,
+        one + case.yaw,
+        one + case.curvature,
+        one + case.place[0],
+        one + case.place[1],
+    )
     stop = simulate_stop(
         model, track, case.speed, surface=case.surface, session_time=case.time, heat=case.heat
     )

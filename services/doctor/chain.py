@@ -12,8 +12,13 @@ from services.doctor.facts import Facts, Misfit, MisfitSeverity, Nav2Facts
 
 _DECELERATIONS = ("ax_min", "decel_lim_x", "max_linear_decel", "max_decel_x")
 _SPEEDS = ("vx_max", "max_vel_x", "desired_linear_vel", "max_linear_vel")
-_BASES = ("diff_drive_controller", "diffdrive_controller", "platform_velocity_controller",
-          "ackermann_steering_controller", "base_controller")  # fmt: skip
+_BASES = (
+    "diff_drive_controller",
+    "diffdrive_controller",
+    "platform_velocity_controller",
+    "ackermann_steering_controller",
+    "base_controller",
+)
 _SLOPPY = 1.02
 
 
@@ -73,31 +78,34 @@ def check_chain(facts: Facts) -> Iterator[Misfit]:
                 continue
         if before.deceleration > _SLOPPY * after.deceleration:
             yield Misfit(
-                "deceleration along the chain", MisfitSeverity.ERROR,
+                "deceleration along the chain",
+                MisfitSeverity.ERROR,
                 f"{before.who} counts on {before.deceleration:g} m/s² ({before.parameter}), and "
                 f"{after.who} lets {after.deceleration:g} m/s² through ({after.parameter}): the "
                 "vehicle stops later than the controller thinks",
                 f"set {after.parameter} of {after.who} to {before.deceleration:g}, or the "
                 "controller's to less",
-            )  # fmt: skip
+            )
     if facts.model is None:
         return
     able, wanted = brakes_on_level(facts.model), facts.model.limits.decel
     for link in chain:
         if link.deceleration > _SLOPPY * able:
             yield Misfit(
-                "deceleration against the brakes", MisfitSeverity.ERROR,
+                "deceleration against the brakes",
+                MisfitSeverity.ERROR,
                 f"{link.who} counts on {link.deceleration:g} m/s² ({link.parameter}), the brakes "
                 f"were learned to reach {able:.2f} m/s² on level ground at least",
                 f"set it below {able:.1f}",
-            )  # fmt: skip
+            )
         if link.deceleration * _SLOPPY < wanted:
             yield Misfit(
-                "deceleration against the plan", MisfitSeverity.ERROR,
+                "deceleration against the plan",
+                MisfitSeverity.ERROR,
                 f"plans brake with up to {wanted:g} m/s² (limits.decel), {link.who} lets "
                 f"{link.deceleration:g} m/s² through ({link.parameter})",
                 f"set limits.decel of the model to {link.deceleration:g}, or let more through",
-            )  # fmt: skip
+            )
 
 
 def check_smoother(facts: Facts) -> Iterator[Misfit]:
@@ -108,28 +116,31 @@ def check_smoother(facts: Facts) -> Iterator[Misfit]:
     decel, most = first(smoother.get("max_decel")), first(smoother.get("max_velocity"))
     if decel is not None and decel > 0.0:
         yield Misfit(
-            "sign of a deceleration", MisfitSeverity.ERROR,
+            "sign of a deceleration",
+            MisfitSeverity.ERROR,
             f"velocity_smoother has max_decel {decel:g}: it has to be negative",
             f"set it to {-decel:g}",
-        )  # fmt: skip
+        )
     for name, table in facts.nav2.controllers().items():
         fastest = next((v for key in _SPEEDS if (v := first(table.get(key))) is not None), None)
         if fastest is None:
             continue
         if most is not None and fastest > _SLOPPY * most:
             yield Misfit(
-                "speed along the chain", MisfitSeverity.WARNING,
+                "speed along the chain",
+                MisfitSeverity.WARNING,
                 f"controller {name} drives up to {fastest:g} m/s, velocity_smoother lets {most:g} "
                 "through: curvature is kept, progress is not what the controller thinks",
                 "give both the same speed",
-            )  # fmt: skip
+            )
         if facts.model is not None and fastest > _SLOPPY * facts.model.limits.speed:
             yield Misfit(
-                "speed against the model", MisfitSeverity.WARNING,
+                "speed against the model",
+                MisfitSeverity.WARNING,
                 f"controller {name} drives up to {fastest:g} m/s where no limit is heard; the "
                 f"model allows {facts.model.limits.speed:g}",
                 "set the controller's highest speed to that of the model",
-            )  # fmt: skip
+            )
 
 
 def check_speed_limit(facts: Facts) -> Iterator[Misfit]:
@@ -141,10 +152,11 @@ def check_speed_limit(facts: Facts) -> Iterator[Misfit]:
     ours = "speed_limit" if facts.edge is None else facts.edge.topics.speed_limit.lstrip("/")
     if server and listens != ours:
         yield Misfit(
-            "topic of the limit", MisfitSeverity.ERROR,
+            "topic of the limit",
+            MisfitSeverity.ERROR,
             f"the controller listens to {listens}, limits are said on {ours}",
             f"set speed_limit_topic: {ours}",
-        )  # fmt: skip
+        )
     for node, table in facts.nav2.nodes.items():
         if not node.endswith("costmap"):
             continue
@@ -153,10 +165,11 @@ def check_speed_limit(facts: Facts) -> Iterator[Misfit]:
                 continue
             if str(plugin.get("speed_limit_topic", "speed_limit")).lstrip("/") == listens:
                 yield Misfit(
-                    "two who limit", MisfitSeverity.ERROR,
+                    "two who limit",
+                    MisfitSeverity.ERROR,
                     f"{node}: {name} speaks on {listens} as well: the last one to speak wins",
                     "give the filter another topic, and put its limits into the model",
-                )  # fmt: skip
+                )
     yield from _lock(facts)
 
 
@@ -174,16 +187,18 @@ def _lock(facts: Facts) -> Iterator[Misfit]:
     ]
     if not ours:
         yield Misfit(
-            "lock", MisfitSeverity.ERROR,
+            "lock",
+            MisfitSeverity.ERROR,
             f"twist_mux has no lock on {stop}: a limit alone lets the vehicle creep on",
             f"locks: slopewise: {{topic: {stop}, timeout: 0.5, priority: 255}}",
-        )  # fmt: skip
+        )
     for lock in ours:
         timeout = first(lock.get("timeout")) or 0.0
         if not 0.0 < timeout <= 1.0:
             yield Misfit(
-                "lock", MisfitSeverity.ERROR,
+                "lock",
+                MisfitSeverity.ERROR,
                 f"the lock of twist_mux on {stop} has timeout {timeout:g} s: it does not close "
                 "in time, or at all, when nobody speaks any more",
                 "set it to 0.5",
-            )  # fmt: skip
+            )

@@ -10,11 +10,15 @@ from services.doctor.facts import Seen, TopicSeen
 _NANO = 1e-9
 _MOST = 200_000
 ODOMETRY, SPEED_LIMIT, BOOL = (
-    "nav_msgs/msg/Odometry", "nav2_msgs/msg/SpeedLimit", "std_msgs/msg/Bool",
-)  # fmt: skip
+    "nav_msgs/msg/Odometry",
+    "nav2_msgs/msg/SpeedLimit",
+    "std_msgs/msg/Bool",
+)
 TRANSFORMS, PATH, GRID_MAP = (
-    "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Path", "grid_map_msgs/msg/GridMap",
-)  # fmt: skip
+    "tf2_msgs/msg/TFMessage",
+    "nav_msgs/msg/Path",
+    "grid_map_msgs/msg/GridMap",
+)
 TYPES = (ODOMETRY, SPEED_LIMIT, BOOL, TRANSFORMS, PATH, GRID_MAP)
 """What is looked at; of other topics only that they are there."""
 

@@ -17,8 +17,10 @@ _OLD_MAP = 10.0  # [s]
 _MOVES = 5.0  # [m] over which odometry is held against its own speed
 _SCALE = 0.12
 _ODOMETRY, _GRID_MAP, _PATH = (
-    "nav_msgs/msg/Odometry", "grid_map_msgs/msg/GridMap", "nav_msgs/msg/Path",
-)  # fmt: skip
+    "nav_msgs/msg/Odometry",
+    "grid_map_msgs/msg/GridMap",
+    "nav_msgs/msg/Path",
+)
 
 
 def check_obedience(facts: Facts) -> Iterator[Misfit]:
@@ -44,12 +46,13 @@ def check_obedience(facts: Facts) -> Iterator[Misfit]:
             worst, at = over, t - seen.odometry[0][0]
     if too_fast > 2:
         yield Misfit(
-            "limits are not obeyed", MisfitSeverity.ERROR,
+            "limits are not obeyed",
+            MisfitSeverity.ERROR,
             f"the vehicle was up to {worst + _OBEYS:.2f} m/s faster than the limit, after its "
             f"brakes had their time (first {at:.1f} s in)",
             "several releases of MPPI ignore speed limits: update it, take another controller, or "
             "put slopewise guard before the base",
-        )  # fmt: skip
+        )
 
 
 def check_limits(facts: Facts) -> Iterator[Misfit]:
@@ -59,16 +62,18 @@ def check_limits(facts: Facts) -> Iterator[Misfit]:
         return
     if any(limit == 0.0 for _, limit, _ in seen.limits):
         yield Misfit(
-            "a limit of 0", MisfitSeverity.ERROR,
+            "a limit of 0",
+            MisfitSeverity.ERROR,
             "somebody says a speed limit of 0.0, which lifts all limits",
             "find who it is (ros2 topic info -v), and let it say another topic",
-        )  # fmt: skip
+        )
     if any(percentage for _, _, percentage in seen.limits):
         yield Misfit(
-            "a limit in percent", MisfitSeverity.ERROR,
+            "a limit in percent",
+            MisfitSeverity.ERROR,
             "somebody says speed limits as a percentage on the same topic",
             "give it another topic: the last one to speak wins",
-        )  # fmt: skip
+        )
 
 
 def check_rates(facts: Facts) -> Iterator[Misfit]:
@@ -82,9 +87,11 @@ def check_rates(facts: Facts) -> Iterator[Misfit]:
         topic = seen.topics.get(_full(facts, name))
         if topic is not None and len(topic.at) > 4 and topic.rate < least:
             yield Misfit(
-                "rate", MisfitSeverity.ERROR,
-                f"{name} comes {topic.rate:.1f} times a second: {why}", f"{least:g} Hz or more",
-            )  # fmt: skip
+                "rate",
+                MisfitSeverity.ERROR,
+                f"{name} comes {topic.rate:.1f} times a second: {why}",
+                f"{least:g} Hz or more",
+            )
 
 
 def check_clock(facts: Facts) -> Iterator[Misfit]:
@@ -99,23 +106,27 @@ def check_clock(facts: Facts) -> Iterator[Misfit]:
             if topic.kind == _ODOMETRY:
                 state = "are repeated" if stamps.any() else "are not filled in"
                 yield Misfit(
-                    "stamps", MisfitSeverity.ERROR,
+                    "stamps",
+                    MisfitSeverity.ERROR,
                     f"stamps of {name} {state}: a delay that grows cannot be seen",
                     "stamp each message when it is measured; else declare timing.max_latency",
-                )  # fmt: skip
+                )
             continue
         late = np.array(topic.at[-len(stamps) :]) - stamps
         if abs(float(np.median(late))) > _LATE:
             yield Misfit(
-                "clock", MisfitSeverity.ERROR,
+                "clock",
+                MisfitSeverity.ERROR,
                 f"stamps of {name} are {np.median(late):.1f} s behind their reception",
                 "synchronise the clocks (chrony), or let all nodes use simulated time",
-            )  # fmt: skip
+            )
         elif np.any(np.diff(stamps) < -1e-3):
             yield Misfit(
-                "clock", MisfitSeverity.ERROR, f"stamps of {name} go back",
+                "clock",
+                MisfitSeverity.ERROR,
+                f"stamps of {name} go back",
                 "there are two who publish it, or its clock is set while it runs",
-            )  # fmt: skip
+            )
 
 
 def check_map(facts: Facts) -> Iterator[Misfit]:
@@ -128,17 +139,21 @@ def check_map(facts: Facts) -> Iterator[Misfit]:
     if topic is None:
         if facts.edge is not None and seen.span > _OLD_MAP:
             yield Misfit(
-                "map", MisfitSeverity.ERROR, f"no map came on {name} in {seen.span:.0f} s",
+                "map",
+                MisfitSeverity.ERROR,
+                f"no map came on {name} in {seen.span:.0f} s",
                 "set topics.map, and see that the map is published again and again",
-            )  # fmt: skip
+            )
         return
     if topic.stamps and topic.at:
         age = float(np.median(np.array(topic.at[-len(topic.stamps) :]) - topic.stamps))
         if age > _OLD_MAP:
             yield Misfit(
-                "map", MisfitSeverity.ERROR, f"maps on {name} are {age:.0f} s old when they come",
+                "map",
+                MisfitSeverity.ERROR,
+                f"maps on {name} are {age:.0f} s old when they come",
                 "publish what is seen now; plans stop before ground that is old",
-            )  # fmt: skip
+            )
 
 
 def check_frames(facts: Facts) -> Iterator[Misfit]:
@@ -152,19 +167,21 @@ def check_frames(facts: Facts) -> Iterator[Misfit]:
         path = seen.topics.get(_full(facts, name))
         if ground and path and ground.frames and path.frames and not ground.frames & path.frames:
             yield Misfit(
-                "frames", MisfitSeverity.ERROR,
+                "frames",
+                MisfitSeverity.ERROR,
                 f"map and {name} are in {_one(ground.frames)} and {_one(path.frames)}: they have "
                 "to be in one frame",
                 "publish both in one frame",
-            )  # fmt: skip
+            )
     if ground and odometry and ground.frames and odometry.frames:
         wanted, own = _one(ground.frames), _one(odometry.frames)
         if not _above(seen, own) & _above(seen, wanted):
             yield Misfit(
-                "frames", MisfitSeverity.ERROR,
+                "frames",
+                MisfitSeverity.ERROR,
                 f"odometry is in {own}, the map in {wanted}, and /tf does not connect them",
                 "publish the transform, or take odometry in the frame of the map",
-            )  # fmt: skip
+            )
 
 
 def check_odometry(facts: Facts) -> Iterator[Misfit]:
@@ -176,11 +193,12 @@ def check_odometry(facts: Facts) -> Iterator[Misfit]:
     counted = float(np.sum(0.5 * (np.abs(v[1:]) + np.abs(v[:-1])) * np.diff(t)))
     if along > _MOVES and abs(counted / along - 1.0) > _SCALE:
         yield Misfit(
-            "odometry against itself", MisfitSeverity.ERROR,
+            "odometry against itself",
+            MisfitSeverity.ERROR,
             f"its speed adds up to {counted:.1f} m, its places are {along:.1f} m apart: the speed "
             "is off by as much, and so is every stop",
             "correct wheel radius or units of the speed",
-        )  # fmt: skip
+        )
 
 
 def check_silence(facts: Facts) -> Iterator[Misfit]:

@@ -64,10 +64,13 @@ def seen_live(edge: EdgeSettings, seconds: float) -> Seen:
     with (
         session,
         Node(
-            session, ours.domain, ours.namespace, "slopewise_doctor",
+            session,
+            ours.domain,
+            ours.namespace,
+            "slopewise_doctor",
             distribution=ours.distribution,
         ) as node,
-    ):  # fmt: skip
+    ):
         kinds = {
             node.subscribe(name, kind, latched=kind in (GRID_MAP, TRANSFORMS)): kind
             for name, kind in listened

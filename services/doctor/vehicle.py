@@ -35,11 +35,12 @@ def check_footprint(facts: Facts) -> Iterator[Misfit]:
             continue
         if small:
             yield Misfit(
-                "footprint", MisfitSeverity.ERROR,
+                "footprint",
+                MisfitSeverity.ERROR,
                 f"{node} takes the vehicle for {what}, by the model file it is {length:.2f} x "
                 f"{width:.2f} m",
                 "correct the one that is wrong: width, front_overhang, rear_overhang, or footprint",
-            )  # fmt: skip
+            )
 
 
 def _outline(value: object) -> np.ndarray | None:
@@ -59,35 +60,39 @@ def check_edge(facts: Facts) -> Iterator[Misfit]:
         able = brakes_on_level(model)
         if edge.stop.deceleration > able:
             yield Misfit(
-                "the edge's own stop", MisfitSeverity.ERROR,
+                "the edge's own stop",
+                MisfitSeverity.ERROR,
                 f"stop.deceleration is {edge.stop.deceleration:g} m/s², the brakes were learned to "
                 f"reach {able:.2f} m/s² at least",
                 f"set it to {0.8 * able:.1f} or less",
-            )  # fmt: skip
+            )
         if edge.stop.dead_time < model.braking.dead_time:
             yield Misfit(
-                "the edge's own stop", MisfitSeverity.ERROR,
+                "the edge's own stop",
+                MisfitSeverity.ERROR,
                 f"stop.dead_time is {edge.stop.dead_time:g} s, that of the model "
                 f"{model.braking.dead_time:g} s",
                 "set it to no less",
-            )  # fmt: skip
+            )
         told, known = edge.wheels.radius, model.vehicle.wheel_radius
         if edge.wheels.left and abs(told - known) > _RADIUS * known:
             yield Misfit(
-                "wheel radius", MisfitSeverity.ERROR,
+                "wheel radius",
+                MisfitSeverity.ERROR,
                 f"wheels.radius is {told:g} m, that of the model {known:g} m: ground is learned "
                 "wrongly",
                 "measure it with load, and set both",
-            )  # fmt: skip
+            )
     if facts.nav2 is not None:
         rate = first(facts.nav2.of("controller_server").get("controller_frequency"))
         if rate and edge.timing.life < 2.0 / rate:
             yield Misfit(
-                "life of a limit", MisfitSeverity.ERROR,
+                "life of a limit",
+                MisfitSeverity.ERROR,
                 f"a limit looks {edge.timing.life:g} s ahead, the controller takes one up every "
                 f"{1.0 / rate:.2f} s",
                 "set timing.life to twice that, or the controller's frequency higher",
-            )  # fmt: skip
+            )
 
 
 def check_times(facts: Facts) -> Iterator[Misfit]:
@@ -102,14 +107,16 @@ def check_times(facts: Facts) -> Iterator[Misfit]:
     if len(set(clocks.values())) > 1:
         simulated = ", ".join(sorted(node for node, value in clocks.items() if value))
         yield Misfit(
-            "clock", MisfitSeverity.ERROR,
+            "clock",
+            MisfitSeverity.ERROR,
             f"{simulated} run on simulated time, others do not",
             "give all nodes the same use_sim_time",
-        )  # fmt: skip
+        )
     rate = first(facts.nav2.of("controller_server").get("controller_frequency"))
     if rate is not None and rate < 10.0:
         yield Misfit(
-            "rate of the controller", MisfitSeverity.WARNING,
+            "rate of the controller",
+            MisfitSeverity.WARNING,
             f"controller_frequency is {rate:g} Hz: a limit counts up to {1.0 / rate:.2f} s later",
             "set it to 10 Hz or more",
-        )  # fmt: skip
+        )

@@ -16,11 +16,19 @@ from services.io.access import write_atomic
 
 _VECTORS = 8
 _RANGES = {
-    "speed": (0.2, 4.0), "grade": (-0.2, 0.2), "roll": (-0.2, 0.2), "distance": (1.0, 20.0),
-    "deceleration": (0.0, 4.0), "lateral_accel": (-2.0, 2.0), "curvature": (-0.3, 0.3),
-    "yaw": (-3.0, 3.0), "x": (-20.0, 20.0), "y": (-20.0, 20.0), "ground_force": (0.0, 0.05),
+    "speed": (0.2, 4.0),
+    "grade": (-0.2, 0.2),
+    "roll": (-0.2, 0.2),
+    "distance": (1.0, 20.0),
+    "deceleration": (0.0, 4.0),
+    "lateral_accel": (-2.0, 2.0),
+    "curvature": (-0.3, 0.3),
+    "yaw": (-3.0, 3.0),
+    "x": (-20.0, 20.0),
+    "y": (-20.0, 20.0),
+    "ground_force": (0.0, 0.05),
     "session_time": (0.0, 3600.0),
-}  # fmt: skip
+}
 
 
 def sample_inputs(one: ModelFunction, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -87,11 +87,12 @@ def functions_of(model: Model) -> list[ModelFunction]:
     found.append(
         _made(
             "motion_deceleration",
-            (_SPEED, ("curvature", "1/m"), ("yaw", "rad")), ("deceleration", "m/s^2"),
+            (_SPEED, ("curvature", "1/m"), ("yaw", "rad")),
+            ("deceleration", "m/s^2"),
             "what drag and other effects on the motion add to the deceleration",
             lambda v, k, yaw: registry.motion_deceleration(v, k, yaw, terms) + 0.0 * (k + yaw),
         )
-    )  # fmt: skip
+    )
     return found
 
 
@@ -125,17 +126,37 @@ def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
     state, here = (_SPEED, _GRADE, _GROUND), f"{on}, straight along a constant grade"
     decel = ("deceleration", "m/s^2")
     return [
-        _made(f"force_ratio{end}", state, ("force_ratio", "1"),
-              f"least F_b/W of full, cold brakes{on}; 0 on grades that were not trained", ratio),
+        _made(
+            f"force_ratio{end}",
+            state,
+            ("force_ratio", "1"),
+            f"least F_b/W of full, cold brakes{on}; 0 on grades that were not trained",
+            ratio,
+        ),
         _made(f"deceleration{end}", state, decel, f"least of full, cold brakes{on}", slowing),
-        _made(f"max_deceleration{end}", state, decel,
-              f"most of full brakes{on}: for the loads of axles", strongest),
-        _made(f"stopping_distance{end}", state, ("distance", "m"),
-              f"from command to rest{here}; infinite where no stop is known", distance),
-        _made(f"speed_bound{end}", (("distance", "m"), _GRADE, _GROUND), ("speed", "m/s"),
-              f"stops within a distance{here}; 0 where nothing may drive", bound),
+        _made(
+            f"max_deceleration{end}",
+            state,
+            decel,
+            f"most of full brakes{on}: for the loads of axles",
+            strongest,
+        ),
+        _made(
+            f"stopping_distance{end}",
+            state,
+            ("distance", "m"),
+            f"from command to rest{here}; infinite where no stop is known",
+            distance,
+        ),
+        _made(
+            f"speed_bound{end}",
+            (("distance", "m"), _GRADE, _GROUND),
+            ("speed", "m/s"),
+            f"stops within a distance{here}; 0 where nothing may drive",
+            bound,
+        ),
         _ground_force(model, end, on),
-    ]  # fmt: skip
+    ]
 
 
 def _ground_force(model: Model, end: str, on: str) -> ModelFunction:
@@ -153,9 +174,12 @@ def _ground_force(model: Model, end: str, on: str) -> ModelFunction:
 
 
 def _made(
-    name: str, inputs: tuple[tuple[str, str], ...], output: tuple[str, str], words: str,
+    name: str,
+    inputs: tuple[tuple[str, str], ...],
+    output: tuple[str, str],
+    words: str,
     law: Callable[..., Any],
-) -> ModelFunction:  # fmt: skip
+) -> ModelFunction:
     symbols = [ca.SX.sym(symbol) for symbol, _ in inputs]
     value = ca.SX(law(*symbols))
     function = ca.Function(name, symbols, [value], [symbol for symbol, _ in inputs], [output[0]])

@@ -30,17 +30,21 @@ def _table(kind: Any) -> dict[str, Any]:
         if "unit" in told:
             entry["description"] = f"{told['text']} [{told['unit']}]"
             for key, word in (
-                ("above", "exclusiveMinimum"), ("at_least", "minimum"), ("at_most", "maximum"),
-            ):  # fmt: skip
+                ("above", "exclusiveMinimum"),
+                ("at_least", "minimum"),
+                ("at_most", "maximum"),
+            ):
                 if np.isfinite(told[key]):
                     entry[word] = told[key]
         properties[field.name] = entry
         if field.default is field.default_factory is dataclasses.MISSING:
             required.append(field.name)
     return {
-        "type": "object", "properties": properties, "required": required,
+        "type": "object",
+        "properties": properties,
+        "required": required,
         "additionalProperties": False,
-    }  # fmt: skip
+    }
 
 
 def _of(kind: Any) -> dict[str, Any]:

@@ -81,15 +81,21 @@ def _schema(pa: Any) -> Any:
     parameter = pa.struct([("name", text), ("value", number), ("std", number), ("unit", text)])
     effect = pa.struct(
         [
-            ("name", text), ("confidence", number), ("alternatives", pa.list_(text)),
-            ("where", text), ("parameters", pa.list_(parameter)),
+            ("name", text),
+            ("confidence", number),
+            ("alternatives", pa.list_(text)),
+            ("where", text),
+            ("parameters", pa.list_(parameter)),
         ]
-    )  # fmt: skip
+    )
     return pa.schema(
         [
             *((name, text) for name in ("vehicle", "key", "status", "reason", "verdict")),
-            ("summary", text), ("stops", pa.int64()), ("effects", pa.list_(effect)),
+            ("summary", text),
+            ("stops", pa.int64()),
+            ("effects", pa.list_(effect)),
             *((f"{gap}_{name}", number) for gap in _GAPS for name in _OF_GAP),
-            ("notes", pa.list_(text)), ("next_experiment", text),
+            ("notes", pa.list_(text)),
+            ("next_experiment", text),
         ]
-    )  # fmt: skip
+    )

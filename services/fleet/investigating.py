@@ -124,8 +124,11 @@ def _looked_at(task: VehicleTask) -> Row:
             "begun": task.begun,
         }
         write_report(
-            task.own_folder / findings_file.PAGE, findings, evidence,
-            title=f"{task.vehicle} against its log", provenance=provenance,
-        )  # fmt: skip
+            task.own_folder / findings_file.PAGE,
+            findings,
+            evidence,
+            title=f"{task.vehicle} against its log",
+            provenance=provenance,
+        )
     told = findings_file.findings_as_json(findings)
     return finding.answered(task.vehicle, task.key, told)

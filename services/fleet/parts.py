@@ -54,11 +54,17 @@ class FleetQuestion:
     def digest(self) -> str:
         """Of all but the paths, and of the version that answers."""
         told = [
-            _FORMAT, version("slopewise"), PART, map_digest(Path(self.map_file)),
-            json.dumps(self.model, sort_keys=True), repr(self.settings),
-            repr(float(self.start_speed)), repr(float(self.clear)), repr(self.uncertainty),
+            _FORMAT,
+            version("slopewise"),
+            PART,
+            map_digest(Path(self.map_file)),
+            json.dumps(self.model, sort_keys=True),
+            repr(self.settings),
+            repr(float(self.start_speed)),
+            repr(float(self.clear)),
+            repr(self.uncertainty),
             repr(self.nodata),
-        ]  # fmt: skip
+        ]
         return hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
 
 

@@ -27,9 +27,7 @@ def picture(rows: Sequence[Row], effects: Sequence[str]) -> str:
     with house_style() as make:
         lines = max(len(effects), 1)
         figure = make((11.0, 3.6 + 0.3 * lines), layout="constrained")
-        above, below = figure.subplots(
-            2, 1, sharex=True, height_ratios=(2.6, 0.3 * lines + 0.2)
-        )  # fmt: skip
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 0.3 * lines + 0.2))
         _surprises(above, rows)
         _effects(below, rows, effects)
         below.set_xlim(-0.6, max(len(rows) - 0.4, 0.6))

@@ -85,24 +85,46 @@ def _row(answer: SpeedPlan | Refused, source: str) -> dict[str, Any]:
 
 def _candidates(pa: Any) -> Any:
     numbers = (
-        "travel_time", "progress", "length", "max_speed", "clear_distance", "least_margin",
-        "least_rear_load", "path_deviation",
-    )  # fmt: skip
+        "travel_time",
+        "progress",
+        "length",
+        "max_speed",
+        "clear_distance",
+        "least_margin",
+        "least_rear_load",
+        "path_deviation",
+    )
     return pa.schema(
         [
-            ("source", pa.string()), ("candidate", pa.string()), ("status", pa.string()),
-            ("reason", pa.string()), ("admissible", pa.bool_()),
+            ("source", pa.string()),
+            ("candidate", pa.string()),
+            ("status", pa.string()),
+            ("reason", pa.string()),
+            ("admissible", pa.bool_()),
             *((name, pa.float64()) for name in numbers),
         ]
-    )  # fmt: skip
+    )
 
 
 _TEXT = ("candidate", "limiting", "status", "reason")
 _NUMBERS = (
-    "station", "x", "y", "z", "grade", "roll", "curvature", "speed", "accel", "time",
-    "speed_bound", "stop_distance", "clear_distance", "rear_load", "side_load",
+    "station",
+    "x",
+    "y",
+    "z",
+    "grade",
+    "roll",
+    "curvature",
+    "speed",
+    "accel",
+    "time",
+    "speed_bound",
+    "stop_distance",
+    "clear_distance",
+    "rear_load",
+    "side_load",
     "path_deviation",
-)  # fmt: skip
+)
 
 
 def _stations(plans: Sequence[SpeedPlan], source: str, pa: Any) -> Any:

@@ -157,9 +157,13 @@ def _client(workers: Workers) -> Iterator[Any]:
     count = workers.count or os.cpu_count() or 1
     with (
         LocalCluster(
-            n_workers=count, threads_per_worker=1, processes=True, memory_limit=MEMORY,
-            dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL,
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=MEMORY,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,
-    ):  # fmt: skip
+    ):
         yield client

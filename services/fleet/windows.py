@@ -84,9 +84,11 @@ def ground_in(ground: GeotiffWindows, cells: tuple[slice, slice]) -> ElevationMa
     if not np.isfinite(heights).any():
         heights = _with_a_known_cell(heights)
     return ElevationMap(
-        elevation=heights, resolution=part.resolution, origin=part.origin,
+        elevation=heights,
+        resolution=part.resolution,
+        origin=part.origin,
         height_std=ground.height_std,
-    )  # fmt: skip
+    )
 
 
 def _with_a_known_cell(heights: Floats) -> Floats:

@@ -51,9 +51,15 @@ class ArcAhead(NamedTuple):
 
 
 def arc_ahead(
-    model: GuardModel, rows: Floats, ground: GuardGround, pose: PlanarPose, curvature: float, *,
-    forward: bool, length: float,
-) -> ArcAhead:  # fmt: skip
+    model: GuardModel,
+    rows: Floats,
+    ground: GuardGround,
+    pose: PlanarPose,
+    curvature: float,
+    *,
+    forward: bool,
+    length: float,
+) -> ArcAhead:
     """Look along an arc.
 
     Args:
@@ -118,9 +124,12 @@ def surface_rows(model: GuardModel, ground: GuardGround) -> Ints:
 
 
 def _below(
-    model: GuardModel, pose: PlanarPose, points: tuple[Floats, Floats], ends: tuple[float, float],
+    model: GuardModel,
+    pose: PlanarPose,
+    points: tuple[Floats, Floats],
+    ends: tuple[float, float],
     yaw: float,
-) -> Bools:  # fmt: skip
+) -> Bools:
     """Points under the vehicle as it stands: nobody has to see them, it is there already."""
     east, north = points[0] - pose.x, points[1] - pose.y
     along = east * np.cos(yaw) + north * np.sin(yaw)

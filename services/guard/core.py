@@ -52,9 +52,12 @@ class Guard:
     """Judges commands; one thread."""
 
     def __init__(
-        self, settings: GuardSettings, model: GuardModel, ground: GuardGround | None,
+        self,
+        settings: GuardSettings,
+        model: GuardModel,
+        ground: GuardGround | None,
         wall: WallClock | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Nothing heard yet, so nothing may move; ``wall``: the clock here, by default its own."""
         timing, self.settings = settings.timing, settings
         self.counters: Counter[str] = Counter()
@@ -87,9 +90,13 @@ class Guard:
             feed.drop()
 
     def clear(
-        self, distance: float, now: float, sender: str, sequence: int | None,
+        self,
+        distance: float,
+        now: float,
+        sender: str,
+        sequence: int | None,
         time: float | None = None,
-    ) -> bool:  # fmt: skip
+    ) -> bool:
         """How far the way is known free from where the vehicle was at its stamp [m]."""
         if not (math.isfinite(distance) and distance >= 0.0):
             self.clears.drop(at=now)
@@ -138,9 +145,14 @@ class Guard:
         scene = GuardScene(self._model, self._tables, ground, distance)
         judgement, timing = self.settings.judgement, self.settings.timing
         decision = decide(
-            scene, motion, wanted[0], stands=timing.stands, late=late, load=judgement.load,
+            scene,
+            motion,
+            wanted[0],
+            stands=timing.stands,
+            late=late,
+            load=judgement.load,
             reached=reached,
-        )  # fmt: skip
+        )
         if decision.command == STILL and abs(motion.speed) < _ROLLS:
             decision = decision._replace(brake=True)  # commands can hold no better than that
         return decision, of

@@ -112,9 +112,14 @@ def decide(
     curvature = min(max(turn, -_TIGHTEST), _TIGHTEST)
     top = max(moving, target)
     way = arc_ahead(
-        model, scene.tables[0], scene.ground, motion.pose, curvature, forward=forward,
+        model,
+        scene.tables[0],
+        scene.ground,
+        motion.pose,
+        curvature,
+        forward=forward,
         length=_look(model, top, stands + late, scene.clear),
-    )  # fmt: skip
+    )
     end = min(scene.clear, max(way.ends - 1, 0) * way.step if way.why else np.inf)
     least, span = load * model.min_load, min(end, way.step * (len(way.grade) - 1))
     if plainly_fine(model, scene.tables, way, top, stands + late, least, span):

@@ -49,9 +49,13 @@ class Feed(Generic[T]):
         return Lateness(self.max_latency, self.wall, uses_stamps=self.uses_stamps, late=late)
 
     def take(
-        self, value: T, now: float, sender: str = "", sequence: int | None = None,
+        self,
+        value: T,
+        now: float,
+        sender: str = "",
+        sequence: int | None = None,
         time: float | None = None,
-    ) -> bool:  # fmt: skip
+    ) -> bool:
         """Record a message; False where its number or its stamp shows that it is not new.
 
         A sender whose number goes back has to be silent for the deadline before it is accepted

@@ -69,9 +69,14 @@ def read_ground(path: Path) -> GuardGround:
     info = npz_map_file.read_info(path)
     heights, classes, names, _ = npz_map_file.read_layers(path)
     update = MapUpdate(
-        source=str(path), sequence=1, elevation=heights, resolution=info.resolution,
-        origin=info.origin, terrain_class=classes, class_names=list(names),
-    )  # fmt: skip
+        source=str(path),
+        sequence=1,
+        elevation=heights,
+        resolution=info.resolution,
+        origin=info.origin,
+        terrain_class=classes,
+        class_names=list(names),
+    )
     try:
         return ground_of(update, None)
     except ParameterError as error:

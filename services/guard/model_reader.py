@@ -25,17 +25,50 @@ SPREAD = 2.0
 NO_LIMIT = 1e6
 _SIZES = ("mass", "wheelbase", "track_width", "cg_x", "cg_z", "wheel_radius", "max_wheel_speed")
 _VEHICLE = {
-    *_SIZES, "drive", "max_drive_force", "max_drive_power", "motor_torque_constant", "gear_ratio",
-    "idle_current", "width", "front_overhang", "rear_overhang", "ground_clearance", "max_step",
-    "wheel_width", "wheel_travel", "front_brake_share", "ride_frequency", "ride_damping",
-}  # fmt: skip
+    *_SIZES,
+    "drive",
+    "max_drive_force",
+    "max_drive_power",
+    "motor_torque_constant",
+    "gear_ratio",
+    "idle_current",
+    "width",
+    "front_overhang",
+    "rear_overhang",
+    "ground_clearance",
+    "max_step",
+    "wheel_width",
+    "wheel_travel",
+    "front_brake_share",
+    "ride_frequency",
+    "ride_damping",
+}
 _FORCE = ("m_m", "b_m", "m_b", "b_b")
 _OF_SURFACE = {
-    *_FORCE, "dead_time", "distance_offset", "time_offset", "speed_range", "grade_range",
-    "roll_range", "covariance", "force_std", "dead_time_std", "speed_error", "drive_in_dead_time",
-    "sliding_friction", "level", "uphill", "extrapolate", "extrapolation_margin", "class_id",
-    "force_scatter", "dead_band", "saturation", "state_of", "speed_by_grade",
-}  # fmt: skip
+    *_FORCE,
+    "dead_time",
+    "distance_offset",
+    "time_offset",
+    "speed_range",
+    "grade_range",
+    "roll_range",
+    "covariance",
+    "force_std",
+    "dead_time_std",
+    "speed_error",
+    "drive_in_dead_time",
+    "sliding_friction",
+    "level",
+    "uphill",
+    "extrapolate",
+    "extrapolation_margin",
+    "class_id",
+    "force_scatter",
+    "dead_band",
+    "saturation",
+    "state_of",
+    "speed_by_grade",
+}
 _ANGLES = ("grade_range", "roll_range")
 _LIMITS = ("speed", "accel", "decel", "lateral_accel", "min_load")
 
@@ -151,15 +184,26 @@ class _ModelReader:
         }
         self._check_plausible(data)
         return GuardModel(
-            surfaces, effects, registry.motion(effects), registry.force_scale(effects), resistance,
-            sizes["wheelbase"], sizes["track_width"], sizes["cg_x"], sizes["cg_z"],
+            surfaces,
+            effects,
+            registry.motion(effects),
+            registry.force_scale(effects),
+            resistance,
+            sizes["wheelbase"],
+            sizes["track_width"],
+            sizes["cg_x"],
+            sizes["cg_z"],
             half + self._number(vehicle, "vehicle", "front_overhang", radius, least=0.0),
             half + self._number(vehicle, "vehicle", "rear_overhang", radius, least=0.0),
             self._number(vehicle, "vehicle", "width", wide, above=0.0),
             self._number(vehicle, "vehicle", "max_step", radius / 3.0, above=0.0),
-            sizes["max_wheel_speed"], most["speed"], most["accel"], most["decel"],
-            most["lateral_accel"], most["min_load"],
-        )  # fmt: skip
+            sizes["max_wheel_speed"],
+            most["speed"],
+            most["accel"],
+            most["decel"],
+            most["lateral_accel"],
+            most["min_load"],
+        )
 
     def _check_plausible(self, data: Mapping[str, Any]) -> None:
         try:
@@ -201,15 +245,28 @@ class _ModelReader:
         band, full = number("dead_band", 0.0, least=0.0), number("saturation", 1.0, above=0.0)
         applied = (number("level", 1.0, above=0.0) - band) / max(full - band, 1e-6)
         return GuardSurface(
-            kept * force[0], kept * force[1], kept * force[2], kept * force[3] - worse,
-            kept * up_m, kept * up_b,
+            kept * force[0],
+            kept * force[1],
+            kept * force[2],
+            kept * force[3] - worse,
+            kept * up_m,
+            kept * up_b,
             # A lag makes stops longer by no more than the same time at held speed.
             number("dead_time", least=0.0) + lag + SPREAD * number("dead_time_std", 0.0, least=0.0),
-            number("distance_offset", 0.0, least=0.0), number("speed_error", 0.0, least=0.0),
-            speeds[0], speeds[1], grades, rolls, min(caps), min(max(applied, 0.0), 1.0),
-            rolls_on, class_id, table.get("state_of"),
-            (1.0 + margin) * (1.0 + scatter) / kept, 2.0 * worse,
-        )  # fmt: skip
+            number("distance_offset", 0.0, least=0.0),
+            number("speed_error", 0.0, least=0.0),
+            speeds[0],
+            speeds[1],
+            grades,
+            rolls,
+            min(caps),
+            min(max(applied, 0.0), 1.0),
+            rolls_on,
+            class_id,
+            table.get("state_of"),
+            (1.0 + margin) * (1.0 + scatter) / kept,
+            2.0 * worse,
+        )
 
     def _effects(self, tables: object) -> tuple[Effect, ...]:
         if not isinstance(tables, list) or not all(isinstance(t, Mapping) for t in tables):
@@ -243,9 +300,15 @@ class _ModelReader:
                 raise self._fault(f"{where}.{key}", words)
 
     def _number(
-        self, table: Mapping[str, Any], where: str, key: str, default: float | None = None,
-        *, least: float = -NO_LIMIT, above: float = -NO_LIMIT,
-    ) -> float:  # fmt: skip
+        self,
+        table: Mapping[str, Any],
+        where: str,
+        key: str,
+        default: float | None = None,
+        *,
+        least: float = -NO_LIMIT,
+        above: float = -NO_LIMIT,
+    ) -> float:
         value = table.get(key, default)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self._fault(f"{where}.{key}", f"expected a number, got {value!r}")
@@ -255,9 +318,12 @@ class _ModelReader:
         return float(value)
 
     def _range(
-        self, table: Mapping[str, Any], where: str, key: str,
+        self,
+        table: Mapping[str, Any],
+        where: str,
+        key: str,
         default: tuple[float, float] | None = None,
-    ) -> tuple[float, float]:  # fmt: skip
+    ) -> tuple[float, float]:
         value = table.get(key, default)
         try:
             low, high = (float(end) for end in value)
@@ -289,11 +355,27 @@ def rows_of(model: GuardModel) -> Floats:
     """
     own = np.array(
         [
-            [s.m_m, s.b_m, s.m_b, s.b_b, s.up_m, s.up_b, s.slowest, s.friction, s.level, s.rolls_on,
-             *s.grades, *s.rolls, s.fastest, s.dead_time, s.stronger, s.more]
+            [
+                s.m_m,
+                s.b_m,
+                s.m_b,
+                s.b_b,
+                s.up_m,
+                s.up_b,
+                s.slowest,
+                s.friction,
+                s.level,
+                s.rolls_on,
+                *s.grades,
+                *s.rolls,
+                s.fastest,
+                s.dead_time,
+                s.stronger,
+                s.more,
+            ]
             for s in model.surfaces.values()
         ]
-    )  # fmt: skip
+    )
     either = own[0].copy()
     either[[10, 12, 15]] = own[:, [10, 12, 15]].max(axis=0)
     either[[11, 13, 14]] = own[:, [11, 13, 14]].min(axis=0)

@@ -18,9 +18,14 @@ from services.guard.stops import Tables
 
 
 def plainly_fine(
-    model: GuardModel, tables: Tables, way: ArcAhead, speed: float, held: float, least_load: float,
+    model: GuardModel,
+    tables: Tables,
+    way: ArcAhead,
+    speed: float,
+    held: float,
+    least_load: float,
     end: float,
-) -> bool:  # fmt: skip
+) -> bool:
     """Whether stops from all speeds up to one end before ``end`` [m], with all loads kept.
 
     False means nothing but that it has to be looked at closely.

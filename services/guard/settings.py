@@ -66,9 +66,12 @@ class GuardTiming:
     """
 
     period: float = quantity(
-        "s", "From one word to the base to the next, at least.", default=0.05, at_least=0.01,
+        "s",
+        "From one word to the base to the next, at least.",
+        default=0.05,
+        at_least=0.01,
         at_most=0.2,
-    )  # fmt: skip
+    )
     command: float = quantity(
         "s", "A command older than that is none.", default=0.2, at_least=0.02, at_most=1.0
     )
@@ -76,27 +79,42 @@ class GuardTiming:
         "s", "Odometry older than that tells nothing.", default=0.2, at_least=0.02, at_most=1.0
     )
     clear: float = quantity(
-        "s", "Likewise the clear distance, where one is awaited.", default=0.5, at_least=0.02,
+        "s",
+        "Likewise the clear distance, where one is awaited.",
+        default=0.5,
+        at_least=0.02,
         at_most=5.0,
-    )  # fmt: skip
+    )
     map: float = quantity("s", "Likewise the map; a large one: it holds.", default=1e9, above=0.0)
     stall: float = quantity(
-        "s", "A process that is silent for so long has failed.", default=0.2, at_least=0.05,
+        "s",
+        "A process that is silent for so long has failed.",
+        default=0.2,
+        at_least=0.05,
         at_most=2.0,
-    )  # fmt: skip
+    )
     stands: float = quantity(
-        "s", "A command is taken to hold for so long before anything is done about it.",
-        default=0.1, at_least=0.0, at_most=2.0,
-    )  # fmt: skip
+        "s",
+        "A command is taken to hold for so long before anything is done about it.",
+        default=0.1,
+        at_least=0.0,
+        at_most=2.0,
+    )
     clock: Literal["unknown", "shared", "ignored"] = "unknown"
     max_latency: float = quantity(
-        "s", "Longest delay from measurement to arrival; unused where stamps show it.",
-        default=0.2, at_least=0.0, at_most=2.0,
-    )  # fmt: skip
+        "s",
+        "Longest delay from measurement to arrival; unused where stamps show it.",
+        default=0.2,
+        at_least=0.0,
+        at_most=2.0,
+    )
     transport: float = quantity(
-        "s", "From the guard to the base, if not in the dead time of the model.", default=0.02,
-        at_least=0.0, at_most=1.0,
-    )  # fmt: skip
+        "s",
+        "From the guard to the base, if not in the dead time of the model.",
+        default=0.02,
+        at_least=0.0,
+        at_most=1.0,
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)
@@ -117,9 +135,12 @@ class GuardJudgement:
     """
 
     load: float = quantity(
-        "1", "Share of min_load that axles and sides keep in every stop.", default=0.5,
-        at_least=0.0, at_most=1.0,
-    )  # fmt: skip
+        "1",
+        "Share of min_load that axles and sides keep in every stop.",
+        default=0.5,
+        at_least=0.0,
+        at_most=1.0,
+    )
     reserve: float = quantity(
         "m", "Kept of the clear distance for errors of localisation.", default=0.15, at_least=0.0
     )

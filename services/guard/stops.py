@@ -135,9 +135,7 @@ def _pushed(model: GuardModel, way: ArcAhead, onset: Floats, count: int) -> Floa
     return pushed
 
 
-def _rest(
-    energy: Floats, decel: Floats, onset_sq: Floats, holds: Floats, step: float
-) -> Floats:  # fmt: skip
+def _rest(energy: Floats, decel: Floats, onset_sq: Floats, holds: Floats, step: float) -> Floats:
     """Where each stop ends [m]; inf where it does not."""
     ended = energy <= 0.0
     last = np.argmax(ended, axis=1)
@@ -151,9 +149,13 @@ def _rest(
 
 
 def _loaded(
-    model: GuardModel, way: ArcAhead, pose: tuple[Floats, ...], speed_sq: Floats, force: Floats,
+    model: GuardModel,
+    way: ArcAhead,
+    pose: tuple[Floats, ...],
+    speed_sq: Floats,
+    force: Floats,
     least_load: float,
-) -> Bools:  # fmt: skip
+) -> Bools:
     """Where axles and sides keep enough load while braking as hard as may be, (K, S)."""
     sine, upright, grade, roll, bend = pose
     normal = upright + np.minimum(bend, 0.0) * speed_sq / GRAVITY

@@ -108,11 +108,15 @@ class Worker:
         self._told = now
         refused = [f"{t}: {why}" for t, why in sorted(self._wire.inbox.refused.items())]
         status = GuardStatus(
-            uptime=now - self._begun, reaction=self._settings.timing.reaction,
-            counters=dict(self.guard.counters), ages=self.guard.ages(now),
-            seconds=self.guard.times(), flags=[*self.guard.flags(now), *refused],
-            last=self.guard.last, stamps=self.guard.stamps(),
-        )  # fmt: skip
+            uptime=now - self._begun,
+            reaction=self._settings.timing.reaction,
+            counters=dict(self.guard.counters),
+            ages=self.guard.ages(now),
+            seconds=self.guard.times(),
+            flags=[*self.guard.flags(now), *refused],
+            last=self.guard.last,
+            stamps=self.guard.stamps(),
+        )
         encoding = codec.encoding_of(GuardStatus, Format.JSON)
         self._status.put(codec.encode(status, Format.JSON), encoding=encoding)
 

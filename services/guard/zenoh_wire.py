@@ -59,19 +59,26 @@ class OutputWire:
         """Speak as ``source``."""
         self._source, self._sequence = source, 0
         self._publisher = session.declare_publisher(
-            f"{namespace}/v1/guard/output", congestion_control=_DROP, express=True,
+            f"{namespace}/v1/guard/output",
+            congestion_control=_DROP,
+            express=True,
             priority=zenoh.Priority.REAL_TIME,
-        )  # fmt: skip
+        )
 
     def say(self, word: BaseWord) -> None:
         """Tell the base."""
         self._sequence += 1
         decision = word.decision
         message = GuardOutput(
-            source=self._source, sequence=self._sequence, of=word.of,
-            speed=decision.command.speed, yaw_rate=decision.command.yaw_rate,
-            brake=decision.brake, action=decision.action, reason=decision.reason,
-        )  # fmt: skip
+            source=self._source,
+            sequence=self._sequence,
+            of=word.of,
+            speed=decision.command.speed,
+            yaw_rate=decision.command.yaw_rate,
+            brake=decision.brake,
+            action=decision.action,
+            reason=decision.reason,
+        )
         encoding = codec.encoding_of(GuardOutput, Format.JSON)
         self._publisher.put(codec.encode(message, Format.JSON), encoding=encoding)
 

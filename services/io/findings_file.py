@@ -61,8 +61,11 @@ def findings_as_json(f: Findings) -> dict[str, Any]:
         ],
         "located": [
             {
-                "axis": a.axis, "range": [a.low, a.high], "unit": a.unit,
-                "share_of_gap": a.share_of_gap, "p_value": a.p_value,
+                "axis": a.axis,
+                "range": [a.low, a.high],
+                "unit": a.unit,
+                "share_of_gap": a.share_of_gap,
+                "p_value": a.p_value,
             }
             for a in f.located
         ],
@@ -82,11 +85,12 @@ def findings_as_json(f: Findings) -> dict[str, Any]:
         "stops": f.stops,
         "notes": list(f.notes),
         "seconds": f.seconds,
-    }  # fmt: skip
+    }
 
 
 def _gap(gap: Gap) -> dict[str, Any]:
     values = asdict(gap)
     values["ci95"] = None if gap.ci95 is None else list(gap.ci95)
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in
-            values.items()}  # fmt: skip
+    return {
+        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()
+    }

@@ -31,9 +31,12 @@ def plain_columns(content: str, text: Collection[str]) -> dict[str, list[str] | 
         return None
     try:
         frame = polars.read_csv(
-            io.BytesIO(body.encode()), has_header=False, new_columns=names, infer_schema=False,
+            io.BytesIO(body.encode()),
+            has_header=False,
+            new_columns=names,
+            infer_schema=False,
             quote_char=None,
-        ).fill_null("")  # fmt: skip
+        ).fill_null("")
     except polars.exceptions.PolarsError:
         return None
     lines = body.count("\n") + (not body.endswith("\n"))

@@ -19,9 +19,25 @@ from services.io.table import read_csv, write_csv
 
 TEXT = ("candidate", "limiting", "status", "reason")
 COLUMNS = (
-    "candidate", "station", "x", "y", "z", "grade", "roll", "curvature", "speed", "accel", "time",
-    "speed_bound", "limiting", "stop_distance", "clear_distance", "rear_load", "status", "reason",
-)  # fmt: skip
+    "candidate",
+    "station",
+    "x",
+    "y",
+    "z",
+    "grade",
+    "roll",
+    "curvature",
+    "speed",
+    "accel",
+    "time",
+    "speed_bound",
+    "limiting",
+    "stop_distance",
+    "clear_distance",
+    "rear_load",
+    "status",
+    "reason",
+)
 """Columns in their order: m, m/s, m/s², s, rad, 1/m; `rear_load` is a share of the static load."""
 
 

@@ -72,13 +72,21 @@ class _Reader:
         f, d, c = len(features), len(DRIVING_NAMES), len(classes)
         q = f + d
         linear = {
-            "fill": (q,), "scale": (q,), "weights": (c, q), "intercept": (c,), "means": (c, q),
+            "fill": (q,),
+            "scale": (q,),
+            "weights": (c, q),
+            "intercept": (c,),
+            "means": (c, q),
             "precision": (q, q),
-        }  # fmt: skip
+        }
         normal = {
-            "mean": (c, f), "slopes": (d, f), "usual": (d,), "spread": (f,),
-            "correlation": (f, f), "doubt": (c, f),
-        }  # fmt: skip
+            "mean": (c, f),
+            "slopes": (d, f),
+            "usual": (d,),
+            "spread": (f,),
+            "correlation": (f, f),
+            "doubt": (c, f),
+        }
         return SignatureModel(
             classes=classes,
             runs=tuple(self._array("runs", (c,)).astype(int).tolist()),

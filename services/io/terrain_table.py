@@ -15,11 +15,29 @@ from services.io.table import write_csv
 
 _TEXT = ("run", "phase", "terrain", "rules", "note")
 COLUMNS = (
-    "run", "t", "t_end", "phase", "samples", "speed", "speed_difference", "yaw_rate",
-    "onset_current", "motion_resistance", "motion_resistance_std", "lateral_resistance",
-    "lateral_resistance_std", "slip_track", "slip_track_std", "terrain", "probability", "rules",
-    "centre_left", "centre_right", "change", "note",
-)  # fmt: skip
+    "run",
+    "t",
+    "t_end",
+    "phase",
+    "samples",
+    "speed",
+    "speed_difference",
+    "yaw_rate",
+    "onset_current",
+    "motion_resistance",
+    "motion_resistance_std",
+    "lateral_resistance",
+    "lateral_resistance_std",
+    "slip_track",
+    "slip_track_std",
+    "terrain",
+    "probability",
+    "rules",
+    "centre_left",
+    "centre_right",
+    "change",
+    "note",
+)
 
 
 def write_terrain_table(rows: Sequence[dict[str, Any]], path: Path) -> None:
@@ -49,17 +67,31 @@ def event_row(
         if event.again:
             note += ", again within ten seconds"
         return {
-            "run": run, "t": event.time, "t_end": event.time, "phase": "change",
-            "change": event.strength, "note": note,
-        }  # fmt: skip
+            "run": run,
+            "t": event.time,
+            "t_end": event.time,
+            "phase": "change",
+            "change": event.strength,
+            "note": note,
+        }
     o = event.observation
     row = {
-        "run": run, "t": o.begin, "t_end": o.end, "phase": o.phase.value, "samples": o.samples,
-        "speed": o.speed, "speed_difference": o.speed_difference, "yaw_rate": o.yaw_rate,
-        "onset_current": o.onset_current, "terrain": event.answer.name,
-        "probability": event.answer.probability, "rules": event.rules.name, "note": _note(event),
-        "centre_left": centres[0], "centre_right": centres[1],
-    }  # fmt: skip
+        "run": run,
+        "t": o.begin,
+        "t_end": o.end,
+        "phase": o.phase.value,
+        "samples": o.samples,
+        "speed": o.speed,
+        "speed_difference": o.speed_difference,
+        "yaw_rate": o.yaw_rate,
+        "onset_current": o.onset_current,
+        "terrain": event.answer.name,
+        "probability": event.answer.probability,
+        "rules": event.rules.name,
+        "note": _note(event),
+        "centre_left": centres[0],
+        "centre_right": centres[1],
+    }
     for name in ("motion_resistance", "lateral_resistance", "slip_track"):
         estimate = getattr(o.known, name)
         row[name], row[f"{name}_std"] = estimate.value, estimate.std
@@ -86,6 +118,10 @@ def excluded_row(run: str, time: Sequence[float] | Floats, stretch: Suspect) -> 
     """
     last = min(stretch.stop, len(time)) - 1
     return {
-        "run": run, "t": float(time[stretch.start]), "t_end": float(time[last]),
-        "phase": "excluded", "samples": stretch.stop - stretch.start, "note": stretch.reason,
-    }  # fmt: skip
+        "run": run,
+        "t": float(time[stretch.start]),
+        "t_end": float(time[last]),
+        "phase": "excluded",
+        "samples": stretch.stop - stretch.start,
+        "note": stretch.reason,
+    }

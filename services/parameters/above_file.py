@@ -46,9 +46,12 @@ def limited(prior: Braking, used: Braking, most: float) -> tuple[Braking, list[s
 
 
 def _limited(
-    prior: Braking, known: SurfaceBraking | None, used: Braking, now: SurfaceBraking | None,
+    prior: Braking,
+    known: SurfaceBraking | None,
+    used: Braking,
+    now: SurfaceBraking | None,
     most: float,
-) -> tuple[dict[str, Any], bool]:  # fmt: skip
+) -> tuple[dict[str, Any], bool]:
     """Coefficients to replace, none where nothing has to be; whether it is above the file."""
     speeds, grades = _of(used, now, "speed_range"), _of(used, now, "grade_range")
     speed, grade = np.meshgrid(speeds, grades)

@@ -106,9 +106,15 @@ class BrakingGroups(ParameterGroups):
             self._dead_times.append(stop.dead_time)
         self._changed()
         return StopTaught(
-            time.monotonic(), source, surface, stop.onset_speed, stop.grade, predicted, distance,
+            time.monotonic(),
+            source,
+            surface,
+            stop.onset_speed,
+            stop.grade,
+            predicted,
+            distance,
             done.outcome.value,
-        )  # fmt: skip
+        )
 
     def _insist(self, stop: StreamedStop, surface: str, source: str, planned: float) -> None:
         """Weak stops of one source in a row lower plans, whatever others report between them.
@@ -236,10 +242,11 @@ class BrakingGroups(ParameterGroups):
         """With brakes that answer no sooner than those of the last stops."""
         late = self.dead_time()
         tables = {
-            name: table if table.dead_time is None
+            name: table
+            if table.dead_time is None
             else dataclasses.replace(table, dead_time=max(table.dead_time, late))
             for name, table in used.terrain.items()
-        }  # fmt: skip
+        }
         return dataclasses.replace(used, dead_time=max(used.dead_time, late), terrain=tables)
 
     def _limit(self, ages: Mapping[str, float]) -> Braking:
@@ -307,9 +314,11 @@ class BrakingGroups(ParameterGroups):
         one = self._learned().get(surface)
         used = self.in_use({}).on(surface) if surface else self.in_use({})
         matrix = used.covariance
-        stds = {} if matrix is None else {
-            name: math.sqrt(max(matrix[i][i], 0.0)) for i, name in enumerate(NAMES)
-        }  # fmt: skip
+        stds = (
+            {}
+            if matrix is None
+            else {name: math.sqrt(max(matrix[i][i], 0.0)) for i, name in enumerate(NAMES)}
+        )
         notes: dict[str, str | float] = {}
         if one is not None:
             notes = {"stops believed": one.accepted, "stops not believed": one.gated}

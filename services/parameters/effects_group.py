@@ -126,9 +126,13 @@ class EffectsGroup(ParameterGroups):
             notes["adopted"] = self.adopted
             notes["may be faster than the model file"] = float(self._faster)
         return Description(
-            values=values, stds=stds, unit=units, valid=bool(self.adopted), notes=notes,
+            values=values,
+            stds=stds,
+            unit=units,
+            valid=bool(self.adopted),
+            notes=notes,
             age=time.monotonic() - self._since if self.adopted else 0.0,
-        )  # fmt: skip
+        )
 
     def _values(self) -> tuple[dict[str, float], dict[str, float], dict[str, str]]:
         values, stds, units = {}, {}, {}
@@ -148,10 +152,15 @@ class EffectsGroup(ParameterGroups):
             return None
         values, stds, _ = self._values()
         return {
-            "file": self._digest, "values": values, "stds": stds, "adopted": self.adopted,
-            "model": self._tables, "faster": self._faster, "before": self._before,
+            "file": self._digest,
+            "values": values,
+            "stds": stds,
+            "adopted": self.adopted,
+            "model": self._tables,
+            "faster": self._faster,
+            "before": self._before,
             "offer": None if self.offer is None else msgspec.to_builtins(self.offer),
-        }  # fmt: skip
+        }
 
     def read(self, state: State | None) -> tuple[Offer | None, str]:
         """The offer of a kept state, and the id of the finding in use; as :meth:`restore` fails."""

@@ -71,9 +71,13 @@ class ParameterEndpoint:
     """Takes what comes, one after the other; a context manager."""
 
     def __init__(
-        self, session: zenoh.Session, config: ServiceConfig, service: ParameterService,
-        counters: Counter[str], audience: Audience,
-    ) -> None:  # fmt: skip
+        self,
+        session: zenoh.Session,
+        config: ServiceConfig,
+        service: ParameterService,
+        counters: Counter[str],
+        audience: Audience,
+    ) -> None:
         """Declare keys and begin to work."""
         self._session, self._config, self._service = session, config, service
         self._counters = counters

@@ -56,18 +56,23 @@ class ParametersInUse:
         """As replies and status tell it."""
         age = time.monotonic() - self.at
         return messages.Parameters(
-            version=self.version, name=self.model.name, fingerprint=fingerprint(self.model),
-            age=age, model_hash=self.model_hash,
-        )  # fmt: skip
+            version=self.version,
+            name=self.model.name,
+            fingerprint=fingerprint(self.model),
+            age=age,
+            model_hash=self.model_hash,
+        )
 
 
 def slowed(parameters: ParametersInUse, speed: float, reason: str) -> ParametersInUse:
     """The same with a tighter limit of the speed [m/s], for a reason."""
     limits = replace(parameters.model.limits, speed=min(parameters.model.limits.speed, speed))
     return replace(
-        parameters, model=replace(parameters.model, limits=limits), serial=-1 - parameters.serial,
+        parameters,
+        model=replace(parameters.model, limits=limits),
+        serial=-1 - parameters.serial,
         flags=(f"degraded: {reason}", *parameters.flags),
-    )  # fmt: skip
+    )
 
 
 def fingerprint(model: Model) -> str:

@@ -29,10 +29,20 @@ _MOST_JUMPED = 4
 _INSTANCE = "\x1f"
 _MOST_SAMPLES = 20_000
 _BOUNDS = {
-    "v": 50.0, "v_cmd": 50.0, "pitch": 1.6, "roll": 1.6, "grade": 0.8, "yaw_rate": 50.0,
-    "v_left": 50.0, "v_right": 50.0, "current_left": 1e4, "current_right": 1e4,
-    "yaw": 1e3, "x": 1e9, "y": 1e9,
-}  # fmt: skip
+    "v": 50.0,
+    "v_cmd": 50.0,
+    "pitch": 1.6,
+    "roll": 1.6,
+    "grade": 0.8,
+    "yaw_rate": 50.0,
+    "v_left": 50.0,
+    "v_right": 50.0,
+    "current_left": 1e4,
+    "current_right": 1e4,
+    "yaw": 1e3,
+    "x": 1e9,
+    "y": 1e9,
+}
 """Beyond that no robot here goes, leans, turns or draws current [SI]."""
 
 

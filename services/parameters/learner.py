@@ -46,9 +46,12 @@ class Learner:
     """
 
     def __init__(
-        self, prior: Model, settings: Learning, names_surfaces: Callable[[], bool] = bool,
+        self,
+        prior: Model,
+        settings: Learning,
+        names_surfaces: Callable[[], bool] = bool,
         on_the_map: Callable[[], Collection[str]] = tuple,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Begin with a model file.
 
         Args:
@@ -126,9 +129,13 @@ class Learner:
         return changed, reason
 
     def _stop(
-        self, stop: StreamedStop, surface: str, one: RobotObservation, distance: float | None,
+        self,
+        stop: StreamedStop,
+        surface: str,
+        one: RobotObservation,
+        distance: float | None,
         changed: set[str],
-    ) -> tuple[set[str], str]:  # fmt: skip
+    ) -> tuple[set[str], str]:
         if self.unable:
             return changed, self.unable
         # Wheels that lock stand at once, and a push downhill is no brake: neither tells of brakes.

@@ -13,9 +13,15 @@ from services.settings.learning import Learning
 
 LIMITS = "limits"
 _UNITS = {
-    "speed": "m/s", "accel": "m/s²", "decel": "m/s²", "jerk": "m/s³", "lateral_accel": "m/s²",
-    "vertical_accel": "m/s²", "min_load": "1", "max_path_deviation": "m",
-}  # fmt: skip
+    "speed": "m/s",
+    "accel": "m/s²",
+    "decel": "m/s²",
+    "jerk": "m/s³",
+    "lateral_accel": "m/s²",
+    "vertical_accel": "m/s²",
+    "min_load": "1",
+    "max_path_deviation": "m",
+}
 
 _MIN_LIMIT = 0.01
 """Smallest value of each limit except min_load, in its unit: no vehicle drives within tighter ones,

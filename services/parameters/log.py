@@ -157,10 +157,15 @@ class ParameterLog:
     # ------------------------------------------------------------------ writing
 
     def commit(
-        self, states: Mapping[str, State | None], cause: str, who: str, *,
-        seen: Mapping[str, int] | None = None, learned: bool = True,
+        self,
+        states: Mapping[str, State | None],
+        cause: str,
+        who: str,
+        *,
+        seen: Mapping[str, int] | None = None,
+        learned: bool = True,
         moments: Mapping[str, Moment] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Groups have changed together: the next version.
 
         Args:

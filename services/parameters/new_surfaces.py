@@ -37,9 +37,12 @@ def unheard_of(prior: Braking, learned: Mapping[str, LearnedForce], share: float
 
 
 def makes_room(
-    surface: str, named: Collection[str], learned: Mapping[str, LearnedForce],
-    taught: Mapping[str, float], least: tuple[Floats, Floats],
-) -> str:  # fmt: skip
+    surface: str,
+    named: Collection[str],
+    learned: Mapping[str, LearnedForce],
+    taught: Mapping[str, float],
+    least: tuple[Floats, Floats],
+) -> str:
     """Which surface a new one takes the place of; "" where there is room.
 
     Surfaces of file and map have places of their own; names that nobody knows share theirs. Among

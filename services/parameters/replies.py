@@ -102,9 +102,13 @@ def findings(service: ParameterService, question: DiscrepancyQuestion, name: str
 
 
 def reply_of(
-    service: ParameterService, name: str, status: str, reason: str,
-    groups: list[ParameterGroup] | None = None, history: list[HistoryEntry] | None = None,
-) -> ParameterReply:  # fmt: skip
+    service: ParameterService,
+    name: str,
+    status: str,
+    reason: str,
+    groups: list[ParameterGroup] | None = None,
+    history: list[HistoryEntry] | None = None,
+) -> ParameterReply:
     """An answer of any kind."""
     offer = service.learner.effects.offer
     return ParameterReply(
@@ -140,6 +144,12 @@ def _entry(change: StoredChange) -> HistoryEntry | None:
     except (ValueError, KeyError, TypeError, IndexError):
         return None
     return HistoryEntry(
-        version=change.version, group=change.group, at=change.moment.at, cause=change.cause,
-        who=change.who, values=values, stds=stds, valid=valid,
-    )  # fmt: skip
+        version=change.version,
+        group=change.group,
+        at=change.moment.at,
+        cause=change.cause,
+        who=change.who,
+        values=values,
+        stds=stds,
+        valid=valid,
+    )

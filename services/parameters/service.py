@@ -47,10 +47,13 @@ class ParameterService:
     """
 
     def __init__(
-        self, config: ServiceConfig, prior: Model, names_surfaces: Callable[[], bool] = bool,
+        self,
+        config: ServiceConfig,
+        prior: Model,
+        names_surfaces: Callable[[], bool] = bool,
         apply: Callable[[ParametersInUse], None] = lambda _: None,
         on_the_map: Callable[[], Collection[str]] = tuple,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Begin with the model file, and what was learned on top of it before.
 
         Args:
@@ -256,9 +259,11 @@ class ParameterService:
         """Counters for the status."""
         learner = self.learner
         learned = {
-            "stops": learner.stop_count, "stops_implausible": learner.implausible,
-            "stops_contradictory": learner.contradictory, "stops_too_many": learner.too_many,
-        }  # fmt: skip
+            "stops": learner.stop_count,
+            "stops_implausible": learner.implausible,
+            "stops_contradictory": learner.contradictory,
+            "stops_too_many": learner.too_many,
+        }
         return self.counters + Counter(learned) + self.investigator.told()
 
     def flags(self) -> list[str]:
@@ -285,9 +290,15 @@ class ParameterService:
         self._log.close()
 
     def _commit(
-        self, groups: set[str], cause: str, who: str, *, seen: dict[str, int] | None = None,
-        learned: bool = True, moments: Mapping[str, Moment] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        groups: set[str],
+        cause: str,
+        who: str,
+        *,
+        seen: dict[str, int] | None = None,
+        learned: bool = True,
+        moments: Mapping[str, Moment] | None = None,
+    ) -> None:
         if groups:
             states = {name: self.learner.group(name).state(name) for name in sorted(groups)}
             # Slower plans do not wait for the disk.

@@ -85,10 +85,13 @@ class Store:
         )
         try:
             for pragma in (
-                f"page_size = {_PAGE}", "locking_mode = EXCLUSIVE", "journal_mode = WAL",
-                "synchronous = FULL", f"max_page_count = {self._most_pages}",
+                f"page_size = {_PAGE}",
+                "locking_mode = EXCLUSIVE",
+                "journal_mode = WAL",
+                "synchronous = FULL",
+                f"max_page_count = {self._most_pages}",
                 f"journal_size_limit = {1024 * _PAGE}",
-            ):  # fmt: skip
+            ):
                 connection.execute(f"PRAGMA {pragma}").fetchall()
             (answer,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if answer != "ok":
@@ -133,11 +136,20 @@ class Store:
         """Keep changes, and up to which sequence sources were heard: all of it or nothing."""
         rows = [
             (
-                c.version, c.group, c.fingerprint, c.cause, c.who, c.moment.at, c.moment.boot,
-                c.moment.uptime, int(c.learned), c.state, zlib.crc32(c.state),
+                c.version,
+                c.group,
+                c.fingerprint,
+                c.cause,
+                c.who,
+                c.moment.at,
+                c.moment.boot,
+                c.moment.uptime,
+                int(c.learned),
+                c.state,
+                zlib.crc32(c.state),
             )
             for c in changes
-        ]  # fmt: skip
+        ]
         version = max((c.version for c in changes), default=0)
         heard = [(name, sequence, version) for name, sequence in (seen or {}).items()]
         self._transaction(rows, heard)
@@ -174,8 +186,9 @@ class Store:
                     self._forget(group, max(count // 4, 1))
             self._connection.execute(
                 "DELETE FROM source WHERE name NOT IN"
-                " (SELECT name FROM source ORDER BY version DESC LIMIT ?)", (_MOST_SOURCES,),
-            )  # fmt: skip
+                " (SELECT name FROM source ORDER BY version DESC LIMIT ?)",
+                (_MOST_SOURCES,),
+            )
         except sqlite3.Error as error:
             raise StoreError(f"{self.path.name} has no room: {error}") from None
 

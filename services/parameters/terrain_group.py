@@ -106,10 +106,12 @@ class TerrainGroup(ParameterGroups):
     def describe(self, group: str) -> Description:
         """As planned with."""
         return Description(
-            values=self._now(), stds=dict(self._stds), valid=bool(self._values),
+            values=self._now(),
+            stds=dict(self._stds),
+            valid=bool(self._values),
             age=time.monotonic() - self._taught if self._values else 0.0,
             unit=dict(zip(NAMES, _UNITS, strict=True)),
-        )  # fmt: skip
+        )
 
     def state(self, group: str) -> State | None:
         """What a restart needs."""

@@ -38,8 +38,16 @@ class PendingQuery:
     """
 
     __slots__ = (
-        "arrived", "client", "due", "lane", "query", "refusal", "request", "size", "taken",
-    )  # fmt: skip
+        "arrived",
+        "client",
+        "due",
+        "lane",
+        "query",
+        "refusal",
+        "request",
+        "size",
+        "taken",
+    )
 
     def __init__(self, query: Any, deadline: float, client: str = "", size: int = 0) -> None:
         """Arrived now; to be answered within ``deadline`` [s]."""

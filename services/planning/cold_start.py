@@ -144,8 +144,11 @@ def _prefers_python() -> bool:
             quiet = subprocess.DEVNULL
             _compiler = subprocess.Popen(
                 [sys.executable, "-P", "-c", _COMPILER.format(path=path)],
-                stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True,
-            )  # fmt: skip
+                stdin=quiet,
+                stdout=quiet,
+                stderr=quiet,
+                start_new_session=True,
+            )
         elif _compiler.poll() is not None:
             # It ended before it was done. What is missing is compiled where it is called.
             return False

@@ -93,9 +93,14 @@ class MapStore:
         self._lock = threading.Lock()
         if elevation_map is not None:
             self.ground = KnownGround(
-                elevation_map, 1, time.monotonic(), notices=self._notices, id=name,
-                digest=_digest(elevation_map), fixed=True,
-            )  # fmt: skip
+                elevation_map,
+                1,
+                time.monotonic(),
+                notices=self._notices,
+                id=name,
+                digest=_digest(elevation_map),
+                fixed=True,
+            )
             self._say_assumed(elevation_map)
 
     def take(self, update: MapUpdate, source: str, arrived: float | None = None) -> bool:

@@ -19,9 +19,11 @@ class Meter:
     """Called between the candidates of one question; by the thread that answers it."""
 
     def __init__(
-        self, admission: Admission, question: PendingQuery,
+        self,
+        admission: Admission,
+        question: PendingQuery,
         smaller: Callable[[PendingQuery], None] | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Begin now; ``smaller`` answers a question of somebody who had less, None: nobody may."""
         self._admission, self._question, self._smaller = admission, question, smaller
         self._charged = time.thread_time()

@@ -42,9 +42,13 @@ class PlanEndpoint:
     """Answers each question before its deadline, if only by "busy"."""
 
     def __init__(
-        self, config: ServiceConfig, plans: PlanService, maps: MapStore, counters: Counter[str],
+        self,
+        config: ServiceConfig,
+        plans: PlanService,
+        maps: MapStore,
+        counters: Counter[str],
         planned: Callable[[PlanRequest, PlanReply], None],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Answer with these plans on these maps; `planned` is called after each answer."""
         self._config, self._plans, self._maps = config, plans, maps
         self._counters, self._planned = counters, planned
@@ -150,9 +154,12 @@ class PlanEndpoint:
         encoding = str(query.encoding or "")
         if question.request is None:
             question.request = codec.decode(
-                PlanRequest, query.payload or b"", encoding, self._key,
+                PlanRequest,
+                query.payload or b"",
+                encoding,
+                self._key,
                 self._config.sizes.request_bytes,
-            )  # fmt: skip
+            )
         request: PlanRequest = question.request
         question.client = request.client
         decoded = time.monotonic()
@@ -202,9 +209,10 @@ class PlanEndpoint:
         try:
             with question.query as query:
                 query.reply(
-                    query.key_expr, codec.encode(reply, written),
+                    query.key_expr,
+                    codec.encode(reply, written),
                     encoding=codec.encoding_of(PlanReply, written),
-                )  # fmt: skip
+                )
         except zenoh.ZError as error:
             self._counters["replies_lost"] += 1
             _log.warning("a reply could not be sent: %s", error)

@@ -93,9 +93,14 @@ class PlanService:
             self._clients.pop(client, None)
 
     def answer(
-        self, request: PlanRequest, ground: KnownGround | None, source: str, *,
-        pace: Pace = unhurried, left: float = np.inf,
-    ) -> PlanReply:  # fmt: skip
+        self,
+        request: PlanRequest,
+        ground: KnownGround | None,
+        source: str,
+        *,
+        pace: Pace = unhurried,
+        left: float = np.inf,
+    ) -> PlanReply:
         """The answer to one question.
 
         Args:
@@ -143,9 +148,12 @@ class PlanService:
     # ------------------------------------------------------------------ planning
 
     def _go_on(
-        self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
+        self,
+        request: PlanRequest,
+        parameters: ParametersInUse,
+        ground: KnownGround,
         usable: list[Usable],
-    ) -> PlanReply:  # fmt: skip
+    ) -> PlanReply:
         assert request.pose is not None
         x, y, heading = request.pose
         state = PlanarState(x=x, y=y, heading=heading, speed=request.speed)
@@ -155,18 +163,26 @@ class PlanService:
                 client.horizon.learn(parameters.model, self._survives(parameters))
                 client.identity = parameters.identity
             answer = client.horizon.step(
-                state, [u.path for u in usable], ground.elevation_map,
+                state,
+                [u.path for u in usable],
+                ground.elevation_map,
                 clear=np.array([u.clear for u in usable]) if usable else np.inf,
                 conditions=_conditions(request),
-            )  # fmt: skip
+            )
         ranking = [
             RankedCandidate(name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost))
             for r in answer.ranking
         ]
         reply = self._reply(
-            request, parameters, ground, answer.reason, answer.status, answer.command,
-            answer.chosen, answer.plans,
-        )  # fmt: skip
+            request,
+            parameters,
+            ground,
+            answer.reason,
+            answer.status,
+            answer.command,
+            answer.chosen,
+            answer.plans,
+        )
         stages = {f"planner.{stage}": s for stage, s in answer.seconds.items()}
         return _with(reply, ranking=ranking, kept=answer.kept, seconds=stages)
 
@@ -176,9 +192,11 @@ class PlanService:
             if known is None:
                 planning = self.config.planning
                 horizon = Horizon(
-                    parameters.model, planning.horizon(), planning.planner(),
+                    parameters.model,
+                    planning.horizon(),
+                    planning.planner(),
                     self._survives(parameters),
-                )  # fmt: skip
+                )
                 known = _Client(horizon, parameters)
             known.asked, known.heard = known.asked + 1, time.monotonic()
             self._clients[name] = known
@@ -197,9 +215,13 @@ class PlanService:
         return min(self._clients, key=lambda name: self._clients[name].asked)
 
     def _stand_alone(
-        self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround,
-        usable: list[Usable], pace: Pace,
-    ) -> PlanReply:  # fmt: skip
+        self,
+        request: PlanRequest,
+        parameters: ParametersInUse,
+        ground: KnownGround,
+        usable: list[Usable],
+        pace: Pace,
+    ) -> PlanReply:
         track = parameters.model.vehicle.track_width
         reach = self.config.planning.horizon().for_track(track)
         usable, refused = at_the_vehicle(request, usable, reach)
@@ -214,10 +236,13 @@ class PlanService:
         for first in range(0, len(usable), _AT_ONCE):
             part = usable[first : first + _AT_ONCE]
             plans += planner.plan(
-                ground.elevation_map, [u.path for u in part], start_speed=request.speed,
-                clear=np.array([u.clear for u in part]), conditions=_conditions(request),
+                ground.elevation_map,
+                [u.path for u in part],
+                start_speed=request.speed,
+                clear=np.array([u.clear for u in part]),
+                conditions=_conditions(request),
                 progress=lambda _: pace(),
-            )  # fmt: skip
+            )
         settings = self.config.planning.planner()
         plans = rank(plans, settings)
         best = plans[0]
@@ -253,10 +278,16 @@ class PlanService:
     # ------------------------------------------------------------------ answers
 
     def _reply(
-        self, request: PlanRequest, parameters: ParametersInUse, ground: KnownGround | None,
-        reason: str, status: Status = Status.DEGRADED, command: SpeedCommand = FULL_STOP,
-        chosen: SpeedPlan | None = None, plans: Sequence[SpeedPlan] = (),
-    ) -> PlanReply:  # fmt: skip
+        self,
+        request: PlanRequest,
+        parameters: ParametersInUse,
+        ground: KnownGround | None,
+        reason: str,
+        status: Status = Status.DEGRADED,
+        command: SpeedCommand = FULL_STOP,
+        chosen: SpeedPlan | None = None,
+        plans: Sequence[SpeedPlan] = (),
+    ) -> PlanReply:
         return PlanReply(
             status=status.value,
             reason=reason,
@@ -342,9 +373,12 @@ def _met(obstacle: Obstacle | None) -> Met | None:
     if obstacle is None:
         return None
     return Met(
-        bound=obstacle.bound.label, x=float(obstacle.x), y=float(obstacle.y),
-        height=float(obstacle.height), words=obstacle.words,
-    )  # fmt: skip
+        bound=obstacle.bound.label,
+        x=float(obstacle.x),
+        y=float(obstacle.y),
+        height=float(obstacle.height),
+        words=obstacle.words,
+    )
 
 
 def _with(reply: PlanReply, **changes: object) -> PlanReply:

@@ -34,35 +34,36 @@ class SheetWords(NamedTuple):
 
 
 def draw(
-    figure: Any, numbers: BrakeNumbers, table: DistanceTable,
+    figure: Any,
+    numbers: BrakeNumbers,
+    table: DistanceTable,
     words: SheetWords,
-) -> Any:  # fmt: skip
+) -> Any:
     """Draw on an empty figure of :data:`SIZE`, and give it back."""
     title, facts, trace = words
     figure.text(_LEFT, 0.957, title, fontsize=18, weight="bold")
     survive = f"quantile {numbers.survive.quantile:g}"
     figure.text(
-        _LEFT, 0.947,
+        _LEFT,
+        0.947,
         f"Stops on even ground: mean of the model, and what plans count on at the {survive}.\n"
         "The drive held or cut through the dead time, whichever is longer.",
-        fontsize=8.5, va="top", color=_SOFT,
-    )  # fmt: skip
+        fontsize=8.5,
+        va="top",
+        color=_SOFT,
+    )
     _rows(figure, _LEFT, 0.905, "Brakes", brake_rows(numbers, table))
     _rows(figure, _MIDDLE, 0.905, "Slopes and evidence", {**slope_rows(numbers), **facts})
     _head(figure, _LEFT, 0.727, f"Stopping distance, m: at the {survive} with offset / mean")
     _distances(figure, 0.714, table)
     below = 0.714 - _LINE * (len(table.speeds) + 2.2)
     _head(figure, _LEFT, below, "Against rules that know no slope")
-    figure.text(
-        _LEFT, below - 0.009, danger(numbers, table), fontsize=7.8, va="top", color=_BAD
-    )  # fmt: skip
+    figure.text(_LEFT, below - 0.009, danger(numbers, table), fontsize=7.8, va="top", color=_BAD)
     low = 0.225
     _chart(figure.add_axes((0.115, low, 0.425, below - 0.035 - low)), numbers, table)
     _rules(figure, below - 0.045, numbers, table)
     _head(figure, _LEFT, 0.175, "Traceability")
-    figure.text(
-        _LEFT, 0.167, trace, fontsize=6.1, va="top", family="monospace", linespacing=1.35
-    )  # fmt: skip
+    figure.text(_LEFT, 0.167, trace, fontsize=6.1, va="top", family="monospace", linespacing=1.35)
     return figure
 
 
@@ -112,9 +113,14 @@ def _chart(axes: Any, numbers: BrakeNumbers, table: DistanceTable) -> None:
         axes.plot(across, needed, color=colour, label=f"{speed:.2f} m/s")
         axes.axhline(table.rule[i], color=colour, lw=0.9, ls="--")
         axes.fill_between(
-            across, table.rule[i], needed, where=needed > table.rule[i], color=SECOND,
-            alpha=0.18, lw=0,
-        )  # fmt: skip
+            across,
+            table.rule[i],
+            needed,
+            where=needed > table.rule[i],
+            color=SECOND,
+            alpha=0.18,
+            lw=0,
+        )
     axes.set(xlabel="grade, ° (uphill positive)", ylabel="stop at the quantile, m", ylim=(0, None))
     axes.legend(fontsize=7.5, title="dashed: RSS", title_fontsize=7.5)
 
@@ -137,5 +143,12 @@ def _rules(figure: Any, y: float, numbers: BrakeNumbers, table: DistanceTable) -
         for at, cell, name in zip(columns, cells, names, strict=True):
             colour = _BAD if name == "lacks" and lacks > 5e-3 else INK
             figure.text(at, y, cell, fontsize=8, ha="right", color=colour)
-    figure.text(x, y - 1.3 * _LINE, explained(numbers, table), fontsize=7.2, va="top",
-                color=_SOFT, linespacing=1.4)  # fmt: skip
+    figure.text(
+        x,
+        y - 1.3 * _LINE,
+        explained(numbers, table),
+        fontsize=7.2,
+        va="top",
+        color=_SOFT,
+        linespacing=1.4,
+    )

@@ -154,9 +154,7 @@ class BrakeNumbers:
             for t in self.tables
             for speed in on.speed_range
         )
-        return float(
-            rear_share_under_braking(grade, 0.0, strongest, v.wheelbase, v.cg_x, v.cg_z)
-        )  # fmt: skip
+        return float(rear_share_under_braking(grade, 0.0, strongest, v.wheelbase, v.cg_x, v.cg_z))
 
     def _steepest(self, spare: Callable[[float], float], sign: float) -> SteepestSlope:
         slopes = np.arange(0.0, _STEEPEST + _FINE, _FINE)

@@ -49,9 +49,13 @@ def write_sheet(path: Path, numbers: BrakeNumbers, facts: Mapping[str, str], tra
         picture = svg_uri(drawn)
     fields = {"sheet": picture, "words": escaped(f"{title}. {danger(numbers, table)}")}
     text = page(
-        "brake_sheet.html", fields, title=title, styles=("page.css", "brake_sheet.css"),
-        scripts=(), data=None,
-    )  # fmt: skip
+        "brake_sheet.html",
+        fields,
+        title=title,
+        styles=("page.css", "brake_sheet.css"),
+        scripts=(),
+        data=None,
+    )
     write_atomic(path, text.encode("utf-8", "replace"))
 
 

@@ -105,9 +105,12 @@ def _stop(figure: Any, calibration: Calibration, surface: SurfaceFit) -> Any:
     deceleration = GRAVITY * (knee.force_ratio + np.sin(knee.mean_grade))
     rest = knee.onset_time + knee.onset_speed / max(deceleration, 1e-3)
     axes.plot(
-        [s.time[0], knee.onset_time, rest], [knee.onset_speed, knee.onset_speed, 0.0],
-        color=SECOND, lw=1.4, label=f"held speed, onset, F_b/W = {knee.force_ratio:.3f}",
-    )  # fmt: skip
+        [s.time[0], knee.onset_time, rest],
+        [knee.onset_speed, knee.onset_speed, 0.0],
+        color=SECOND,
+        lw=1.4,
+        label=f"held speed, onset, F_b/W = {knee.force_ratio:.3f}",
+    )
     axes.axvline(0.0, color=INK, lw=0.8, ls=":")
     axes.axvspan(0.0, calibration.dead_time.value, color=FAINT, alpha=0.18, lw=0)
     axes.annotate("dead time", (0.0, 0.02), xycoords=("data", "axes fraction"), fontsize=8.5)

@@ -120,9 +120,13 @@ def _effect(effect: NamedEffect) -> str:
         for name, p in effect.parameters.items()
     )
     cells = (
-        effect.name, LAWS[effect.name].missing, values, sure_words(effect.confidence),
-        ", ".join(effect.alternatives) or "–", effect.where,
-    )  # fmt: skip
+        effect.name,
+        LAWS[effect.name].missing,
+        values,
+        sure_words(effect.confidence),
+        ", ".join(effect.alternatives) or "–",
+        effect.where,
+    )
     return "<tr>" + "".join(f"<td>{escaped(c)}</td>" for c in cells) + "</tr>"
 
 

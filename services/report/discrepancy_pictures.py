@@ -49,9 +49,13 @@ def _bars(axes: Any, gap: Gap) -> None:
     axes.bar_label(bars, fmt="%.3f", padding=3, fontsize=9)
     axes.axvline(gap.noise_floor, color=INK, lw=1.0, ls=":")
     axes.annotate(
-        "floor", (gap.noise_floor, 1.0), xycoords=("data", "axes fraction"), fontsize=8.5,
-        xytext=(3, 2), textcoords="offset points",
-    )  # fmt: skip
+        "floor",
+        (gap.noise_floor, 1.0),
+        xycoords=("data", "axes fraction"),
+        fontsize=8.5,
+        xytext=(3, 2),
+        textcoords="offset points",
+    )
     axes.invert_yaxis()
     axes.set(xlabel=f"{gap.metric} [{gap.unit}]", xlim=(0.0, 1.18 * max(*values, gap.noise_floor)))
     axes.grid(axis="y", visible=False)
@@ -152,9 +156,16 @@ def _map(figure: Any, evidence: Evidence) -> Any:
     for i, (off, title) in enumerate(((before, "refitted"), (after, "with what was found"))):
         axes = figure.add_subplot(1, 2, i + 1)
         dots = axes.scatter(
-            evidence.x, evidence.y, c=off, s=26, cmap="RdBu_r", vmin=-reach, vmax=reach,
-            edgecolors=INK, linewidths=0.3,
-        )  # fmt: skip
+            evidence.x,
+            evidence.y,
+            c=off,
+            s=26,
+            cmap="RdBu_r",
+            vmin=-reach,
+            vmax=reach,
+            edgecolors=INK,
+            linewidths=0.3,
+        )
         axes.set_title(title, fontsize=9.5)
         axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     figure.colorbar(dots, ax=figure.axes, label="missing force / weight", shrink=0.9)

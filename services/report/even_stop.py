@@ -38,8 +38,17 @@ def even_stop(
             return math.inf
         return float(braking.stopping_distance(speed, slowing, 0.0, 0.0))
     even = replace(
-        on, m_m=0.0, b_m=0.0, m_b=0.0, b_b=force, dead_time=0.0, level=1.0, dead_band=0.0,
-        saturation=1.0, uphill=None, terrain={},
-    )  # fmt: skip
+        on,
+        m_m=0.0,
+        b_m=0.0,
+        m_b=0.0,
+        b_b=force,
+        dead_time=0.0,
+        level=1.0,
+        dead_band=0.0,
+        saturation=1.0,
+        uphill=None,
+        terrain={},
+    )
     track = replace(GroundTrack.of_grade(grade), yaw=np.array([yaw]))
     return simulate_stop(replace(model, braking=even), track, speed).distance

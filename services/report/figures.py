@@ -12,11 +12,21 @@ INK, FIRST, SECOND, THIRD, FAINT = "#1b1d1f", "#0b5c8f", "#d55e00", "#00694f", "
 COLOURS = (FIRST, SECOND, THIRD, "#76388c", "#8a5300", "#cc79a7", "#3a9bdc", "#585f66")
 
 _STYLE: Any = {
-    "font.size": 9.5, "axes.edgecolor": FAINT, "axes.labelcolor": INK, "text.color": INK,
-    "xtick.color": INK, "ytick.color": INK, "axes.grid": True, "grid.color": "#ebeae5",
-    "axes.axisbelow": True, "axes.spines.top": False, "axes.spines.right": False,
-    "legend.frameon": False, "svg.fonttype": "path", "svg.hashsalt": "slopewise",
-}  # fmt: skip
+    "font.size": 9.5,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.grid": True,
+    "grid.color": "#ebeae5",
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "slopewise",
+}
 
 
 @contextmanager

@@ -30,9 +30,19 @@ MOST_STATIONS = 40_000
 _FEWEST_STATIONS = 24
 _MOST_OF_ONE = 4_000
 _DECIMALS = {
-    "station": 3, "z": 3, "grade": 4, "roll": 4, "curvature": 4, "speed": 3, "accel": 3, "time": 2,
-    "speed_bound": 3, "stop_distance": 3, "rear_load": 3, "side_load": 3,
-}  # fmt: skip
+    "station": 3,
+    "z": 3,
+    "grade": 4,
+    "roll": 4,
+    "curvature": 4,
+    "speed": 3,
+    "accel": 3,
+    "time": 2,
+    "speed_bound": 3,
+    "stop_distance": 3,
+    "rear_load": 3,
+    "side_load": 3,
+}
 
 
 def relief(

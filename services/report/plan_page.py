@@ -25,8 +25,15 @@ from services.report.png import data_uri
 from services.report.words import LIMITING_MEANING, STATUS_MEANING, word
 
 _SCRIPTS = (
-    "helpers.js", "state.js", "axes.js", "map.js", "charts.js", "details.js", "table.js", "main.js",
-)  # fmt: skip
+    "helpers.js",
+    "state.js",
+    "axes.js",
+    "map.js",
+    "charts.js",
+    "details.js",
+    "table.js",
+    "main.js",
+)
 _NONE = '<td class="number" data-value="">–</td>'
 
 

@@ -56,7 +56,11 @@ def write_refused(
         "suspects": suspect_rows(refused.suspects, refused.clock),
     }
     text = page(
-        "refused.html", fields, title=f"{title} – slopewise calibrate",
-        styles=("page.css", "calibration.css"), scripts=(), data=None,
-    )  # fmt: skip
+        "refused.html",
+        fields,
+        title=f"{title} – slopewise calibrate",
+        styles=("page.css", "calibration.css"),
+        scripts=(),
+        data=None,
+    )
     write_atomic(path, text.encode("utf-8", "replace"))

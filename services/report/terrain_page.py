@@ -79,9 +79,13 @@ def render_report(content: TerrainPage) -> str:
 
 def _row(cells: Sequence[str], numbers: Sequence[int] = ()) -> str:
     kinds = [' class="number"' if i in numbers else "" for i in range(len(cells))]
-    return "<tr>" + "".join(
-        f"<td{kind}>{escaped(cell)}</td>" for kind, cell in zip(kinds, cells, strict=True)
-    ) + "</tr>"  # fmt: skip
+    return (
+        "<tr>"
+        + "".join(
+            f"<td{kind}>{escaped(cell)}</td>" for kind, cell in zip(kinds, cells, strict=True)
+        )
+        + "</tr>"
+    )
 
 
 def _reliability(rows: Sequence[Sequence[str]]) -> str:

@@ -101,9 +101,14 @@ def _features(figure: Any, points: Sequence[Point], classes: TerrainClasses) -> 
             a, b = one.features[first], one.features[second]
             if a is not None and b is not None:
                 axes.errorbar(
-                    a.mean, b.mean, xerr=2.0 * a.std, yerr=2.0 * b.std, color=colour[one.name],
-                    lw=6.0, alpha=0.2,
-                )  # fmt: skip
+                    a.mean,
+                    b.mean,
+                    xerr=2.0 * a.std,
+                    yerr=2.0 * b.std,
+                    color=colour[one.name],
+                    lw=6.0,
+                    alpha=0.2,
+                )
         for name in names:
             chosen = np.array([v for given, v in points if given == name]).reshape(-1, 3)
             axes.scatter(

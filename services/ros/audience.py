@@ -71,7 +71,7 @@ def _matches(other: Endpoint, line: OwnTopic, speeches: Collection[Speech]) -> b
 
 def _cause(
     line: OwnTopic, there: list[Endpoint], graph: Graph, speeches: Collection[Speech]
-) -> str:  # fmt: skip
+) -> str:
     on_topic = [e for e in there if e.topic == line.topic]
     for other in on_topic:
         if other.kind != line.kind:

@@ -22,9 +22,12 @@ class ConnectionWatch:
     """Tells whenever somebody comes or goes who matters; one thread."""
 
     def __init__(
-        self, needed: Collection[str], service: zenoh.Session | None = None, namespace: str = "",
+        self,
+        needed: Collection[str],
+        service: zenoh.Session | None = None,
+        namespace: str = "",
         source: str = "",
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Warn if nobody is at the other end of topics ``needed``; tell the service as well.
 
         Args:

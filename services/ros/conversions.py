@@ -179,11 +179,14 @@ def diagnostics(conditions: Sequence[Condition], hardware: str, stamp: int) -> A
     types = typestore().types
     statuses = [
         types["diagnostic_msgs/msg/DiagnosticStatus"](
-            c.level, f"slopewise: {c.name}", c.message, hardware,
+            c.level,
+            f"slopewise: {c.name}",
+            c.message,
+            hardware,
             [types["diagnostic_msgs/msg/KeyValue"](key, value) for key, value in c.values],
         )
         for c in conditions
-    ]  # fmt: skip
+    ]
     return types[DIAGNOSTICS](header("", stamp), statuses)
 
 

@@ -68,9 +68,12 @@ class SampleTeller:
     def _send(self) -> None:
         self._sequence += 1
         message = DriveSamples(
-            source=self._source, sequence=self._sequence, time=time.monotonic(),
-            columns=["t", *self._columns], values=np.array(self._rows).T,
-        )  # fmt: skip
+            source=self._source,
+            sequence=self._sequence,
+            time=time.monotonic(),
+            columns=["t", *self._columns],
+            values=np.array(self._rows).T,
+        )
         self._publisher.put(
             codec.encode(message, Format.MESSAGEPACK),
             encoding=codec.encoding_of(DriveSamples, Format.MESSAGEPACK),

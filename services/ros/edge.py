@@ -51,9 +51,12 @@ class Edge:
     """A running edge; a context manager."""
 
     def __init__(
-        self, settings: EdgeSettings, ros_session: zenoh.Session, service_session: zenoh.Session,
+        self,
+        settings: EdgeSettings,
+        ros_session: zenoh.Session,
+        service_session: zenoh.Session,
         clock: Callable[[], float] = time.monotonic,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Meet ROS 2 on one session and the service on another, or on the same.
 
         Args:
@@ -76,15 +79,20 @@ class Edge:
         needed = [*self._paths, self._limit.topic, *self._state.topics[:1]]
         needed += [self._stop.topic] if self._stop is not None else []
         self._connections = ConnectionWatch(
-            [*needed, self._map] if self._map else needed, service_session,
-            settings.service.namespace, ours.node,
-        )  # fmt: skip
+            [*needed, self._map] if self._map else needed,
+            service_session,
+            settings.service.namespace,
+            ours.node,
+        )
         asked = settings.service
         self._client = PlanClient(
-            service_session, namespace=asked.namespace, name=f"ros-{settings.ros.node}",
-            timeout=asked.timeout, deceleration=settings.stop.deceleration,
+            service_session,
+            namespace=asked.namespace,
+            name=f"ros-{settings.ros.node}",
+            timeout=asked.timeout,
+            deceleration=settings.stop.deceleration,
             dead_time=settings.stop.dead_time,
-        )  # fmt: skip
+        )
         self._map_client = PlanClient(service_session, namespace=asked.namespace)
         self._source, self._maps = f"ros-{uuid4().hex[:12]}", 0
         self._assumed: tuple[str, ...] = ()
@@ -106,9 +114,11 @@ class Edge:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Say stop once more, because nobody will say anything after that."""
         self._stopped.set()
         with self.inbox.news:
@@ -242,10 +252,13 @@ class Edge:
         if reply is not None:
             age = "–" if reply.map_age is None else f"{reply.map_age:.2f}"
             values += [
-                ("status", reply.status), ("reason", reply.reason), ("chosen", reply.chosen or ""),
-                ("map version", str(reply.map_version)), ("map age [s]", age),
+                ("status", reply.status),
+                ("reason", reply.reason),
+                ("chosen", reply.chosen or ""),
+                ("map version", str(reply.map_version)),
+                ("map age [s]", age),
                 ("flags", "; ".join(flags)),
-            ]  # fmt: skip
+            ]
         values += [(name, str(count)) for name, count in sorted(self.inbox.counters.items())]
         values += [(f"refused {topic}", why) for topic, why in sorted(self.inbox.refused.items())]
         level = ros.ERROR if told.stop else ros.WARN if flags or told.reason else ros.OK

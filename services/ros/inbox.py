@@ -74,7 +74,7 @@ class Inbox:
 
 def keeper(
     inbox: Inbox, name: str, kind: str, known: set[str] | None
-) -> Callable[[zenoh.Sample], None]:  # fmt: skip
+) -> Callable[[zenoh.Sample], None]:
     """What puts samples of a topic into the inbox; ``known`` hashes, None where keys have none."""
 
     def on_sample(sample: zenoh.Sample) -> None:

@@ -55,9 +55,14 @@ class Node:
     """A node; a context manager that leaves the session to whoever opened it."""
 
     def __init__(
-        self, session: zenoh.Session, domain: int, namespace: str, name: str,
-        clock: Callable[[], float] = time.monotonic, distribution: str = "auto",
-    ) -> None:  # fmt: skip
+        self,
+        session: zenoh.Session,
+        domain: int,
+        namespace: str,
+        name: str,
+        clock: Callable[[], float] = time.monotonic,
+        distribution: str = "auto",
+    ) -> None:
         """Show a node to others.
 
         Args:
@@ -85,9 +90,11 @@ class Node:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Disappear from the graph."""
         for declared in reversed(self._declared):
             declared.undeclare()

@@ -112,13 +112,19 @@ class Timing:
     """
 
     period: float = quantity(
-        "s", "From one limit to the next, if nothing new comes.", default=0.1, at_least=0.01,
+        "s",
+        "From one limit to the next, if nothing new comes.",
+        default=0.1,
+        at_least=0.01,
         at_most=1.0,
-    )  # fmt: skip
+    )
     life: float = quantity(
-        "s", "How far a plan is looked ahead: a limit is its lowest speed until then.",
-        default=0.5, above=0.0, at_most=5.0,
-    )  # fmt: skip
+        "s",
+        "How far a plan is looked ahead: a limit is its lowest speed until then.",
+        default=0.5,
+        above=0.0,
+        at_most=5.0,
+    )
     path_age: float = quantity(
         "s", "A path older than that is no candidate.", default=3.0, above=0.0
     )
@@ -127,9 +133,12 @@ class Timing:
     )
     clock: Literal["unknown", "shared", "ignored"] = "unknown"
     max_latency: float = quantity(
-        "s", "Longest delay from measurement to arrival; unused where stamps show it.",
-        default=0.2, at_least=0.0, at_most=2.0,
-    )  # fmt: skip
+        "s",
+        "Longest delay from measurement to arrival; unused where stamps show it.",
+        default=0.2,
+        at_least=0.0,
+        at_most=2.0,
+    )
     transform_age: float = quantity(
         "s", "A transform older than that tells no place; fixed ones hold.", default=1.0, above=0.0
     )
@@ -137,13 +146,19 @@ class Timing:
         "m", "So much of a path ahead of the vehicle is planned.", default=60.0, at_least=5.0
     )
     launch: float = quantity(
-        "m/s", "Limits reach that where the bounds allow it: motors do not creep.", default=0.15,
-        at_least=0.0, at_most=1.0,
-    )  # fmt: skip
+        "m/s",
+        "Limits reach that where the bounds allow it: motors do not creep.",
+        default=0.15,
+        at_least=0.0,
+        at_most=1.0,
+    )
     crawl: float = quantity(
-        "m/s", "Limit that stands for a stop; 0 would mean no limit.", default=0.01, above=0.0,
+        "m/s",
+        "Limit that stands for a stop; 0 would mean no limit.",
+        default=0.01,
+        above=0.0,
         at_most=0.1,
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)

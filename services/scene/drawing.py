@@ -21,9 +21,16 @@ _MOST_VERTICES = 60_000
 _LIFT = 0.05
 """Paths are drawn that much above the ground, or they would be in it [m]."""
 
-_SPEEDS = np.array([
-    [13, 8, 135], [126, 3, 168], [204, 71, 120], [248, 149, 64], [240, 249, 33],
-], np.float64)  # fmt: skip
+_SPEEDS = np.array(
+    [
+        [13, 8, 135],
+        [126, 3, 168],
+        [204, 71, 120],
+        [248, 149, 64],
+        [240, 249, 33],
+    ],
+    np.float64,
+)
 NOT_DRIVEN = (110, 110, 110)
 """Of what lies beyond the place where a plan stops."""
 
@@ -106,9 +113,17 @@ def fastest_of(plans: Sequence[SpeedPlan]) -> float:
 
 
 SERIES = (
-    "speed_m_s", "speed_bound_m_s", "accel_m_s2", "station_m", "stop_distance_m", "margin_m",
-    "grade_deg", "roll_deg", "rear_load", "side_load",
-)  # fmt: skip
+    "speed_m_s",
+    "speed_bound_m_s",
+    "accel_m_s2",
+    "station_m",
+    "stop_distance_m",
+    "margin_m",
+    "grade_deg",
+    "roll_deg",
+    "rear_load",
+    "side_load",
+)
 """Numbers to plot; each name says its unit, loads are shares of the level static load."""
 
 
@@ -135,9 +150,17 @@ def drive(plan: SpeedPlan) -> DrivenPlan:
     yaw, pitch, roll = heading[moments], -plan.grade[moments], plan.roll[moments]
     margin = plan.clear_distance - plan.station - plan.stop_distance
     series = (
-        plan.speed, plan.speed_bound, plan.accel, plan.station, plan.stop_distance, margin,
-        np.rad2deg(plan.grade), np.rad2deg(plan.roll), plan.rear_load, plan.side_load,
-    )  # fmt: skip
+        plan.speed,
+        plan.speed_bound,
+        plan.accel,
+        plan.station,
+        plan.stop_distance,
+        margin,
+        np.rad2deg(plan.grade),
+        np.rad2deg(plan.roll),
+        plan.rear_load,
+        plan.side_load,
+    )
     return DrivenPlan(
         time=plan.time[moments],
         position=np.stack([plan.x, plan.y, plan.z], axis=1)[moments],

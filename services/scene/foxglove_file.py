@@ -24,9 +24,12 @@ _NANO = 1_000_000_000
 
 
 def write_mcap(
-    path: Path, ground: ElevationMap, plans: Sequence[SpeedPlan], vehicle: Vehicle,
+    path: Path,
+    ground: ElevationMap,
+    plans: Sequence[SpeedPlan],
+    vehicle: Vehicle,
     begin: int | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Ground, all candidates, and the best plan as it is driven.
 
     Args:
@@ -161,9 +164,13 @@ def _entity(
     from foxglove.messages import KeyValuePair, SceneEntity
 
     return SceneEntity(
-        timestamp=_stamp(begin), frame_id=frame, id=name, frame_locked=locked,
-        metadata=[KeyValuePair(key=key, value=value) for key, value in facts.items()], **parts,
-    )  # fmt: skip
+        timestamp=_stamp(begin),
+        frame_id=frame,
+        id=name,
+        frame_locked=locked,
+        metadata=[KeyValuePair(key=key, value=value) for key, value in facts.items()],
+        **parts,
+    )
 
 
 def _stamp(at: int) -> Any:

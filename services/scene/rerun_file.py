@@ -95,12 +95,13 @@ def _log_drive(recording: Any, driven: drawing.DrivenPlan, vehicle: Vehicle, ori
     recording.log("map/vehicle", box, static=True)
     clock = [rr.TimeColumn(_TIMELINE, duration=driven.time)]
     recording.send_columns(
-        "map/vehicle", clock,
+        "map/vehicle",
+        clock,
         rr.Transform3D.columns(
             translation=(driven.position - origin).astype(np.float32),
             quaternion=driven.quaternion.astype(np.float32),
         ),
-    )  # fmt: skip
+    )
     for name, values in driven.series.items():
         recording.send_columns(f"plan/{name}", clock, rr.Scalars.columns(scalars=values))
 

@@ -20,9 +20,12 @@ class Investigation:
 
     samples: str = ""
     megabytes: float = quantity(
-        "MB", "Of all samples; the oldest stops make room.", default=32.0, at_least=0.1,
+        "MB",
+        "Of all samples; the oldest stops make room.",
+        default=32.0,
+        at_least=0.1,
         at_most=100_000.0,
-    )  # fmt: skip
+    )
     stops: int = quantity(
         "1", "The latest ones that are looked at.", default=200, at_least=12, at_most=5000
     )
@@ -30,9 +33,12 @@ class Investigation:
         "s", "From one look by itself to the next; 0: on request only.", default=0.0, at_least=0.0
     )
     fresh: int = quantity(
-        "1", "New stops without which it does not look by itself.", default=20, at_least=1,
+        "1",
+        "New stops without which it does not look by itself.",
+        default=20,
+        at_least=1,
         at_most=5000,
-    )  # fmt: skip
+    )
     limit: float = quantity(
         "s", "Time that one look may take.", default=600.0, at_least=1.0, at_most=86_400.0
     )

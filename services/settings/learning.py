@@ -28,21 +28,32 @@ class Learning:
         "1", "Highest rise of F_b/W in plans with one stop.", default=0.01, above=0.0, at_most=0.2
     )
     most_above_file: float = quantity(
-        "1", "Share of the model file's F_b/W by which plans may count on more.", default=0.25,
-        at_least=0.0, at_most=10.0,
-    )  # fmt: skip
+        "1",
+        "Share of the model file's F_b/W by which plans may count on more.",
+        default=0.25,
+        at_least=0.0,
+        at_most=10.0,
+    )
     stops_at_once: int = quantity(
-        "1", "Stops that may come together; further ones only as fast as the vehicle can stop.",
-        default=5, at_least=1, at_most=100_000,
-    )  # fmt: skip
+        "1",
+        "Stops that may come together; further ones only as fast as the vehicle can stop.",
+        default=5,
+        at_least=1,
+        at_most=100_000,
+    )
     change: float = quantity(
-        "1", "How far F_b/W may change with ground and load, standard deviation.", default=0.15,
-        above=0.0, at_most=1.0,
-    )  # fmt: skip
+        "1",
+        "How far F_b/W may change with ground and load, standard deviation.",
+        default=0.15,
+        above=0.0,
+        at_most=1.0,
+    )
     grows_old: float = quantity(
-        "s", "Time in which most of what was learned goes back to the model file.", default=3600.0,
+        "s",
+        "Time in which most of what was learned goes back to the model file.",
+        default=3600.0,
         at_least=1.0,
-    )  # fmt: skip
+    )
     oldest: float = quantity(
         "s", "Age from which on parameters lose no more.", default=14_400.0, at_least=1.0
     )
@@ -60,17 +71,25 @@ class Learning:
         "rad s²/m", "Pitch under braking.", default=0.0, at_least=0.0, at_most=0.1
     )
     queue: int = quantity(
-        "1", "Observations that may wait; one more is lost and flagged.", default=256, at_least=1,
+        "1",
+        "Observations that may wait; one more is lost and flagged.",
+        default=256,
+        at_least=1,
         at_most=65_536,
-    )  # fmt: skip
+    )
     observation_bytes: int = quantity(
-        "B", "Of an observation or a request to set.", default=1_000_000, at_least=1000,
+        "B",
+        "Of an observation or a request to set.",
+        default=1_000_000,
+        at_least=1000,
         at_most=1_000_000_000,
-    )  # fmt: skip
+    )
     early: float = quantity(
-        "s", "How far an observation's clock may run ahead of the time that passed.", default=2.0,
+        "s",
+        "How far an observation's clock may run ahead of the time that passed.",
+        default=2.0,
         above=0.0,
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)
@@ -93,9 +112,12 @@ class StoreSettings:
         "MB", "Largest size of the file.", default=64.0, at_least=0.3, at_most=100_000.0
     )
     changes: int = quantity(
-        "1", "Changes that are kept of one group; older ones are forgotten.", default=20_000,
-        at_least=10, at_most=10_000_000,
-    )  # fmt: skip
+        "1",
+        "Changes that are kept of one group; older ones are forgotten.",
+        default=20_000,
+        at_least=10,
+        at_most=10_000_000,
+    )
     retry: float = quantity(
         "s", "From one attempt to write to the next while that fails.", default=5.0, at_least=0.05
     )

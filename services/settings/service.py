@@ -39,13 +39,19 @@ class Planning(PlannerSettings):
 
     workers: int = quantity("1", "Threads that plan.", default=1, at_least=1, at_most=16)
     queue: int = quantity(
-        "1", "Questions that may wait; further ones are told busy.", default=8, at_least=1,
+        "1",
+        "Questions that may wait; further ones are told busy.",
+        default=8,
+        at_least=1,
         at_most=_MOST_QUEUE,
-    )  # fmt: skip
+    )
     deadline: float = quantity(
-        "s", "From arrival to answer, if the question says nothing else.", default=0.1, above=0.0,
+        "s",
+        "From arrival to answer, if the question says nothing else.",
+        default=0.1,
+        above=0.0,
         at_most=60.0,
-    )  # fmt: skip
+    )
     longest_deadline: float = quantity(
         "s", "No question may wait longer.", default=10.0, above=0.0, at_most=600.0
     )
@@ -58,13 +64,18 @@ class Planning(PlannerSettings):
     budget: float = quantity("s", "Time for one cycle of a client.", default=0.02, above=0.0)
     period: float = quantity("s", "From one cycle of a client to the next.", default=0.1, above=0.0)
     max_map_age: float = quantity(
-        "s", "Age of the map up to which plans are as fast as they may; at twice of it they stop.",
-        default=30.0, above=0.0,
-    )  # fmt: skip
+        "s",
+        "Age of the map up to which plans are as fast as they may; at twice of it they stop.",
+        default=30.0,
+        above=0.0,
+    )
     quantile: float = quantity(
-        "1", "Share of what the model leaves open that plans survive.", default=QUANTILE,
-        at_least=0.5, at_most=0.999999,
-    )  # fmt: skip
+        "1",
+        "Share of what the model leaves open that plans survive.",
+        default=QUANTILE,
+        at_least=0.5,
+        at_most=0.999999,
+    )
     slope_std: float = quantity(
         "rad", "Error of the map's grade and roll.", default=0.0, at_least=0.0, at_most=0.2
     )
@@ -104,9 +115,12 @@ class Sizes:
     candidates: int = quantity("1", "In one question.", default=1000, at_least=1, at_most=100_000)
     points: int = quantity("1", "Of one path.", default=5000, at_least=3, at_most=1_000_000)
     stations: int = quantity(
-        "1", "Of all candidates of a question together.", default=200_000, at_least=100,
+        "1",
+        "Of all candidates of a question together.",
+        default=200_000,
+        at_least=100,
         at_most=10_000_000,
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)

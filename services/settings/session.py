@@ -47,9 +47,11 @@ def zenoh_config(settings: ZenohSettings, sizes: Sizes | None = None) -> zenoh.C
                 config.insert_json5("transport/shared_memory/enabled", "false")
             largest = _SLACK * max(sizes.request_bytes, sizes.map_bytes)
             rule = {
-                "flows": ["ingress"], "messages": ["put", "query"], "key_exprs": ["**"],
+                "flows": ["ingress"],
+                "messages": ["put", "query"],
+                "key_exprs": ["**"],
                 "size_limit": largest,
-            }  # fmt: skip
+            }
             config.insert_json5("low_pass_filter", json.dumps([rule]))
     except zenoh.ZError as error:
         raise fault(settings.config or "zenoh", "", f"expected usable settings: {error}") from None

@@ -19,9 +19,12 @@ if TYPE_CHECKING:
 
 _TLS = "transport/link/tls"
 _FILES = (
-    "root_ca_certificate", "listen_private_key", "listen_certificate", "connect_private_key",
+    "root_ca_certificate",
+    "listen_private_key",
+    "listen_certificate",
+    "connect_private_key",
     "connect_certificate",
-)  # fmt: skip
+)
 _ENCRYPTED = ("tls/", "quic/")
 
 

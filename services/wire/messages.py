@@ -22,9 +22,21 @@ ERROR = "error"
 """Statuses of a reply beside those of a plan: no time for it; the request cannot be used."""
 
 PLAN_COLUMNS = (
-    "station", "x", "y", "z", "grade", "roll", "curvature", "speed", "accel", "time",
-    "speed_bound", "stop_distance", "rear_load", "side_load",
-)  # fmt: skip
+    "station",
+    "x",
+    "y",
+    "z",
+    "grade",
+    "roll",
+    "curvature",
+    "speed",
+    "accel",
+    "time",
+    "speed_bound",
+    "stop_distance",
+    "rear_load",
+    "side_load",
+)
 """Rows of a plan's values, in order."""
 
 

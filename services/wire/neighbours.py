@@ -38,9 +38,7 @@ class Neighbours:
 
     def _on_word(self, sample: zenoh.Sample) -> None:
         try:
-            word = codec.decode(
-                Connections, sample.payload, str(sample.encoding), "edge", _LARGEST
-            )  # fmt: skip
+            word = codec.decode(Connections, sample.payload, str(sample.encoding), "edge", _LARGEST)
         except InputError:
             return  # nothing that a plan depends on
         if word.source in self._told or len(self._told) < _MOST:

@@ -22,9 +22,17 @@ DRIVE_COLUMNS = ("t", "v", "v_cmd", "pitch")
 """Columns that drive samples have to have, as in a drive log."""
 
 MORE_COLUMNS = (
-    "roll", "yaw_rate", "v_left", "v_right", "current_left", "current_right", "grade", "yaw", "x",
+    "roll",
+    "yaw_rate",
+    "v_left",
+    "v_right",
+    "current_left",
+    "current_right",
+    "grade",
+    "yaw",
+    "x",
     "y",
-)  # fmt: skip
+)
 """Columns that they may have beside them; `grade` is that of the ground, from a map."""
 
 

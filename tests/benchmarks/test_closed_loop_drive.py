@@ -25,9 +25,15 @@ SCENES = (0, 3)
 def cautious() -> Model:
     """Weaker than the brakes are on any surface, so nothing has to be learned first."""
     braking = Braking(
-        m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.40, dead_time=0.2, distance_offset=0.25,
-        speed_range=(0.8, 4.2), grade_range=(-0.4, 0.4),
-    )  # fmt: skip
+        m_m=0.0,
+        b_m=0.0,
+        m_b=0.0,
+        b_b=0.40,
+        dead_time=0.2,
+        distance_offset=0.25,
+        speed_range=(0.8, 4.2),
+        grade_range=(-0.4, 0.4),
+    )
     return Model(name="cautious", vehicle=QUAD, braking=braking, terrain=ROLLING, limits=LIMITS)
 
 

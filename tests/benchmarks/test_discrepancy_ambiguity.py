@@ -18,9 +18,17 @@ def windy() -> catalogue.HiddenSet:
     """A head wind, met from one side only: it could as well be viscous resistance."""
     stops = designs.draw("one-way", 40, 0.02, np.random.default_rng(1))
     return catalogue.HiddenSet(
-        catalogue.Order("single", ("headwind",), "medium", 3), "one-way", 0.03, 0.02, {}, {},
-        BASE._replace(**WIND), (HiddenTerm("headwind", WIND),), stops, Worth(0.0, "", 0.0),
-    )  # fmt: skip
+        catalogue.Order("single", ("headwind",), "medium", 3),
+        "one-way",
+        0.03,
+        0.02,
+        {},
+        {},
+        BASE._replace(**WIND),
+        (HiddenTerm("headwind", WIND),),
+        stops,
+        Worth(0.0, "", 0.0),
+    )
 
 
 def test_proposed_stops_are_driven_as_proposed(windy: catalogue.HiddenSet) -> None:

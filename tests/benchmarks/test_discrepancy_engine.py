@@ -102,10 +102,12 @@ def test_sets_of_every_effect_and_their_judgement() -> None:
         engine_sets.ENGINE,
         found,
         sealed.InquiryFinding(
-            "missing_effect", (named,), braking=configured,
+            "missing_effect",
+            (named,),
+            braking=configured,
             added=(("step_change", {"scale": share, "run": run}),),
         ),
-    )  # fmt: skip
+    )
     assert right.right
     assert right.before > 1.5 * right.floor
     assert right.closed is not None

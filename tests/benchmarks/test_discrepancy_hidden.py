@@ -40,10 +40,14 @@ def asked(inquiry: Inquiry, kind: str, names: str, size: str, seed: int) -> SetO
 @pytest.mark.parametrize(
     ("names", "seed"),
     [
-        ("brake_lag", 1), ("aerodynamic_drag", 2), ("cross_slope", 3), ("step_change", 4),
-        ("surface_patch", 5), ("directional_surface", 6),
+        ("brake_lag", 1),
+        ("aerodynamic_drag", 2),
+        ("cross_slope", 3),
+        ("step_change", 4),
+        ("surface_patch", 5),
+        ("directional_surface", 6),
     ],
-)  # fmt: skip
+)
 def test_a_large_effect_is_named_and_closes_the_gap(
     inquiry: Inquiry, names: str, seed: int
 ) -> None:

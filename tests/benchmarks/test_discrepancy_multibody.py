@@ -64,9 +64,11 @@ def test_the_world_knows_nothing_of_the_product() -> None:
         named += [a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names]
         assert not {name.split(".")[0] for name in named} & {"models", "planner", "services"}
         of_the_plant = [
-            a.name for n in ast.walk(tree)
-            if isinstance(n, ast.ImportFrom) and n.module == "plant" for a in n.names
-        ]  # fmt: skip
+            a.name
+            for n in ast.walk(tree)
+            if isinstance(n, ast.ImportFrom) and n.module == "plant"
+            for a in n.names
+        ]
         assert set(of_the_plant) <= {"GRAVITY", "DrivenStops"}
 
 
@@ -178,10 +180,23 @@ def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         made.append(order.what)
         promise("digest")
         outcome = WorldOutcome(
-            order.what or "clean", order.seed, 0.01, 0.02, "missing_effect",
-            ("surface_patch", "brake_lag"), False, True, 0.2, 0.1, 0.05, 0.67, None, 1.0, "",
+            order.what or "clean",
+            order.seed,
+            0.01,
+            0.02,
+            "missing_effect",
+            ("surface_patch", "brake_lag"),
+            False,
+            True,
+            0.2,
+            0.1,
+            0.05,
+            0.67,
+            None,
+            1.0,
+            "",
             order.strength,
-        )  # fmt: skip
+        )
         return FinishedSet(task, sealed.Seal("", "", ""), multibody=outcome)
 
     monkeypatch.setattr(multibody_runner, "do", fake)
@@ -206,9 +221,10 @@ def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_a_set_from_end_to_end() -> None:
     """Weaker brakes: driven, measured, investigated in a process of its own, judged."""
     order = next(
-        o for o in multibody_outcomes.multibody_orders(0.2, "tuning")
+        o
+        for o in multibody_outcomes.multibody_orders(0.2, "tuning")
         if o.what == "weaker brakes" and o.strength == "large"
-    )  # fmt: skip
+    )
     configured = {"m_m": 0.0, "b_m": -0.1, "m_b": 0.0, "b_b": 0.427, "dead_time": 0.19}
     found = worlds.make(multibody_sets.MULTIBODY, order, lambda _: configured, 40)
     assert found.truth()["nature"]["repair"] < 0.8

@@ -130,7 +130,7 @@ def test_faults_are_told_and_shares_counted_for_each_method() -> None:
         said = "missing_effect" if right or wrong else "none"
         return WorldOutcome(
             what, 1, 0.01, 0.02, said, (), right, wrong, 0.2, 0.1, 0.05, None, None, 1.0, ""
-        )  # fmt: skip
+        )
 
     own = [
         outcome("air", True, False),

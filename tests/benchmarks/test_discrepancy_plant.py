@@ -28,9 +28,12 @@ def test_the_worlds_share_nothing_with_the_models() -> None:
     for name in ("physics.py", "plant.py", "sensing.py", "designs.py", "hidden.py", "worth.py"):
         for node in ast.walk(ast.parse((folder / name).read_text())):
             imported = (
-                [node.module or ""] if isinstance(node, ast.ImportFrom)
-                else [a.name for a in node.names] if isinstance(node, ast.Import) else []
-            )  # fmt: skip
+                [node.module or ""]
+                if isinstance(node, ast.ImportFrom)
+                else [a.name for a in node.names]
+                if isinstance(node, ast.Import)
+                else []
+            )
             for module in imported:
                 assert module.split(".")[0] not in ("models", "planner", "services"), name
 
@@ -59,11 +62,27 @@ def test_drag_lag_and_viscous_resistance_by_their_closed_forms() -> None:
 
 def test_everything_at_once_by_another_integrator() -> None:
     p = BASE._replace(
-        b_m=-0.2, drag=0.02, viscous=0.01, wind_drag=0.01, wind=5.0, wind_direction=0.4, lag=0.08,
-        fade=0.01, fade_tau=100.0, friction=0.38, asymmetry=0.2, nonlinearity=0.8, cross_slope=0.2,
-        turning=0.1, furrow=0.02, furrow_direction=0.3, step_scale=0.9, step_delta=0.01,
-        step_run=1.0, drift=1e-5,
-    )  # fmt: skip
+        b_m=-0.2,
+        drag=0.02,
+        viscous=0.01,
+        wind_drag=0.01,
+        wind=5.0,
+        wind_direction=0.4,
+        lag=0.08,
+        fade=0.01,
+        fade_tau=100.0,
+        friction=0.38,
+        asymmetry=0.2,
+        nonlinearity=0.8,
+        cross_slope=0.2,
+        turning=0.1,
+        furrow=0.02,
+        furrow_direction=0.3,
+        step_scale=0.9,
+        step_delta=0.01,
+        step_run=1.0,
+        drift=1e-5,
+    )
     scene = stops(2, grade=0.05, wave=0.02, wave_phase=0.5, roll=0.1, curvature=0.08, heading=0.2)
     found = plant.drive(p, scene, np.zeros(1))
     heat = ended = 0.0
@@ -91,9 +110,14 @@ def test_everything_at_once_by_another_integrator() -> None:
         rest.terminal = True  # type: ignore[attr-defined]
         heat *= np.exp(-(clock + 0.3 - ended) / 100.0)
         exact = solve_ivp(
-            rates, (0.0, 10.0), [0.9, 3.0, 0.0, heat], events=rest, rtol=1e-9, atol=1e-10,
+            rates,
+            (0.0, 10.0),
+            [0.9, 3.0, 0.0, heat],
+            events=rest,
+            rtol=1e-9,
+            atol=1e-10,
             max_step=0.01,
-        )  # fmt: skip
+        )
         heat, ended = float(exact.y[3, -1]), clock + 0.3 + float(exact.t[-1])
         assert found.distance[run] == pytest.approx(float(exact.y[0, -1]), abs=2e-3)
 

@@ -45,8 +45,11 @@ def test_tables_count() -> None:
     assert line.split() == ["60", "×", "3", "2/2", "1", "1/2", "0", "1/1", "2.0"]
     rows = [line.split() for line in by_ratio(done)[1:]]
     assert [row[-4:] for row in rows] == [
-        ["0", "0", "0", "0"], ["1", "0", "0", "0"], ["0", "0", "0", "0"], ["1", "1", "1", "0"],
-    ]  # fmt: skip
+        ["0", "0", "0", "0"],
+        ["1", "0", "0", "0"],
+        ["0", "0", "0", "0"],
+        ["1", "1", "1", "0"],
+    ]
 
 
 def test_what_coefficients_cannot_do_is_what_is_left() -> None:

@@ -78,8 +78,18 @@ def test_nothing_of_the_truth_travels() -> None:
     for word in (b"drag", b"single", b"large", b"truth", b"seed"):
         assert word not in sent
     assert set(job.columns) == {
-        "run", "t", "v", "v_cmd", "pitch", "roll", "yaw", "yaw_rate", "x", "y", "ambient"
-    }  # fmt: skip
+        "run",
+        "t",
+        "v",
+        "v_cmd",
+        "pitch",
+        "roll",
+        "yaw",
+        "yaw_rate",
+        "x",
+        "y",
+        "ambient",
+    }
     assert np.isfinite(hidden.columns["v"]).all()
 
 
@@ -93,8 +103,14 @@ def test_a_seal_binds_the_truth() -> None:
 def test_sets_come_again_from_their_seed_and_in_every_kind() -> None:
     wanted = catalogue.orders(0.01)
     assert {o.kind for o in wanted} == {
-        "clean", "drift", "single", "pair", "absorbed", "off", "faint"
-    }  # fmt: skip
+        "clean",
+        "drift",
+        "single",
+        "pair",
+        "absorbed",
+        "off",
+        "faint",
+    }
     order = next(o for o in wanted if o.kind == "drift")
     one, two = catalogue.make(order), catalogue.make(order)
     np.testing.assert_array_equal(one.columns["v"], two.columns["v"])
@@ -175,9 +191,17 @@ def test_the_other_method_finds_what_is_plain() -> None:
     stops = scene(150)
     truth = BASE._replace(turning=0.5)
     hidden = catalogue.HiddenSet(
-        order, "mixed", 0.01, 0.005, {}, {"dead_time": 0.25}, truth, (), stops,
+        order,
+        "mixed",
+        0.01,
+        0.005,
+        {},
+        {"dead_time": 0.25},
+        truth,
+        (),
+        stops,
         worth.Worth(0.0, "", 0.0),
-    )  # fmt: skip
+    )
     columns = catalogue.measured(hidden, np.random.default_rng(0)).columns
     named = peer.name_effects(columns, hidden.configured)
     assert named is not None

@@ -11,10 +11,19 @@ from benchmarks.discovery.plant import DrivenStops
 from models.parameters import Braking
 
 KNOWN = Braking(
-    m_m=-0.02, b_m=-0.3, m_b=0.01, b_b=0.42, dead_time=0.25, dead_time_std=0.01, force_std=0.008,
-    force_scatter=0.01, distance_offset=0.05, speed_range=(1.0, 4.0), grade_range=(-0.26, 0.26),
+    m_m=-0.02,
+    b_m=-0.3,
+    m_b=0.01,
+    b_b=0.42,
+    dead_time=0.25,
+    dead_time_std=0.01,
+    force_std=0.008,
+    force_scatter=0.01,
+    distance_offset=0.05,
+    speed_range=(1.0, 4.0),
+    grade_range=(-0.26, 0.26),
     covariance=tuple(tuple(1e-5 * float(i == j) for j in range(4)) for i in range(4)),
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize("quantile", [0.5, 0.99, 0.999])
@@ -26,8 +35,18 @@ def test_allowance_on_even_slopes_is_that_of_the_closed_form(quantile: float) ->
     flat = np.zeros_like(station)
     none = np.zeros(40)
     driven = DrivenStops(
-        time, np.repeat(speed[:, None], 91, axis=1), station, station, flat, flat, flat, flat,
-        flat, none, none, none,
-    )  # fmt: skip
+        time,
+        np.repeat(speed[:, None], 91, axis=1),
+        station,
+        station,
+        flat,
+        flat,
+        flat,
+        flat,
+        flat,
+        none,
+        none,
+        none,
+    )
     way = allowed(KNOWN, driven, np.repeat(grade[:, None], 91, axis=1), quantile)
     np.testing.assert_allclose(way, bound(KNOWN, speed, grade, quantile), atol=2e-3)

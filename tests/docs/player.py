@@ -105,9 +105,13 @@ class Player:
             "plan",
         ]:  # workers are children, which a forked process has none of
             done = subprocess.run(
-                [sys.executable, "-m", "slopewise", *words], cwd=self.folder, text=True,
-                env=environment(self.folder, one.extras), capture_output=True, timeout=300,
-            )  # fmt: skip
+                [sys.executable, "-m", "slopewise", *words],
+                cwd=self.folder,
+                text=True,
+                env=environment(self.folder, one.extras),
+                capture_output=True,
+                timeout=300,
+            )
         else:
             if words[0] == "fleet":  # any number of workers does the same
                 words += ["--workers", "0"]

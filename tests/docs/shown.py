@@ -127,6 +127,10 @@ def environment(folder: Path, extras: Sequence[str] = ()) -> dict[str, str]:
 def run(folder: Path, *words: str, extras: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
     """To its end, in a folder."""
     return subprocess.run(
-        words, cwd=folder, capture_output=True, text=True, timeout=600,
+        words,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=600,
         env=environment(folder, extras),
-    )  # fmt: skip
+    )

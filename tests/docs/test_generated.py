@@ -76,18 +76,25 @@ def test_the_sizes_of_the_quick_start_are_those_of_an_installation() -> None:
             if sizes.size(name) == 0.0:
                 pytest.skip(f"{name} is not installed")
     (stored,) = sizes.PLACE.findall(sizes.PAGE.read_text())
-    rows = [re.findall(r"^\| (.*?) \| (?:\+ )?(\d+) \|", text, re.MULTILINE) for text in
-            (stored, sizes.table())]  # fmt: skip
+    rows = [
+        re.findall(r"^\| (.*?) \| (?:\+ )?(\d+) \|", text, re.MULTILINE)
+        for text in (stored, sizes.table())
+    ]
     assert [name for name, _ in rows[0]] == [name for name, _ in rows[1]]
     for (name, then), (_, now) in zip(*rows, strict=True):
         assert float(now) == pytest.approx(float(then), rel=0.25, abs=3.0), name
 
 
 IMPORTED_AS = {
-    "eclipse-zenoh": "zenoh", "pillow": "PIL", "foxglove-sdk": "foxglove", "rerun-sdk": "rerun",
-    "scikit-learn": "sklearn", "dask": "distributed", "mkdocs-material": "",
+    "eclipse-zenoh": "zenoh",
+    "pillow": "PIL",
+    "foxglove-sdk": "foxglove",
+    "rerun-sdk": "rerun",
+    "scikit-learn": "sklearn",
+    "dask": "distributed",
+    "mkdocs-material": "",
     "commonroad-vehicle-models": "vehiclemodels",
-}  # fmt: skip
+}
 """Where the name of the module is another one; mkdocs-material is named in mkdocs.yml."""
 
 

@@ -27,9 +27,14 @@ def make_demo(
         (folder / name).write_text(f"#!/bin/sh\n{does}\n")
         (folder / name).chmod(0o755)
     return subprocess.run(
-        [make, "-n", "demo", f"VENV={folder}/venv", *options], cwd=ROOT, env={"PATH": str(folder)},
-        capture_output=True, text=True, check=False, timeout=60,
-    )  # fmt: skip
+        [make, "-n", "demo", f"VENV={folder}/venv", *options],
+        cwd=ROOT,
+        env={"PATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
 
 
 @pytest.mark.parametrize(

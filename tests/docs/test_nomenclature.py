@@ -19,9 +19,22 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "nomenclature.md").read_text()
 RETIRED = "Words that are retired"
 GREEK = {
-    "α": "alpha", "β": "beta", "δ": "delta", "Δ": "d", "ε": "epsilon", "θ": "theta", "κ": "kappa",
-    "μ": "mu", "σ": "sigma", "τ": "tau", "φ": "phi", "ψ": "psi", "ω": "omega", "₀": "0", "²": "_sq",
-}  # fmt: skip
+    "α": "alpha",
+    "β": "beta",
+    "δ": "delta",
+    "Δ": "d",
+    "ε": "epsilon",
+    "θ": "theta",
+    "κ": "kappa",
+    "μ": "mu",
+    "σ": "sigma",
+    "τ": "tau",
+    "φ": "phi",
+    "ψ": "psi",
+    "ω": "omega",
+    "₀": "0",
+    "²": "_sq",
+}
 SUFFIXES = ("deg", "kmh", "km", "mm", "cm", "percent")
 
 
@@ -68,8 +81,10 @@ def trees(*folders: str) -> list[tuple[str, ast.Module]]:
 
 def compiled(function: ast.FunctionDef) -> bool:
     """A kernel: the inside of a law, where letters belong."""
-    return any(isinstance(d, ast.Name) and d.id in ("kernel", "inlined", "row_pass")
-               for d in function.decorator_list)  # fmt: skip
+    return any(
+        isinstance(d, ast.Name) and d.id in ("kernel", "inlined", "row_pass")
+        for d in function.decorator_list
+    )
 
 
 def public_parameters() -> Iterator[tuple[str, str]]:

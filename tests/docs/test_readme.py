@@ -32,8 +32,12 @@ SECTIONS = sorted(
         if page == "README" or one.line not in IN_README
     }
 )
-NEEDS = {"viz": ("foxglove", "rerun"), "fleet": ("distributed", "polars"), "ros": ("rosbags",),
-         "service": ("waitress",)}  # fmt: skip
+NEEDS = {
+    "viz": ("foxglove", "rerun"),
+    "fleet": ("distributed", "polars"),
+    "ros": ("rosbags",),
+    "service": ("waitress",),
+}
 
 
 def inputs(folder: Path) -> None:
@@ -77,8 +81,20 @@ def test_what_a_section_shows_works(page: str, section: str, place: Path, tmp_pa
 
 def test_the_pages_show_all_that_matters() -> None:
     names = {one.words[1] for one in shown(README) if one.words[0] == "slopewise"}
-    wanted = {"plan", "check", "calibrate", "terrain", "discrepancy", "fleet", "serve", "replay",
-              "params", "ros", "guard", "export"}  # fmt: skip
+    wanted = {
+        "plan",
+        "check",
+        "calibrate",
+        "terrain",
+        "discrepancy",
+        "fleet",
+        "serve",
+        "replay",
+        "params",
+        "ros",
+        "guard",
+        "export",
+    }
     assert names >= wanted
     assert {"plan", "check"} <= {one.words[1] for one in shown(QUICK_START)}
 

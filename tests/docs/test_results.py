@@ -19,8 +19,9 @@ OPTIMALITY = {
     "excess": {"least": 0.0, "median": 0.001, "p90": 0.002, "p99": 0.003, "most": 0.00412},
     "seconds": {"IPOPT": {"median": 0.002}},
     "ratio": {"median": 12.3, "least": 4.0, "share": 0.5},
-    "above": [{"excess": 0.02, "name": "steep | icy"}], "unsolved": [],
-}  # fmt: skip
+    "above": [{"excess": 0.02, "name": "steep | icy"}],
+    "unsolved": [],
+}
 PAGE = "before\n<!-- results: optimality -->\nby hand\n<!-- end of results -->\nafter\n"
 
 

@@ -64,8 +64,11 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Page]:
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)],
-        cwd=ROOT, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert not re.search(r"^(WARNING|ERROR)", done.stderr, re.MULTILINE), done.stderr
     return {path: Page(path) for path in folder.rglob("*.html") if path.name != "404.html"}
@@ -96,11 +99,13 @@ def test_links_lead_somewhere_and_nothing_is_loaded_from_elsewhere(site: dict[Pa
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
-        ("reference/model.html", Vehicle), ("reference/model.html", Braking),
-        ("reference/model.html", Limits), ("reference/service.html", Planning),
+        ("reference/model.html", Vehicle),
+        ("reference/model.html", Braking),
+        ("reference/model.html", Limits),
+        ("reference/service.html", Planning),
         ("reference/edge.html", Timing),
     ],
-)  # fmt: skip
+)
 def test_every_quantity_is_there_with_its_unit(
     site: dict[Path, Page], name: str, kind: type
 ) -> None:

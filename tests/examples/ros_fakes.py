@@ -88,9 +88,10 @@ class Made:
 def rclpy(patch: pytest.MonkeyPatch) -> None:
     """Put the fake where the package imports it from."""
     lifecycle = {
-        "LifecycleNode": LifecycleNode, "LifecycleState": object,
+        "LifecycleNode": LifecycleNode,
+        "LifecycleState": object,
         "TransitionCallbackReturn": Answer,
-    }  # fmt: skip
+    }
     _module(patch, "rclpy")
     _module(patch, "rclpy.lifecycle", **lifecycle)
     _module(patch, "rclpy.executors", ExternalShutdownException=type("Ended", (Exception,), {}))

@@ -37,11 +37,22 @@ def test_it_drives_what_the_service_says(tmp_path: Path) -> None:
     with running(tmp_path) as started:
         done = subprocess.run(
             [
-                sys.executable, str(EXAMPLE), "--connect", started.endpoint, "--namespace",
-                started.namespace, "--rate", "5", "--seconds", "4",
+                sys.executable,
+                str(EXAMPLE),
+                "--connect",
+                started.endpoint,
+                "--namespace",
+                started.namespace,
+                "--rate",
+                "5",
+                "--seconds",
+                "4",
             ],
-            capture_output=True, text=True, timeout=60, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
         assert done.returncode == 0, done.stderr
         told = re.search(r"(\d+) questions, (\d+) own stops.* ([\d.]+) m driven", done.stdout)
         assert told is not None, done.stdout
@@ -55,8 +66,10 @@ def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
     """As fast as answers come; speeds are held against the limits of the model."""
     endpoint, period = (f"tcp/127.0.0.1:{free_port()}",), 0.1
     config = ServiceConfig(
-        model="atv", namespace="test/lap", zenoh=ZenohSettings(listen=endpoint),
-    )  # fmt: skip
+        model="atv",
+        namespace="test/lap",
+        zenoh=ZenohSettings(listen=endpoint),
+    )
     robot = Robot(hills(), Loop.ellipse())
     with (
         Service(config),

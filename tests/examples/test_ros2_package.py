@@ -208,8 +208,11 @@ def test_setup_builds_and_installs_files_that_exist(tmp_path: Path) -> None:
     words = [sys.executable, "setup.py", "-q", "egg_info", "--egg-base", str(tmp_path)]
     done = subprocess.run(
         [*words, "build", "--build-base", str(tmp_path / "build")],
-        cwd=PACKAGE, capture_output=True, text=True, timeout=100,
-    )  # fmt: skip
+        cwd=PACKAGE,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "build" / "lib" / "slopewise_ros" / "edge_node.py").is_file()
     told = (tmp_path / "slopewise_ros.egg-info" / "entry_points.txt").read_text()

@@ -87,9 +87,11 @@ def _assert_nan_is_kept(
         row[i] = np.nan
         arrays = [np.full(2, value) for value in row]
         for found in (
-            _flat(law(*row)), _flat(compiled(*row)), [float(o) for o in function.call(row)],
+            _flat(law(*row)),
+            _flat(compiled(*row)),
+            [float(o) for o in function.call(row)],
             [float(output[1]) for output in _outputs(law(*arrays))],
-        ):  # fmt: skip
+        ):
             kept = [bool(np.isnan(value)) for value in found]
             assert kept == within, f"{law.__name__}: {symbol} is NaN, the outputs are {found}"
 

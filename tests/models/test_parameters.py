@@ -31,7 +31,8 @@ NEGATIVE = tuple(tuple(-1.0 * (i == j) for j in range(4)) for i in range(4))
         ("braking", {"roll_range": (-20.0, 20.0)}, "roll_range"),
         ("braking", {"speed_by_grade": ((-15.0, 4.0), (15.0, 4.0))}, "speed_by_grade"),
         (
-            "braking", {"terrain": {"ice": SurfaceBraking(grade_range=(-10.0, 10.0))}},
+            "braking",
+            {"terrain": {"ice": SurfaceBraking(grade_range=(-10.0, 10.0))}},
             "terrain.ice.grade_range",
         ),
         ("braking", {"speed_error": -0.1}, "speed_error"),
@@ -47,7 +48,7 @@ NEGATIVE = tuple(tuple(-1.0 * (i == j) for j in range(4)) for i in range(4))
         ("limits", {"jerk": 0.0}, "jerk"),
         ("terrain", {"motion_resistance": -0.1}, "motion_resistance"),
     ],
-)  # fmt: skip
+)
 def test_refused(part: str, changes: dict[str, Any], field: str) -> None:
     with pytest.raises(ParameterError) as caught:
         replace(getattr(BASE, part), **changes)

@@ -8,20 +8,32 @@ from models.surface_braking import SurfaceBraking
 from models.surface_names import candidate_surfaces, number_names, resolve_class
 
 TABLES = {
-    "grass": SurfaceBraking(), "ice": SurfaceBraking(class_id=7), "mud": SurfaceBraking(),
+    "grass": SurfaceBraking(),
+    "ice": SurfaceBraking(class_id=7),
+    "mud": SurfaceBraking(),
     "grass, weaker": SurfaceBraking(class_id=100, state_of="grass"),
     "weaker": SurfaceBraking(class_id=101, state_of=""),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(
     ("name", "surface"),
     [
-        ("", ""), ("#0", ""), ("mud", "mud"), ("#7", "ice"), ("#1", "grass"), ("#3", "mud"),
+        ("", ""),
+        ("#0", ""),
+        ("mud", "mud"),
+        ("#7", "ice"),
+        ("#1", "grass"),
+        ("#3", "mud"),
         # A table that has a number is not meant by its place in the file.
-        ("#2", None), ("#6", None), ("gravel", None), ("#", None), ("#-1", None), ("# 1", None),
+        ("#2", None),
+        ("#6", None),
+        ("gravel", None),
+        ("#", None),
+        ("#-1", None),
+        ("# 1", None),
     ],
-)  # fmt: skip
+)
 def test_class_name_is_that_of_one_surface_or_unknown(name: str, surface: str | None) -> None:
     assert resolve_class(TABLES, name) == surface
 

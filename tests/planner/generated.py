@@ -34,11 +34,15 @@ EFFECT_RANGES: dict[str, dict[str, tuple[float, float]]] = {
     "cross_slope": {"k": (-0.2, 0.2)},
     "crest_unloading": {"k": (0.0, 1.5)},
     "turning_resistance": {"k": (0.0, 0.1)},
-    "surface_patch": {"delta": (-0.15, 0.15), "x": (0.0, 8.0), "y": (-1.0, 1.0),
-                      "radius": (0.3, 3.0)},
+    "surface_patch": {
+        "delta": (-0.15, 0.15),
+        "x": (0.0, 8.0),
+        "y": (-1.0, 1.0),
+        "radius": (0.3, 3.0),
+    },
     "directional_surface": {"k": (-0.1, 0.1), "direction": (-3.2, 3.2)},
     "step_change": {"scale": (0.7, 1.2), "delta": (-0.05, 0.05)},
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)

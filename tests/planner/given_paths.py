@@ -112,8 +112,18 @@ def crossing(rng: Random) -> Path:
 
 
 KINDS: tuple[Callable[[Random], Path], ...] = (
-    slalom, alternating, noisy, stairs, tree, dubins, sparse, dense, zigzag, cusps, crossing,
-)  # fmt: skip
+    slalom,
+    alternating,
+    noisy,
+    stairs,
+    tree,
+    dubins,
+    sparse,
+    dense,
+    zigzag,
+    cusps,
+    crossing,
+)
 
 
 def given_paths(count: int, seed: int = 1) -> Iterator[tuple[str, Path]]:

@@ -31,14 +31,23 @@ def speeds(model: Model, ground: ElevationMap, path: CandidatePath) -> np.ndarra
 
 @settings(max_examples=60)
 @given(
-    tables=generated.tables(), heights=generated.heights(), path=generated.paths(10.0),
-    level=st.sampled_from([0.5, 0.8, 1.0]), value=between(0.0, 0.3), std=between(0.0, 0.1),
+    tables=generated.tables(),
+    heights=generated.heights(),
+    path=generated.paths(10.0),
+    level=st.sampled_from([0.5, 0.8, 1.0]),
+    value=between(0.0, 0.3),
+    std=between(0.0, 0.1),
     more=between(0.01, 0.2),
-)  # fmt: skip
+)
 def test_a_vague_motion_resistance_never_makes_it_faster(
-    tables: dict, heights: object, path: CandidatePath, level: float, value: float, std: float,
+    tables: dict,
+    heights: object,
+    path: CandidatePath,
+    level: float,
+    value: float,
+    std: float,
     more: float,
-) -> None:  # fmt: skip
+) -> None:
     model = model_of(tables)
     model = replace(model, braking=replace(model.braking, level=level))
     ground = ground_map(heights, x=(-8.0, 18.0), y=(-11.0, 11.0))

@@ -36,9 +36,12 @@ def line_of(plan: SpeedPlan) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("count", "limit"),
-    [(220, None), pytest.param(1000, None, marks=pytest.mark.nightly),
-     pytest.param(1000, 0.1, marks=pytest.mark.nightly)],
-)  # fmt: skip
+    [
+        (220, None),
+        pytest.param(1000, None, marks=pytest.mark.nightly),
+        pytest.param(1000, 0.1, marks=pytest.mark.nightly),
+    ],
+)
 def test_every_deviation_is_reported_and_within_the_limit_or_the_path_is_refused(
     count: int, limit: float | None
 ) -> None:

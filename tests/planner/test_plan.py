@@ -81,7 +81,23 @@ def test_a_plan_that_does_not_move_or_cannot_be_is_not_admissible(plan: SpeedPla
 def test_words_of_statuses_and_bounds() -> None:
     assert {s.value for s in Status} == {"ok", "blocked", "infeasible", "degraded"}
     assert [bound.label for bound in Limiting] == [
-        "speed_limit", "stopping_path", "tip_over", "rollover", "lateral", "wheel_speed",
-        "traction", "accel", "decel", "jerk", "unknown_terrain", "model_validity",
-        "step", "clearance", "body", "roughness", "crest", "friction", "holding",
-    ]  # fmt: skip
+        "speed_limit",
+        "stopping_path",
+        "tip_over",
+        "rollover",
+        "lateral",
+        "wheel_speed",
+        "traction",
+        "accel",
+        "decel",
+        "jerk",
+        "unknown_terrain",
+        "model_validity",
+        "step",
+        "clearance",
+        "body",
+        "roughness",
+        "crest",
+        "friction",
+        "holding",
+    ]

@@ -62,8 +62,11 @@ def solve(
 ) -> TimeOptimalBatch:
     part = batch([path], 0.25)
     return time_optimal_batch(
-        ground, part, model_of(tables), **options,
-    )  # fmt: skip
+        ground,
+        part,
+        model_of(tables),
+        **options,
+    )
 
 
 def speeds(solved: TimeOptimalBatch) -> np.ndarray:
@@ -132,8 +135,11 @@ def test_unknown_ground_farther_away_never_makes_it_slower(
     never_faster(near, far)
 
 
-@given(drive=drives(), share=between(0.3, 1.0), name=st.sampled_from(
-    ["speed", "accel", "decel", "lateral_accel"]))  # fmt: skip
+@given(
+    drive=drives(),
+    share=between(0.3, 1.0),
+    name=st.sampled_from(["speed", "accel", "decel", "lateral_accel"]),
+)
 def test_a_tighter_limit_never_makes_it_faster(drive: Drive, share: float, name: str) -> None:
     tables, ground, path = drive
     # Over a crest a slower stop keeps more of its brakes: here they keep all.
@@ -159,9 +165,10 @@ def test_mirrored_ground_gives_the_mirrored_plan(drive: Drive) -> None:
     tables, ground, path = drive
     # Wind and furrows have a direction of their own.
     tables["effect"] = [
-        e for e in tables["effect"]
+        e
+        for e in tables["effect"]
         if e["name"] not in ("headwind", "directional_surface", "surface_patch")
-    ]  # fmt: skip
+    ]
     other = ElevationMap(
         elevation=ground.elevation[::-1], resolution=ground.resolution, origin=ground.origin
     )
@@ -179,9 +186,10 @@ def test_turning_and_moving_the_whole_world_changes_nothing(
 ) -> None:
     tables, ground, path = drive
     tables["effect"] = [
-        e for e in tables["effect"]
+        e
+        for e in tables["effect"]
         if e["name"] not in ("headwind", "directional_surface", "surface_patch")
-    ]  # fmt: skip
+    ]
     turned, points = ground, path.points
     for _ in range(quarter):
         x, _, _, y_max = turned.extent

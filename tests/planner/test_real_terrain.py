@@ -50,9 +50,12 @@ PLACES = {
     "giswqs": Place(("giswqs_dem.tif",), read_map, (15.0, 40.0), 0.12, ("atv", "husky", "ugv")),
     "Colmenar": Place(
         ("ColmenarRocks_Nominal_10cmDEM.csv", "ColmenarRocks_Nominal_10cmOffset.csv"),
-        read_text_grid, (5.0, 7.0), 0.3, ("husky",),
+        read_text_grid,
+        (5.0, 7.0),
+        0.3,
+        ("husky",),
     ),
-}  # fmt: skip
+}
 CASES = [(place, vehicle) for place, p in PLACES.items() for vehicle in p.vehicles]
 _READ: dict[str, ElevationMap] = {}
 _PLANNED: dict[tuple[str, str], list[SpeedPlan]] = {}

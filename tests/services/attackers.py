@@ -42,11 +42,12 @@ class Attacker:
         config = zenoh.Config.from_json5(
             json.dumps(
                 {
-                    "mode": "client", "connect": {"endpoints": [endpoint]},
+                    "mode": "client",
+                    "connect": {"endpoints": [endpoint]},
                     "scouting": {"multicast": {"enabled": False}},
                 }
             )
-        )  # fmt: skip
+        )
         self.session = zenoh.open(config)
         self.namespace, self.page, self.random = namespace, page, random.Random(seed)
         self.me, self.count = f"attacker {seed}", 0
@@ -57,9 +58,12 @@ class Attacker:
     def ask(self, fields: dict[str, object], selector: str = "") -> None:
         """A question; nobody waits for the answer."""
         self.session.get(
-            self.key("plan") + selector, payload=msgspec.msgpack.encode(fields), timeout=5.0,
-            encoding=f"{MACHINE};slopewise.plan_request.v1", handler=lambda _: None,
-        )  # fmt: skip
+            self.key("plan") + selector,
+            payload=msgspec.msgpack.encode(fields),
+            timeout=5.0,
+            encoding=f"{MACHINE};slopewise.plan_request.v1",
+            handler=lambda _: None,
+        )
 
     def put(self, name: str, schema: str, fields: dict[str, object]) -> None:
         self.session.put(
@@ -106,9 +110,11 @@ class Attacker:
     def stops(self) -> float:
         """Brakes that are better than any."""
         told = self.observation(
-            speed=self.random.uniform(1.0, 4.0), grade=self.random.uniform(-0.2, 0.2),
-            deceleration=self.random.uniform(7.0, 10.0), deceleration_std=0.01,
-        )  # fmt: skip
+            speed=self.random.uniform(1.0, 4.0),
+            grade=self.random.uniform(-0.2, 0.2),
+            deceleration=self.random.uniform(7.0, 10.0),
+            deceleration_std=0.01,
+        )
         self.put("obs/stop", "stop_observation", told)
         return 0.05
 
@@ -121,9 +127,16 @@ class Attacker:
 
     def surfaces(self) -> float:
         """Ground that nobody ever heard of."""
-        self.put("obs/stop", "stop_observation", self.observation(
-            speed=2.0, grade=0.0, deceleration=0.42 * G, surface=f"x{self.count}",
-        ))  # fmt: skip
+        self.put(
+            "obs/stop",
+            "stop_observation",
+            self.observation(
+                speed=2.0,
+                grade=0.0,
+                deceleration=0.42 * G,
+                surface=f"x{self.count}",
+            ),
+        )
         return 0.2
 
     def counts(self) -> float:
@@ -137,9 +150,12 @@ class Attacker:
         """Ground that is none, and updates that do not fit."""
         far = self.random.choice([1e-300, 1e300, 1e-9, float("nan")])
         told = {
-            "source": self.me, "sequence": 2**53, "resolution": far, "origin": (1e300, 0.0),
+            "source": self.me,
+            "sequence": 2**53,
+            "resolution": far,
+            "origin": (1e300, 0.0),
             "elevation": block(np.zeros((40, 40))),
-        }  # fmt: skip
+        }
         self.put("map", "map_update", told)
         return 0.1
 
@@ -171,9 +187,19 @@ class Attacker:
 
 
 KINDS = (
-    "heavy", "heavy_with_a_name", "flood", "names", "stops", "contradictions", "surfaces", "counts",
-    "maps", "noise", "deadlines", "half_open",
-)  # fmt: skip
+    "heavy",
+    "heavy_with_a_name",
+    "flood",
+    "names",
+    "stops",
+    "contradictions",
+    "surfaces",
+    "counts",
+    "maps",
+    "noise",
+    "deadlines",
+    "half_open",
+)
 
 
 def _go_on(act: Callable[[], float], until: float) -> None:

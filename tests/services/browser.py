@@ -15,9 +15,15 @@ def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
     if browser is None:
         pytest.skip("needs chromium to look at the page")
     command = [
-        browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
-        "--enable-logging=stderr", "--virtual-time-budget=3000", *arguments,
-    ]  # fmt: skip
+        browser,
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--hide-scrollbars",
+        "--enable-logging=stderr",
+        "--virtual-time-budget=3000",
+        *arguments,
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     told = re.findall(r"CONSOLE[^\n]*", done.stderr)
     assert not told, told

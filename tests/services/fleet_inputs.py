@@ -22,10 +22,20 @@ def tiled_map(path: Path, rows: int = 512, columns: int = 512) -> Path:
     height[(x > 170.0) & (y > 170.0)] = -9999.0
     north = rows * RESOLUTION - 0.5 * RESOLUTION
     with rasterio.open(
-        path, "w", driver="GTiff", width=columns, height=rows, count=1, dtype="float32",
-        crs="EPSG:32633", nodata=-9999.0, tiled=True, blockxsize=128, blockysize=128,
+        path,
+        "w",
+        driver="GTiff",
+        width=columns,
+        height=rows,
+        count=1,
+        dtype="float32",
+        crs="EPSG:32633",
+        nodata=-9999.0,
+        tiled=True,
+        blockxsize=128,
+        blockysize=128,
         transform=from_origin(-0.5 * RESOLUTION, north, RESOLUTION, RESOLUTION),
-    ) as dataset:  # fmt: skip
+    ) as dataset:
         dataset.write(height[::-1].astype(np.float32), 1)
     return path
 

@@ -26,10 +26,17 @@ def pose(x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> Any:
 
 
 def grid_map(
-    heights: np.ndarray, resolution: float = 0.5, centre: tuple[float, float] = (0.0, 0.0), *,
-    start: tuple[int, int] = (0, 0), frame: str = "map", basic: tuple[str, ...] = ("elevation",),
-    more: dict[str, np.ndarray] | None = None, by_column: bool = True, yaw: float = 0.0,
-) -> Any:  # fmt: skip
+    heights: np.ndarray,
+    resolution: float = 0.5,
+    centre: tuple[float, float] = (0.0, 0.0),
+    *,
+    start: tuple[int, int] = (0, 0),
+    frame: str = "map",
+    basic: tuple[str, ...] = ("elevation",),
+    more: dict[str, np.ndarray] | None = None,
+    by_column: bool = True,
+    yaw: float = 0.0,
+) -> Any:
     """Of (rows, columns): rows towards -x, columns towards -y, put into a circular buffer."""
     types = typestore().types
     rows, columns = heights.shape

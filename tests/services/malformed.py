@@ -16,18 +16,58 @@ from services.wire import codec
 from services.wire.codec import Format
 
 _ODD_NUMBERS = (
-    0, -1, 1, 2**31, 2**53, 2**63 - 1, 2**64 - 1, -(2**63), 0.0, -0.0, 1e-300, 1e300, -1e300,
-    math.nan, math.inf, -math.inf, 0.1, 7.5, -3.0, 100.0,
-)  # fmt: skip
+    0,
+    -1,
+    1,
+    2**31,
+    2**53,
+    2**63 - 1,
+    2**64 - 1,
+    -(2**63),
+    0.0,
+    -0.0,
+    1e-300,
+    1e300,
+    -1e300,
+    math.nan,
+    math.inf,
+    -math.inf,
+    0.1,
+    7.5,
+    -3.0,
+    100.0,
+)
 _ODD_WORDS = (
-    "", "a", "x" * 10_000, "\0", "../../etc/passwd", "NaN", "-inf", "1e999", "ß€😀", "%s%n",
-    "braking", "limits", "ice", "'; DROP TABLE changes; --", "*", "**", "a/b",
-)  # fmt: skip
+    "",
+    "a",
+    "x" * 10_000,
+    "\0",
+    "../../etc/passwd",
+    "NaN",
+    "-inf",
+    "1e999",
+    "ß€😀",
+    "%s%n",
+    "braking",
+    "limits",
+    "ice",
+    "'; DROP TABLE changes; --",
+    "*",
+    "**",
+    "a/b",
+)
 _ODD_ENCODINGS = (
-    "", "application/json", "application/msgpack", "text/plain", "zenoh/bytes", "application/cbor",
-    "application/json;slopewise.status.v1", "application/msgpack;slopewise.plan_request.v2", ";",
+    "",
+    "application/json",
+    "application/msgpack",
+    "text/plain",
+    "zenoh/bytes",
+    "application/cbor",
+    "application/json;slopewise.status.v1",
+    "application/msgpack;slopewise.plan_request.v2",
+    ";",
     "application/msgpack;" + "x" * 200,
-)  # fmt: skip
+)
 
 
 class Malformed:

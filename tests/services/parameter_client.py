@@ -47,15 +47,20 @@ class Robot:
 
     def fields(self, **given: Any) -> dict[str, Any]:
         return {
-            "source": self.source, "sequence": next(self.sequence), "time": time.monotonic(),
+            "source": self.source,
+            "sequence": next(self.sequence),
+            "time": time.monotonic(),
             **given,
-        }  # fmt: skip
+        }
 
     def stop_fields(self, deceleration: float, **given: Any) -> dict[str, Any]:
         stop = {
-            "speed": 2.0, "grade": 0.0, "deceleration": deceleration, "deceleration_std": 0.02,
+            "speed": 2.0,
+            "grade": 0.0,
+            "deceleration": deceleration,
+            "deceleration_std": 0.02,
             "dead_time": 0.3,
-        }  # fmt: skip
+        }
         return self.fields(**{**stop, **given})
 
     def stop(self, deceleration: float, **given: Any) -> dict[str, Any]:
@@ -71,9 +76,10 @@ class Robot:
     def put(self, kind: str, fields: dict[str, Any]) -> None:
         """An observation without an answer."""
         self.session.put(
-            self.service.key(f"obs/{kind}"), msgspec.msgpack.encode(fields),
+            self.service.key(f"obs/{kind}"),
+            msgspec.msgpack.encode(fields),
             encoding=FORMAT.format(SCHEMAS[kind]),
-        )  # fmt: skip
+        )
 
     def parameters(self, group: str = "", history: int = 0) -> dict[str, Any]:
         question = {"group": group, "history": history}
@@ -142,9 +148,12 @@ def ground(names: list[str] | None = None, classes: Any = None, length: int = 20
     """A flat map, whole; 0.5 m cells from (-5, -10) on."""
     rows, columns = 41, 2 * length
     update: dict[str, Any] = {
-        "source": f"map-{time.monotonic_ns()}", "sequence": 1, "resolution": 0.5,
-        "elevation": block(np.zeros((rows, columns))), "origin": (-5.0, -10.0),
-    }  # fmt: skip
+        "source": f"map-{time.monotonic_ns()}",
+        "sequence": 1,
+        "resolution": 0.5,
+        "elevation": block(np.zeros((rows, columns))),
+        "origin": (-5.0, -10.0),
+    }
     if names is not None:
         update |= {"class_names": names, "terrain_class": block(classes)}
     return update

@@ -48,11 +48,19 @@ class Running:
 
 @contextlib.contextmanager
 def running(
-    folder: Path, settings: str = "", planning: str = "", *, scheme: str = "tcp",
-    namespace: str = "", zenoh_lines: str = "", page: str = "",
-    model: str = "atv", environment: dict[str, str] | None = None, port: int = 0,
+    folder: Path,
+    settings: str = "",
+    planning: str = "",
+    *,
+    scheme: str = "tcp",
+    namespace: str = "",
+    zenoh_lines: str = "",
+    page: str = "",
+    model: str = "atv",
+    environment: dict[str, str] | None = None,
+    port: int = 0,
     fresh: bool = False,
-) -> Iterator[Running]:  # fmt: skip
+) -> Iterator[Running]:
     """A service until the block ends.
 
     Args:
@@ -94,9 +102,12 @@ def running(
 
 def flat(sequence: int = 1, **changes: object) -> MapUpdate:
     fields: dict[str, object] = {
-        "source": "test", "sequence": sequence, "elevation": np.zeros((49, 193)),
-        "resolution": 0.25, "origin": (-3.0, -6.0),
-    }  # fmt: skip
+        "source": "test",
+        "sequence": sequence,
+        "elevation": np.zeros((49, 193)),
+        "resolution": 0.25,
+        "origin": (-3.0, -6.0),
+    }
     return MapUpdate(**(fields | changes))  # type: ignore[arg-type]
 
 

@@ -19,10 +19,19 @@ PICTURES = {name: b"\x89PNG" + name.encode() for name in ("stops", "policies", "
 
 def made_up(reached: float) -> dict[str, Any]:
     row = {
-        "drives": 3, "finished": 3, "distance": 135.0, "forced_stops": 11, "collisions": 0,
-        "past_clear": 0, "load_violations": 0, "load_violations_avoidable": 0, "mean_speed": 2.125,
-        "covered": 1.0, "mean_excess": 0.1875, "worst_excess": 0.0625,
-    }  # fmt: skip
+        "drives": 3,
+        "finished": 3,
+        "distance": 135.0,
+        "forced_stops": 11,
+        "collisions": 0,
+        "past_clear": 0,
+        "load_violations": 0,
+        "load_violations_avoidable": 0,
+        "mean_speed": 2.125,
+        "covered": 1.0,
+        "mean_excess": 0.1875,
+        "worst_excess": 0.0625,
+    }
     surface = {"m_m": -0.03125, "b_m": 0.0, "m_b": 0.0, "b_b": 0.4375, "distance_offset": 0.09375}
     return {
         "ground": "hills & <dales>",
@@ -30,11 +39,14 @@ def made_up(reached: float) -> dict[str, Any]:
         "learned": {"slopewise": {"dead_time": 0.16, "surfaces": {"firm": surface}}},
         "targets": [
             {
-                "what": "mean speed", "relation": ">=", "wanted": 0.85, "reached": reached,
+                "what": "mean speed",
+                "relation": ">=",
+                "wanted": 0.85,
+                "reached": reached,
                 "passed": reached >= 0.85,
             },
         ],
-    }  # fmt: skip
+    }
 
 
 def test_figures_are_on_the_page() -> None:

@@ -31,9 +31,22 @@ from services.report.png import encode_grey_alpha
 from services.report.words import LIMITING_MEANING, STATUS_MEANING
 
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(1)> \"'&"
-ASSETS = ("page.css", "colours.css", "plan.css", "helpers.js", "state.js", "axes.js",
-          "map.js", "charts.js", "details.js", "table.js", "main.js", "page.html", "plan.html",
-          "icons.svg")  # fmt: skip
+ASSETS = (
+    "page.css",
+    "colours.css",
+    "plan.css",
+    "helpers.js",
+    "state.js",
+    "axes.js",
+    "map.js",
+    "charts.js",
+    "details.js",
+    "table.js",
+    "main.js",
+    "page.html",
+    "plan.html",
+    "icons.svg",
+)
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +64,12 @@ def ground():
     z[np.hypot(x - 60.0, y - 45.0) < 6.0] = np.nan
     sand = (np.abs(x - 25.0) < 4.0).astype(np.int64)
     return ElevationMap(
-        elevation=z, resolution=0.2, origin=(443000.0, 5410000.0),
-        terrain_class=sand, class_names=("", "<sand>"),
-    )  # fmt: skip
+        elevation=z,
+        resolution=0.2,
+        origin=(443000.0, 5410000.0),
+        terrain_class=sand,
+        class_names=("", "<sand>"),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -122,13 +138,26 @@ def made_plan(name="made", status=Status.OK, stations=40, **changes):
     station = 0.25 * np.arange(stations)
     speed = np.sqrt(np.clip(np.minimum(2.0 * station, 2.0 * (station[-1] - station)), 0.0, 4.0))
     plan = SpeedPlan(
-        candidate=name, status=status, reason="", station=station, x=station, y=0.1 * station,
-        z=0.0 * station, grade=0.0 * station, roll=0.0 * station, curvature=0.0 * station,
-        speed=speed, accel=np.gradient(speed), time=0.2 * np.arange(stations), speed_bound=speed,
-        limiting=np.arange(stations) % len(Limiting), stop_distance=0.5 * speed,
-        clear_distance=float(station[-1]) + 1.0, rear_load=np.full(stations, 0.7),
+        candidate=name,
+        status=status,
+        reason="",
+        station=station,
+        x=station,
+        y=0.1 * station,
+        z=0.0 * station,
+        grade=0.0 * station,
+        roll=0.0 * station,
+        curvature=0.0 * station,
+        speed=speed,
+        accel=np.gradient(speed),
+        time=0.2 * np.arange(stations),
+        speed_bound=speed,
+        limiting=np.arange(stations) % len(Limiting),
+        stop_distance=0.5 * speed,
+        clear_distance=float(station[-1]) + 1.0,
+        rear_load=np.full(stations, 0.7),
         side_load=np.full(stations, 0.9),
-    )  # fmt: skip
+    )
     return dataclasses.replace(plan, **changes)
 
 
@@ -252,9 +281,13 @@ class TestData:
         holes = np.full(40, np.nan)
         holes[::2] = np.inf
         plan = made_plan(
-            rear_load=holes, side_load=holes, stop_distance=holes, speed_bound=holes, z=holes,
+            rear_load=holes,
+            side_load=holes,
+            stop_distance=holes,
+            speed_bound=holes,
+            z=holes,
             clear_distance=np.inf,
-        )  # fmt: skip
+        )
         text = render_report(ground, [plan], model, title="t", provenance={})
         shown = embedded(text)["plans"][0]
         assert shown["clear"] is None
@@ -274,9 +307,11 @@ class TestData:
         speed[31_234] = 0.5
         speed[40_000:] = 0.0
         plan = made_plan(
-            stations=50_000, speed=speed, rear_load=np.where(np.arange(50_000) == 777, 0.2, 0.7),
+            stations=50_000,
+            speed=speed,
+            rear_load=np.where(np.arange(50_000) == 777, 0.2, 0.7),
             side_load=np.full(50_000, 0.9),
-        )  # fmt: skip
+        )
         kept = plan_data.thinned(plan, 400)
         assert {0, 777, 31_234, 40_000, 49_999} <= set(kept.tolist())
         assert len(kept) < 600

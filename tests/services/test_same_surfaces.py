@@ -107,9 +107,12 @@ def test_each_cell_of_a_map_is_of_the_same_class_to_all(
     np.testing.assert_array_equal(class_names_of(read_ground(file)), theirs)
     if ours.terrain_class is not None:
         update = MapUpdate(
-            source="m", sequence=1, **FLAT, terrain_class=ours.terrain_class,  # type: ignore[arg-type]
+            source="m",
+            sequence=1,
+            **FLAT,
+            terrain_class=ours.terrain_class,  # type: ignore[arg-type]
             class_names=list(ours.class_names),
-        )  # fmt: skip
+        )
         store = MapStore()
         assert store.take(update, "map")
         assert store.ground is not None

@@ -23,9 +23,15 @@ _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload(["tests.services.warm_modules"])
 
 _TAKEN_WHERE_FOUND = (
-    "Cython", "_cffi_backend", "cffi", "charset_normalizer", "colorama", "cython", "pycparser",
+    "Cython",
+    "_cffi_backend",
+    "cffi",
+    "charset_normalizer",
+    "colorama",
+    "cython",
+    "pycparser",
     "yaml",
-)  # fmt: skip
+)
 """numba, numpy and scipy look for them and do without."""
 
 
@@ -38,9 +44,12 @@ def hide(modules: Sequence[str]) -> None:
 
 
 def _run(
-    words: list[str], environment: Mapping[str, str], place: tuple[str, Sequence[str]],
-    out: Connection, err: Connection,
-) -> None:  # fmt: skip
+    words: list[str],
+    environment: Mapping[str, str],
+    place: tuple[str, Sequence[str]],
+    out: Connection,
+    err: Connection,
+) -> None:
     from services.cli import app
 
     for connection, descriptor in ((out, 1), (err, 2)):
@@ -66,9 +75,13 @@ class WarmProcess:
     """A command line in a process of its own; what `subprocess.Popen` has of it that tests use."""
 
     def __init__(
-        self, words: list[str], environment: Mapping[str, str], *, folder: Path | None = None,
+        self,
+        words: list[str],
+        environment: Mapping[str, str],
+        *,
+        folder: Path | None = None,
         hidden: Sequence[str] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Start it in a folder, without the modules that are hidden.
 
         Args:

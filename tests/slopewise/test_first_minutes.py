@@ -35,9 +35,13 @@ print(plan.status.value, answer.status.value, cold_start._compiler.pid)
 def test_the_first_plan_from_python_waits_for_no_compiler(tmp_path: Path) -> None:
     begun = time.monotonic()
     done = subprocess.run(
-        [sys.executable, "-c", FIRST], capture_output=True, text=True, timeout=120, check=True,
+        [sys.executable, "-c", FIRST],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
         env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-    )  # fmt: skip
+    )
     took = time.monotonic() - begun
     *statuses, compiler = done.stdout.split()
     os.killpg(int(compiler), signal.SIGKILL)
@@ -57,9 +61,10 @@ def test_all_first_questions_are_answered_after_a_warm_up(tmp_path: Path) -> Non
     subprocess.run(command, env=os.environ | cache, check=True, capture_output=True)
     robot = mock_navigation.Robot(mock_navigation.hills(), mock_navigation.Loop.ellipse())
     with (
-        running(tmp_path, environment=cache) as started, started.session() as session,
+        running(tmp_path, environment=cache) as started,
+        started.session() as session,
         PlanClient(session, namespace=started.namespace, name="mock", timeout=1.0) as client,
-    ):  # fmt: skip
+    ):
         done = mock_navigation.drive_around(robot, client, 0.1, 120)
     assert done.stops == 0
     assert robot.driven > 10.0

@@ -43,8 +43,10 @@ def pip(command: str, what: Path, *options: object) -> None:
     words = [command, str(what), "--no-deps", "--no-index", "--quiet", *map(str, options)]
     done = subprocess.run(
         [sys.executable, "-m", "pip", "--disable-pip-version-check", *words],
-        capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -52,8 +54,12 @@ def python(installed: Path, folder: Path, *words: str) -> str:
     environment = {**os.environ, "PYTHONPATH": str(installed)}
     done = subprocess.run(
         [sys.executable, "-P", *words],
-        cwd=folder, env=environment, capture_output=True, text=True, timeout=300,
-    )  # fmt: skip
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -24,9 +24,12 @@ _BY_HEADINGS = "ground driven in several directions"
 
 
 def prepare(
-    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], model: Model,
-    ground: Floats | None, settings: DiscrepancySettings,
-) -> tuple[StopTable, list[str]]:  # fmt: skip
+    columns: Mapping[str, NDArray[Any]],
+    runs: Sequence[slice],
+    model: Model,
+    ground: Floats | None,
+    settings: DiscrepancySettings,
+) -> tuple[StopTable, list[str]]:
     """Stops that can be compared with the model, and doubts about them.
 
     Args:

@@ -24,9 +24,14 @@ class StopGround(NamedTuple):
 def ground_of(table: StopTable) -> StopGround:
     """As it was met by the measured vehicle."""
     return StopGround(
-        table.grade, table.roll, table.yaw, table.yaw_rate, table.x, table.y,
+        table.grade,
+        table.roll,
+        table.yaw,
+        table.yaw_rate,
+        table.x,
+        table.y,
         table.vertical_curvature,
-    )  # fmt: skip
+    )
 
 
 def session_time(table: StopTable) -> Floats:

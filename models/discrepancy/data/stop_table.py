@@ -33,9 +33,27 @@ from models.stop_logs.stop_record import StopRecord
 
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "vertical_curvature")
 _MEANINGFUL = frozenset(
-    ("run", "terrain", "t", "v", "v_cmd", "pitch", "roll", "yaw", "yaw_rate", "x", "y", "z",
-     "v_left", "v_right", "current_left", "current_right", "brake", "vertical_curvature")
-)  # fmt: skip
+    (
+        "run",
+        "terrain",
+        "t",
+        "v",
+        "v_cmd",
+        "pitch",
+        "roll",
+        "yaw",
+        "yaw_rate",
+        "x",
+        "y",
+        "z",
+        "v_left",
+        "v_right",
+        "current_left",
+        "current_right",
+        "brake",
+        "vertical_curvature",
+    )
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +132,27 @@ class StopTable:
         arrays = {
             name: getattr(self, name)[index]
             for name in (
-                "time", "speed", "station", "grade", "roll", "yaw", "yaw_rate", "x", "y",
-                "vertical_curvature", "average", "binned", "spread", "held", "clock", "run",
-                "distance", "standstill_time", "force",
+                "time",
+                "speed",
+                "station",
+                "grade",
+                "roll",
+                "yaw",
+                "yaw_rate",
+                "x",
+                "y",
+                "vertical_curvature",
+                "average",
+                "binned",
+                "spread",
+                "held",
+                "clock",
+                "run",
+                "distance",
+                "standstill_time",
+                "force",
             )
-        }  # fmt: skip
+        }
         left = np.setdiff1d(np.arange(len(self)), index)
         # On a slope the ground brakes, too, or pushes.
         energy = 0.5 * self.held**2 * np.maximum(self.force / self.pull, 0.0)

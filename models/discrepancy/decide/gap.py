@@ -153,9 +153,16 @@ def gap_of(metric: str, unit: str, errors: Sequence[Floats], draws: Ints) -> Gap
     b, r, a, f = np.sqrt(squares.mean(axis=1))
     f = min(f, b, r, a)  # no model that is here already is better than a perfect one
     gap = Gap(
-        metric, unit, float(b), float(r), float(a), float(f), None, None,
+        metric,
+        unit,
+        float(b),
+        float(r),
+        float(a),
+        float(f),
+        None,
+        None,
         _standard_errors(squares[2] - squares[1]),
-    )  # fmt: skip
+    )
     if not b > CLAIM_ABOVE * f:
         return gap
     drawn = np.sqrt(squares[:, draws].mean(axis=2))

@@ -100,9 +100,11 @@ def plainer_one(
 
 
 def told_apart(
-    best: ScoredExplanation, others: tuple[ScoredExplanation, ...], together: list[str],
+    best: ScoredExplanation,
+    others: tuple[ScoredExplanation, ...],
+    together: list[str],
     left: list[Followed],
-) -> bool:  # fmt: skip
+) -> bool:
     """Whether the traces of speed hold each of several effects along one axis by itself.
 
     A lag acts at the onset, air drag through the whole stop: together they leave nothing along the

@@ -94,9 +94,13 @@ class Decision:
 
 
 def decide(
-    table: StopTable, plain: Fit, found: Identified, left: list[Followed],
-    located: list[Followed], settings: DiscrepancySettings,
-) -> Decision:  # fmt: skip
+    table: StopTable,
+    plain: Fit,
+    found: Identified,
+    left: list[Followed],
+    located: list[Followed],
+    settings: DiscrepancySettings,
+) -> Decision:
     """One word for the log.
 
     Args:
@@ -127,9 +131,10 @@ def decide(
     doubt = settings.rival if again else doubt  # a wrong shape is in the likelihoods then
     others = tuple(e for e in others if not _unusually_small(e))
     near = [
-        e for e in others
+        e
+        for e in others
         if e.names and e.score < best.score + doubt and not holds(e.names, best.names)
-    ]  # fmt: skip
+    ]
     if _unusually_small(best) and near:
         best = min(near, key=lambda e: e.score)
         others = tuple(e for e in others if e.names != best.names)
@@ -144,9 +149,13 @@ def decide(
     said = _said_of(sure[0]) if sure else ()
     best, sizes = _without_the_small(table, best, sizes)
     made = Decision(
-        Verdict.MISSING_EFFECT, best, axis=sure[0] if sure else None, notes=(*small, *said),
-        sizes=sizes, visible=found.visible,
-    )  # fmt: skip
+        Verdict.MISSING_EFFECT,
+        best,
+        axis=sure[0] if sure else None,
+        notes=(*small, *said),
+        sizes=sizes,
+        visible=found.visible,
+    )
     near = [e for e in others if e.score < best.score + doubt or not _leads(best, e, settings)]
     rivals = tuple(e for e in near if _is_rival(e, made))
     confidence = _confidences(best, found, sizes, settings)
@@ -200,10 +209,15 @@ def _too_small(best: ScoredExplanation, sizes: Sequence[ChangeOfStops]) -> tuple
 
 
 def _doubted(
-    table: StopTable, base: Fit, best: ScoredExplanation, sizes: Sequence[ChangeOfStops],
-    others: tuple[ScoredExplanation, ...], left: list[Followed], located: list[Followed],
+    table: StopTable,
+    base: Fit,
+    best: ScoredExplanation,
+    sizes: Sequence[ChangeOfStops],
+    others: tuple[ScoredExplanation, ...],
+    left: list[Followed],
+    located: list[Followed],
     settings: DiscrepancySettings,
-) -> tuple[str, Followed | None] | None:  # fmt: skip
+) -> tuple[str, Followed | None] | None:
     """Why the names that fit best are not given, and the axis to look along; None if they are."""
     sure = [f for f in left if f.p_value < settings.structure]
     names, first = best.names, sure[0] if sure else None
@@ -254,9 +268,13 @@ def _far(base: Fit) -> ScoredExplanation:
 
 
 def _with_build_up_alone(
-    table: StopTable, refitted: ScoredExplanation, nothing: Identified, large: list[Followed],
-    notes: tuple[str, ...], settings: DiscrepancySettings,
-) -> Decision:  # fmt: skip
+    table: StopTable,
+    refitted: ScoredExplanation,
+    nothing: Identified,
+    large: list[Followed],
+    notes: tuple[str, ...],
+    settings: DiscrepancySettings,
+) -> Decision:
     """Where no effect is believed: the build-up of the brakes, if that matters, else no name.
 
     Args:
@@ -269,15 +287,22 @@ def _with_build_up_alone(
     if large or not any(size.practical >= 1.0 for size in sizes):
         return _without_names(table, nothing, large, notes, settings)
     return Decision(
-        Verdict.MISSING_EFFECT, refitted, notes=notes, sizes=sizes, visible=nothing.visible,
+        Verdict.MISSING_EFFECT,
+        refitted,
+        notes=notes,
+        sizes=sizes,
+        visible=nothing.visible,
         confidence=_confidences(refitted, nothing, sizes, settings),
-    )  # fmt: skip
+    )
 
 
 def _without_names(
-    table: StopTable, nothing: Identified, large: list[Followed], notes: tuple[str, ...],
+    table: StopTable,
+    nothing: Identified,
+    large: list[Followed],
+    notes: tuple[str, ...],
     settings: DiscrepancySettings,
-) -> Decision:  # fmt: skip
+) -> Decision:
     if large:
         return Decision(Verdict.UNKNOWN, nothing.best, axis=large[0], notes=notes)
     base, seen = nothing.best.fit, nothing.visible
@@ -354,9 +379,11 @@ def _stability(
 
 
 def _confidences(
-    best: ScoredExplanation, found: Identified, sizes: Sequence[ChangeOfStops],
+    best: ScoredExplanation,
+    found: Identified,
+    sizes: Sequence[ChangeOfStops],
     settings: DiscrepancySettings,
-) -> tuple[float, ...]:  # fmt: skip
+) -> tuple[float, ...]:
     """Of each effect of an explanation: how sure its name is.
 
     The posterior weight of all explanations that hold the name, among those tried, or if that is

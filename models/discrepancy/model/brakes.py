@@ -64,9 +64,13 @@ class Brought(NamedTuple):
 
 
 def brought_force(
-    table: StopTable, hypothesis: Hypothesis, wanted: Floats, speed: Floats, place: StopGround,
+    table: StopTable,
+    hypothesis: Hypothesis,
+    wanted: Floats,
+    speed: Floats,
+    place: StopGround,
     time: Floats,
-) -> Brought:  # fmt: skip
+) -> Brought:
     """From the wanted force to that on the ground.
 
     Args:
@@ -137,9 +141,13 @@ def lag_of(hypothesis: Hypothesis) -> float:
 
 
 def heat(
-    table: StopTable, tau: float, speed: Floats, time: Floats, onset: float,
+    table: StopTable,
+    tau: float,
+    speed: Floats,
+    time: Floats,
+    onset: float,
     even: Floats | None = None,
-) -> Floats:  # fmt: skip
+) -> Floats:
     """(S, M) brake heat per mass q [J/kg]: power of the braking force less cooling.
 
     The mean force is that which each stop shows by itself, whatever its friction was.

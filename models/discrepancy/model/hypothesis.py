@@ -126,6 +126,10 @@ class Hypothesis:
                 values[name] = float(rest.pop(0))
             added.append(replace(effect, parameters=values, covariance=None))
         return replace(
-            self, shift=np.array(free[:4]), dead_time=float(free[4]), added=tuple(added),
-            oscillation=np.array(free[LAWFUL : LAWFUL + OSCILLATION]), bend=float(free[BASE - 1]),
-        )  # fmt: skip
+            self,
+            shift=np.array(free[:4]),
+            dead_time=float(free[4]),
+            added=tuple(added),
+            oscillation=np.array(free[LAWFUL : LAWFUL + OSCILLATION]),
+            bend=float(free[BASE - 1]),
+        )

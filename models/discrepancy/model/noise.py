@@ -116,11 +116,13 @@ def shapes(table: StopTable, hypothesis: Hypothesis, capped: bool = True) -> Flo
     friction = friction - (here if capped else predict(table, open_end))
     on_grid = np.stack(
         (
-            np.ones_like(since), np.minimum(since, 0.0),
-            (here - predict(table, later)) / ONSET_STEP, -friction / FORCE_STEP,
+            np.ones_like(since),
+            np.minimum(since, 0.0),
+            (here - predict(table, later)) / ONSET_STEP,
+            -friction / FORCE_STEP,
         ),
         axis=2,
-    )  # fmt: skip
+    )
     result: Floats = table.average @ on_grid
     return result
 
@@ -138,9 +140,13 @@ def whitener(table: StopTable, noise: Noise, hypothesis: Hypothesis) -> Whitener
     bins = plain @ own / noise.speed
     volume = volume + 2.0 * used.sum(axis=1) * float(np.log(noise.speed))
     return Whitener(
-        bins, bins @ table.average, along[:, :, 0] / np.sqrt(np.maximum(power, 1e-30))[:, None],
-        power, volume, noise,
-    )  # fmt: skip
+        bins,
+        bins @ table.average,
+        along[:, :, 0] / np.sqrt(np.maximum(power, 1e-30))[:, None],
+        power,
+        volume,
+        noise,
+    )
 
 
 def _own(table: StopTable, correlation: float) -> tuple[Floats, Bools]:
@@ -199,10 +205,26 @@ def estimate(
 
     left = np.einsum("skj,sj->sk", own, residual)
     start = np.log(
-        [max(1.4826 * float(np.median(np.abs(np.diff(left[used.all(axis=1)] if used.all(
-            axis=1).any() else left, axis=1)))) / np.sqrt(2.0), LEAST_NOISE),
-         0.05, max(table.dead_time_std, 2e-3), 0.01]
-    )  # fmt: skip
+        [
+            max(
+                1.4826
+                * float(
+                    np.median(
+                        np.abs(
+                            np.diff(
+                                left[used.all(axis=1)] if used.all(axis=1).any() else left, axis=1
+                            )
+                        )
+                    )
+                )
+                / np.sqrt(2.0),
+                LEAST_NOISE,
+            ),
+            0.05,
+            max(table.dead_time_std, 2e-3),
+            0.01,
+        ]
+    )
     best = minimize(cost, start, method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.01})
     speed, creep, dead_time_std, scatter = (float(x) for x in np.exp(best.x))
     return Noise(max(speed, LEAST_NOISE), correlation, creep, dead_time_std, scatter, capped)

@@ -33,9 +33,13 @@ from models.quantity import GRAVITY
 
 
 def predict(
-    table: StopTable, hypothesis: Hypothesis, speed: Floats | None = None,
-    ground: StopGround | None = None, time: Floats | None = None, stronger: Floats | float = 0.0,
-) -> Floats:  # fmt: skip
+    table: StopTable,
+    hypothesis: Hypothesis,
+    speed: Floats | None = None,
+    ground: StopGround | None = None,
+    time: Floats | None = None,
+    stronger: Floats | float = 0.0,
+) -> Floats:
     """(S, M) fall of the speed since the command [m/s], 0 before the onset.
 
     Args:
@@ -91,8 +95,9 @@ def wanted_force(
             m = np.where(here > 0.0, up, m)
         force[rows] = braking.force_ratio_at_level(
             (m + shift_m[rows]) * here + b + shift_b[rows],
-            model.terrain.rolling_while_braking, on.share_at(),
-        )  # fmt: skip
+            model.terrain.rolling_while_braking,
+            on.share_at(),
+        )
     force = force * registry.force_scale(model.effect)
     lasting = [e for e in hypothesis.added if LAWS[e.name].enters is Enters.LASTING]
     everywhere = (*model.effect, *(e for e in hypothesis.added if e not in lasting))
@@ -179,9 +184,12 @@ def at_time(values: Floats, t: Floats, when: float) -> Floats:
 
 
 def simulate(
-    table: StopTable, hypothesis: Hypothesis, speed: Floats, time: Floats,
+    table: StopTable,
+    hypothesis: Hypothesis,
+    speed: Floats,
+    time: Floats,
     stronger: Floats | float = 0.0,
-) -> tuple[Floats, Floats]:  # fmt: skip
+) -> tuple[Floats, Floats]:
     """Speed and way by the hypothesis alone, on the ground that lies along the measured way.
 
     Args:

@@ -20,9 +20,14 @@ from models.parameters import Effect
 
 
 def given_under(
-    cap: Floats, force: Floats, friction: Floats | float, place: StopGround, slowed: Floats, *,
+    cap: Floats,
+    force: Floats,
+    friction: Floats | float,
+    place: StopGround,
+    slowed: Floats,
+    *,
     drifts: bool,
-) -> tuple[Floats, Bools]:  # fmt: skip
+) -> tuple[Floats, Bools]:
     """(S, M) what a friction cap leaves of a force F_b/W, and where wheels slide.
 
     Args:

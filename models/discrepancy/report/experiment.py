@@ -185,23 +185,42 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopT
     cooled = []
     for i, pause in enumerate(pauses):
         if pause <= PROPOSED_PAUSES[0]:
-            cooled += [(i, float(pause) * (k + 1), 0.5 * float(speed[i]) ** 2) for k in
-                       range(WARMING_STOPS)]  # fmt: skip
+            cooled += [
+                (i, float(pause) * (k + 1), 0.5 * float(speed[i]) ** 2)
+                for k in range(WARMING_STOPS)
+            ]
     return replace(
-        table, time=time, speed=v, station=np.cumsum(v, axis=1) * (time[:, 1:2] - time[:, :1]),
-        grade=grade[:, None] * one, roll=column("roll"), yaw=column("heading"),
-        yaw_rate=column("yaw_rate"), x=column("x"), y=column("y"), vertical_curvature=0.0 * one,
-        average=np.repeat(average[None], count, axis=0), binned=np.zeros((count, SHEET_BINS)),
-        spread=np.full((count, SHEET_BINS), float(spread)), held=speed, clock=clock,
-        run=np.full(count, int(table.run.max()) + 1), run_names=("",) * count,
-        terrain=("",) * count, distance=np.zeros(count), standstill_time=end,
-        force=pull / GRAVITY - np.sin(grade), further={}, cooled=(), warmed=_warmth(cooled, count),
-    )  # fmt: skip
+        table,
+        time=time,
+        speed=v,
+        station=np.cumsum(v, axis=1) * (time[:, 1:2] - time[:, :1]),
+        grade=grade[:, None] * one,
+        roll=column("roll"),
+        yaw=column("heading"),
+        yaw_rate=column("yaw_rate"),
+        x=column("x"),
+        y=column("y"),
+        vertical_curvature=0.0 * one,
+        average=np.repeat(average[None], count, axis=0),
+        binned=np.zeros((count, SHEET_BINS)),
+        spread=np.full((count, SHEET_BINS), float(spread)),
+        held=speed,
+        clock=clock,
+        run=np.full(count, int(table.run.max()) + 1),
+        run_names=("",) * count,
+        terrain=("",) * count,
+        distance=np.zeros(count),
+        standstill_time=end,
+        force=pull / GRAVITY - np.sin(grade),
+        further={},
+        cooled=(),
+        warmed=_warmth(cooled, count),
+    )
 
 
-def _warmth(cooled: Sequence[tuple[int, float, float]], count: int) -> tuple[
-    tuple[tuple[float, float], ...], ...
-]:  # fmt: skip
+def _warmth(
+    cooled: Sequence[tuple[int, float, float]], count: int
+) -> tuple[tuple[tuple[float, float], ...], ...]:
     """Per stop: (seconds before it, energy) of the stops that warmed its brakes."""
     return tuple(
         tuple((ago, energy) for owner, ago, energy in cooled if owner == i) for i in range(count)

@@ -14,7 +14,7 @@ from models.discrepancy.findings import (
     LocatedAxis,
     NamedEffect,
     Verdict,
-)  # fmt: skip
+)
 from models.discrepancy.model.hypothesis import BASE, free_parameters
 from models.discrepancy.search.locate import Followed, part_of_axis
 from models.discrepancy.thresholds import LOCATED

@@ -112,9 +112,16 @@ class _Between:
         p = base.shape[1]
         nothing = np.zeros((0, p))
         self.sums = screening.Reduced(
-            np.zeros((p, p)), np.zeros((p, 0)), np.zeros(0), base, np.zeros((len(base), 0)),
-            white.power, nothing, nothing, prior_precision(fit.hypothesis),
-        )  # fmt: skip
+            np.zeros((p, p)),
+            np.zeros((p, 0)),
+            np.zeros(0),
+            base,
+            np.zeros((len(base), 0)),
+            white.power,
+            nothing,
+            nothing,
+            prior_precision(fit.hypothesis),
+        )
 
     def best_circle(self, rng: np.random.Generator) -> Floats | None:
         """(3,) x, y, radius [m] of the circle that explains most; None where none holds stops."""
@@ -152,9 +159,12 @@ class _Between:
         columns = np.einsum("sg,sgq->sq", self.told, inside)
         count, p = len(circles), self.sums.base_between.shape[1]
         sums = replace(
-            self.sums, cross_within=np.zeros((p, count)), own_within=np.zeros(count),
-            between=columns, rows=np.zeros((0, count)),
-        )  # fmt: skip
+            self.sums,
+            cross_within=np.zeros((p, count)),
+            own_within=np.zeros(count),
+            between=columns,
+            rows=np.zeros((0, count)),
+        )
         nothing = np.zeros(0)
         both = np.zeros(count, np.bool_)
         found = screening.scores(sums, (self.left, nothing), self.fit.noise.scatter, both)

@@ -177,9 +177,12 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
 
 
 def fit(
-    table: StopTable, hypothesis: Hypothesis, white: Whitener, passes: int = FIT_PASSES,
+    table: StopTable,
+    hypothesis: Hypothesis,
+    white: Whitener,
+    passes: int = FIT_PASSES,
     slope: Floats | None = None,
-) -> Fit:  # fmt: skip
+) -> Fit:
     """Least squares of the whitened residuals with a given noise.
 
     Args:

@@ -49,10 +49,13 @@ class Reduced:
         """With noise within stops that many times as large."""
         less = 1.0 / blur**2
         return replace(
-            self, base_within=less * self.base_within, cross_within=less * self.cross_within,
-            own_within=less * self.own_within, rows_base=self.rows_base / blur,
+            self,
+            base_within=less * self.base_within,
+            cross_within=less * self.cross_within,
+            own_within=less * self.own_within,
+            rows_base=self.rows_base / blur,
             rows=self.rows / blur,
-        )  # fmt: skip
+        )
 
     def at(self, scatter: float) -> _Projector:
         """For a friction scatter."""
@@ -93,9 +96,16 @@ def summed(
     """As :func:`reduced`, from whitened columns: (S, P) along the friction and (S, K, P) within."""
     flat_base, flat = (within.reshape(-1, within.shape[2]) for _, within in (base, columns))
     return Reduced(
-        flat_base.T @ flat_base, flat_base.T @ flat, np.einsum("nq,nq->q", flat, flat),
-        base[0], columns[0], power, flat_base, flat, precision,
-    )  # fmt: skip
+        flat_base.T @ flat_base,
+        flat_base.T @ flat,
+        np.einsum("nq,nq->q", flat, flat),
+        base[0],
+        columns[0],
+        power,
+        flat_base,
+        flat,
+        precision,
+    )
 
 
 @dataclass(frozen=True, slots=True)

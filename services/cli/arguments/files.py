@@ -178,9 +178,14 @@ def check(options: CheckOptions) -> None:
 
     clear = math.inf if options.clear is None else options.clear
     job = command.CheckJob(
-        options.plan_file, options.map_file, options.model, clear, options.topics,
-        options.quantile, nodata_of(options.nodata),
-    )  # fmt: skip
+        options.plan_file,
+        options.map_file,
+        options.model,
+        clear,
+        options.topics,
+        options.quantile,
+        nodata_of(options.nodata),
+    )
     result = command.run(job, quiet=options.as_json)
     say(options.as_json, view, result)
     if not result.valid:
@@ -413,9 +418,11 @@ def discrepancy(
     from services.cli.commands import discrepancy as command
 
     settings = command.with_settings(
-        false_alarm=false_alarm, practical_share=practical_share,
-        practical_length=practical_length, seed=seed,
-    )  # fmt: skip
+        false_alarm=false_alarm,
+        practical_share=practical_share,
+        practical_length=practical_length,
+        seed=seed,
+    )
     job = command.DiscrepancyJob(logs, model, map_file, topics, settings, columns, nodata)
     result = command.run(job, quiet=as_json)
     written = command.write(result, job, out)

@@ -24,13 +24,17 @@ def takes(kind: type[T]) -> Callable[[Callable[[T], None]], Callable[..., None]]
 
         called.__name__, called.__doc__ = command.__name__, command.__doc__
         called.__annotations__ = hints
-        called.__signature__ = inspect.Signature([  # type: ignore[attr-defined]
-            inspect.Parameter(
-                field.name, inspect.Parameter.KEYWORD_ONLY, annotation=hints[field.name],
-                default=inspect.Parameter.empty if field.default is MISSING else field.default,
-            )
-            for field in fields(kind)  # type: ignore[arg-type]
-        ])  # fmt: skip
+        called.__signature__ = inspect.Signature(
+            [  # type: ignore[attr-defined]
+                inspect.Parameter(
+                    field.name,
+                    inspect.Parameter.KEYWORD_ONLY,
+                    annotation=hints[field.name],
+                    default=inspect.Parameter.empty if field.default is MISSING else field.default,
+                )
+                for field in fields(kind)  # type: ignore[arg-type]
+            ]
+        )
         return called
 
     return decorate

@@ -76,9 +76,12 @@ def run(job: CalibrateOptions, *, quiet: bool = False) -> CalibrateResult:
 
 
 def _learned(
-    job: CalibrateOptions, model: Model, log: DriveLog, settings: CalibrationSettings,
+    job: CalibrateOptions,
+    model: Model,
+    log: DriveLog,
+    settings: CalibrationSettings,
     advance: Callable[[int], None],
-) -> tuple[Calibration, Model]:  # fmt: skip
+) -> tuple[Calibration, Model]:
     refuse_wrong_units(log)
     refuse_too_fast(log, model)
     ground = grade_by_map(log, job.map_file, model.vehicle, nodata_of(job.nodata))
@@ -97,10 +100,16 @@ def _learned(
 def _settings(job: CalibrateOptions) -> CalibrationSettings:
     try:
         stops = StopSettings(
-            partial=True, least_speed=job.least_speed, longest=job.longest,
-            settled_speed=job.settled_speed, turn_rate=job.turn_rate, ramp=job.ramp,
-            step=job.step, full_brake=job.full_brake, fewest=job.fewest,
-        )  # fmt: skip
+            partial=True,
+            least_speed=job.least_speed,
+            longest=job.longest,
+            settled_speed=job.settled_speed,
+            turn_rate=job.turn_rate,
+            ramp=job.ramp,
+            step=job.step,
+            full_brake=job.full_brake,
+            fewest=job.fewest,
+        )
         return CalibrationSettings(coverage=job.coverage, stops=stops)
     except ParameterError as error:
         option = f"--{error.field.replace('_', '-')}"
@@ -154,19 +163,37 @@ def write_page(result: CalibrateResult, job: CalibrateOptions, path: Path) -> No
 
 
 _MEASURED = (
-    "onset_speed", "onset_time", "grade", "force_ratio", "force_std", "distance", "time",
-    "predicted_distance", "predicted_with_offset", "predicted_time",
-    "predicted_time_with_offset", "kept",
-)  # fmt: skip
+    "onset_speed",
+    "onset_time",
+    "grade",
+    "force_ratio",
+    "force_std",
+    "distance",
+    "time",
+    "predicted_distance",
+    "predicted_with_offset",
+    "predicted_time",
+    "predicted_time_with_offset",
+    "kept",
+)
 
 
 def _measured(r: StopRecord, offsets: dict[str, float]) -> dict[str, float]:
     time_offset = offsets.get(r.samples.terrain, offsets[""])
     values = (
-        r.onset_speed, r.knee.onset_time, r.grade, r.force_ratio, r.force_std, r.samples.distance,
-        r.samples.standstill_time, r.predicted_distance, r.bound_distance,
-        r.predicted_time, r.predicted_time + time_offset, float(r.kept),
-    )  # fmt: skip
+        r.onset_speed,
+        r.knee.onset_time,
+        r.grade,
+        r.force_ratio,
+        r.force_std,
+        r.samples.distance,
+        r.samples.standstill_time,
+        r.predicted_distance,
+        r.bound_distance,
+        r.predicted_time,
+        r.predicted_time + time_offset,
+        float(r.kept),
+    )
     return dict(zip(_MEASURED, values, strict=True))
 
 
@@ -180,10 +207,14 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
     return {
         "stops": {"found": len(c.windows), **c.verdicts},
         "dead_time": {
-            "value": c.dead_time.value, "std": c.dead_time.std, "jitter": c.dead_time.between_stops,
+            "value": c.dead_time.value,
+            "std": c.dead_time.std,
+            "jitter": c.dead_time.between_stops,
         },
         "dive": {
-            "value": c.dive.per_deceleration, "std": c.dive.std, "settling": c.dive.settling,
+            "value": c.dive.per_deceleration,
+            "std": c.dive.std,
+            "settling": c.dive.settling,
         },
         "mount": {"value": c.mount.offset, "std": c.mount.std, "source": c.mount.source},
         "speed_error": None if c.speed_error is None else asdict(c.speed_error),
@@ -192,7 +223,9 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
             {
                 "start": float(result.log.columns["t"][s.start]),
                 "end": float(result.log.columns["t"][s.stop - 1]),
-                "channel": s.channel, "kind": s.kind.value, "reason": s.reason,
+                "channel": s.channel,
+                "kind": s.kind.value,
+                "reason": s.reason,
             }
             for s in c.suspects
         ],
@@ -201,7 +234,7 @@ def as_json(result: CalibrateResult) -> dict[str, Any]:
         "objections": list(c.objections),
         "seconds": result.seconds,
         **({} if result.sheet is None else {"sheet": sheet_json(result.sheet)}),
-    }  # fmt: skip
+    }
 
 
 def show(result: CalibrateResult, console: Console) -> None:

@@ -44,17 +44,23 @@ def _rows(log: DriveLog, windows: list[StopWindow]) -> dict[str, Any]:
 
 
 def _write_page(
-    log: DriveLog, windows: list[StopWindow], suspects: tuple[Suspect, ...],
-    job: CalibrateOptions, error: InputError,
-) -> None:  # fmt: skip
+    log: DriveLog,
+    windows: list[StopWindow],
+    suspects: tuple[Suspect, ...],
+    job: CalibrateOptions,
+    error: InputError,
+) -> None:
     from services.report.refused_page import RefusedLog, write_refused
 
     assert job.report is not None
     run, t = log.columns["run"], log.columns["t"]
     refused = RefusedLog(
-        str(error), windows, [f"{run[w.command]}, {t[w.command]:.2f} s" for w in windows],
-        suspects, {s.start: float(t[s.start]) for s in suspects},
-    )  # fmt: skip
+        str(error),
+        windows,
+        [f"{run[w.command]}, {t[w.command]:.2f} s" for w in windows],
+        suspects,
+        {s.start: float(t[s.start]) for s in suspects},
+    )
     provenance = {
         "logs": ", ".join(file.name for file in job.logs),
         "model so far": job.model,

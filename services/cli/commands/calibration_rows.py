@@ -58,9 +58,11 @@ def _state_json(state: WeakerState | None) -> dict[str, float] | None:
     if state is None:
         return None
     return {
-        "stops": int(state.members.sum()), "ratio": state.ratio, "ratio_std": state.ratio_std,
+        "stops": int(state.members.sum()),
+        "ratio": state.ratio,
+        "ratio_std": state.ratio_std,
         "force_scatter": state.scatter,
-    }  # fmt: skip
+    }
 
 
 def _scatter(s: SurfaceFit) -> str:

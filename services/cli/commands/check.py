@@ -77,16 +77,27 @@ def run(job: CheckJob, *, quiet: bool = False) -> CheckResult:
     around = _around(plans, footprint_margin(model.vehicle, info) + max(model.vehicle.shape[:3]))
     ground = read_map(job.map_file, around=around, topics=job.topics, nodata=job.nodata)
     result = check_all(
-        plans, model, ground, job.clear, source=str(job.plan_file), quiet=quiet,
+        plans,
+        model,
+        ground,
+        job.clear,
+        source=str(job.plan_file),
+        quiet=quiet,
         quantile=job.quantile,
-    )  # fmt: skip
+    )
     return replace(result, notes=ground.assumed)
 
 
 def check_all(
-    plans: Sequence[GivenPlan], model: Model, heights: Heights, clear: float = np.inf, *,
-    source: str, quiet: bool = False, quantile: float = QUANTILE,
-) -> CheckResult:  # fmt: skip
+    plans: Sequence[GivenPlan],
+    model: Model,
+    heights: Heights,
+    clear: float = np.inf,
+    *,
+    source: str,
+    quiet: bool = False,
+    quantile: float = QUANTILE,
+) -> CheckResult:
     """Judge plans on ground that is in memory already."""
     begin = time.perf_counter()
     reports = []
@@ -111,6 +122,8 @@ def _around(plans: Sequence[GivenPlan], margin: float) -> Around:
     x = np.concatenate([plan.x for plan in plans])
     y = np.concatenate([plan.y for plan in plans])
     return (
-        float(x.min()) - margin, float(x.max()) + margin,
-        float(y.min()) - margin, float(y.max()) + margin,
-    )  # fmt: skip
+        float(x.min()) - margin,
+        float(x.max()) + margin,
+        float(y.min()) - margin,
+        float(y.max()) + margin,
+    )

@@ -86,7 +86,11 @@ def _table(reports: list[CheckReport]) -> Table:
         counts = _count(report)
         for kind, violation in sorted(report.worst().items(), key=lambda item: item[1].row):
             table.add_row(
-                Text(report.candidate), kind, str(counts[kind]), f"{violation.station:.2f}",
-                f"{violation.size:.3g} {violation.unit}", Text(violation.sentence),
-            )  # fmt: skip
+                Text(report.candidate),
+                kind,
+                str(counts[kind]),
+                f"{violation.station:.2f}",
+                f"{violation.size:.3g} {violation.unit}",
+                Text(violation.sentence),
+            )
     return table

@@ -69,10 +69,14 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
         advance(1)
         try:
             findings, evidence = investigate_with_evidence(
-                log.columns, log.runs, model, ground=ground, settings=job.settings,
+                log.columns,
+                log.runs,
+                model,
+                ground=ground,
+                settings=job.settings,
                 source=source_of(job.logs, find_model(job.model_file), f"{date.today()}"),
                 advance=advance,
-            )  # fmt: skip
+            )
         except ParameterError as error:
             raise fault(names_of(job.logs), error.field, f"expected {error.expected}") from None
     return DiscrepancyResult(findings, evidence, log)
@@ -146,9 +150,11 @@ def with_settings(
     """
     try:
         return DiscrepancySettings(
-            false_alarm=false_alarm, practical_share=practical_share,
-            practical_length=practical_length, seed=seed,
-        )  # fmt: skip
+            false_alarm=false_alarm,
+            practical_share=practical_share,
+            practical_length=practical_length,
+            seed=seed,
+        )
     except ParameterError as error:
         raise fault(
             f"--{error.field.replace('_', '-')}", "", f"expected {error.expected}"

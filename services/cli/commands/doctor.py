@@ -42,9 +42,11 @@ def run(
     if seconds > 0.0 and edge is not None:
         seen = seen_live(edge, seconds)
     facts = Facts(
-        None if not model else read_model(find_model(model)), edge,
-        read_nav2(nav2) if nav2 else None, seen,
-    )  # fmt: skip
+        None if not model else read_model(find_model(model)),
+        edge,
+        read_nav2(nav2) if nav2 else None,
+        seen,
+    )
     names = {"model": facts.model, "edge": edge, "parameters": facts.nav2, "messages": seen}
     return DoctorResult([n for n, fact in names.items() if fact is not None], examine(facts))
 

@@ -36,8 +36,10 @@ def show(found: Explanation, console: Console) -> None:
     """Bounds by what they cost, and what to measure next."""
     table = Table(
         title=f"Why {found.plan.candidate} is not faster",
-        box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True,
-    )  # fmt: skip
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        collapse_padding=True,
+    )
     table.add_column("bound", no_wrap=True)
     for title in ("limits\ns", "where\nm", "without it\ns", "farther\nm"):
         table.add_column(title, justify="right")

@@ -99,11 +99,14 @@ def as_json(result: FleetCalibrateResult) -> dict[str, Any]:
             for name, fit in c.surfaces.items()
         },
         "dead_time": {
-            "mean": c.dead_time.value, "std": c.dead_time.std, "spread": c.dead_time.between_stops,
+            "mean": c.dead_time.value,
+            "std": c.dead_time.std,
+            "spread": c.dead_time.between_stops,
         },
         "vehicles": {
             v.name: {
-                "stops": len(v.stops), "note": v.note,
+                "stops": len(v.stops),
+                "note": v.note,
                 "dead_time": c.braking[v.name].dead_time,
                 "distance_offset": c.braking[v.name].distance_offset,
                 **{name: getattr(c.braking[v.name], name) for name in NAMES},
@@ -111,7 +114,7 @@ def as_json(result: FleetCalibrateResult) -> dict[str, Any]:
             for v in result.vehicles
         },
         "seconds": result.seconds,
-    }  # fmt: skip
+    }
 
 
 def show(result: FleetCalibrateResult, console: Console) -> None:

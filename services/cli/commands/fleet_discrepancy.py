@@ -113,10 +113,12 @@ def run(job: FleetDiscrepancyJob, *, quiet: bool = False) -> FleetDiscrepancyRes
     _write_lines(job.out, rows)
     settings = job.settings or DiscrepancySettings()
     result = FleetDiscrepancyResult(
-        rows, census(rows, settings.false_alarm), len(tasks) - len(left),
+        rows,
+        census(rows, settings.false_alarm),
+        len(tasks) - len(left),
         len(list((job.out / finding.FINDINGS).glob("*.parquet"))) - len(tasks),
         time.perf_counter() - begin,
-    )  # fmt: skip
+    )
     if not result.census.looked_at:
         name, why = next(iter(result.census.without.items()))
         words = f"expected at least one vehicle that can be looked at, got none; {name}: {why}"
@@ -142,17 +144,23 @@ def _model_of(models: str, vehicle: str) -> Path:
 def _question(job: FleetDiscrepancyJob) -> str:
     """Digest of all but logs and models: those may differ from vehicle to vehicle, and grow."""
     told = [
-        _FORMAT, version("slopewise"), repr(job.settings or DiscrepancySettings()),
-        "" if job.map_file is None else map_digest(job.map_file), repr(job.nodata),
+        _FORMAT,
+        version("slopewise"),
+        repr(job.settings or DiscrepancySettings()),
+        "" if job.map_file is None else map_digest(job.map_file),
+        repr(job.nodata),
         "" if job.topics is None else read_text(job.topics),
-    ]  # fmt: skip
+    ]
     return hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
 
 
 def _tasks(
-    job: FleetDiscrepancyJob, grouped: dict[str, list[Path]], models: dict[str, Path],
-    question: str, begun: str,
-) -> Iterator[VehicleTask]:  # fmt: skip
+    job: FleetDiscrepancyJob,
+    grouped: dict[str, list[Path]],
+    models: dict[str, Path],
+    question: str,
+    begun: str,
+) -> Iterator[VehicleTask]:
     for vehicle, logs in grouped.items():
         for log in logs:
             if not log.is_dir():  # a recording

@@ -86,9 +86,14 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
     with opened(job.map_file, job.nodata) as ground:
         info, notes = ground.info, ground.assumed
     question = FleetQuestion(
-        str(job.map_file.resolve()), model_to_dict(model), job.settings, job.start_speed, job.clear,
-        job.uncertainty, job.nodata,
-    )  # fmt: skip
+        str(job.map_file.resolve()),
+        model_to_dict(model),
+        job.settings,
+        job.start_speed,
+        job.clear,
+        job.uncertainty,
+        job.nodata,
+    )
     digest = question.digest()
     _check_names(job.path_files)
     open_folder(job.out, (results.PLANS, results.CANDIDATES), digest, "map, model, options")
@@ -109,9 +114,15 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
     statuses, driven = results.count(job.out, [name.file for name in names])
     there = len(list((job.out / results.CANDIDATES).glob("*.parquet")))
     return FleetPlanResult(
-        model.name, candidates - resumed, resumed, dict(sorted(statuses.items())), driven,
-        there - len(names), time.perf_counter() - begin, notes,
-    )  # fmt: skip
+        model.name,
+        candidates - resumed,
+        resumed,
+        dict(sorted(statuses.items())),
+        driven,
+        there - len(names),
+        time.perf_counter() - begin,
+        notes,
+    )
 
 
 def _said(job: FleetPlanJob) -> str:

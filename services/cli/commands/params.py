@@ -46,9 +46,12 @@ def run(job: ParamsOptions) -> ParameterReply:
         InputError: an option cannot be used, nobody answers, or the service refuses.
     """
     wanted = (
-        job.history, job.rollback is not None, bool(job.changes), job.investigate,
+        job.history,
+        job.rollback is not None,
+        bool(job.changes),
+        job.investigate,
         bool(job.adopt),
-    )  # fmt: skip
+    )
     if sum(wanted) > 1:
         words = "expected one of --history, --rollback, --set, --investigate, --adopt, got several"
         raise InputError("params", "", words)
@@ -109,9 +112,11 @@ def _ask(
 ) -> ParameterReply:
     written = Format.MESSAGEPACK
     replies = session.get(
-        key, payload=codec.encode(request, written),
-        encoding=codec.encoding_of(type(request), written), timeout=job.timeout,
-    )  # fmt: skip
+        key,
+        payload=codec.encode(request, written),
+        encoding=codec.encoding_of(type(request), written),
+        timeout=job.timeout,
+    )
     for reply in replies:
         if reply.ok is not None:
             sample = reply.ok
@@ -205,9 +210,13 @@ def _show_history(history: list[HistoryEntry], title: str, console: Console) -> 
         when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(entry.at))
         values = ", ".join(f"{name} {value:.4g}" for name, value in entry.values.items())
         table.add_row(
-            str(entry.version), when, entry.group, entry.cause, entry.who,
+            str(entry.version),
+            when,
+            entry.group,
+            entry.cause,
+            entry.who,
             values or "as in the model file",
-        )  # fmt: skip
+        )
     console.print(table)
 
 

@@ -95,10 +95,8 @@ def as_json(result: ModelDifference) -> dict[str, Any]:
     return {
         "files": list(result.names),
         "keys": {key: {"before": old, "after": new} for key, (old, new) in result.keys.items()},
-        "stops": [
-            {"surface": s.surface, "least": s.least, "most": s.most} for s in result.stops
-        ],
-    }  # fmt: skip
+        "stops": [{"surface": s.surface, "least": s.least, "most": s.most} for s in result.stops],
+    }
 
 
 def show(result: ModelDifference, console: Console) -> None:

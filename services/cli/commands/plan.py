@@ -131,9 +131,12 @@ def plan_on(
         with progress_bar("planning", len(paths), quiet=quiet) as advance:
             even = planner.resampled(elevation_map, paths)
             plans = planner.plan(
-                elevation_map, even, start_speed=job.start_speed, clear=job.clear,
+                elevation_map,
+                even,
+                start_speed=job.start_speed,
+                clear=job.clear,
                 progress=advance,
-            )  # fmt: skip
+            )
         return even, plans, time.perf_counter() - begin
 
     spacing = job.settings.spacing_on(elevation_map.resolution)
@@ -148,9 +151,14 @@ def plan_on(
     if job.explain:
         best = next(path for path in even if path.name == ranked[0].candidate)
         explanation = explain(
-            model, elevation_map, best, settings=job.settings, uncertainty=job.uncertainty,
-            start_speed=job.start_speed, clear=job.clear,
-        )  # fmt: skip
+            model,
+            elevation_map,
+            best,
+            settings=job.settings,
+            uncertainty=job.uncertainty,
+            start_speed=job.start_speed,
+            clear=job.clear,
+        )
     return PlanResult(ranked, elevation_map, model, seconds, job.uncertainty, explanation)
 
 

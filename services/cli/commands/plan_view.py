@@ -55,9 +55,14 @@ def write_page(result: PlanResult, job: PlanJob, path: Path) -> None:
     }
     title = f"{job.path_file.stem} on {job.map_file.stem}"
     write_report(
-        path, result.elevation_map, result.plans, result.model, title=title, provenance=facts,
+        path,
+        result.elevation_map,
+        result.plans,
+        result.model,
+        title=title,
+        provenance=facts,
         explanation=result.explanation,
-    )  # fmt: skip
+    )
 
 
 def _survives(uncertainty: Uncertainty | None, model: Model) -> str:
@@ -125,10 +130,13 @@ def _momentum(plan: SpeedPlan) -> dict[str, Any]:
         return {}
     needed = found.least_speed > 0.0
     told = {
-        "station": found.station, "speed": found.speed, "until": found.until,
-        "allowed": found.allowed, "stations": plan.station[needed].tolist(),
+        "station": found.station,
+        "speed": found.speed,
+        "until": found.until,
+        "allowed": found.allowed,
+        "stations": plan.station[needed].tolist(),
         "least_speed": found.least_speed[needed].tolist(),
-    }  # fmt: skip
+    }
     return {"momentum": told}
 
 
@@ -145,8 +153,10 @@ def show(result: PlanResult, console: Console, most: int = 30) -> None:
     """The table of candidates, best first."""
     table = Table(
         title=f"{result.model.name}: {plural(len(result.plans), 'candidate')}, best first",
-        box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True,
-    )  # fmt: skip
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        collapse_padding=True,
+    )
     table.add_column("#", justify="right", no_wrap=True, min_width=2)
     table.add_column("candidate", no_wrap=True, max_width=18)
     table.add_column("status", no_wrap=True)

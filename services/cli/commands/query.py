@@ -83,10 +83,15 @@ def _update(file: Path, nodata: NoData) -> MapUpdate:
     for assumption in ground.assumed:
         _log.warning("%s: %s", file, assumption)
     return MapUpdate(
-        source=f"query-{os.getpid()}-{time.time_ns()}", sequence=1, elevation=ground.elevation,
-        resolution=ground.resolution, origin=ground.origin, terrain_class=ground.terrain_class,
-        class_names=list(ground.class_names), height_std=ground.height_std,
-    )  # fmt: skip
+        source=f"query-{os.getpid()}-{time.time_ns()}",
+        sequence=1,
+        elevation=ground.elevation,
+        resolution=ground.resolution,
+        origin=ground.origin,
+        terrain_class=ground.terrain_class,
+        class_names=list(ground.class_names),
+        height_std=ground.height_std,
+    )
 
 
 def admissible(outcome: ClientAnswer) -> bool:

@@ -93,9 +93,14 @@ def _sources(log: DriveLog) -> list[str]:
 
 
 def _play(
-    log: DriveLog, part: slice, source: str, speed_up: float, service: _Service,
-    receipts: Counter[tuple[str, str]], advance: Callable[[int], None],
-) -> None:  # fmt: skip
+    log: DriveLog,
+    part: slice,
+    source: str,
+    speed_up: float,
+    service: _Service,
+    receipts: Counter[tuple[str, str]],
+    advance: Callable[[int], None],
+) -> None:
     t = log.columns["t"]
     begun, first = time.monotonic(), float(t[part.start])
     for rows in _batches(t, part):
@@ -133,9 +138,13 @@ class _Service:
                 columns[name] = values[rows]
         self._sequence += 1
         sent = DriveSamples(
-            source=source, sequence=self._sequence, time=time.monotonic(), columns=list(columns),
-            values=np.stack(list(columns.values())), surface=_surface(log, rows),
-        )  # fmt: skip
+            source=source,
+            sequence=self._sequence,
+            time=time.monotonic(),
+            columns=list(columns),
+            values=np.stack(list(columns.values())),
+            surface=_surface(log, rows),
+        )
         return self._ask(Receipt, "obs/drive", sent)
 
     def parameters(self) -> ParameterReply:
@@ -149,9 +158,11 @@ class _Service:
             replies = self._session.get(key, timeout=self._timeout)
         else:
             replies = self._session.get(
-                key, payload=codec.encode(message, written), timeout=self._timeout,
+                key,
+                payload=codec.encode(message, written),
+                timeout=self._timeout,
                 encoding=codec.encoding_of(type(message), written),
-            )  # fmt: skip
+            )
         for reply in replies:
             if reply.ok is not None:
                 told = str(reply.ok.encoding)
@@ -208,9 +219,13 @@ def show(result: ReplayResult, console: Console) -> None:
                 continue
             std = group.stds.get(parameter)
             table.add_row(
-                name, parameter, "–" if before is None else f"{before:.4g}", f"{value:.4g}",
-                "–" if std is None else f"{std:.2g}", "yes" if group.valid else "no",
-            )  # fmt: skip
+                name,
+                parameter,
+                "–" if before is None else f"{before:.4g}",
+                f"{value:.4g}",
+                "–" if std is None else f"{std:.2g}",
+                "yes" if group.valid else "no",
+            )
     console.print(table if table.row_count else "nothing was learned that changes parameters")
     odd = Counter({key: n for key, n in result.receipts.items() if key[0] != "taken"})
     for (status, reason), count in odd.most_common(10):

@@ -53,9 +53,13 @@ class SimulateResult:
 
 
 def run(
-    logs: list[Path], model_file: str, topics: Path | None = None, names: str = "",
-    *, quiet: bool = False,
-) -> SimulateResult:  # fmt: skip
+    logs: list[Path],
+    model_file: str,
+    topics: Path | None = None,
+    names: str = "",
+    *,
+    quiet: bool = False,
+) -> SimulateResult:
     """Replay logs.
 
     Args:
@@ -96,9 +100,12 @@ def _replay_run(model: Model, log: DriveLog, part: slice) -> NDArray[np.float64]
     surfaces = columns["terrain"][part] if "terrain" in columns else np.array([""])
     names, counts = np.unique(surfaces, return_counts=True)
     channels = RunChannels(
-        time=columns["t"][part], speed=columns["v"][part], command=columns["v_cmd"][part],
-        pitch=columns["pitch"][part], **further,
-    )  # fmt: skip
+        time=columns["t"][part],
+        speed=columns["v"][part],
+        command=columns["v_cmd"][part],
+        pitch=columns["pitch"][part],
+        **further,
+    )
     return replay(model, channels, str(names[counts.argmax()]))
 
 

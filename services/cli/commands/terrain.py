@@ -103,9 +103,13 @@ def monitor_of(
 ) -> TerrainMonitor:
     """The monitor that a model and a terrain file describe."""
     settings = MonitorSettings(
-        terrains.estimator, terrains.classifier, terrains.change, terrains.memory, rates,
+        terrains.estimator,
+        terrains.classifier,
+        terrains.change,
+        terrains.memory,
+        rates,
         keep_signatures=True,
-    )  # fmt: skip
+    )
     return TerrainMonitor(
         model, terrains.classes, settings, adaptive=adaptive, signatures=signatures
     )

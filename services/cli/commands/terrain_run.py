@@ -59,9 +59,13 @@ def _accelerations(log: DriveLog, part: slice) -> list[tuple[float, ...]]:
 
 
 def run_events(
-    log: DriveLog, part: slice, good: NDArray[np.bool_], suspects: list[Suspect],
-    rates: tuple[str, ...], monitor: TerrainMonitor,
-) -> RunEvents:  # fmt: skip
+    log: DriveLog,
+    part: slice,
+    good: NDArray[np.bool_],
+    suspects: list[Suspect],
+    rates: tuple[str, ...],
+    monitor: TerrainMonitor,
+) -> RunEvents:
     monitor.begin_run()
     events: list[Classified | GroundChange] = []
     for row in rows_of(log, part, good, rates):

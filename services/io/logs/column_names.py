@@ -23,22 +23,40 @@ from services.io.table import Table
 
 OPTION = "--columns"
 _TEXT = ("run", "terrain")
-_FACTORS: Mapping[str, Mapping[str, float]] = MappingProxyType({
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
-    "m/s": {
-        "m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704, "knots": 0.514444, "kn": 0.514444,
-        "cm/s": 1e-2, "mm/s": 1e-3, "ft/s": 0.3048,
-    },
-    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "°": math.pi / 180.0, "%": 0.01},
-    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180.0, "°/s": math.pi / 180.0, "rpm": math.pi / 30},
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3, "ft": 0.3048},
-    "1/m": {"1/m": 1.0},
-    "A": {"A": 1.0, "mA": 1e-3},
-    "1": {"1": 1.0, "%": 0.01},
-})  # fmt: skip
-_OTHER_NAMES: Mapping[str, tuple[str, float]] = MappingProxyType({
-    "time": ("t", 1.0), "speed": ("v", 1.0), "command": ("v_cmd", 1.0), "grade": ("pitch", -1.0),
-})  # fmt: skip
+_FACTORS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+        "m/s": {
+            "m/s": 1.0,
+            "km/h": 1.0 / 3.6,
+            "mph": 0.44704,
+            "knots": 0.514444,
+            "kn": 0.514444,
+            "cm/s": 1e-2,
+            "mm/s": 1e-3,
+            "ft/s": 0.3048,
+        },
+        "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "°": math.pi / 180.0, "%": 0.01},
+        "rad/s": {
+            "rad/s": 1.0,
+            "deg/s": math.pi / 180.0,
+            "°/s": math.pi / 180.0,
+            "rpm": math.pi / 30,
+        },
+        "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3, "ft": 0.3048},
+        "1/m": {"1/m": 1.0},
+        "A": {"A": 1.0, "mA": 1e-3},
+        "1": {"1": 1.0, "%": 0.01},
+    }
+)
+_OTHER_NAMES: Mapping[str, tuple[str, float]] = MappingProxyType(
+    {
+        "time": ("t", 1.0),
+        "speed": ("v", 1.0),
+        "command": ("v_cmd", 1.0),
+        "grade": ("pitch", -1.0),
+    }
+)
 """Words for columns, and their sign: grade is uphill positive, pitch nose down."""
 
 

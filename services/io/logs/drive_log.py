@@ -25,9 +25,17 @@ from services.io.table import Table, read_csv
 
 REQUIRED = {"t": "s", "v": "m/s", "v_cmd": "m/s", "pitch": "rad"}
 OPTIONAL = {
-    "roll": "rad", "yaw": "rad", "yaw_rate": "rad/s", "x": "m", "y": "m",
-    "v_left": "m/s", "v_right": "m/s", "current_left": "A", "current_right": "A", "brake": "1",
-}  # fmt: skip
+    "roll": "rad",
+    "yaw": "rad",
+    "yaw_rate": "rad/s",
+    "x": "m",
+    "y": "m",
+    "v_left": "m/s",
+    "v_right": "m/s",
+    "current_left": "A",
+    "current_right": "A",
+    "brake": "1",
+}
 _TEXT = ("run", "terrain")
 _FURTHER = {"vertical_curvature": "1/m"}  # what replays read beside
 _A_STOP = (

@@ -41,9 +41,11 @@ def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData
     info = map_info(map_file)
     margin = footprint_margin(vehicle, info)
     around = (
-        float(x[placed].min()) - margin, float(x[placed].max()) + margin,
-        float(y[placed].min()) - margin, float(y[placed].max()) + margin,
-    )  # fmt: skip
+        float(x[placed].min()) - margin,
+        float(x[placed].max()) + margin,
+        float(y[placed].min()) - margin,
+        float(y[placed].max()) + margin,
+    )
     elevation_map = read_map(map_file, around=around, nodata=nodata)
     for assumption in elevation_map.assumed:
         _log.warning("%s: %s", map_file, assumption)
@@ -62,9 +64,13 @@ def _along(elevation_map: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) 
     if len(marks) < _FEWEST:
         return np.full(len(x), np.nan)
     profile = terrain_profile(
-        elevation_map, np.ascontiguousarray(x[marks, None]), np.ascontiguousarray(y[marks, None]),
-        np.array([len(marks)]), vehicle.wheelbase, vehicle.track_width,
-    )  # fmt: skip
+        elevation_map,
+        np.ascontiguousarray(x[marks, None]),
+        np.ascontiguousarray(y[marks, None]),
+        np.array([len(marks)]),
+        vehicle.wheelbase,
+        vehicle.track_width,
+    )
     grade = np.where(profile.known[:, 0], profile.grade[:, 0], np.nan)
     # Way from mark to mark, and along each leg for the samples between.
     leg = np.searchsorted(marks, np.arange(len(x)), side="right") - 1

@@ -25,9 +25,10 @@ def unseen_channels(
         wanted = sorted(registry.law_of(effect).channels)
         missing = [name for name in wanted if name not in columns]
         gaps = [
-            name for name in wanted
+            name
+            for name in wanted
             if name in columns and not np.isfinite(np.asarray(columns[name], np.float64)).all()
-        ]  # fmt: skip
+        ]
         if missing:
             told.append(f"{effect.name} needs {', '.join(missing)}, which the log does not have: 0")
         if gaps:

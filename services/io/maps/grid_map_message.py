@@ -61,10 +61,12 @@ def elevation_map_of(message: Any, layer: str = "", nodata: NoData = None) -> El
     )
     # From (towards -x, towards -y) to rows of constant y that grow with x and y.
     return ElevationMap(
-        elevation=heights[::-1, ::-1].T, resolution=edge, origin=(x, y),
+        elevation=heights[::-1, ::-1].T,
+        resolution=edge,
+        origin=(x, y),
         height_std=height_error.assumed(edge) if std is None else std,
         assumed=no_data.describe(markers),
-    )  # fmt: skip
+    )
 
 
 def _check_pose(pose: Any) -> None:

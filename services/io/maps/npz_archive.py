@@ -18,9 +18,16 @@ from services.io.maps.grid import MAX_CELLS, MapInfo
 _REQUIRED = ("elevation", "resolution", "origin")
 _OPTIONAL = ("known", "terrain_class", "terrain_names", "height_std")
 _BROKEN = (
-    OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, SyntaxError,
-    zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    SyntaxError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 
 class Archive:

@@ -61,10 +61,16 @@ class Truth:
 
 
 def drive(
-    plant: Plant, stops: int, seed: int, *, grades: tuple[float, float] = (-0.25, 0.25),
-    speeds: tuple[float, float] = (1.0, 4.0), level: bool = False, terrain: str | None = None,
+    plant: Plant,
+    stops: int,
+    seed: int,
+    *,
+    grades: tuple[float, float] = (-0.25, 0.25),
+    speeds: tuple[float, float] = (1.0, 4.0),
+    level: bool = False,
+    terrain: str | None = None,
     out_and_back: bool = False,
-) -> tuple[dict[str, np.ndarray], list[slice], Truth]:  # fmt: skip
+) -> tuple[dict[str, np.ndarray], list[slice], Truth]:
     """A drive log of some stops, one run a stop, and the truth behind it.
 
     ``out_and_back`` adds x, y, yaw: every place is driven in both directions.
@@ -138,11 +144,12 @@ def drive(
         noise = np.random.default_rng([seed, i]).standard_normal((2, n))
         x = 1000.0 * (i % ((stops + 1) // 2)) + np.cos(heading[i]) * (ways[i, part] - 5.0)
         row = {
-            "run": np.full(n, str(i)), "t": clock + lead + times[i, part],
+            "run": np.full(n, str(i)),
+            "t": clock + lead + times[i, part],
             "v": speeds_[i, part] + plant.speed_noise * noise[0],
             "v_cmd": np.where(times[i, part] < -1e-9, speed[i], 0.0),
             "pitch": -thetas[i, part] + plant.mount + dives[i, part] + plant.pitch_noise * noise[1],
-        }  # fmt: skip
+        }
         if out_and_back:
             row |= {"x": x, "y": np.zeros(n), "yaw": np.full(n, heading[i])}
         if terrain is not None:

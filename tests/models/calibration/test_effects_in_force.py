@@ -25,9 +25,14 @@ DEAD = 0.3
 
 
 def log(
-    stops: int, seed: int, *, drag: float = 0.0, lag: float = 0.0, friction: float = 9.0,
+    stops: int,
+    seed: int,
+    *,
+    drag: float = 0.0,
+    lag: float = 0.0,
+    friction: float = 9.0,
     turning: float = 0.0,
-) -> tuple[dict[str, np.ndarray], list[slice], np.ndarray]:  # fmt: skip
+) -> tuple[dict[str, np.ndarray], list[slice], np.ndarray]:
     """A log of stops with drag [1/m], lag [s] or a cap by friction, by lines of its own.
 
     With what turning costs [s/rad] two of three stops are in curves.
@@ -43,10 +48,13 @@ def log(
         slowing = drag, G * turning * bend
         t, v = _stop(v0, grade, min(force, friction * np.cos(grade)), slowing, lag)
         row: dict[str, Any] = {
-            "run": np.full(len(t), str(i)), "t": clock + t,
-            "v": v + 0.02 * rng.standard_normal(len(t)), "v_cmd": np.where(t < 0.0, v0, 0.0),
-            "pitch": np.full(len(t), -grade), "yaw_rate": bend * v * (-1.0) ** i,
-        }  # fmt: skip
+            "run": np.full(len(t), str(i)),
+            "t": clock + t,
+            "v": v + 0.02 * rng.standard_normal(len(t)),
+            "v_cmd": np.where(t < 0.0, v0, 0.0),
+            "pitch": np.full(len(t), -grade),
+            "yaw_rate": bend * v * (-1.0) ** i,
+        }
         for name, values in row.items():
             parts.setdefault(name, []).append(values)
         runs.append(slice(begin, begin + len(t)))
@@ -127,10 +135,12 @@ def test_what_discrepancy_finds_stays_when_it_is_calibrated_again(seed: int) -> 
         std = np.sqrt(np.diag(found.surfaces[0].fit.covariance))
         assert np.all(np.abs(after - before) < most * std)
         again = replace(model, braking=found.braking)
-        ways = np.array([
-            [ahead(m, r.samples.window.held_speed, r.grade) for m in (model, again)]
-            for r in found.surfaces[0].records
-        ])  # fmt: skip
+        ways = np.array(
+            [
+                [ahead(m, r.samples.window.held_speed, r.grade) for m in (model, again)]
+                for r in found.surfaces[0].records
+            ]
+        )
         assert np.max(np.abs(ways[:, 1] - ways[:, 0])) < 0.02 * most
         model = again
     assert np.all(np.abs(after - TRUE) < 3.0 * std)
@@ -150,9 +160,13 @@ def test_stops_in_curves_are_learned_from_where_the_model_knows_what_turning_cos
     assert found.braking.level_force(2.5) == pytest.approx(0.42 + 0.015 * 2.5, rel=0.025)
     # Taken as straight they would say that the brakes are stronger.
     fooled = learn(
-        columns, runs, BASE.braking, ground=ground, beside=BASE,
+        columns,
+        runs,
+        BASE.braking,
+        ground=ground,
+        beside=BASE,
         settings=CalibrationSettings(stops=StopSettings(partial=True, turn_rate=np.inf)),
-    )  # fmt: skip
+    )
     assert fooled.braking.level_force(2.5) > 1.05 * found.braking.level_force(2.5)
 
 

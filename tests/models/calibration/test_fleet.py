@@ -13,9 +13,14 @@ from models.parameters import Braking
 from tests.models.calibration.plant import Plant, Truth, allowed, drive, predicted
 
 KNOWN = Braking(
-    m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.3, dead_time=0.2, speed_range=(1.0, 4.0),
+    m_m=0.0,
+    b_m=0.0,
+    m_b=0.0,
+    b_b=0.3,
+    dead_time=0.2,
+    speed_range=(1.0, 4.0),
     grade_range=(-0.26, 0.26),
-)  # fmt: skip
+)
 VEHICLES, THIN = 8, (1, 4, 6)
 ONE = Truth(np.array([3.0]), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros((1000, 1)))
 
@@ -23,9 +28,10 @@ ONE = Truth(np.array([3.0]), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros((10
 def plant(seed: int) -> Plant:
     rng = np.random.default_rng(1000 + seed)
     return Plant(
-        b_m=-0.35 + 0.06 * rng.standard_normal(), b_b=0.40 + 0.03 * rng.standard_normal(),
+        b_m=-0.35 + 0.06 * rng.standard_normal(),
+        b_b=0.40 + 0.03 * rng.standard_normal(),
         dead_time=0.3 + 0.02 * rng.standard_normal(),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -81,11 +87,12 @@ def test_surfaces_are_told_apart(vehicles: list[VehicleStops]) -> None:
     for vehicle in vehicles:
         stops = tuple(
             dataclasses.replace(
-                stop, surface="gravel" if j % 2 else "",
+                stop,
+                surface="gravel" if j % 2 else "",
                 force_ratio=stop.force_ratio - (0.1 if j % 2 else 0.0),
             )
             for j, stop in enumerate(vehicle.stops)
-        )  # fmt: skip
+        )
         named.append(dataclasses.replace(vehicle, stops=stops))
     learned = learn_fleet(named, KNOWN)
     assert set(learned.surfaces) == {"", "gravel"}

@@ -96,9 +96,14 @@ def test_one_way_layout_is_that_of_the_analysis_of_variance() -> None:
     between = each * np.var(y.mean(axis=1), ddof=1)
     within = float(np.mean(np.var(y, axis=1, ddof=1)))
     found = hierarchy.fit(
-        np.ones((y.size, 1)), y.ravel(), np.full(y.size, 1e-6),
-        np.repeat(np.arange(vehicles), each), vehicles, usual_spread=(1.0,), imagined=0.0,
-    )  # fmt: skip
+        np.ones((y.size, 1)),
+        y.ravel(),
+        np.full(y.size, 1e-6),
+        np.repeat(np.arange(vehicles), each),
+        vehicles,
+        usual_spread=(1.0,),
+        imagined=0.0,
+    )
     assert found.kept.all()
     assert found.scatter**2 == pytest.approx(within, rel=5e-3)
     assert found.spread[0, 0] == pytest.approx((between - within) / each, rel=5e-3)

@@ -79,9 +79,7 @@ def test_a_hull_of_few_corners_is_inside_of_that_of_all() -> None:
     assert 2 <= len(hull) <= 8
     faces = ConvexHull(np.column_stack((grade, speed))).equations
     at = np.linspace(*ends[1], 200)
-    most = np.array([
-        min((-f[2] - f[0] * g) / f[1] for f in faces if f[1] > 1e-9) for g in at
-    ])  # fmt: skip
+    most = np.array([min((-f[2] - f[0] * g) / f[1] for f in faces if f[1] > 1e-9) for g in at])
     reach = 0.1 * (ends[0][1] - ends[0][0]), 0.1 * (ends[1][1] - ends[1][0])
     around = np.max(
         [np.interp(at + d, at, most) for d in np.linspace(-reach[1], reach[1], 41)], axis=0

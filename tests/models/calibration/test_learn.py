@@ -25,10 +25,14 @@ DIVING = {"dive": np.deg2rad(0.3), "mount": np.deg2rad(1.0)}
 def plant_of(seed: int, **changes: float) -> Plant:
     rng = np.random.default_rng(10_000 + seed)
     return Plant(
-        dead_time=rng.uniform(0.1, 0.5), speed_noise=rng.uniform(0.01, 0.06),
-        m_m=rng.uniform(-0.05, 0.02), b_m=rng.uniform(-0.5, -0.1),
-        m_b=rng.uniform(-0.02, 0.03), b_b=rng.uniform(0.38, 0.5), **changes,
-    )  # fmt: skip
+        dead_time=rng.uniform(0.1, 0.5),
+        speed_noise=rng.uniform(0.01, 0.06),
+        m_m=rng.uniform(-0.05, 0.02),
+        b_m=rng.uniform(-0.5, -0.1),
+        m_b=rng.uniform(-0.02, 0.03),
+        b_b=rng.uniform(0.38, 0.5),
+        **changes,
+    )
 
 
 def deviations(learned: Calibration, *, askew: bool = True) -> np.ndarray:
@@ -238,9 +242,10 @@ def joined(*logs: tuple) -> tuple[dict[str, np.ndarray], list[slice]]:
 def test_each_surface_gets_its_own_and_the_base_is_the_weakest() -> None:
     gravel = Plant(b_b=0.32)
     columns, runs = joined(
-        drive(Plant(), 30, 0, terrain="clay"), drive(gravel, 30, 1, terrain="gravel"),
+        drive(Plant(), 30, 0, terrain="clay"),
+        drive(gravel, 30, 1, terrain="gravel"),
         drive(Plant(), 4, 2, terrain="rock"),
-    )  # fmt: skip
+    )
     learned = learn(columns, runs, KNOWN)
     assert [s.name for s in learned.surfaces] == ["", "clay", "gravel"]
     assert set(learned.braking.terrain) == {"clay", "gravel"}
@@ -287,11 +292,15 @@ def test_positions_without_yaw_tell_the_mount_as_well() -> None:
 def test_any_log_is_learned_from_or_refused_in_words(seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)
     columns = {
-        "run": np.full(size, "1"), "t": np.cumsum(rng.uniform(0.005, 0.4, size)),
-        "v": rng.normal(1.0, 2.0, size), "v_cmd": rng.choice([0.0, 2.0], size),
-        "pitch": rng.normal(0.0, 0.3, size), "x": rng.normal(0.0, 5.0, size),
-        "y": rng.normal(0.0, 5.0, size), "yaw_rate": rng.normal(0.0, 0.2, size),
-    }  # fmt: skip
+        "run": np.full(size, "1"),
+        "t": np.cumsum(rng.uniform(0.005, 0.4, size)),
+        "v": rng.normal(1.0, 2.0, size),
+        "v_cmd": rng.choice([0.0, 2.0], size),
+        "pitch": rng.normal(0.0, 0.3, size),
+        "x": rng.normal(0.0, 5.0, size),
+        "y": rng.normal(0.0, 5.0, size),
+        "yaw_rate": rng.normal(0.0, 0.2, size),
+    }
     if seed % 3 == 0:
         columns["v_cmd"] = np.repeat(rng.choice([0.0, 2.0], size // 20 + 1), 20)[:size]
         columns["v"] = np.convolve(columns["v_cmd"], np.ones(8) / 8.0, mode="same")

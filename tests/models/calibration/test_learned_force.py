@@ -18,9 +18,16 @@ from models.surface_braking import SurfaceBraking
 
 TIGHT = ((1e-4, 0.0, 0.0, 0.0), (0.0, 9e-4, 0.0, 0.0), (0.0, 0.0, 4e-6, 0.0), (0.0, 0.0, 0.0, 4e-5))
 PRIOR = Braking(
-    m_m=-0.03, b_m=-0.35, m_b=0.015, b_b=0.30, dead_time=0.3, speed_range=(1.0, 4.0),
-    grade_range=(-0.26, 0.26), covariance=TIGHT, force_std=0.01,
-)  # fmt: skip
+    m_m=-0.03,
+    b_m=-0.35,
+    m_b=0.015,
+    b_b=0.30,
+    dead_time=0.3,
+    speed_range=(1.0, 4.0),
+    grade_range=(-0.26, 0.26),
+    covariance=TIGHT,
+    force_std=0.01,
+)
 CORNERS = [(v, g) for v in PRIOR.speed_range for g in PRIOR.grade_range]
 
 
@@ -63,8 +70,10 @@ def test_until_it_is_valid_an_estimate_only_lowers_the_force() -> None:
     online = learning()
     braked(online, [0.45] * 3)
     assert not online.valid()
-    assert np.all(np.array(lower_bounds(braking_in_use(PRIOR, online.learned())))
-                  <= np.array(lower_bounds(PRIOR)) + 1e-9)  # fmt: skip
+    assert np.all(
+        np.array(lower_bounds(braking_in_use(PRIOR, online.learned())))
+        <= np.array(lower_bounds(PRIOR)) + 1e-9
+    )
     braked(online, [0.45] * 20)
     assert online.valid()
     assert min(lower_bounds(braking_in_use(PRIOR, online.learned()))) > min(lower_bounds(PRIOR))
@@ -121,8 +130,9 @@ def test_growing_older_never_makes_a_plan_faster(
 
 
 @given(
-    forces=st.lists(st.floats(0.03, 1.0), min_size=1, max_size=30), age=st.floats(0.0, 1e6),
-)  # fmt: skip
+    forces=st.lists(st.floats(0.03, 1.0), min_size=1, max_size=30),
+    age=st.floats(0.0, 1e6),
+)
 def test_restored_it_is_as_it_was_only_older(forces: list[float], age: float) -> None:
     online, again = learning(), learning()
     braked(online, forces)
@@ -175,9 +185,13 @@ def test_neither_covariance_is_undercut(a: int, b: int) -> None:
 )
 def test_what_cannot_have_been_learned_is_refused(changes: dict, field: str) -> None:
     good = {
-        "estimate": (0.0, 0.0, 0.0, 0.3), "covariance": TIGHT, "published": (0.0, 0.0, 0.0, 0.3),
-        "valid": True, "accepted": 9, "gated": 0,
-    }  # fmt: skip
+        "estimate": (0.0, 0.0, 0.0, 0.3),
+        "covariance": TIGHT,
+        "published": (0.0, 0.0, 0.0, 0.3),
+        "valid": True,
+        "accepted": 9,
+        "gated": 0,
+    }
     LearnedForce(**good)  # type: ignore[arg-type]
     with pytest.raises(ParameterError) as caught:
         LearnedForce(**good | changes)  # type: ignore[arg-type]

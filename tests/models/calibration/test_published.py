@@ -42,8 +42,10 @@ def test_down_at_once_up_by_a_step_never_out_of_bounds(estimates: list[np.ndarra
         assert np.all(after >= 0.02 - 1e-9)
         assert np.all(after <= 1.2 + 1e-9)
         # Nowhere above the estimate, as far as the estimate is a force that there can be.
-        assert np.all(after[[0, 0, -1, -1], [0, -1, 0, -1]] <= np.maximum(
-            force(estimate)[[0, 0, -1, -1], [0, -1, 0, -1]], 0.02) + 1e-9)  # fmt: skip
+        assert np.all(
+            after[[0, 0, -1, -1], [0, -1, 0, -1]]
+            <= np.maximum(force(estimate)[[0, 0, -1, -1], [0, -1, 0, -1]], 0.02) + 1e-9
+        )
 
 
 def test_a_lasting_rise_is_reached_in_time() -> None:

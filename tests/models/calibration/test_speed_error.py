@@ -13,9 +13,15 @@ HZ = 50.0
 
 
 def drive(
-    commands: list[float], each: float = 8.0, *, bias: float = 0.0, waves: float = 0.0,
-    noise: float = 0.0, hz: float = HZ, seed: int = 0,
-) -> dict[str, np.ndarray]:  # fmt: skip
+    commands: list[float],
+    each: float = 8.0,
+    *,
+    bias: float = 0.0,
+    waves: float = 0.0,
+    noise: float = 0.0,
+    hz: float = HZ,
+    seed: int = 0,
+) -> dict[str, np.ndarray]:
     """One command after the other; speeds follow within a second."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, each * len(commands), 1.0 / hz)
@@ -84,11 +90,14 @@ def test_a_tenth_of_nonsense_changes_little() -> None:
         drive(STEPS * 6, each=2.5),
         drive([1.0, 2.0, 1.0, 2.0]),
         drive(STEPS, each=3.0),
-        {"t": np.arange(0, 80, 0.02), "v": np.arange(0, 80, 0.02) / 20,
-         "v_cmd": np.arange(0, 80, 0.02) / 20},
+        {
+            "t": np.arange(0, 80, 0.02),
+            "v": np.arange(0, 80, 0.02) / 20,
+            "v_cmd": np.arange(0, 80, 0.02) / 20,
+        },
     ],
     ids=["stands", "crawls", "never settles", "few stretches", "few seconds", "ramp"],
-)  # fmt: skip
+)
 def test_too_little_tells_nothing(log: dict[str, np.ndarray]) -> None:
     assert found(log) is None
 

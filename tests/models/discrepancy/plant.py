@@ -173,13 +173,18 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
         if world.quantum:
             measured = world.quantum * np.round(measured / world.quantum)
         row = {
-            "run": np.full(n, str(i)), "t": told + table[0], "v": measured,
+            "run": np.full(n, str(i)),
+            "t": told + table[0],
+            "v": measured,
             "v_cmd": np.where(table[0] < -1e-9, speed[i], 0.0),
             "pitch": -table[2] + world.pitch_bias + world.pitch_noise * rng.standard_normal(n),
             "roll": roll[i] + world.pitch_noise * rng.standard_normal(n),
-            "yaw": table[5], "yaw_rate": table[6] + 0.01 * rng.standard_normal(n),
-            "x": table[3], "y": table[4], "ambient": np.full(n, ambient[i]),
-        }  # fmt: skip
+            "yaw": table[5],
+            "yaw_rate": table[6] + 0.01 * rng.standard_normal(n),
+            "x": table[3],
+            "y": table[4],
+            "ambient": np.full(n, ambient[i]),
+        }
         if world.curvature_told:
             row["vertical_curvature"] = table[7] + 0.002 * rng.standard_normal(n)
         for name, values in row.items():

@@ -14,9 +14,21 @@ from models.discrepancy.thresholds import Basis
 ROOM = Path(models.discrepancy.__file__).parent
 MODULES = sorted(p for p in ROOM.rglob("*.py") if p.name not in ("thresholds.py", "settings.py"))
 OF_SINGLE_EFFECTS = {
-    "USUAL", "_SCALES", "_NUMBERS", "_LAGS", "_COOLING", "_WINDS", "_HEADINGS", "_CAPS",
-    "_LEAST_FRICTION", "_LATTICE", "_RADII", "_TRIES", "_FEWEST", "_STRAIGHT",
-}  # fmt: skip
+    "USUAL",
+    "_SCALES",
+    "_NUMBERS",
+    "_LAGS",
+    "_COOLING",
+    "_WINDS",
+    "_HEADINGS",
+    "_CAPS",
+    "_LEAST_FRICTION",
+    "_LATTICE",
+    "_RADII",
+    "_TRIES",
+    "_FEWEST",
+    "_STRAIGHT",
+}
 """Sizes and grids of one effect, which stand with it."""
 
 
@@ -29,9 +41,10 @@ def chosen_numbers(path: Path) -> list[str]:
         targets = node.targets if isinstance(node, ast.Assign) else [node.target]
         names = [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]
         numbers = [
-            n.value for n in ast.walk(node.value)
+            n.value
+            for n in ast.walk(node.value)
             if isinstance(n, ast.Constant) and isinstance(n.value, int | float)
-        ]  # fmt: skip
+        ]
         if any(n not in (0, 1, 2) for n in numbers) and not OF_SINGLE_EFFECTS & set(names):
             found += names
     return found

@@ -53,11 +53,15 @@ def test_other_coefficients_are_drift_and_no_effect() -> None:
 @pytest.mark.parametrize(
     ("name", "effect"),
     [
-        ("drag", "aerodynamic_drag"), ("lag", "brake_lag"), ("lockup", "wheel_lockup"),
-        ("cross", "cross_slope"), ("step", "step_change"), ("patch", "surface_patch"),
+        ("drag", "aerodynamic_drag"),
+        ("lag", "brake_lag"),
+        ("lockup", "wheel_lockup"),
+        ("cross", "cross_slope"),
+        ("step", "step_change"),
+        ("patch", "surface_patch"),
         ("crests", "crest_unloading"),
     ],
-)  # fmt: skip
+)
 def test_the_hidden_effect_is_named_with_its_numbers(name: str, effect: str) -> None:
     f = found(name)
     assert f.verdict is Verdict.MISSING_EFFECT
@@ -167,9 +171,16 @@ def test_the_gap_closes_on_stops_held_out(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "axis"),
-    [("drag", "speed"), ("lag", "time_since_onset"), ("cross", "roll"), ("step", "run"),
-     ("patch", "place"), ("fade", "brake_heat"), ("ambient", "ambient")],
-)  # fmt: skip
+    [
+        ("drag", "speed"),
+        ("lag", "time_since_onset"),
+        ("cross", "roll"),
+        ("step", "run"),
+        ("patch", "place"),
+        ("fade", "brake_heat"),
+        ("ambient", "ambient"),
+    ],
+)
 def test_the_axis_is_located(name: str, axis: str) -> None:
     first = found(name).located[0]
     assert first.axis == axis

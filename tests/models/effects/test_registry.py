@@ -103,11 +103,8 @@ def test_stops_grow_longer_where_its_parameters_say_so(name: str, law: EffectLaw
         step = 0.2 * abs(values[key])
         ends = [{**values, key: values[key] + side * p.longer_stop * step} for side in (-1, 1)]
         shorter, longer = (
-            simulate_stop(
-                with_effect(name, **v), track, 3.0, heat=500.0
-            ).distance
-            for v in ends
-        )  # fmt: skip
+            simulate_stop(with_effect(name, **v), track, 3.0, heat=500.0).distance for v in ends
+        )
         assert longer > shorter or (key == "tau" and longer >= shorter)
 
 

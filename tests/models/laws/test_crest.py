@@ -50,9 +50,11 @@ def test_parity() -> None:
     check_parity(load_loss, speed=(0.0, 5.0), vertical_curvature=(-0.4, 0.1))
     check_parity(kept_force, speed=(0.0, 5.0), vertical_curvature=(-0.2, 0.05), share=(0.0, 1.5))
     check_parity(
-        crest_speed_sq, least_share=(0.5, 1.0), min_share=(0.05, 0.4),
+        crest_speed_sq,
+        least_share=(0.5, 1.0),
+        min_share=(0.05, 0.4),
         vertical_curvature=(-0.4, -0.02),
-    )  # fmt: skip
+    )
     check_parity(dip_speed_sq, vertical_accel=(1.0, 8.0), vertical_curvature=(0.02, 0.4))
 
 

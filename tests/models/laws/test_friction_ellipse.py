@@ -31,8 +31,9 @@ def test_a_crest_carries_what_the_circle_leaves() -> None:
     assert ellipse.normal_ratio(0.0, 0.0, -0.25, 4.0 * G + 1.0) == 0.0
 
 
-@given(st.floats(*GRADE), st.floats(*ROLL), st.floats(-0.3, 0.3), st.floats(-0.2, 0.2),
-       st.floats(*MU))  # fmt: skip
+@given(
+    st.floats(*GRADE), st.floats(*ROLL), st.floats(-0.3, 0.3), st.floats(-0.2, 0.2), st.floats(*MU)
+)
 def test_at_the_speed_that_is_told_a_turn_takes_its_share(
     grade: float, roll: float, bend: float, crest: float, friction: float
 ) -> None:
@@ -63,14 +64,22 @@ def test_parity() -> None:
         ellipse.side_force_ratio, grade=GRADE, roll=ROLL, curvature=BEND, speed_sq=(1.0, 16.0)
     )
     check_parity(
-        ellipse.normal_ratio, grade=GRADE, roll=ROLL, vertical_curvature=CREST,
+        ellipse.normal_ratio,
+        grade=GRADE,
+        roll=ROLL,
+        vertical_curvature=CREST,
         speed_sq=(1.0, 16.0),
-    )  # fmt: skip
+    )
     check_parity(ellipse.braking_left, friction=MU, normal=(0.6, 1.0), side_force=(-0.2, 0.2))
     check_parity(
-        ellipse.lateral_speed_sq, grade=GRADE, roll=(0.02, 0.2), curvature=BEND,
-        vertical_curvature=CREST, friction=MU, along=(0.0, 0.2),
-    )  # fmt: skip
+        ellipse.lateral_speed_sq,
+        grade=GRADE,
+        roll=(0.02, 0.2),
+        curvature=BEND,
+        vertical_curvature=CREST,
+        friction=MU,
+        along=(0.0, 0.2),
+    )
 
 
 def test_ground_without_friction_below_none() -> None:

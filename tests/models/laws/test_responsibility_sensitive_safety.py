@@ -15,11 +15,16 @@ from tests.models.parity import check_outside, check_parity
 # PyPI ad-rss 5.0.0 (Intel), rss.structured.calculateLongitudinalDistanceOffsetAfterStatedBraking-
 # Pattern: speed, response time, acceleration, deceleration -> distance.
 OF_THE_LIBRARY = (
-    (2.1885908128635383, 1.2864072317121258, 2.3149463950321807, 1.384390277532958,
-     14.371665810049318),
+    (
+        2.1885908128635383,
+        1.2864072317121258,
+        2.3149463950321807,
+        1.384390277532958,
+        14.371665810049318,
+    ),
     (11.462244184706119, 0.7611433410065632, 0.0, 1.2039469008067618, 63.28788105939941),
     (0.6195426525256934, 1.2700711454878175, 0.0, 5.718746500763326, 0.8204224448996698),
-)  # fmt: skip
+)
 
 
 def test_by_hand() -> None:
@@ -34,9 +39,11 @@ def test_as_recorded_from_the_library_of_its_authors(case: tuple[float, ...]) ->
 
 
 @given(
-    st.floats(0.2, 15.0), st.floats(0.1, 1.5), st.one_of(st.just(0.0), st.floats(0.1, 3.0)),
+    st.floats(0.2, 15.0),
+    st.floats(0.1, 1.5),
+    st.one_of(st.just(0.0), st.floats(0.1, 3.0)),
     st.floats(0.5, 8.0),
-)  # fmt: skip
+)
 def test_equals_the_library_where_it_is_installed(
     speed: float, response: float, acceleration: float, deceleration: float
 ) -> None:
@@ -44,9 +51,13 @@ def test_equals_the_library_where_it_is_installed(
     physics, found = library.physics, library.physics.Distance()
     of = library.rss.structured.calculateLongitudinalDistanceOffsetAfterStatedBrakingPattern
     assert of(
-        physics.Speed(speed), physics.Speed(100.0), physics.Duration(response),
-        physics.Acceleration(acceleration), physics.Acceleration(-deceleration), found,
-    )  # fmt: skip
+        physics.Speed(speed),
+        physics.Speed(100.0),
+        physics.Duration(response),
+        physics.Acceleration(acceleration),
+        physics.Acceleration(-deceleration),
+        found,
+    )
     expected = rule_distance(speed, response, acceleration, deceleration)
     assert float(found.mDistance) == pytest.approx(expected, rel=1e-9)
 
@@ -61,9 +72,12 @@ def test_on_level_ground_without_acceleration_it_is_the_braking_model(
 
 def test_parity() -> None:
     check_parity(
-        rule_distance, speed=(0.5, 5.0), response_time=(0.1, 1.0), acceleration=(0.0, 2.0),
+        rule_distance,
+        speed=(0.5, 5.0),
+        response_time=(0.1, 1.0),
+        acceleration=(0.0, 2.0),
         deceleration=(1.0, 6.0),
-    )  # fmt: skip
+    )
 
 
 def test_nothing_stops_without_deceleration() -> None:

@@ -37,10 +37,9 @@ def axle_free_body(grade, deceleration, wheelbase, cg_x, cg_z):
 def wheel_free_body(pitch, roll, accel, wheelbase, track_width, cg_x, cg_z):
     """Wheel loads/W from six-component vectors: gravity through Slip (14), r x F about the cg."""
     c, s = np.cos, np.sin
-    body_to_world = (
-        np.array([[c(pitch), 0, s(pitch)], [0, 1, 0], [-s(pitch), 0, c(pitch)]])
-        @ np.array([[1, 0, 0], [0, c(roll), -s(roll)], [0, s(roll), c(roll)]])
-    )  # fmt: skip
+    body_to_world = np.array(
+        [[c(pitch), 0, s(pitch)], [0, 1, 0], [-s(pitch), 0, c(pitch)]]
+    ) @ np.array([[1, 0, 0], [0, c(roll), -s(roll)], [0, s(roll), c(roll)]])
     gravity = body_to_world.T @ np.array([0.0, 0.0, -1.0])
     ground = np.array([accel[0], accel[1], 0.0]) / G - gravity  # sum of the contact forces over W
     half = 0.5 * track_width

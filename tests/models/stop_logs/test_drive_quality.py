@@ -20,11 +20,17 @@ def clean(seed: int = 0, *, noise: float = 0.02) -> dict[str, np.ndarray]:
     yaw = 0.5 * np.sin(0.3 * t)
     x = np.cumsum(v) / HZ
     return {
-        "run": np.full(len(t), "1"), "t": t, "v": v + noise * rng.standard_normal(len(t)),
-        "v_cmd": v_cmd, "pitch": 0.1 * np.sin(0.2 * t) + 0.1 * noise * rng.standard_normal(len(t)),
-        "yaw": yaw, "yaw_rate": np.gradient(yaw, t), "x": x, "y": np.zeros_like(x),
+        "run": np.full(len(t), "1"),
+        "t": t,
+        "v": v + noise * rng.standard_normal(len(t)),
+        "v_cmd": v_cmd,
+        "pitch": 0.1 * np.sin(0.2 * t) + 0.1 * noise * rng.standard_normal(len(t)),
+        "yaw": yaw,
+        "yaw_rate": np.gradient(yaw, t),
+        "x": x,
+        "y": np.zeros_like(x),
         "accel_z": 9.81 + noise * rng.standard_normal(len(t)),
-    }  # fmt: skip
+    }
 
 
 def found(columns: dict[str, np.ndarray]) -> list[tuple[str, SuspectKind, int, int]]:

@@ -46,9 +46,14 @@ def test_a_slope_that_varies_along_the_stop_is_taken_as_it_is() -> None:
 
     standstill.terminal = True  # type: ignore[attr-defined]
     run = solve_ivp(
-        rates, (0, 9), [held * dead_time, held], events=standstill, rtol=1e-10, atol=1e-12,
+        rates,
+        (0, 9),
+        [held * dead_time, held],
+        events=standstill,
+        rtol=1e-10,
+        atol=1e-12,
         dense_output=True,
-    )  # fmt: skip
+    )
     rest = dead_time + float(run.t[-1])
     t = np.arange(-0.5, rest, 0.01)
     braking = t > dead_time

@@ -32,9 +32,7 @@ def test_every_stop_is_measured(noise: float) -> None:
 def test_its_noise_is_what_it_claims() -> None:
     plant = Plant(speed_noise=0.02, scatter=0.0, pitch_noise=1e-4, undulation=0.0)
     found, _ = stream(plant, 150)
-    scaled = [
-        (s.force_ratio - plant.force(s.grade, s.onset_speed)) / s.force_std for s in found
-    ]  # fmt: skip
+    scaled = [(s.force_ratio - plant.force(s.grade, s.onset_speed)) / s.force_std for s in found]
     assert 0.7 < np.std(scaled) < 1.4
 
 

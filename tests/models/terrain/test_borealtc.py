@@ -77,8 +77,11 @@ def test_digging_in_is_stuck_from_where_it_stands_still(reader, figures):
     # the yaw rate falls to nothing between the 6th and 7th second, the wheels turn until the 42nd
     assert stuck[0].begin == pytest.approx(6.0, abs=1.5)
     assert max(o.end for o in stuck if o.begin < 42.0) == pytest.approx(42.0, abs=1.0)
-    assert all(e.observation.own.slip_track.value < 5.0 for e in run.stretches
-               if np.isfinite(e.observation.own.slip_track.value))  # fmt: skip
+    assert all(
+        e.observation.own.slip_track.value < 5.0
+        for e in run.stretches
+        if np.isfinite(e.observation.own.slip_track.value)
+    )
 
 
 def test_clocks_are_brought_together(reader):

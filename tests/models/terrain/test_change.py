@@ -111,9 +111,13 @@ def samples(v_left, v_right, *, count=100, shaking=((10.0, 0.02),), rate=0.0, se
     yaw = rate + sum(a * np.sin(2 * np.pi * f * t) for f, a in shaking)
     current = 2.0 + 0.1 * random.normal(size=count)
     columns = (
-        np.full(count, v_left), np.full(count, v_right), current, current, np.full(count, pitch),
+        np.full(count, v_left),
+        np.full(count, v_right),
+        current,
+        current,
+        np.full(count, pitch),
         yaw,
-    )  # fmt: skip
+    )
     return np.stack(columns, axis=1)
 
 

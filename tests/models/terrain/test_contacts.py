@@ -42,9 +42,14 @@ def test_four_wheels_are_18_to_21_with_21_corrected(pitch: float, roll: float) -
     even = W / 4 * np.cos(roll) * np.cos(pitch)
     along, across = W / 2 * np.sin(pitch) * h / L, W / 2 * np.cos(pitch) * np.sin(roll) * h / B
     assert normal == pytest.approx(
-        [even + along - across, even - along - across, even + along + across,
-         even - along + across], abs=1e-9,
-    )  # fmt: skip
+        [
+            even + along - across,
+            even - along - across,
+            even + along + across,
+            even - along + across,
+        ],
+        abs=1e-9,
+    )
 
 
 @given(st.integers(3, 8), st.integers(0, 10_000))

@@ -28,8 +28,9 @@ def test_a_square_tells_all_three(ground, spot, signed):
     log = plant.drive(plant.square(on_the_spot=spot, rate=rate), ground, gyro_bias=0.05)
     if not signed:
         log["current_left"], log["current_right"] = (
-            np.abs(log["current_left"]), np.abs(log["current_right"])
-        )  # fmt: skip
+            np.abs(log["current_left"]),
+            np.abs(log["current_right"]),
+        )
     estimator = estimator_of()
     found = observe(estimator, log)
     f_r, mu_t, b_s = found[-1].known.values
@@ -98,8 +99,11 @@ def test_downhill_magnitudes_of_currents_tell_nothing():
 
 def test_stuck_is_named_and_not_averaged_in():
     legs = [
-        *plant.square(sides=2)[:-1], (0.5, 0.0, 0.0), (10.0, 0.0, np.nan), (0.5, 0.0, 0.0),
-    ]  # fmt: skip
+        *plant.square(sides=2)[:-1],
+        (0.5, 0.0, 0.0),
+        (10.0, 0.0, np.nan),
+        (0.5, 0.0, 0.0),
+    ]
     estimator = estimator_of()
     log = plant.drive(legs, plant.DIRT)
     found = observe(estimator, log)
@@ -190,12 +194,18 @@ def test_late_samples_and_numbers_that_are_none_change_nothing():
 @given(
     st.lists(
         st.tuples(
-            st.floats(0.0, 1.0), st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3),
-            st.floats(-50, 50), st.floats(-50, 50), st.floats(-1, 1), st.floats(-1, 1),
+            st.floats(0.0, 1.0),
+            st.floats(-2, 2),
+            st.floats(-2, 2),
+            st.floats(-3, 3),
+            st.floats(-50, 50),
+            st.floats(-50, 50),
+            st.floats(-1, 1),
+            st.floats(-1, 1),
         ),
         max_size=60,
     )
-)  # fmt: skip
+)
 def test_any_samples_leave_sound_numbers(steps):
     estimator = estimator_of()
     now = 0.0

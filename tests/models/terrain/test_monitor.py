@@ -19,12 +19,17 @@ MODEL = Model(
     name="plant",
     vehicle=vehicle_of(),
     braking=Braking(
-        m_m=0.0, b_m=-0.2, m_b=0.0, b_b=0.25, dead_time=0.4,
-        speed_range=(0.2, 1.0), grade_range=(-0.26, 0.26),
+        m_m=0.0,
+        b_m=-0.2,
+        m_b=0.0,
+        b_b=0.25,
+        dead_time=0.4,
+        speed_range=(0.2, 1.0),
+        grade_range=(-0.26, 0.26),
     ),
     terrain=Terrain(motion_resistance=0.13, lateral_resistance=0.2, slip_track=1.15),
     limits=Limits(speed=1.0, accel=0.5, decel=0.8, jerk=2.0, lateral_accel=1.0, min_load=0.1),
-)  # fmt: skip
+)
 
 
 def events(log, monitor=None):
@@ -114,14 +119,16 @@ def test_logs_of_this_vehicle_are_plausible():
     [
         (
             {"v_left": lambda v: v / 0.13, "v_right": lambda v: v / 0.13},
-            "v_left", SuspectKind.UNITS, "rad/s",
+            "v_left",
+            SuspectKind.UNITS,
+            "rad/s",
         ),
         ({"yaw_rate": np.rad2deg}, "yaw_rate", SuspectKind.UNITS, "degrees per second"),
         ({"current_left": lambda i: 1000.0 * i}, "current_left", SuspectKind.SENTINEL, "thrust of"),
         ({"current_left": np.negative}, "current_left", SuspectKind.UNITS, "positive currents"),
         ({"yaw_rate": np.negative}, "yaw_rate", SuspectKind.UNITS, "turns against the wheels"),
     ],
-)  # fmt: skip
+)
 def test_wrong_units(changes, channel, kind, words):
     found = found_in(log_of(**changes))
     assert {(s.channel, s.kind) for s in found} == {(channel, kind)}

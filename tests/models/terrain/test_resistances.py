@@ -72,17 +72,23 @@ def test_spot_and_turn_by_hand():
     k = 78.71 * 0.044 / 0.13
     f_r = TerrainEstimate(0.1, 0.02)
     spot = stretch(
-        v_left=-0.4, v_right=0.4, yaw_rate=0.7,
-        current_left=-(14.71 + 26.968) / k - 0.5, current_right=(14.71 + 26.968) / k + 0.5,
-    )  # fmt: skip
+        v_left=-0.4,
+        v_right=0.4,
+        yaw_rate=0.7,
+        current_left=-(14.71 + 26.968) / k - 0.5,
+        current_right=(14.71 + 26.968) / k + 0.5,
+    )
     options = {"signed": True, "least_inner_speed": 0.03}
     found = lateral_resistance_of(spot, VEHICLE, DRIVE, f_r, EXACT, **options)
     assert found.value == pytest.approx(0.2, abs=1e-4)
     assert found.std == pytest.approx(0.6 / 0.55 * 0.02)  # all of f_r's error
     turn = stretch(
-        v_left=0.3, v_right=0.7, yaw_rate=0.35,
-        current_left=(14.71 - 26.968) / k + 0.5, current_right=(14.71 + 26.968) / k + 0.5,
-    )  # fmt: skip
+        v_left=0.3,
+        v_right=0.7,
+        yaw_rate=0.35,
+        current_left=(14.71 - 26.968) / k + 0.5,
+        current_right=(14.71 + 26.968) / k + 0.5,
+    )
     found = lateral_resistance_of(turn, VEHICLE, DRIVE, f_r, EXACT, **options)
     # the centrifugal force moves 30 · 0.5 · 0.35 · 0.2/0.6 = 1.75 N from side to side
     assert found.value == pytest.approx(0.2 - 0.6 / 0.55 * 0.1 * 3.5 / W, abs=1e-4)

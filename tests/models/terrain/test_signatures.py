@@ -198,9 +198,16 @@ def second_like(signature: Signature) -> GroundSecond:
     """A straight second whose signature is (nearly) the given one."""
     f = signature.features
     return GroundSecond(
-        0, float(np.exp(signature.driving[0])), 0.0, 0.1, float(f[0]),
-        max(float(np.exp(f[3])) - 0.01, 1e-6), 0.0, np.nan, f[len(DRIVING_FEATURES):],
-    )  # fmt: skip
+        0,
+        float(np.exp(signature.driving[0])),
+        0.0,
+        0.1,
+        float(f[0]),
+        max(float(np.exp(f[3])) - 0.01, 1e-6),
+        0.0,
+        np.nan,
+        f[len(DRIVING_FEATURES) :],
+    )
 
 
 def test_a_change_of_class_is_told_within_five_seconds_and_none_where_there_is_none(model) -> None:

@@ -107,9 +107,13 @@ def test_full_brakes_know_nothing_of_it() -> None:
 
 
 @given(
-    level=st.floats(0.1, 1.0), value=st.floats(-0.05, 0.6), std=st.floats(0.0, 0.3),
-    more=st.floats(0.0, 0.3), grade=st.floats(-0.26, 0.26), speed=st.floats(0.0, 4.0),
-)  # fmt: skip
+    level=st.floats(0.1, 1.0),
+    value=st.floats(-0.05, 0.6),
+    std=st.floats(0.0, 0.3),
+    more=st.floats(0.0, 0.3),
+    grade=st.floats(-0.26, 0.26),
+    speed=st.floats(0.0, 4.0),
+)
 def test_less_certainty_never_brakes_better(
     level: float, value: float, std: float, more: float, grade: float, speed: float
 ) -> None:

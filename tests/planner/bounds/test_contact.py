@@ -56,11 +56,23 @@ def profile_of(scene: dict[str, Floats]) -> TerrainProfile:
     rows["vertical_curvature"][np.arange(STATIONS) != HERE] = 0.0
     station = np.ascontiguousarray(np.tile(STEP * np.arange(STATIONS)[:, None], (1, SCENES)))
     return TerrainProfile(
-        np.full(SCENES, STATIONS), station, zero, zero, station, zero + 1.0, zero,
-        rows["curvature"], rows["grade"], np.sin(rows["grade"]), np.sin(rows["roll"]),
-        rows["vertical_curvature"], np.ones(zero.shape, np.bool_), zero.astype(np.int64) + 1,
-        zero.astype(np.float32), np.zeros((STATIONS, 2, SCENES), np.float32),
-    )  # fmt: skip
+        np.full(SCENES, STATIONS),
+        station,
+        zero,
+        zero,
+        station,
+        zero + 1.0,
+        zero,
+        rows["curvature"],
+        rows["grade"],
+        np.sin(rows["grade"]),
+        np.sin(rows["roll"]),
+        rows["vertical_curvature"],
+        np.ones(zero.shape, np.bool_),
+        zero.astype(np.int64) + 1,
+        zero.astype(np.float32),
+        np.zeros((STATIONS, 2, SCENES), np.float32),
+    )
 
 
 def bounds_of(
@@ -139,9 +151,12 @@ SLIPPERY = {"braking": {"sliding_friction": 0.45}}
 
 def test_turns_on_banks_share_the_friction_with_the_brakes() -> None:
     scene = drawn(
-        3, grade=(-0.2, 0.2), roll=(-0.3, 0.3), curvature=(-0.5, 0.5),
+        3,
+        grade=(-0.2, 0.2),
+        roll=(-0.3, 0.3),
+        curvature=(-0.5, 0.5),
         vertical_curvature=(-0.05, 0.05),
-    )  # fmt: skip
+    )
     limits = {"vertical_accel": 1e3, "min_load": 0.01}
     model, _, bounds = bounds_of(scene, **SLIPPERY, limits=FREE["limits"] | limits)
     mine = limited_by(bounds, Limiting.FRICTION)

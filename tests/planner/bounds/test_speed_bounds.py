@@ -146,9 +146,12 @@ def vehicles(draw: st.DrawFn) -> Tables:
 
 
 @given(
-    tables=vehicles(), grade=st.floats(-0.3, 0.3), roll=st.floats(-0.3, 0.3),
-    curvature=st.one_of(st.just(0.0), st.floats(-1.5, 1.5)), heading=st.floats(-0.1, 0.1),
-)  # fmt: skip
+    tables=vehicles(),
+    grade=st.floats(-0.3, 0.3),
+    roll=st.floats(-0.3, 0.3),
+    curvature=st.one_of(st.just(0.0), st.floats(-1.5, 1.5)),
+    heading=st.floats(-0.1, 0.1),
+)
 def test_every_station_keeps_to_the_least_of_the_laws(
     tables: Tables, grade: float, roll: float, curvature: float, heading: float
 ) -> None:
@@ -529,9 +532,11 @@ def test_chords_stay_below_a_convex_bound(spacing: float) -> None:
     tables = tables_with(limits={"lateral_accel": 0.5, "speed": 4.0})
     model = model_of(tables)
     profile, _, bounds = bounds_of(
-        model, plane(x=(-20.0, 40.0), y=(-20.0, 40.0)),
-        CandidatePath("spiral", spiral(400)), spacing=spacing,
-    )  # fmt: skip
+        model,
+        plane(x=(-20.0, 40.0), y=(-20.0, 40.0)),
+        CandidatePath("spiral", spiral(400)),
+        spacing=spacing,
+    )
     kappa, v_sq = np.abs(profile.curvature[:, 0]), bounds.speed_sq_max[:, 0]
     lateral = bounds.limiting[:, 0] == Limiting.LATERAL
     assert lateral.sum() > 10

@@ -72,9 +72,14 @@ def stop_by_scipy(
 
     stands.terminal = True
     run = solve_ivp(
-        rates, (0.0, 60.0), [station[k] + v * b["dead_time"], v],
-        events=[stands], rtol=1e-10, atol=1e-12, max_step=0.02,
-    )  # fmt: skip
+        rates,
+        (0.0, 60.0),
+        [station[k] + v * b["dead_time"], v],
+        events=[stands],
+        rtol=1e-10,
+        atol=1e-12,
+        max_step=0.02,
+    )
     assert len(run.t_events[0]) == 1
     return float(run.y_events[0][0, 0])
 
@@ -93,10 +98,17 @@ def test_stops_on_hills_end_just_before_the_end_of_the_way(
     b_m: float, m_m: float, m_b: float, dead_time: float, slowest: float, integrated: bool
 ) -> None:
     tables = tables_with(
-        KEPT_ON_CRESTS, limits=NO_LIMITS,
-        braking=FAST | {"b_m": b_m, "m_m": m_m, "m_b": m_b, "dead_time": dead_time,
-                        "speed_range": [slowest, 8.0]},
-    )  # fmt: skip
+        KEPT_ON_CRESTS,
+        limits=NO_LIMITS,
+        braking=FAST
+        | {
+            "b_m": b_m,
+            "m_m": m_m,
+            "m_b": m_b,
+            "dead_time": dead_time,
+            "speed_range": [slowest, 8.0],
+        },
+    )
     profile, _, bounds = stopping_of(
         tables,
         ground_map(hills, resolution=0.1),

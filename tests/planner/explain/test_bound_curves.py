@@ -42,13 +42,21 @@ def test_the_lowest_curve_is_the_bound_of_the_plan(path: CandidatePath) -> None:
         (Limiting.SPEED_LIMIT, tables_with(limits={"speed": 2.0}), straight(20.0), 2.0),
         (Limiting.LATERAL, tables_with(limits={"lateral_accel": 0.5}), arc(12.0, 0.2), 1.581),
         (Limiting.WHEEL_SPEED, tables_with(vehicle={"max_wheel_speed": 1.5}), straight(20.0), 1.5),
-        (Limiting.MODEL_VALIDITY, tables_with(braking={"speed_range": [1.0, 3.0]}),
-         straight(20.0), 3.0),
+        (
+            Limiting.MODEL_VALIDITY,
+            tables_with(braking={"speed_range": [1.0, 3.0]}),
+            straight(20.0),
+            3.0,
+        ),
         # P / (m g f_r)
-        (Limiting.TRACTION, tables_with(vehicle={"max_drive_power": 1000.0}), straight(20.0),
-         1000.0 / (500.0 * 9.80665 * 0.13)),
+        (
+            Limiting.TRACTION,
+            tables_with(vehicle={"max_drive_power": 1000.0}),
+            straight(20.0),
+            1000.0 / (500.0 * 9.80665 * 0.13),
+        ),
     ],
-)  # fmt: skip
+)
 def test_each_curve_is_the_speed_of_its_bound(
     bound: Limiting, tables: Tables, path: CandidatePath, expected: float
 ) -> None:
@@ -81,15 +89,25 @@ SLIPPERY = {
 @pytest.mark.parametrize(
     ("bound", "height", "resolution", "path", "changes"),
     [
-        (Limiting.CREST, lambda x, y: 0.4 * np.exp(-(((x - 15.0) / 1.6) ** 2)), 0.2,
-         straight(30.0), FAST),
-        (Limiting.CREST, lambda x, y: -1.5 * np.exp(-(((x - 15.0) / 6.0) ** 2)), 0.5,
-         straight(30.0), SOFT),
+        (
+            Limiting.CREST,
+            lambda x, y: 0.4 * np.exp(-(((x - 15.0) / 1.6) ** 2)),
+            0.2,
+            straight(30.0),
+            FAST,
+        ),
+        (
+            Limiting.CREST,
+            lambda x, y: -1.5 * np.exp(-(((x - 15.0) / 6.0) ** 2)),
+            0.5,
+            straight(30.0),
+            SOFT,
+        ),
         (Limiting.FRICTION, lambda x, y: 0.0 * x, 0.2, arc(6.0, 0.3), SLIPPERY),
         (Limiting.ROUGHNESS, lambda x, y: 0.03 * np.sin(np.pi * x), 0.2, straight(20.0), {}),
     ],
     ids=["crest", "dip", "friction", "washboard"],
-)  # fmt: skip
+)
 def test_what_the_ground_allows_is_a_curve_of_its_own(
     bound: Limiting, height: Height, resolution: float, path: CandidatePath, changes: Tables
 ) -> None:

@@ -61,69 +61,100 @@ SCENES: dict[Limiting, tuple[Model, ElevationMap, Any, dict[str, Any]]] = {
     Limiting.STOPPING_PATH: (with_limits(**FAST), LEVEL, straight(20.0), {"clear": 4.88}),
     Limiting.TIP_OVER: (
         with_tables(limits={"min_load": 0.6}, braking={"m_b": 0.05, "b_b": 0.35}),
-        LEVEL, straight(20.0), {},
+        LEVEL,
+        straight(20.0),
+        {},
     ),
     Limiting.ROLLOVER: (
         with_tables(limits={**FAST, "min_load": 0.55}, vehicle={"track_width": 0.5}),
-        WIDE, arc(20.0, 0.3), {},
+        WIDE,
+        arc(20.0, 0.3),
+        {},
     ),
     Limiting.LATERAL: (with_limits(lateral_accel=0.3), WIDE, arc(20.0, 0.2), {}),
     Limiting.WHEEL_SPEED: (
-        with_tables(vehicle={"max_wheel_speed": 1.2}), LEVEL, straight(20.0), {}
+        with_tables(vehicle={"max_wheel_speed": 1.2}),
+        LEVEL,
+        straight(20.0),
+        {},
     ),
     Limiting.TRACTION: (with_tables(vehicle={"max_drive_power": 800.0}), LEVEL, straight(20.0), {}),
     Limiting.ACCEL: (with_limits(accel=0.2), LEVEL, straight(20.0), {}),
     Limiting.DECEL: (with_limits(decel=0.3), LEVEL, straight(20.0), {}),
     Limiting.JERK: (with_limits(jerk=0.1), LEVEL, straight(20.0), {}),
     Limiting.UNKNOWN_TERRAIN: (
-        with_limits(), plane(unknown=lambda x, y: x > 10.0), straight(20.0), {}
+        with_limits(),
+        plane(unknown=lambda x, y: x > 10.0),
+        straight(20.0),
+        {},
     ),
-    Limiting.STEP: (
-        with_limits(), fine(lambda x, y: 0.15 * (x > 10.0)), straight(20.0), {}
-    ),
+    Limiting.STEP: (with_limits(), fine(lambda x, y: 0.15 * (x > 10.0)), straight(20.0), {}),
     Limiting.CLEARANCE: (
         with_tables(vehicle={"front_overhang": 0.0}),
-        fine(lambda x, y: 0.4 * (np.hypot(x - 10.0, y) < 0.2)), straight(20.0), {},
+        fine(lambda x, y: 0.4 * (np.hypot(x - 10.0, y) < 0.2)),
+        straight(20.0),
+        {},
     ),
     Limiting.BODY: (
         with_tables(vehicle={"front_overhang": 0.6}),
-        fine(lambda x, y: 0.4 * (np.hypot(x - 10.0, y) < 0.2)), straight(20.0), {},
+        fine(lambda x, y: 0.4 * (np.hypot(x - 10.0, y) < 0.2)),
+        straight(20.0),
+        {},
     ),
     Limiting.ROUGHNESS: (
-        with_limits(), fine(lambda x, y: 0.04 * np.sin(2.0 * np.pi * x / 1.5)), straight(20.0), {},
+        with_limits(),
+        fine(lambda x, y: 0.04 * np.sin(2.0 * np.pi * x / 1.5)),
+        straight(20.0),
+        {},
     ),
     Limiting.MODEL_VALIDITY: (
         with_tables(braking={"grade_range": [-0.05, 0.05]}),
-        ground_map(lambda x, y: 0.1 * np.clip(x - 8.0, 0.0, None)), straight(20.0), {},
+        ground_map(lambda x, y: 0.1 * np.clip(x - 8.0, 0.0, None)),
+        straight(20.0),
+        {},
     ),
     Limiting.STEP: (with_limits(), fine(lambda x, y: 0.2 * (x > 10.0)), straight(20.0), {}),
     Limiting.CLEARANCE: (
         with_tables(vehicle={"front_overhang": 0.0}),
-        fine(lambda x, y: 0.6 * np.exp(-((x - 10.0) ** 2 + y**2) / 0.02)), straight(20.0), {},
+        fine(lambda x, y: 0.6 * np.exp(-((x - 10.0) ** 2 + y**2) / 0.02)),
+        straight(20.0),
+        {},
     ),
     Limiting.BODY: (
         with_tables(vehicle={"width": 1.8}),
-        fine(lambda x, y: 1.5 * ((y > 0.8) & (x > 10.0))), straight(20.0), {},
+        fine(lambda x, y: 1.5 * ((y > 0.8) & (x > 10.0))),
+        straight(20.0),
+        {},
     ),
     Limiting.ROUGHNESS: (
-        with_limits(), fine(lambda x, y: 0.03 * np.sin(2.0 * np.pi * x / 1.1)), straight(20.0), {}
+        with_limits(),
+        fine(lambda x, y: 0.03 * np.sin(2.0 * np.pi * x / 1.1)),
+        straight(20.0),
+        {},
     ),
     Limiting.CREST: (
         with_tables(
-            limits={**FAST, "speed": 6.0}, braking={"speed_range": [1.0, 6.0]},
+            limits={**FAST, "speed": 6.0},
+            braking={"speed_range": [1.0, 6.0]},
             vehicle={"max_drive_force": 9e3, "max_drive_power": 9e4, "max_wheel_speed": 20.0},
         ),
-        ground_map(lambda x, y: -0.14 * np.abs(x - 14.0), resolution=0.5), straight(28.0), {},
+        ground_map(lambda x, y: -0.14 * np.abs(x - 14.0), resolution=0.5),
+        straight(28.0),
+        {},
     ),
     Limiting.FRICTION: (
         with_tables(limits={**FAST, "min_load": 0.02}, braking={"sliding_friction": 0.42}),
-        WIDE, arc(20.0, 0.2), {},
+        WIDE,
+        arc(20.0, 0.2),
+        {},
     ),
     Limiting.HOLDING: (
         with_tables(braking={"b_b": 0.12, "b_m": 0.0}),
-        ground_map(lambda x, y: 0.2 * np.clip(x - 8.0, 0.0, None)), straight(20.0), {},
+        ground_map(lambda x, y: 0.2 * np.clip(x - 8.0, 0.0, None)),
+        straight(20.0),
+        {},
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("bound", Limiting)
@@ -140,9 +171,21 @@ def test_a_bound_that_bites_costs_most_of_all(bound: Limiting) -> None:
     assert bound in {int(plan.limiting[at_rest]), *(s.limiting for s in found.stretches)}
 
 
-@pytest.mark.parametrize("bound", [b for b in Limiting if b not in (
-    Limiting.ACCEL, Limiting.DECEL, Limiting.JERK, Limiting.SPEED_LIMIT, Limiting.STOPPING_PATH,
-)])  # fmt: skip
+@pytest.mark.parametrize(
+    "bound",
+    [
+        b
+        for b in Limiting
+        if b
+        not in (
+            Limiting.ACCEL,
+            Limiting.DECEL,
+            Limiting.JERK,
+            Limiting.SPEED_LIMIT,
+            Limiting.STOPPING_PATH,
+        )
+    ],
+)
 def test_a_bound_that_does_not_bite_costs_nothing(bound: Limiting) -> None:
     """Level known ground, straight on, slowly: only comfort, speed limit and stop count."""
     found = explain(with_limits(speed=2.0), LEVEL, straight(20.0))
@@ -246,8 +289,9 @@ def test_strange_ground_is_worth_braking_on() -> None:
     model = replace(model, braking=icy)
     at_stake = {"clear": 10.0, "uncertainty": UNSURE}
     assert explain(model, ground, straight(20.0), **at_stake).measurements[0].name in (
-        "surface", "clear_distance",
-    )  # fmt: skip
+        "surface",
+        "clear_distance",
+    )
     assert bought(explain(model, ground, straight(20.0), **at_stake), "surface") > 0.2
     assert bought(explain(model, LEVEL, straight(20.0), **at_stake), "surface") == 0.0
 
@@ -269,9 +313,13 @@ def test_nothing_is_ever_lost(scene: generated.Scene) -> None:
     """Costs and measurements are never negative; stretches cover the drive without a gap."""
     model = model_of(scene.tables)
     found = explain(
-        model, scene.ground, scene.path, settings=scene.settings,
-        uncertainty=Uncertainty(slope_std=0.005), **scene.options,
-    )  # fmt: skip
+        model,
+        scene.ground,
+        scene.path,
+        settings=scene.settings,
+        uncertainty=Uncertainty(slope_std=0.005),
+        **scene.options,
+    )
     assert all(c.seconds >= 0.0 and c.reach >= 0.0 for c in found.costs)
     assert all(m.seconds >= 0.0 and m.reach >= 0.0 for m in found.measurements)
     assert [c.seconds for c in found.costs] == sorted(c.seconds for c in found.costs)[::-1]

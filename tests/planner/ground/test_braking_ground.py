@@ -44,9 +44,12 @@ def iced(**options: Any) -> ElevationMap:
 
 
 @given(
-    grade=st.floats(-0.25, 0.25), speed=st.floats(0.0, 4.0),
-    m_m=st.floats(-0.1, 0.1), b_m=st.floats(-0.6, 0.6), m_b=st.floats(-0.03, 0.03),
-)  # fmt: skip
+    grade=st.floats(-0.25, 0.25),
+    speed=st.floats(0.0, 4.0),
+    m_m=st.floats(-0.1, 0.1),
+    b_m=st.floats(-0.6, 0.6),
+    m_b=st.floats(-0.03, 0.03),
+)
 def test_force_is_the_law_on_any_plane(
     grade: float, speed: float, m_m: float, b_m: float, m_b: float
 ) -> None:
@@ -133,8 +136,9 @@ def test_dead_time_and_offset_are_those_of_the_surface() -> None:
 def test_where_surfaces_differ_in_their_slowest_speed_the_weaker_choice_counts() -> None:
     tables = tables_with(braking={"m_b": 0.02, "m_m": 0.0})
     tables["braking"]["terrain"] = {"ice": {"b_b": 0.2, "speed_range": [0.4, 4.0]}}
-    _, ground = ground_of(model_of(tables), plane(
-        classes=lambda x, y: np.ones_like(x), class_names=("", "?")))  # fmt: skip
+    _, ground = ground_of(
+        model_of(tables), plane(classes=lambda x, y: np.ones_like(x), class_names=("", "?"))
+    )
     # Force grows with speed: the lower slowest speed holds the smaller force.
     np.testing.assert_array_equal(ground.slowest, 0.4)
     assert not ground.closed_form

@@ -104,14 +104,31 @@ HILLS = st.tuples(between(-1.2, 1.2), between(5.0, 14.0), between(2.5, 6.0))
 
 @settings(max_examples=25)
 @given(
-    HILLS, HILLS, between(0.0, 1.5), between(6.0, 17.0), between(0.55, 0.75), st.booleans(),
-    st.sampled_from([(), (("brake_lag", {"tau": 0.2}),), (("brake_fade", {"k": 0.02, "tau": 9.0}),),
-                     (("wheel_lockup", {"mu": 0.35}),), (("aerodynamic_drag", {"c": 0.02}),)]),
-)  # fmt: skip
+    HILLS,
+    HILLS,
+    between(0.0, 1.5),
+    between(6.0, 17.0),
+    between(0.55, 0.75),
+    st.booleans(),
+    st.sampled_from(
+        [
+            (),
+            (("brake_lag", {"tau": 0.2}),),
+            (("brake_fade", {"k": 0.02, "tau": 9.0}),),
+            (("wheel_lockup", {"mu": 0.35}),),
+            (("aerodynamic_drag", {"c": 0.02}),),
+        ]
+    ),
+)
 def test_an_independent_judge_stops_from_everywhere(
-    one: tuple[float, float, float], other: tuple[float, float, float], k: float, clear: float,
-    cg_z: float, smooth: bool, effects: tuple[Any, ...],
-) -> None:  # fmt: skip
+    one: tuple[float, float, float],
+    other: tuple[float, float, float],
+    k: float,
+    clear: float,
+    cg_z: float,
+    smooth: bool,
+    effects: tuple[Any, ...],
+) -> None:
     def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return sum(h * np.exp(-(((x - at) / w) ** 2)) for h, at, w in (one, other)) + 0.0 * y
 

@@ -23,9 +23,13 @@ def height(ground: ElevationMap, x: float, y: float) -> float:
 
 
 @given(
-    p=slopes, q=slopes, twist=slopes, u=st.floats(0.0, 1.0), v=st.floats(0.0, 1.0),
+    p=slopes,
+    q=slopes,
+    twist=slopes,
+    u=st.floats(0.0, 1.0),
+    v=st.floats(0.0, 1.0),
     resolution=st.sampled_from([0.1, 0.25, 1.0]),
-)  # fmt: skip
+)
 def test_planes_and_twists_come_back_exactly_up_to_the_edges(
     p: float, q: float, twist: float, u: float, v: float, resolution: float
 ) -> None:

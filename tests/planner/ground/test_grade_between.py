@@ -54,25 +54,82 @@ def top_heavy() -> Tables:
         tables[table].update(values)
     tables["vehicle"] |= {"cg_z": 0.3515, "drive": "ackermann", "max_drive_force": 560.0}
     tables["braking"] |= {
-        "m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.7457, "level": 0.6727, "dead_time": 0.0,
-        "distance_offset": 0.1324, "speed_range": [0.24, 1.17], "grade_range": [-0.33, 0.129],
-        "extrapolate": True, "extrapolation_margin": 0.083,
-    }  # fmt: skip
+        "m_m": 0.0,
+        "b_m": 0.0,
+        "m_b": 0.0,
+        "b_b": 0.7457,
+        "level": 0.6727,
+        "dead_time": 0.0,
+        "distance_offset": 0.1324,
+        "speed_range": [0.24, 1.17],
+        "grade_range": [-0.33, 0.129],
+        "extrapolate": True,
+        "extrapolation_margin": 0.083,
+    }
     tables["terrain"] |= {"motion_resistance": 0.08, "lateral_resistance": 0.19, "slip_track": 0.7}
     tables["limits"] |= {
-        "speed": 2.0, "accel": 2.72, "decel": 1.0, "lateral_accel": 0.72, "min_load": 0.0839,
-    }  # fmt: skip
+        "speed": 2.0,
+        "accel": 2.72,
+        "decel": 1.0,
+        "lateral_accel": 0.72,
+        "min_load": 0.0839,
+    }
     return tables
 
 
 def dip() -> ElevationMap:
     """A hillside with a dip: wheels 0.5 m apart stand on 5.2°, 10.1° and 6.5° within 0.25 m."""
-    along = np.array([
-        1.598, 1.524, 1.398, 1.276, 1.206, 1.123, 0.99, 0.879, 0.813, 0.719, 0.584, 0.484, 0.419,
-        0.313, 0.179, 0.09, 0.023, -0.094, -0.224, -0.302, -0.376, -0.502, -0.624, -0.694, -0.777,
-        -0.91, -1.021, -0.93, -0.969, -1.049, -1.093, -1.103, -1.153, -1.279, -1.367, -1.435,
-        -1.552, -1.681, -1.759, -1.833, -1.959, -2.081, -2.151, -2.235, -2.367, -2.478, -2.544,
-    ])  # fmt: skip
+    along = np.array(
+        [
+            1.598,
+            1.524,
+            1.398,
+            1.276,
+            1.206,
+            1.123,
+            0.99,
+            0.879,
+            0.813,
+            0.719,
+            0.584,
+            0.484,
+            0.419,
+            0.313,
+            0.179,
+            0.09,
+            0.023,
+            -0.094,
+            -0.224,
+            -0.302,
+            -0.376,
+            -0.502,
+            -0.624,
+            -0.694,
+            -0.777,
+            -0.91,
+            -1.021,
+            -0.93,
+            -0.969,
+            -1.049,
+            -1.093,
+            -1.103,
+            -1.153,
+            -1.279,
+            -1.367,
+            -1.435,
+            -1.552,
+            -1.681,
+            -1.759,
+            -1.833,
+            -1.959,
+            -2.081,
+            -2.151,
+            -2.235,
+            -2.367,
+            -2.478,
+            -2.544,
+        ]
+    )
     across = 0.0377 * (np.arange(45.0) - 22.0)
     return ElevationMap(elevation=across[:, None] + along, resolution=0.5, origin=(-8.0, -11.0))
 

@@ -46,9 +46,10 @@ def test_what_is_no_hull_is_refused(hull: Matrix, words: str) -> None:
 
 def test_a_surface_with_ranges_of_its_own_has_no_hull_of_the_base() -> None:
     tables = {
-        "ice": SurfaceBraking(speed_range=(0.5, 2.0)), "mud": SurfaceBraking(b_b=0.3),
+        "ice": SurfaceBraking(speed_range=(0.5, 2.0)),
+        "mud": SurfaceBraking(b_b=0.3),
         "sand": SurfaceBraking(speed_range=(0.5, 2.0), speed_by_grade=((-0.1, 1.0), (0.1, 2.0))),
-    }  # fmt: skip
+    }
     braking = with_hull(HULL, terrain=tables)
     assert braking.on("ice").speed_by_grade is None
     assert braking.on("mud").speed_by_grade == HULL

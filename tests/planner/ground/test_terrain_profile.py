@@ -41,8 +41,9 @@ def test_planes_are_exact_for_any_heading(rise: float, lean: float, heading: flo
     np.testing.assert_allclose(profile.sin_roll, np.sin(profile.roll), atol=1e-12)
     # Stations are counted in space.
     np.testing.assert_allclose(profile.station[-1], 5.0 * np.sqrt(1.0 + uphill**2), rtol=1e-12)
-    np.testing.assert_allclose(profile.z[:, 0] - profile.z[0, 0], uphill * np.linspace(
-        0.0, 5.0, len(profile.z)), atol=1e-9)  # fmt: skip
+    np.testing.assert_allclose(
+        profile.z[:, 0] - profile.z[0, 0], uphill * np.linspace(0.0, 5.0, len(profile.z)), atol=1e-9
+    )
 
 
 def test_signs_uphill_grade_and_left_side_up_roll_are_positive() -> None:
@@ -178,8 +179,9 @@ def tracks(profile: TerrainProfile, dense: int = 3000) -> tuple[np.ndarray, ...]
     """Station and cell-free positions of path and wheels along the whole way, (dense, 5)."""
     s = np.linspace(0.0, profile.station[-1, 0], dense)
     yaw = np.unwrap(np.arctan2(profile.heading_y[:, 0], profile.heading_x[:, 0]))
-    x, y, yaw = (np.interp(s, profile.station[:, 0], c) for c in (
-        profile.x[:, 0], profile.y[:, 0], yaw))  # fmt: skip
+    x, y, yaw = (
+        np.interp(s, profile.station[:, 0], c) for c in (profile.x[:, 0], profile.y[:, 0], yaw)
+    )
     wheels = [(0.0, 0.0), *((a, b) for a in (-0.6, 0.6) for b in (-0.5, 0.5))]
     ahead, aside = np.array(wheels).T
     cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]

@@ -32,10 +32,12 @@ def maps() -> list[slopewise.ElevationMap]:
         slopewise.ElevationMap(elevation=np.zeros((100, 100), np.int64), **given),
         slopewise.ElevationMap(elevation=np.asfortranarray(hills, np.float32), **given),
         slopewise.ElevationMap(
-            elevation=hills, terrain_class=(x > 30).astype(np.int8), class_names=("", "sand"),
+            elevation=hills,
+            terrain_class=(x > 30).astype(np.int8),
+            class_names=("", "sand"),
             **given,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def models() -> list[slopewise.Model]:

@@ -25,15 +25,18 @@ GROUND = {
     "with a step": rough_ground(5, 0.1, 0.28),
     "with a hole": ElevationMap(
         elevation=np.where(np.arange(120) < 80, 0.0, np.nan)[None, :].repeat(60, 0),
-        resolution=0.1, origin=(0.0, 0.0),
+        resolution=0.1,
+        origin=(0.0, 0.0),
     ),
     "on a map of the wheels' size": rough_ground(3, 0.5, 0.28),
     "two surfaces": ElevationMap(
-        elevation=np.fromfunction(lambda i, j: 0.02 * j + 0.01 * i, (60, 120)), resolution=0.1,
-        origin=(0.0, 0.0), terrain_class=np.arange(120)[None, :].repeat(60, 0) // 60,
+        elevation=np.fromfunction(lambda i, j: 0.02 * j + 0.01 * i, (60, 120)),
+        resolution=0.1,
+        origin=(0.0, 0.0),
+        terrain_class=np.arange(120)[None, :].repeat(60, 0) // 60,
         class_names=("", "sand"),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.fixture

@@ -343,17 +343,23 @@ EFFECTS: dict[str, tuple[str, dict[str, float], int, dict[str, float]]] = {
     "nonlinearity uphill": ("grade_nonlinearity", {"k": 2.0}, +1, {"rise": 0.15}),
     "cross slope": ("cross_slope", {"k": -0.4}, -1, {"lean": 0.15}),
     "patch of ice": (
-        "surface_patch", {"delta": -0.25, "x": 11.0, "y": 0.0, "radius": 3.0}, -1, {},
+        "surface_patch",
+        {"delta": -0.25, "x": 11.0, "y": 0.0, "radius": 3.0},
+        -1,
+        {},
     ),
     "patch of rubber": (
-        "surface_patch", {"delta": 0.25, "x": 11.0, "y": 0.0, "radius": 3.0}, +1, {},
+        "surface_patch",
+        {"delta": 0.25, "x": 11.0, "y": 0.0, "radius": 3.0},
+        +1,
+        {},
     ),
     "along the furrows": ("directional_surface", {"k": -0.1, "direction": 0.0}, -1, {}),
     "across the furrows": ("directional_surface", {"k": -0.1, "direction": np.pi / 2}, +1, {}),
     "worn brakes": ("step_change", {"scale": 0.75}, -1, {}),
     "lasting loss": ("step_change", {"delta": -0.1}, -1, {}),
     "new brakes": ("step_change", {"scale": 1.25, "delta": 0.05}, +1, {}),
-}  # fmt: skip
+}
 
 
 def stop_bound(plan: SpeedPlan) -> np.ndarray:
@@ -404,9 +410,10 @@ def test_hot_brakes_fade_from_the_start_and_late_sessions_drift() -> None:
 
     def lasting(delta: float) -> float:
         tables = tables_with(
-            ("brake_fade", {"k": 0.02, "tau": 100.0}), ("step_change", {"delta": delta}),
+            ("brake_fade", {"k": 0.02, "tau": 100.0}),
+            ("step_change", {"delta": delta}),
             **LEVEL_ROAD,
-        )  # fmt: skip
+        )
         plan = plan_one(tables, plane(), straight(13.0))
         return at(plan, 10.0, plan.speed_bound)
 
@@ -429,10 +436,14 @@ def test_brakes_that_get_stronger_with_time_count_as_they_are_now() -> None:
     [
         [("brake_lag", {"tau": 0.2}), ("wheel_lockup", {"mu": 0.4})],
         [("brake_fade", {"k": 0.03, "tau": 5.0}), ("aerodynamic_drag", {"c": 0.03})],
-        [("brake_lag", {"tau": 0.15}), ("brake_fade", {"k": 0.03, "tau": 5.0}),
-         ("headwind", {"c": 0.01, "wind": -5.0, "direction": 1.0}), ("cross_slope", {"k": -0.1})],
+        [
+            ("brake_lag", {"tau": 0.15}),
+            ("brake_fade", {"k": 0.03, "tau": 5.0}),
+            ("headwind", {"c": 0.01, "wind": -5.0, "direction": 1.0}),
+            ("cross_slope", {"k": -0.1}),
+        ],
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("unknown_from", [10.0, 99.0])
 def test_effects_add_up_on_hills_and_stay_sound(
     effects: list[tuple[str, Mapping[str, float]]], unknown_from: float
@@ -574,13 +585,17 @@ def serpentine(amplitude: float, wavelength: float, length: float = 24.0) -> Can
     ("tables", "ground"),
     [
         (tables_with(limits={"lateral_accel": 0.6}), plane()),
-        (tables_with(vehicle={"cg_z": 0.6}, limits={"lateral_accel": 20.0, "min_load": 0.25}),
-         ground_map(lambda x, y: 0.12 * np.sin(x / 1.5) + 0.05 * y)),
-        (tables_with(limits={"decel": 9.0, "jerk": 50.0}), ground_map(
-            lambda x, y: 0.25 * np.sin(x / 1.2), unknown=lambda x, y: x > 18.0)),
+        (
+            tables_with(vehicle={"cg_z": 0.6}, limits={"lateral_accel": 20.0, "min_load": 0.25}),
+            ground_map(lambda x, y: 0.12 * np.sin(x / 1.5) + 0.05 * y),
+        ),
+        (
+            tables_with(limits={"decel": 9.0, "jerk": 50.0}),
+            ground_map(lambda x, y: 0.25 * np.sin(x / 1.2), unknown=lambda x, y: x > 18.0),
+        ),
     ],
     ids=["lateral", "loads", "stops"],
-)  # fmt: skip
+)
 def test_nothing_is_breached_between_coarse_stations(
     tables: Tables, ground: ElevationMap, spacing: float
 ) -> None:

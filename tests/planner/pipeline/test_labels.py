@@ -21,10 +21,21 @@ def drawn(seed: int) -> tuple[Track, dict[str, np.ndarray]]:
     rng = np.random.default_rng(seed)
     zeros = np.zeros(N)
     track = Track(
-        np.arange(N) * 0.25, rng.uniform(-0.3, 0.3, N), zeros, zeros, zeros,
-        rng.uniform(-0.03, 0.03, N), rng.uniform(0.1, 0.5, N), zeros, zeros, zeros,
-        np.full(N, rng.uniform(0.0, 1.5)), np.full(N, np.inf), zeros, np.full(N, np.inf),
-    )  # fmt: skip
+        np.arange(N) * 0.25,
+        rng.uniform(-0.3, 0.3, N),
+        zeros,
+        zeros,
+        zeros,
+        rng.uniform(-0.03, 0.03, N),
+        rng.uniform(0.1, 0.5, N),
+        zeros,
+        zeros,
+        zeros,
+        np.full(N, rng.uniform(0.0, 1.5)),
+        np.full(N, np.inf),
+        zeros,
+        np.full(N, np.inf),
+    )
     return track, {
         "speed_sq": rng.uniform(0.0, 16.0, N),
         "accel_max": rng.uniform(0.0, 1.5, N),
@@ -84,15 +95,27 @@ def test_limits_are_no_lower_than_need_be() -> None:
 )
 def test_each_label(speed_sq: float, accel: float, smoothed: bool, expected: Limiting) -> None:
     found = labels(
-        np.full(3, speed_sq), np.full(3, accel), np.full(3, 4.0),
-        np.full(3, int(Limiting.LATERAL)), np.full(2, 1.0), np.full(2, 1.5), 1.0, smoothed,
-    )  # fmt: skip
+        np.full(3, speed_sq),
+        np.full(3, accel),
+        np.full(3, 4.0),
+        np.full(3, int(Limiting.LATERAL)),
+        np.full(2, 1.0),
+        np.full(2, 1.5),
+        1.0,
+        smoothed,
+    )
     assert set(found) == {int(expected)}
 
 
 def test_weak_drive_is_traction() -> None:
     found = labels(
-        np.ones(3), np.full(3, 0.4), np.full(3, 4.0), np.zeros(3, np.int64), np.full(2, 0.4),
-        np.full(2, 1.5), 1.0, True,
-    )  # fmt: skip
+        np.ones(3),
+        np.full(3, 0.4),
+        np.full(3, 4.0),
+        np.zeros(3, np.int64),
+        np.full(2, 0.4),
+        np.full(2, 1.5),
+        1.0,
+        True,
+    )
     assert set(found) == {int(Limiting.TRACTION)}

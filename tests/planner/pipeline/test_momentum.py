@@ -58,9 +58,14 @@ def least_speed_on(plan: SpeedPlan, start: float, speed: float, power: float) ->
     stalled.terminal = over.terminal = True  # type: ignore[attr-defined]
     stalled.direction = -1.0  # type: ignore[attr-defined]
     found = solve_ivp(
-        rates, (0.0, 60.0), [start, speed], events=(stalled, over), rtol=1e-8, atol=1e-10,
+        rates,
+        (0.0, 60.0),
+        [start, speed],
+        events=(stalled, over),
+        rtol=1e-8,
+        atol=1e-10,
         max_step=0.05,
-    )  # fmt: skip
+    )
     assert found.status == 1
     return float(found.y[1].min()) if len(found.t_events[1]) else 0.0
 
@@ -98,9 +103,11 @@ def test_a_plan_never_counts_on_it() -> None:
     assert plan.status is Status.BLOCKED
     assert found.allowed
     for words in (
-        "needs", "the drive has 1200 N: thrust alone cannot climb it", "no plan counts on",
+        "needs",
+        "the drive has 1200 N: thrust alone cannot climb it",
+        "no plan counts on",
         f"at {found.station:.2f} m to get past {found.until:.2f} m",
-    ):  # fmt: skip
+    ):
         assert words in plan.reason
     assert (plan.speed <= plan.speed_bound + 1e-9).all()
     assert plan.progress <= plan.clear_distance <= found.station + 1e-9
@@ -146,6 +153,11 @@ def test_json_holds_it() -> None:
     found = told_by(plan)
     assert told["momentum"]["speed"] == found.speed
     assert len(told["momentum"]["stations"]) == len(told["momentum"]["least_speed"]) > 8
-    assert "momentum" not in plan_view.as_json(
-        PlanResult([planned(weak(max_drive_force=4000.0))], ground_map(hill), model_of(tables), 0.0)
-    )["plans"][0]  # fmt: skip
+    assert (
+        "momentum"
+        not in plan_view.as_json(
+            PlanResult(
+                [planned(weak(max_drive_force=4000.0))], ground_map(hill), model_of(tables), 0.0
+            )
+        )["plans"][0]
+    )

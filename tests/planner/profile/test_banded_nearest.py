@@ -122,10 +122,14 @@ def test_it_agrees_with_a_general_solver(solver: Solver, n: int, seed: int) -> N
     a = matrix(n, rows)
     assert np.all(a @ found <= rows[2] + 2e-4)
     other = minimize(
-        lambda x: 0.5 * np.sum((x - wanted) ** 2), np.zeros(n), jac=lambda x: x - wanted,
-        hess=lambda x: np.eye(n), method="trust-constr",
-        constraints=LinearConstraint(a, -np.inf, rows[2]), options={"gtol": 1e-9, "xtol": 1e-10},
-    )  # fmt: skip
+        lambda x: 0.5 * np.sum((x - wanted) ** 2),
+        np.zeros(n),
+        jac=lambda x: x - wanted,
+        hess=lambda x: np.eye(n),
+        method="trust-constr",
+        constraints=LinearConstraint(a, -np.inf, rows[2]),
+        options={"gtol": 1e-9, "xtol": 1e-10},
+    )
     mine = 0.5 * np.sum((found - wanted) ** 2)
     assert mine <= other.fun + 1e-3 * (1.0 + other.fun)
 

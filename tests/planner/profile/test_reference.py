@@ -28,9 +28,18 @@ from tests.planner.scenes import arc, ground_map, model_of, straight, tables_wit
 
 def problem_on(r: Road) -> TimeOptimalProblem:
     return TimeOptimalProblem(
-        r.station, r.bound**2, r.sin_grade, r.lower_slope, r.lower_intercept, r.slowest,
-        r.accel_max, r.demand, r.start**2, r.scalars.decel, r.scalars.specific_power,
-    )  # fmt: skip
+        r.station,
+        r.bound**2,
+        r.sin_grade,
+        r.lower_slope,
+        r.lower_intercept,
+        r.slowest,
+        r.accel_max,
+        r.demand,
+        r.start**2,
+        r.scalars.decel,
+        r.scalars.specific_power,
+    )
 
 
 def test_a_level_road_takes_its_closed_form() -> None:
@@ -49,13 +58,14 @@ def test_the_two_passes_are_optimal(seed: int) -> None:
     n = 81
     s = np.linspace(0.0, 20.0, n)
     r = road(
-        n, 0.25,
+        n,
+        0.25,
         bound=2.5 + np.sin(s / rng.uniform(1.5, 3.0) + rng.uniform(0.0, 6.0)),
         sin_grade=0.15 * np.sin(s / 3.0 + rng.uniform(0.0, 6.0)),
         lower_intercept=0.35 + 0.05 * np.cos(s),
         lower_slope=rng.uniform(-0.02, 0.02),
         start=rng.uniform(0.0, 1.5),
-    )  # fmt: skip
+    )
     speed_sq, _ = r.solve()
     time = travel_time(speed_sq, np.diff(r.station))
     found = TimeOptimalReference(n).solve(problem_on(r))

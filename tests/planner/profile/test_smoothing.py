@@ -251,9 +251,12 @@ def test_where_both_solvers_fail_it_says_so(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize("n", [2, 3, 4])
 def test_paths_of_few_stations_are_solved_as_well(n: int) -> None:
     p = SmoothingProblem(
-        np.full(n - 1, 0.25), np.append(np.full(n - 1, 0.2), 0.0), np.ones(n - 1), np.ones(n - 1),
+        np.full(n - 1, 0.25),
+        np.append(np.full(n - 1, 0.2), 0.0),
+        np.ones(n - 1),
+        np.ones(n - 1),
         4.0,
-    )  # fmt: skip
+    )
     result = smooth(p)
     assert result.speed_sq is not None
     assert result.speed_sq[0] == 0.2
@@ -317,9 +320,12 @@ def test_where_nothing_is_feasible_each_says_so(solver: Solver) -> None:
 @pytest.mark.parametrize("n", [2, 3, 31, 33])
 def test_ipopt_takes_candidates_of_any_length(n: int) -> None:
     p = SmoothingProblem(
-        np.full(n - 1, 0.25), np.append(np.full(n - 1, 0.2), 0.0), np.ones(n - 1), np.ones(n - 1),
+        np.full(n - 1, 0.25),
+        np.append(np.full(n - 1, 0.2), 0.0),
+        np.ones(n - 1),
+        np.ones(n - 1),
         4.0,
-    )  # fmt: skip
+    )
     result = smooth(p, "ipopt")
     assert result.speed_sq is not None
     assert result.speed_sq.shape == (n,)

@@ -81,8 +81,14 @@ def test_rows_say_what_is_meant(n: int, seed: int, start_accel: float) -> None:
     times = np.array([t[0] + np.dot(t[1:], x[k : k + 3]) for k, t in enumerate(tangents)])
     change = np.diff(accel)
     free = ~fixed
-    meant = np.concatenate((
-        (x - (top - TIGHTER))[free], -x[free], accel - most, least - accel,
-        change - jerk * times + 2.0 * TIGHTER, -change - jerk * times + 2.0 * TIGHTER,
-    ))  # fmt: skip
+    meant = np.concatenate(
+        (
+            (x - (top - TIGHTER))[free],
+            -x[free],
+            accel - most,
+            least - accel,
+            change - jerk * times + 2.0 * TIGHTER,
+            -change - jerk * times + 2.0 * TIGHTER,
+        )
+    )
     np.testing.assert_allclose(by_rows, np.sort(meant), atol=1e-9)

@@ -38,10 +38,16 @@ class Road:
         columns = [
             np.ascontiguousarray(c[:, None])
             for c in (
-                self.station, self.bound**2, self.sin_grade, self.lower_slope, self.lower_intercept,
-                self.slowest, self.accel_max, self.demand,
+                self.station,
+                self.bound**2,
+                self.sin_grade,
+                self.lower_slope,
+                self.lower_intercept,
+                self.slowest,
+                self.accel_max,
+                self.demand,
             )
-        ]  # fmt: skip
+        ]
         limits = self.scalars
         problem = ProfileProblem(
             *columns, np.array([self.start**2]), limits.decel, limits.specific_power
@@ -57,9 +63,14 @@ class Road:
 
 def road(n: int = 101, ds: float = 0.1, **changes: Any) -> Road:
     fill = {
-        "bound": 50.0, "sin_grade": 0.0, "lower_slope": 0.0, "lower_intercept": 2.0, "slowest": 0.0,
-        "accel_max": 1.0, "demand": 0.0,
-    }  # fmt: skip
+        "bound": 50.0,
+        "sin_grade": 0.0,
+        "lower_slope": 0.0,
+        "lower_intercept": 2.0,
+        "slowest": 0.0,
+        "accel_max": 1.0,
+        "demand": 0.0,
+    }
     scalars = planning_limits(model_of(tables_with(vehicle={"max_drive_power": BIG})))
     columns = {
         name: np.broadcast_to(np.asarray(changes.pop(name, value), float), (n,)).copy()
@@ -116,9 +127,13 @@ def test_brakes_that_change_with_the_speed_at_onset_are_taken_at_their_weakest(
     lower_slope: float,
 ) -> None:
     r = road(
-        201, bound=4.0, lower_intercept=0.30, lower_slope=lower_slope, slowest=0.5,
+        201,
+        bound=4.0,
+        lower_intercept=0.30,
+        lower_slope=lower_slope,
+        slowest=0.5,
         scalars={"decel": BIG},
-    )  # fmt: skip
+    )
     speed_sq, _ = r.solve()
     speed, accel = np.sqrt(speed_sq), np.diff(speed_sq) / 0.2
     slowing = np.flatnonzero(accel < -1e-6)
@@ -136,9 +151,13 @@ def test_power_limits_the_acceleration_and_the_top_speed() -> None:
     vehicle = model_of(tables_with()).vehicle
     power = 0.5 * vehicle.max_drive_power
     r = road(
-        4001, 0.05, demand=0.13, accel_max=1.5,
-        scalars={"specific_power": power / (vehicle.mass * G)}, end=50.0,
-    )  # fmt: skip
+        4001,
+        0.05,
+        demand=0.13,
+        accel_max=1.5,
+        scalars={"specific_power": power / (vehicle.mass * G)},
+        end=50.0,
+    )
     speed_sq, _ = r.solve()
     speed, accel = np.sqrt(speed_sq), np.diff(speed_sq) / 0.1
     top = drive.sustained_speed(0.0, vehicle.mass, power, 0.13)
@@ -222,9 +241,17 @@ def test_columns_of_a_batch_do_not_mix(r: Road) -> None:
     other = dataclasses.replace(r, bound=0.5 * r.bound)
     stacked = [
         np.stack([getattr(x, f) for x in (other, r, other)], axis=1)
-        for f in ("station", "bound", "sin_grade", "lower_slope", "lower_intercept", "slowest",
-                  "accel_max", "demand")
-    ]  # fmt: skip
+        for f in (
+            "station",
+            "bound",
+            "sin_grade",
+            "lower_slope",
+            "lower_intercept",
+            "slowest",
+            "accel_max",
+            "demand",
+        )
+    ]
     stacked[1] = stacked[1] ** 2
     start_sq = np.full(3, r.start**2)
     speed_sq, _ = time_optimal_profile(
@@ -264,7 +291,8 @@ def test_no_optimiser_finds_a_faster_profile(seed: int) -> None:
     n = 81
     s = np.linspace(0.0, 20.0, n)
     r = road(
-        n, 0.25,
+        n,
+        0.25,
         bound=2.5 + np.sin(s / rng.uniform(1.5, 3.0) + rng.uniform(0.0, 6.0)),
         sin_grade=0.15 * np.sin(s / 3.0 + rng.uniform(0.0, 6.0)),
         lower_intercept=0.35 + 0.05 * np.cos(s),
@@ -272,7 +300,7 @@ def test_no_optimiser_finds_a_faster_profile(seed: int) -> None:
         accel_max=1.0,
         start=1.0,
         end=0.5,
-    )  # fmt: skip
+    )
     speed_sq, _ = r.solve()
     v = np.sqrt(speed_sq)
     time = float((2.0 * np.diff(r.station) / (v[1:] + v[:-1])).sum())

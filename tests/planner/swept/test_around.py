@@ -66,9 +66,10 @@ def test_all_that_poses_ask_about_is_judged(seed: int, small: bool) -> None:
     vehicle = MODELS[small].vehicle
     resolution = float(rng.choice([0.05, 0.1, 0.25, 1.0]))
     scene = ElevationMap(
-        elevation=np.zeros(rng.integers(5, 400, 2)), resolution=resolution,
+        elevation=np.zeros(rng.integers(5, 400, 2)),
+        resolution=resolution,
         origin=(float(rng.uniform(-50.0, 50.0)), 3.0),
-    )  # fmt: skip
+    )
     sizes = swept_sizes(vehicle, resolution)
     n, m = rng.integers(1, 30), rng.integers(1, 5)
     extent = rng.uniform(-0.2, 1.2, (n, m, 2)) * scene.elevation.shape * resolution

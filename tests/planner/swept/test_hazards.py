@@ -152,8 +152,9 @@ def test_the_inner_wheels_of_a_turn_meet_what_the_outer_ones_pass() -> None:
         at = np.array([middle.x[k, 0], middle.y[k, 0]]) + side * left
         post = ground(
             lambda x, y, at=at: 0.6 * (np.hypot(x - at[0], y - at[1]) < 0.08),
-            x=(-3.0, 12.0), y=(-3.0, 12.0),
-        )  # fmt: skip
+            x=(-3.0, 12.0),
+            y=(-3.0, 12.0),
+        )
         assert met(post, curve).bar in (STEP, BODY)
 
 

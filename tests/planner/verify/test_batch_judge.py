@@ -59,9 +59,14 @@ def assert_agree(together: np.ndarray, single: np.ndarray) -> None:
     st.sampled_from([0.8, 1.0, 1.0, 1.05, 1.5]),
 )
 def test_the_batch_is_judged_as_each_candidate_alone(
-    tables: Any, effects: Any, height: Any, bends: list[float], clear: float, start: float,
+    tables: Any,
+    effects: Any,
+    height: Any,
+    bends: list[float],
+    clear: float,
+    start: float,
     share: float,
-) -> None:  # fmt: skip
+) -> None:
     tables["effect"] = effects
     model = model_of(tables)
     fan = [

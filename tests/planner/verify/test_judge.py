@@ -47,9 +47,11 @@ class Case:
         self.tables, self.model = tables, model_of(tables)
         part = batch([path], spacing)
         self.solved: TimeOptimalBatch = time_optimal_batch(
-            elevation_map, part, self.model,
+            elevation_map,
+            part,
+            self.model,
             **options,
-        )  # fmt: skip
+        )
         self.track: Track = track_of(self.solved.profile, self.solved.ground, 0, part.speed_limit)
         self.speed_sq = self.solved.speed_sq[:, 0].copy()
 
@@ -118,9 +120,10 @@ def stop_at(case: Case, time_step: float) -> np.ndarray:
 def test_the_integrator_converges_and_its_step_is_fine_enough() -> None:
     """Smooth ground and a motion term: the error falls at least with the cube of the step."""
     tables = tables_with(
-        ("aerodynamic_drag", {"c": 0.1}), ("viscous_resistance", {"c": 0.05}),
+        ("aerodynamic_drag", {"c": 0.1}),
+        ("viscous_resistance", {"c": 0.05}),
         braking={"dead_time": 0.0},
-    )  # fmt: skip
+    )
     case = Case(tables, plane(rise=-0.1), straight(20.0))
     exact = stop_at(case, 1e-4)
     error = [np.abs(stop_at(case, h) - exact).max() for h in (0.08, 0.04, 0.02)]
@@ -211,21 +214,41 @@ def test_a_breach_between_stations_only_is_found() -> None:
 @pytest.mark.parametrize(
     ("kind", "tables", "ground", "path"),
     [
-        ("speed", tables_with(limits={"speed": 2.0, "accel": 50.0, "decel": 50.0}),
-         plane(), straight(20.0)),
+        (
+            "speed",
+            tables_with(limits={"speed": 2.0, "accel": 50.0, "decel": 50.0}),
+            plane(),
+            straight(20.0),
+        ),
         ("lateral", tables_with(limits={"lateral_accel": 0.5}), plane(), arc(12.0, 0.3)),
         ("wheel_speed", tables_with(vehicle={"max_wheel_speed": 1.5}), plane(), straight(20.0)),
-        ("wheel_load",
-         tables_with(vehicle={"cg_z": 0.7}, limits={"lateral_accel": 20.0, "min_load": 0.3,
-                                                    "decel": 9.0, "accel": 9.0}),
-         plane(), arc(10.0, 0.5)),
-        ("axle_load",
-         tables_with(vehicle={"cg_z": 0.72}, limits={"min_load": 0.2, "speed": 6.0},
-                     braking={"m_b": 0.08, "b_b": 0.42, "m_m": 0.0, "b_m": 0.0,
-                              "speed_range": [0.5, 6.0]}),
-         plane(rise=-0.2, x=(-3.0, 70.0)), straight(60.0)),
+        (
+            "wheel_load",
+            tables_with(
+                vehicle={"cg_z": 0.7},
+                limits={"lateral_accel": 20.0, "min_load": 0.3, "decel": 9.0, "accel": 9.0},
+            ),
+            plane(),
+            arc(10.0, 0.5),
+        ),
+        (
+            "axle_load",
+            tables_with(
+                vehicle={"cg_z": 0.72},
+                limits={"min_load": 0.2, "speed": 6.0},
+                braking={
+                    "m_b": 0.08,
+                    "b_b": 0.42,
+                    "m_m": 0.0,
+                    "b_m": 0.0,
+                    "speed_range": [0.5, 6.0],
+                },
+            ),
+            plane(rise=-0.2, x=(-3.0, 70.0)),
+            straight(60.0),
+        ),
     ],
-)  # fmt: skip
+)
 def test_speeds_above_a_bound_are_found_by_name(
     kind: str, tables: Tables, ground: ElevationMap, path: CandidatePath
 ) -> None:

@@ -35,9 +35,17 @@ from tests.planner.test_real_terrain import PLACES, candidates, ground_of
 
 FASTER = 1.05
 UNSAFE = {
-    "overrun": 0.03, "rear_load": 0.03, "side_load": 0.03, "front_load": 0.03, "lateral": 0.1,
-    "speed_limit": 0.02, "speed_range": 0.02, "wheel_speed": 0.02, "decel": 0.1, "accel": 0.1,
-}  # fmt: skip
+    "overrun": 0.03,
+    "rear_load": 0.03,
+    "side_load": 0.03,
+    "front_load": 0.03,
+    "lateral": 0.1,
+    "speed_limit": 0.02,
+    "speed_range": 0.02,
+    "wheel_speed": 0.02,
+    "decel": 0.1,
+    "accel": 0.1,
+}
 """Amounts by which the oracle has to find a mutant unsafe, in m, shares, m/s² and m/s."""
 
 STEEP = 0.1
@@ -142,10 +150,12 @@ def matters(mutant: SpeedPlan, honest: SpeedPlan, question: Question) -> bool:
         return False
     accel, time = motion_of(honest.station, mutant.speed**2)
     columns = columns_of(honest) | {
-        "speed": mutant.speed, "accel": accel, "time": time,
+        "speed": mutant.speed,
+        "accel": accel,
+        "time": time,
         "clear_distance": np.full(n, _reach(honest, question)),
         "status": np.full(n, "ok", dtype=object),
-    }  # fmt: skip
+    }
     tables = model_to_dict(question.model)
     found = oracle.verify(columns, tables, interior=0, every=3)
     return any(v.amount > UNSAFE.get(v.kind, np.inf) for v in found)
@@ -164,8 +174,9 @@ def _reach(honest: SpeedPlan, question: Question) -> float:
     braking = question.model.braking
     beyond = np.zeros_like(honest.station)
     for values, bounds in (
-        (honest.grade, braking.grade_range), (honest.roll, braking.trained_roll),
-    ):  # fmt: skip
+        (honest.grade, braking.grade_range),
+        (honest.roll, braking.trained_roll),
+    ):
         for sign, bound in zip((-1.0, 1.0), bounds, strict=True):
             beyond = np.maximum(beyond, sign * values / abs(bound) - 1.0)
     steep = np.flatnonzero(beyond > STEEP)

@@ -228,9 +228,10 @@ def step(share: float) -> Scene:
     s, v = trapezoid(1.0)
     high = 0.28 / 3.0 * share**2
     return Scene(
-        straight(s, v), model_with(),
+        straight(s, v),
+        model_with(),
         ground(lambda x, y: np.where(x > 8.0, high, 0.0 * y), resolution=0.05),
-    )  # fmt: skip
+    )
 
 
 def hole(share: float) -> Scene:
@@ -279,20 +280,40 @@ def columns(share: float) -> Scene:
 
 
 SCENES: list[tuple[str, Callable[[float], Scene]]] = [
-    ("speed_limit", speed_limit), ("speed_limit", trained_speed),
+    ("speed_limit", speed_limit),
+    ("speed_limit", trained_speed),
     ("speed_limit", speed_driven_on_the_grade),
-    ("speed_limit", speed_limit_of_the_path), ("stopping_path", stopping_path),
-    ("stopping_path", clear_distance), ("unknown_terrain", unknown_below_the_body),
-    ("unknown_terrain", unknown_where_a_stop_ends), ("model_validity", steeper_than_trained),
-    ("model_validity", more_roll_than_trained), ("tip_over", tip_over),
-    ("tip_over", front_axle_under_drive), ("rollover", rollover), ("crest", crest), ("dip", dip),
-    ("lateral", lateral), ("lateral", lateral_on_a_bank), ("wheel_speed", wheel_speed),
-    ("accel", accel), ("traction", traction), ("traction", power), ("decel", decel),
-    ("decel", brakes_downhill), ("friction", friction), ("holding", holding),
-    ("holding", holding_by_friction), ("step", step), ("step", hole), ("clearance", clearance),
-    ("body", body), ("stop_distance", stop_distance), ("rear_load", rear_load),
+    ("speed_limit", speed_limit_of_the_path),
+    ("stopping_path", stopping_path),
+    ("stopping_path", clear_distance),
+    ("unknown_terrain", unknown_below_the_body),
+    ("unknown_terrain", unknown_where_a_stop_ends),
+    ("model_validity", steeper_than_trained),
+    ("model_validity", more_roll_than_trained),
+    ("tip_over", tip_over),
+    ("tip_over", front_axle_under_drive),
+    ("rollover", rollover),
+    ("crest", crest),
+    ("dip", dip),
+    ("lateral", lateral),
+    ("lateral", lateral_on_a_bank),
+    ("wheel_speed", wheel_speed),
+    ("accel", accel),
+    ("traction", traction),
+    ("traction", power),
+    ("decel", decel),
+    ("decel", brakes_downhill),
+    ("friction", friction),
+    ("holding", holding),
+    ("holding", holding_by_friction),
+    ("step", step),
+    ("step", hole),
+    ("clearance", clearance),
+    ("body", body),
+    ("stop_distance", stop_distance),
+    ("rear_load", rear_load),
     ("columns", columns),
-]  # fmt: skip
+]
 
 
 def kinds(scene: Scene) -> set[str]:

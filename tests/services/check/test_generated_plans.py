@@ -17,9 +17,11 @@ from tests.planner.scenes import model_of
 def violations(scene: generated.Scene) -> list[Violation]:
     plan = scene.plan()
     found = check(
-        plan_of_columns(driven(plan)), model_of(scene.tables), scene.ground,
+        plan_of_columns(driven(plan)),
+        model_of(scene.tables),
+        scene.ground,
         clear=scene.options["clear"],
-    ).violations  # fmt: skip
+    ).violations
     if plan.status is Status.DEGRADED and plan.reason.startswith("starts at"):
         # What a turn takes of friction is counted up to the highest planned speed, not beyond it.
         found = tuple(v for v in found if v.kind not in ("decel", "friction"))

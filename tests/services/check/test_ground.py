@@ -51,14 +51,20 @@ def test_agrees_with_the_profile_of_the_planner_at_its_stations() -> None:
     line = line_of(plan, 0.0)
     under = ground_under(heights, line, vehicle)
     profile = terrain_profile(
-        heights, plan.x[:, None], plan.y[:, None], np.array([len(s)]), vehicle.wheelbase,
+        heights,
+        plan.x[:, None],
+        plan.y[:, None],
+        np.array([len(s)]),
+        vehicle.wheelbase,
         vehicle.track_width,
-    )  # fmt: skip
+    )
     rows = line.at_row
     for own, theirs, atol in (
-        (under.station, profile.station, 1e-9), (under.grade, profile.grade, 2e-3),
-        (under.roll, profile.roll, 2e-3), (line.curvature, profile.curvature, 1e-3),
-    ):  # fmt: skip
+        (under.station, profile.station, 1e-9),
+        (under.grade, profile.grade, 2e-3),
+        (under.roll, profile.roll, 2e-3),
+        (line.curvature, profile.curvature, 1e-3),
+    ):
         np.testing.assert_allclose(own[rows][1:-1], theirs[1:-1, 0], atol=atol)
 
 
@@ -91,10 +97,15 @@ def test_classes_of_all_four_cells_around_a_point() -> None:
 @pytest.mark.parametrize(
     ("name", "surfaces"),
     [
-        ("", {""}), ("ice", {"ice"}), ("#7", {"ice"}), ("#2", {"sand"}), ("#0", {""}),
-        ("#1", {"", "ice", "sand"}), ("mud", {"", "ice", "sand"}),
+        ("", {""}),
+        ("ice", {"ice"}),
+        ("#7", {"ice"}),
+        ("#2", {"sand"}),
+        ("#0", {""}),
+        ("#1", {"", "ice", "sand"}),
+        ("mud", {"", "ice", "sand"}),
     ],
-)  # fmt: skip
+)
 def test_a_class_that_the_model_does_not_know_may_be_any(name: str, surfaces: set[str]) -> None:
     tables = {"ice": {"b_b": 0.2, "class_id": 7}, "sand": {"b_b": 0.3}}
     model: Model = model_with(braking={"terrain": tables})

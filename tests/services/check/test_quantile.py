@@ -43,9 +43,14 @@ def relative() -> Model:
     model = scattering_model()
     b = replace(model.braking, force_std=0.0, force_scatter=0.06)
     weaker = SurfaceBraking(
-        m_m=0.8 * b.m_m, b_m=0.8 * b.b_m, m_b=0.8 * b.m_b, b_b=0.8 * b.b_b, force_scatter=0.05,
-        class_id=2_000_000, state_of="",
-    )  # fmt: skip
+        m_m=0.8 * b.m_m,
+        b_m=0.8 * b.b_m,
+        m_b=0.8 * b.m_b,
+        b_b=0.8 * b.b_b,
+        force_scatter=0.05,
+        class_id=2_000_000,
+        state_of="",
+    )
     return replace(model, braking=replace(b, terrain={"weaker": weaker}))
 
 

@@ -63,8 +63,10 @@ def test_a_command_that_runs_on_says_when_it_is_ready(tmp_path: Path) -> None:
     try:
         assert process.stdout is not None
         assert json.loads(process.stdout.readline()) == {
-            "ready": True, "plan": "machines/v1/plan", "listens": [endpoint],
-        }  # fmt: skip
+            "ready": True,
+            "plan": "machines/v1/plan",
+            "listens": [endpoint],
+        }
     finally:
         process.terminate()
         process.wait(10.0)
@@ -85,9 +87,15 @@ def test_help_imports_nothing_heavy() -> None:
 def test_plan_writes_what_the_oracle_accepts(ground: Path, tmp_path: Path) -> None:
     out = tmp_path / "plan.csv"
     result = slopewise(
-        "plan", ground / "map.npz", ground / "paths.csv", "--model", "husky", "--out", out,
+        "plan",
+        ground / "map.npz",
+        ground / "paths.csv",
+        "--model",
+        "husky",
+        "--out",
+        out,
         fresh=True,
-    )  # fmt: skip
+    )
     assert result.returncode == 0, result.stderr
     assert "best first" in result.stdout
     model = oracle.read_model(Path("configs/vehicles/husky.toml"))

@@ -28,9 +28,15 @@ class Attacker:
     def stop(self, force: float, **more: Any) -> None:
         self.count += 1
         told = {
-            "source": self.source, "sequence": self.count, "time": time.monotonic(), "speed": 2.0,
-            "grade": 0.0, "deceleration": force * G, "deceleration_std": 0.01, **more,
-        }  # fmt: skip
+            "source": self.source,
+            "sequence": self.count,
+            "time": time.monotonic(),
+            "speed": 2.0,
+            "grade": 0.0,
+            "deceleration": force * G,
+            "deceleration_std": 0.01,
+            **more,
+        }
         key = self.service.key("obs/stop")
         self.session.put(key, json.dumps(told).encode(), encoding=STOP)
 

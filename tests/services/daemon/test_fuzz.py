@@ -54,7 +54,10 @@ def messages() -> dict[str, list[msgspec.Struct]]:
         "plan": [
             PlanRequest(speed=1.0, paths=[Candidate(name="a", points=_POINTS)], clear=3.0),
             PlanRequest(
-                speed=1.0, client="c", pose=(0.0, 0.0, 0.0), sequence=3,
+                speed=1.0,
+                client="c",
+                pose=(0.0, 0.0, 0.0),
+                sequence=3,
                 paths=[
                     Candidate(name="a", points=_POINTS, speed_limit=np.ones(4), clear=2.0),
                     Candidate(name="b", points=_POINTS + 0.5),
@@ -68,8 +71,14 @@ def messages() -> dict[str, list[msgspec.Struct]]:
         ],
         "obs/stop": [
             StopObservation(
-                **told, speed=2.0, grade=0.1, deceleration=3.0, deceleration_std=0.1, dead_time=0.3,
-                distance=1.2, surface="sand",
+                **told,
+                speed=2.0,
+                grade=0.1,
+                deceleration=3.0,
+                deceleration_std=0.1,
+                dead_time=0.3,
+                distance=1.2,
+                surface="sand",
             )
         ],
         "obs/drive": [DriveSamples(**told, columns=_COLUMNS, values=samples, surface="sand")],
@@ -80,7 +89,7 @@ def messages() -> dict[str, list[msgspec.Struct]]:
             SetParameters(group="braking", values={"b_b": 0.3, "m_b": 0.01}, who="operator"),
         ],
         "params/rollback": [RollBack(version=1, group="braking"), RollBack(version=3)],
-    }  # fmt: skip
+    }
 
 
 KEYS = list(messages())
@@ -197,8 +206,9 @@ def test_numbers_that_are_no_quantities(desk: Desk, field: str, value: float, cl
     raw = {"speed": 1.0, "paths": [{"name": "a", "points": _POINTS.tolist()}], "client": client}
     raw |= {"pose": [0.0, 0.0, 0.0]} | {field: [value] * 3 if field == "pose" else value}
     assert desk.handle("plan", msgspec.json.encode(raw), "application/json") in (
-        "error", *_ACCEPTED,
-    )  # fmt: skip
+        "error",
+        *_ACCEPTED,
+    )
 
 
 @pytest.mark.parametrize("key", KEYS)

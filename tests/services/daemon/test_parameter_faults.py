@@ -140,9 +140,13 @@ def kept_by(store: Path) -> int:
     service = ParameterService(config, read_model(find_model("atv")))
     for sequence in range(3):
         stop = StopObservation(
-            source="before", sequence=sequence, time=float(sequence), speed=2.0, grade=0.0,
+            source="before",
+            sequence=sequence,
+            time=float(sequence),
+            speed=2.0,
+            grade=0.0,
             deceleration=0.12 * G,
-        )  # fmt: skip
+        )
         receipt = service.observe("stop", stop, "obs/stop", float(sequence))
     service.close()
     assert receipt.durable

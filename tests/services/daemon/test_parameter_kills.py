@@ -109,7 +109,9 @@ def test_killed_a_few_times(tmp_path: Path) -> None:
 def test_killed_two_hundred_times(tmp_path: Path) -> None:
     sender, starts = killed_and_killed_again(tmp_path, 200, seed=time.time_ns())
     clock, processor = starts.T
-    print(f"{len(sender.acknowledged)} acknowledged; to the first reply {np.median(clock):.2f} s, "
-          f"at most {clock.max():.2f}; of a processor at most {processor.max():.2f}")  # fmt: skip
+    print(
+        f"{len(sender.acknowledged)} acknowledged; to the first reply {np.median(clock):.2f} s, "
+        f"at most {clock.max():.2f}; of a processor at most {processor.max():.2f}"
+    )
     assert len(sender.acknowledged) > 1000
     assert soon(starts)

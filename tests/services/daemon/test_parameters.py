@@ -92,8 +92,9 @@ def test_a_group_tells_all_about_itself(robot: Robot) -> None:
     assert set(group["values"]) == {"m_m", "b_m", "m_b", "b_b", "dead_time"}
     assert group["unit"]["m_b"] == "s/m"
     matrix = np.array(group["covariance"])
-    np.testing.assert_allclose([group["stds"][n] for n in ("m_m", "b_m", "m_b", "b_b")],
-                               np.sqrt(np.diag(matrix)))  # fmt: skip
+    np.testing.assert_allclose(
+        [group["stds"][n] for n in ("m_m", "b_m", "m_b", "b_b")], np.sqrt(np.diag(matrix))
+    )
     assert 0.0 <= group["age"] < 5.0
     assert group["who"] == robot.source
     assert group["cause"].startswith("stop 1: accepted")
@@ -147,11 +148,16 @@ def bad(robot: Robot, what: str) -> dict[str, Any]:
     """A stop that is wrong in one way."""
     stop = robot.stop_fields(0.1 * G)
     changes: dict[str, dict[str, Any]] = {
-        "nan": {"deceleration": float("nan")}, "inf": {"speed": float("inf")},
-        "negative": {"deceleration": -1.0}, "too fast": {"speed": 400.0},
-        "nan time": {"time": float("nan")}, "surface": {"surface": "a/b"},
-        "unknown": {"colour": 1}, "long": {"source": "x" * 1000}, "text": {"speed": "fast"},
-    }  # fmt: skip
+        "nan": {"deceleration": float("nan")},
+        "inf": {"speed": float("inf")},
+        "negative": {"deceleration": -1.0},
+        "too fast": {"speed": 400.0},
+        "nan time": {"time": float("nan")},
+        "surface": {"surface": "a/b"},
+        "unknown": {"colour": 1},
+        "long": {"source": "x" * 1000},
+        "text": {"speed": "fast"},
+    }
     return {**stop, **changes[what]}
 
 
@@ -179,9 +185,11 @@ def test_oversize_and_noise_are_answered_and_change_nothing(
     for payload in (b"", b"\xff" * 50, bytes(1_000_001)):
         for kind in ("stop", "drive", "terrain"):
             (reply,) = session.get(
-                robot.service.key(f"obs/{kind}"), payload=payload, timeout=5.0,
+                robot.service.key(f"obs/{kind}"),
+                payload=payload,
+                timeout=5.0,
                 encoding=FORMAT.format("stop_observation"),
-            )  # fmt: skip
+            )
             assert reply.ok is not None
             assert msgspec.msgpack.decode(reply.ok.payload.to_bytes())["status"] == "error"
     assert as_bytes(robot) == before

@@ -182,9 +182,14 @@ def parameters(folder: Path, service: Running) -> bytes:
 
 def stop(source: str, sequence: int = 1) -> StopObservation:
     return StopObservation(
-        source=source, sequence=sequence, time=time.monotonic(), speed=2.0, grade=0.0,
-        deceleration=0.8, deceleration_std=0.05,
-    )  # fmt: skip
+        source=source,
+        sequence=sequence,
+        time=time.monotonic(),
+        speed=2.0,
+        grade=0.0,
+        deceleration=0.8,
+        deceleration_std=0.05,
+    )
 
 
 CHANGES = {
@@ -275,9 +280,10 @@ def test_an_estimator_shows_that_it_lives_and_nobody_else_for_it(
 ) -> None:
     needed = '[learning]\nestimators = ["slip"]\n'
     locked = f'config = "{folder / "mtls.json5"}"'
-    with running(
-        tmp_path, needed, scheme="tls", namespace=NAMESPACE, zenoh_lines=locked
-    ) as started, as_(folder, started, "operator") as operator:  # fmt: skip
+    with (
+        running(tmp_path, needed, scheme="tls", namespace=NAMESPACE, zenoh_lines=locked) as started,
+        as_(folder, started, "operator") as operator,
+    ):
         assert degraded(operator, started, True)
         with as_(folder, started, "navigation") as navigation:
             forged = navigation.liveliness().declare_token(started.key("alive/slip"))
@@ -299,9 +305,10 @@ def test_an_estimators_certificate_cannot_hold_the_planners_token(
         replies = session.liveliness().get(service.key("alive/*"), timeout=2.0)
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
-    with as_(folder, service, "estimator") as estimator, as_(
-        folder, service, "operator"
-    ) as operator:  # fmt: skip
+    with (
+        as_(folder, service, "estimator") as estimator,
+        as_(folder, service, "operator") as operator,
+    ):
         heard: list[zenoh.Sample] = []
         with operator.liveliness().declare_subscriber(service.key("alive/*"), heard.append):
             time.sleep(_SETTLED)

@@ -54,9 +54,11 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for
 ) -> None:
     port = free_port()
     config = ServiceConfig(
-        model="atv", namespace="test/breaks", planning=Planning(deadline=5.0),
+        model="atv",
+        namespace="test/breaks",
+        planning=Planning(deadline=5.0),
         zenoh=ZenohSettings(listen=(f"tcp/127.0.0.1:{port}",)),
-    )  # fmt: skip
+    )
     learn, read = Learner.learn, replies.read
 
     def breaks(self: Learner, message: Any, *rest: Any) -> Any:
@@ -150,7 +152,7 @@ def test_one_huge_sequence_silences_no_sender(robot: Robot) -> None:
             for n, sequence in enumerate((2**53, *range(1, 20))):
                 fields = (
                     sender.stop_fields(0.42 * G) if kind == "stop" else sender.fields(**more)
-                ) | {"sequence": sequence}  # fmt: skip
+                ) | {"sequence": sequence}
                 # A clock that is 3 s behind at every message, or none at all.
                 fields["time"] = time.monotonic() if stamp is None else stamp - 3.0 * n
                 receipts.append(sender.send(kind, fields))

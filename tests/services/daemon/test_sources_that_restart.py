@@ -22,9 +22,12 @@ def send_map(service: Running, session: zenoh.Session, sequence: int, known: flo
     """Level ground, 40 m of it; beyond ``known`` [m] nobody knows."""
     row = [0.0 if -2.0 + 0.5 * i < known else None for i in range(85)]
     told = {
-        "source": "mapper", "sequence": sequence, "resolution": 0.5, "origin": [-2.0, -5.0],
+        "source": "mapper",
+        "sequence": sequence,
+        "resolution": 0.5,
+        "origin": [-2.0, -5.0],
         "elevation": [row] * 21,
-    }  # fmt: skip
+    }
     session.put(service.key("map"), json.dumps(told).encode(), encoding=MAP)
 
 
@@ -80,9 +83,14 @@ def test_a_huge_sequence_silences_no_observations_not_even_over_a_restart(tmp_pa
     def stop(service: Running, session: zenoh.Session, **more: Any) -> str:
         count[0] += 1
         told = {
-            "source": "robot", "sequence": count[0], "time": time.monotonic(), "speed": 2.0,
-            "grade": 0.0, "deceleration": 0.42 * G + 0.001 * count[0], **more,
-        }  # fmt: skip
+            "source": "robot",
+            "sequence": count[0],
+            "time": time.monotonic(),
+            "speed": 2.0,
+            "grade": 0.0,
+            "deceleration": 0.42 * G + 0.001 * count[0],
+            **more,
+        }
         return str(answer(service, session, "obs/stop", told, STOP)["status"])
 
     settings = '[learning]\nstops_at_once = 1000\n[store]\npath = "p.sqlite"'

@@ -67,8 +67,11 @@ def unit(tmp_path: Path) -> Path:
 def test_the_unit_is_understood(unit: Path) -> None:
     done = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", str(unit)],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     mine = [line for line in done.stderr.splitlines() if unit.name in line]
     assert mine == []
 
@@ -76,8 +79,11 @@ def test_the_unit_is_understood(unit: Path) -> None:
 def test_the_unit_leaves_little_open(unit: Path) -> None:
     done = subprocess.run(
         ["systemd-analyze", "security", "--offline=true", "--no-pager", str(unit)],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     told = re.search(r"Overall exposure level[^:]*: ([\d.]+)", done.stdout)
     assert told is not None, done.stdout + done.stderr
     assert float(told[1]) <= _MOST_EXPOSED

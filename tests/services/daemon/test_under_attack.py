@@ -47,13 +47,18 @@ class Honest:
         self.asked += 1
         paths = [{"name": f"{i}", "points": straight(20.0, 40, 0.002 * (i - 1))} for i in range(3)]
         question = {
-            "speed": 0.0, "paths": paths, "client": "robot", "pose": (0.0, 0.0, 0.0), "clear": 8.0,
-        }  # fmt: skip
+            "speed": 0.0,
+            "paths": paths,
+            "client": "robot",
+            "pose": (0.0, 0.0, 0.0),
+            "clear": 8.0,
+        }
         begun = time.monotonic()
         for reply in self.querier.get(
-            parameters=f"deadline={0.8 * IN_TIME}", payload=msgspec.msgpack.encode(question),
+            parameters=f"deadline={0.8 * IN_TIME}",
+            payload=msgspec.msgpack.encode(question),
             encoding=f"{MACHINE};slopewise.plan_request.v1",
-        ):  # fmt: skip
+        ):
             if reply.ok is None:
                 continue
             told = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
@@ -90,12 +95,18 @@ def attacked(service: Running, seconds: float, page: int) -> Iterator[None]:
     processes = [
         subprocess.Popen(
             [
-                sys.executable, "-m", "tests.services.attackers", service.endpoint,
-                service.namespace, ",".join(kinds[i::4]), str(seconds), str(page),
+                sys.executable,
+                "-m",
+                "tests.services.attackers",
+                service.endpoint,
+                service.namespace,
+                ",".join(kinds[i::4]),
+                str(seconds),
+                str(page),
             ]
         )
         for i in range(4)
-    ]  # fmt: skip
+    ]
     try:
         yield
     finally:
@@ -129,10 +140,11 @@ def test_a_question_that_outlasts_its_deadline_is_given_up_and_counted(tmp_path:
         send_ground(robot)
         paths = [{"name": f"{i}", "points": straight(45.0, 3, 1e-6 * i)} for i in range(1000)]
         (reply,) = session.get(
-            f"{service.key('plan')}?deadline=0.1", timeout=3.0,
+            f"{service.key('plan')}?deadline=0.1",
+            timeout=3.0,
             payload=msgspec.msgpack.encode({"speed": 1.0, "paths": paths}),
             encoding=f"{MACHINE};slopewise.plan_request.v1",
-        )  # fmt: skip
+        )
         assert reply.ok is not None
         assert msgspec.msgpack.decode(reply.ok.payload.to_bytes())["status"] == "busy"
         assert robot.status(20.0)["counters"]["given_up"] == 1
@@ -143,9 +155,11 @@ def test_deadlines_that_are_none_are_refused(service: Running, text: str) -> Non
     with service.session() as session:
         fields = {"speed": 0.0, "paths": []}
         (reply,) = session.get(
-            f"{service.key('plan')}?deadline={text}", payload=msgspec.msgpack.encode(fields),
-            encoding=f"{MACHINE};slopewise.plan_request.v1", timeout=3.0,
-        )  # fmt: skip
+            f"{service.key('plan')}?deadline={text}",
+            payload=msgspec.msgpack.encode(fields),
+            encoding=f"{MACHINE};slopewise.plan_request.v1",
+            timeout=3.0,
+        )
         assert reply.ok is not None
         told = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
         assert told["status"] == "error"
@@ -156,9 +170,11 @@ def test_the_reserved_key_is_answered(service: Running) -> None:
     with service.session() as session:
         fields = {"speed": 0.0, "paths": [{"name": "a", "points": block(np.eye(3, 2))}]}
         (reply,) = session.get(
-            service.key("plan/drive"), payload=msgspec.msgpack.encode(fields), timeout=3.0,
+            service.key("plan/drive"),
+            payload=msgspec.msgpack.encode(fields),
+            timeout=3.0,
             encoding=f"{MACHINE};slopewise.plan_request.v1",
-        )  # fmt: skip
+        )
         assert reply.ok is not None
         assert str(reply.ok.key_expr) == service.key("plan/drive")
 
@@ -207,9 +223,13 @@ def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
         counters = status["counters"]
         # A quick machine gives up none of the questions that it has taken: that has its own test.
         for kind in (
-            "busy", "refused", "stops_too_many", "stops_contradictory",
-            "map_updates_refused", "params_malformed",
-        ):  # fmt: skip
+            "busy",
+            "refused",
+            "stops_too_many",
+            "stops_contradictory",
+            "map_updates_refused",
+            "params_malformed",
+        ):
             assert counters.get(kind, 0) > 0, kind
         # Which of them come out of order, twice or late depends on who is heard first.
         untimely = ("stop_out_of_order", "stop_duplicate", "stop_late", "stop_future")

@@ -18,9 +18,21 @@ from services.planning.cold_start import compile_first
 from tests.services.service_process import fan, flat, running
 
 UNUSED = (
-    "matplotlib", "rasterio", "casadi", "PIL", "contourpy", "polars", "pyarrow", "sklearn",
-    "plotly", "rosbags", "waitress", "scipy.stats", "scipy.ndimage", "scipy.cluster",
-)  # fmt: skip
+    "matplotlib",
+    "rasterio",
+    "casadi",
+    "PIL",
+    "contourpy",
+    "polars",
+    "pyarrow",
+    "sklearn",
+    "plotly",
+    "rosbags",
+    "waitress",
+    "scipy.stats",
+    "scipy.ndimage",
+    "scipy.cluster",
+)
 MOST = 300.0
 """[MB] resident after 100 questions; 272 were measured."""
 MOST_MORE = 25.0

@@ -25,18 +25,29 @@ LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),)
 def made(number: int = 1, **changes: Any) -> Offer:
     """An offer with numbers as the workflow writes them."""
     effect = {
-        "name": "brake_lag", "parameters": {"tau": {"value": 0.2984, "std": 0.012, "unit": "s"}},
-        "confidence": 0.98, "alternatives": [], "where": "",
-    }  # fmt: skip
+        "name": "brake_lag",
+        "parameters": {"tau": {"value": 0.2984, "std": 0.012, "unit": "s"}},
+        "confidence": 0.98,
+        "alternatives": [],
+        "where": "",
+    }
     gap = {"metric": "stopping distance", "before": 0.412, "after": 0.057, "noise_floor": 0.049}
     fields: dict[str, Any] = {
-        "id": f"offer{number}", "at": 1e9 + number, "cause": "by schedule",
-        "verdict": "missing_effect", "summary": "The model leaves out: brakes that answer late.",
+        "id": f"offer{number}",
+        "at": 1e9 + number,
+        "cause": "by schedule",
+        "verdict": "missing_effect",
+        "summary": "The model leaves out: brakes that answer late.",
         "findings": {"effects": [effect], "stop_distance": gap, "seconds": 3.0},
-        "data": "0", "stops": 26, "beside_file": Shift(least=0.11, most=0.93, where="2 m/s"),
-        "beside_use": Shift(least=0.11, most=0.93, where="2 m/s"), "valid": True, "changes": True,
-        "notes": [], "model": model_to_dict(dataclasses.replace(FILE, effect=(LAG,))),
-    }  # fmt: skip
+        "data": "0",
+        "stops": 26,
+        "beside_file": Shift(least=0.11, most=0.93, where="2 m/s"),
+        "beside_use": Shift(least=0.11, most=0.93, where="2 m/s"),
+        "valid": True,
+        "changes": True,
+        "notes": [],
+        "model": model_to_dict(dataclasses.replace(FILE, effect=(LAG,))),
+    }
     return Offer(**(fields | changes))
 
 

@@ -175,13 +175,21 @@ def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> N
     with running(tmp_path, settings=store, page=page) as started, started.session() as session:
         for k in range(1, 5):
             stop = StopObservation(
-                source="s", sequence=k, time=time.monotonic(), speed=2.0, grade=0.0,
-                deceleration=2.5, deceleration_std=0.05, distance=1.4,
-            )  # fmt: skip
+                source="s",
+                sequence=k,
+                time=time.monotonic(),
+                speed=2.0,
+                grade=0.0,
+                deceleration=2.5,
+                deceleration_std=0.05,
+                distance=1.4,
+            )
             (reply,) = session.get(
-                started.key("obs/stop"), payload=codec.encode(stop, Format.MESSAGEPACK),
-                encoding=codec.encoding_of(StopObservation, Format.MESSAGEPACK), timeout=5.0,
-            )  # fmt: skip
+                started.key("obs/stop"),
+                payload=codec.encode(stop, Format.MESSAGEPACK),
+                encoding=codec.encoding_of(StopObservation, Format.MESSAGEPACK),
+                timeout=5.0,
+            )
         assert reply.ok is not None
         told = str(reply.ok.encoding)
         version = codec.decode(Receipt, reply.ok.payload, told, "receipt", 10**6).version
@@ -208,35 +216,52 @@ def board() -> Board:
     for k in range(30):
         made.learned(
             GroupSeen(
-                group="braking sand", names=["m_m", EVIL], value=[-0.03 + 0.001 * k, 0.4],
-                std=[0.05 / (1 + k), None], valid=k > 5, version=k + 1, cause=f"stop {k}",
+                group="braking sand",
+                names=["m_m", EVIL],
+                value=[-0.03 + 0.001 * k, 0.4],
+                std=[0.05 / (1 + k), None],
+                valid=k > 5,
+                version=k + 1,
+                cause=f"stop {k}",
                 at=1e9 + k,
             )
-        )  # fmt: skip
+        )
         made.stopped(
             StopSeen(
-                speed=2.0, grade=0.05, predicted=2.0 + 0.02 * k, actual=1.8 + 0.03 * k,
-                surface="sand", outcome="accepted", version=k, at=1e9 + k,
+                speed=2.0,
+                grade=0.05,
+                predicted=2.0 + 0.02 * k,
+                actual=1.8 + 0.03 * k,
+                surface="sand",
+                outcome="accepted",
+                version=k,
+                at=1e9 + k,
             )
-        )  # fmt: skip
+        )
     made.classified(GroundSeen(name="sand", probability=0.93, at=1e9))
     return made
 
 
 def test_what_was_learned_is_shown(board: Board) -> None:
     status = ServiceStatus(
-        service=EVIL, uptime=1.0, map_version=1, map_age=0.5, flags=[EVIL], counters={},
+        service=EVIL,
+        uptime=1.0,
+        map_version=1,
+        map_age=0.5,
+        flags=[EVIL],
+        counters={},
         parameters=Parameters(version=30, name="atv", fingerprint="f", age=1.0),
         seconds={"median": 0.0, "p99": 0.0},
-    )  # fmt: skip
+    )
     ground = ElevationMap(elevation=np.zeros((8, 9)), resolution=0.5, origin=(0.0, 0.0))
     site = Site(
         Source(
-            status=lambda: status, ground=lambda: KnownGround(ground, 1, time.monotonic()),
+            status=lambda: status,
+            ground=lambda: KnownGround(ground, 1, time.monotonic()),
             board=board,
         ),
         own_names("127.0.0.1"),
-    )  # fmt: skip
+    )
     port = free_port()
     server = PageServer(PageSettings(enabled=True, port=port), site)
     try:

@@ -33,10 +33,15 @@ EVIL = "<img src=x onerror=alert(1)>"
 @contextmanager
 def page_of(board: Board) -> Iterator[str]:
     status = ServiceStatus(
-        service="robot", uptime=1.0, map_version=0, map_age=None, flags=[], counters={},
+        service="robot",
+        uptime=1.0,
+        map_version=0,
+        map_age=None,
+        flags=[],
+        counters={},
         parameters=Parameters(version=30, name="atv", fingerprint="f", age=1.0),
         seconds={"median": 0.0, "p99": 0.0},
-    )  # fmt: skip
+    )
     port = free_port()
     source = Source(status=lambda: status, ground=lambda: None, board=board)
     server = PageServer(PageSettings(enabled=True, port=port), Site(source, own_names("127.0.0.1")))

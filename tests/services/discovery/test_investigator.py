@@ -177,14 +177,21 @@ def test_stops_become_a_log_on_one_clock() -> None:
         columns = {"t": t, "v": 0.0 * t, "v_cmd": 0.0 * t, "pitch": 0.0 * t}
         columns |= {name: 0.0 * t + value for name, value in more.items()}
         return StoredStop(
-            source=source, surface="ice", at=at, vehicle="v", model="m", columns=list(columns),
+            source=source,
+            surface="ice",
+            at=at,
+            vehicle="v",
+            model="m",
+            columns=list(columns),
             values=np.stack(list(columns.values())),
-        )  # fmt: skip
+        )
 
     stops = [
-        stop("a", 500.0, 1000.0, grade=0.1), stop("a", 510.0, 1001.0), stop("b", 3.0, 1031.0),
+        stop("a", 500.0, 1000.0, grade=0.1),
+        stop("a", 510.0, 1001.0),
+        stop("b", 3.0, 1031.0),
         stop("b", 1.0, 900.0),
-    ]  # fmt: skip
+    ]
     columns, runs, ground = as_log(stops)
     begins = [float(columns["t"][run.start]) for run in runs]
     # Its own clock, the clock of the day, and a minute where that went back.

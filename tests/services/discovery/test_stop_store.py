@@ -16,9 +16,14 @@ from tests.services.robot_plant import ASPHALT, Vehicle
 def stored(seed: int = 0, source: str = "robot") -> StoredStop:
     _, samples = Vehicle(seed=seed).stop(ASPHALT, 2.0)
     return StoredStop(
-        source=source, surface="", at=100.0 + seed, vehicle="v", model="m", columns=list(samples),
+        source=source,
+        surface="",
+        at=100.0 + seed,
+        vehicle="v",
+        model="m",
+        columns=list(samples),
         values=np.stack(list(samples.values())),
-    )  # fmt: skip
+    )
 
 
 def in_pieces(samples: dict[str, np.ndarray], size: int) -> list[dict[str, np.ndarray]]:

@@ -28,19 +28,23 @@ T = typestore().types
 
 NAV2: dict[str, Any] = {
     "controller_server": {
-        "use_sim_time": False, "controller_frequency": 20.0, "speed_limit_topic": "speed_limit",
+        "use_sim_time": False,
+        "controller_frequency": 20.0,
+        "speed_limit_topic": "speed_limit",
         "controller_plugins": ["FollowPath"],
         "FollowPath": {"vx_max": 3.5, "ax_min": -2.0},
     },
     "velocity_smoother": {
-        "use_sim_time": False, "max_velocity": [3.5, 0.0, 2.0], "max_decel": [-2.0, 0.0, -3.0],
+        "use_sim_time": False,
+        "max_velocity": [3.5, 0.0, 2.0],
+        "max_decel": [-2.0, 0.0, -3.0],
     },
     "diff_drive_controller": {
         "linear": {"x": {"has_acceleration_limits": True, "max_deceleration": 2.2}},
     },
     "twist_mux": {"locks": {"slopewise": {"topic": "speed_stop", "timeout": 0.5, "priority": 255}}},
     "local_costmap": {"footprint": "[[0.9, 0.62], [0.9, -0.62], [-0.9, -0.62], [-0.9, 0.62]]"},
-}  # fmt: skip
+}
 
 
 def parameters(tmp_path: Path, nodes: dict[str, Any]) -> Any:
@@ -76,9 +80,15 @@ Message = tuple[float, str, str, Any]
 
 
 def drive(
-    *, obeys: bool = True, rate: float = 50.0, late: float = 0.0, scale: float = 1.0,
-    lowered: float = 1.0, percentage: bool = False, frame: str = "map",
-) -> list[Message]:  # fmt: skip
+    *,
+    obeys: bool = True,
+    rate: float = 50.0,
+    late: float = 0.0,
+    scale: float = 1.0,
+    lowered: float = 1.0,
+    percentage: bool = False,
+    frame: str = "map",
+) -> list[Message]:
     """Twenty seconds: 2 m/s, then a lower limit, obeyed at 1.5 m/s²."""
     found: list[Message] = []
     x, speed, begun = 0.0, 2.0, 1_800_000_000.0

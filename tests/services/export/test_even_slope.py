@@ -61,9 +61,13 @@ def drawn_model(rng: np.random.Generator, number: int) -> Model:
     model = SHIPPED[rng.integers(3)]
     keys: dict[str, Any] = {
         "drive_in_dead_time": ("held", "cut", "either")[rng.integers(3)],
-        "dead_time": u(0.0, 0.6), "distance_offset": u(0.0, 0.3), "time_offset": u(0.0, 0.3),
-        "force_std": 0.02, "force_scatter": 0.02, "dead_time_std": 0.02,
-    }  # fmt: skip
+        "dead_time": u(0.0, 0.6),
+        "distance_offset": u(0.0, 0.3),
+        "time_offset": u(0.0, 0.3),
+        "force_std": 0.02,
+        "force_scatter": 0.02,
+        "dead_time_std": 0.02,
+    }
     if rng.random() < 0.3:
         keys["uphill"] = UphillBraking(m_m=u(-0.05, 0.05), b_m=u(-0.4, 0.2))
     if rng.random() < 0.3:
@@ -201,9 +205,11 @@ def test_no_exported_stop_is_shorter_than_that_of_a_plan(model: Model, grade: fl
 def test_speeds_are_no_higher_than_what_was_trained() -> None:
     atv = SHIPPED[0]
     for keys, limits, highest in (
-        ({}, {}, 4.0), ({"speed_range": (1.0, 3.0)}, {}, 3.0), ({}, {"speed": 2.0}, 2.0),
+        ({}, {}, 4.0),
+        ({"speed_range": (1.0, 3.0)}, {}, 3.0),
+        ({}, {"speed": 2.0}, 2.0),
         ({"speed_by_grade": ((-0.2, 1.0), (0.2, 3.0))}, {}, 2.0),
-    ):  # fmt: skip
+    ):
         model = replace(
             atv, braking=replace(atv.braking, **keys), limits=replace(atv.limits, **limits)
         )
@@ -239,9 +245,7 @@ def test_a_state_that_nobody_foresees_counts() -> None:
 
 def test_brakes_that_do_not_hold_bar_the_slope() -> None:
     atv = SHIPPED[0]
-    weak = replace(
-        atv.braking, m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.2, grade_range=(-0.3, 0.3)
-    )  # fmt: skip
+    weak = replace(atv.braking, m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.2, grade_range=(-0.3, 0.3))
     model = replace(atv, braking=weak)
     assert exported(model, "speed_bound", 20.0, 0.19) > 0.0
     assert exported(model, "speed_bound", 20.0, 0.21) == 0.0

@@ -176,8 +176,10 @@ def test_the_schema_is_that_of_model_files() -> None:
         data["braking"]["boost"], data["vehicle"]["mass"] = 1.0, -3.0
         del data["limits"]["jerk"]
         assert sorted(complaints(schema, data)) == [
-            ".braking.boost", ".limits.jerk", ".vehicle.mass",
-        ]  # fmt: skip
+            ".braking.boost",
+            ".limits.jerk",
+            ".vehicle.mass",
+        ]
 
 
 def test_the_command_writes_and_tells(tmp_path: Path) -> None:

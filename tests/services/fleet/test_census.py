@@ -15,9 +15,11 @@ def row(vehicle: str, verdict: str, *effects: Row, before: float = 0.1) -> Row:
 def lag(confidence: float, tau: float, *others: str) -> Row:
     parameter = {"name": "tau", "value": tau, "std": 0.01, "unit": "s"}
     return {
-        "name": "brake_lag", "confidence": confidence, "alternatives": list(others),
+        "name": "brake_lag",
+        "confidence": confidence,
+        "alternatives": list(others),
         "parameters": [parameter],
-    }  # fmt: skip
+    }
 
 
 ROWS = [

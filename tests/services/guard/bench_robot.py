@@ -28,9 +28,12 @@ SPACE = "test/guard"
 
 def flat(rows: int = 200, columns: int = 400) -> MapUpdate:
     return MapUpdate(
-        source="test", sequence=1, elevation=np.zeros((rows, columns)), resolution=0.25,
+        source="test",
+        sequence=1,
+        elevation=np.zeros((rows, columns)),
+        resolution=0.25,
         origin=(-10.0, -25.0),
-    )  # fmt: skip
+    )
 
 
 class Robot:
@@ -48,9 +51,11 @@ class Robot:
     def put(self, name: str, message: Any, written: Format = Format.MESSAGEPACK) -> None:
         encoding = codec.encoding_of(type(message), written)
         self.session.put(
-            f"{SPACE}/v1/{name}", codec.encode(message, written), encoding=encoding,
+            f"{SPACE}/v1/{name}",
+            codec.encode(message, written),
+            encoding=encoding,
             congestion_control=zenoh.CongestionControl.BLOCK,
-        )  # fmt: skip
+        )
 
     def _on_output(self, sample: zenoh.Sample) -> None:
         self.heard.append((time.monotonic(), json.loads(sample.payload.to_bytes())))
@@ -60,9 +65,13 @@ class Robot:
             self._sequence += 1
             if self.says_motion:
                 here = GuardMotion(
-                    source="r", sequence=self._sequence, x=0.0, y=0.0, heading=0.0,
+                    source="r",
+                    sequence=self._sequence,
+                    x=0.0,
+                    y=0.0,
+                    heading=0.0,
                     speed=self.speed,
-                )  # fmt: skip
+                )
                 self.put("guard/motion", here)
             if self.says_command:
                 self.command(self.wanted)

@@ -198,9 +198,11 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
     """Drive at full speed toward the wall."""
     rng = scene.rng
     plant = Plant(
-        accel=float(rng.uniform(0.8, 2.5)), slowing=float(rng.uniform(0.5, 3.0)),
-        dead_time=0.3 * float(rng.uniform(0.8, 1.0)), strength=float(rng.uniform(1.0, 1.2)),
-    )  # fmt: skip
+        accel=float(rng.uniform(0.8, 2.5)),
+        slowing=float(rng.uniform(0.5, 3.0)),
+        dead_time=0.3 * float(rng.uniform(0.8, 1.0)),
+        strength=float(rng.uniform(1.0, 1.2)),
+    )
     clock = [0.0]
     guard = _guard(scene, lambda: clock[0])
     lines = {name: Line(name, scene.delay, scene.stamp) for name in ("motion", "clear", "command")}
@@ -255,8 +257,10 @@ def _bring(guard: Guard, lines: dict[str, Line], scene: Scene, now: float) -> No
             continue
         at, sequence, content, time = message
         feeds: dict[str, Callable[..., Any]] = {
-            "motion": guard.motions.take, "clear": guard.clear, "command": guard.commands.take,
-        }  # fmt: skip
+            "motion": guard.motions.take,
+            "clear": guard.clear,
+            "command": guard.commands.take,
+        }
         _take(feeds[name], content, at, sequence, time)
 
 

@@ -25,9 +25,13 @@ SHIPPED = Path(__file__).parents[3] / "configs" / "guard.toml"
 
 
 def judged(
-    speed: float, wanted: float, rate: float = 0.0, clear: float = 1e9, ground: GuardGround = FLAT,
+    speed: float,
+    wanted: float,
+    rate: float = 0.0,
+    clear: float = 1e9,
+    ground: GuardGround = FLAT,
     x: float = 0.0,
-) -> GuardDecision:  # fmt: skip
+) -> GuardDecision:
     scene = GuardScene(MODEL, (rows_of(MODEL),), ground, clear)
     motion = VehicleMotion(PlanarPose(x, 0.0, 0.0), speed)
     return decide(scene, motion, BaseCommand(wanted, rate), stands=0.1, late=0.02, load=0.5)
@@ -68,8 +72,10 @@ def test_who_drives_at_what_is_allowed_stops_before_the_end(clear: float) -> Non
 
 def test_unknown_ground_obstacles_and_steep_ground_end_the_way() -> None:
     for change, words in (
-        (np.nan, "ground is unknown"), (1.5, "ground is steeper|an obstacle"), (-2.0, "steeper"),
-    ):  # fmt: skip
+        (np.nan, "ground is unknown"),
+        (1.5, "ground is steeper|an obstacle"),
+        (-2.0, "steeper"),
+    ):
         heights = np.zeros((200, 400))
         heights[:, 100:] = change  # from x = 5 m on
         ground = GuardGround(heights, 0.25, (-20.0, -25.0))
@@ -191,9 +197,15 @@ def test_obedience_gives_brakes_their_time() -> None:
 
 def group(**values: float) -> ParameterGroup:
     return ParameterGroup(
-        group="braking", version=2, valid=True, age=0.0, fingerprint="f", cause="c", who="w",
+        group="braking",
+        version=2,
+        valid=True,
+        age=0.0,
+        fingerprint="f",
+        cause="c",
+        who="w",
         values={"m_m": -0.03, "b_m": -0.35, "m_b": 0.015, "b_b": 0.40} | values,
-    )  # fmt: skip
+    )
 
 
 def test_what_was_learned_can_make_stops_longer_and_not_shorter_unless_trusted() -> None:
@@ -215,9 +227,12 @@ def test_what_was_learned_can_make_stops_longer_and_not_shorter_unless_trusted()
 def test_maps_and_patches() -> None:
     def update(**changes: object) -> MapUpdate:
         fields: dict[str, object] = {
-            "source": "s", "sequence": 1, "elevation": np.zeros((6, 8)), "resolution": 0.5,
+            "source": "s",
+            "sequence": 1,
+            "elevation": np.zeros((6, 8)),
+            "resolution": 0.5,
             "origin": (1.0, 2.0),
-        }  # fmt: skip
+        }
         return MapUpdate(**(fields | changes))  # type: ignore[arg-type]
 
     whole = ground_of(update(), None)
@@ -229,11 +244,12 @@ def test_maps_and_patches() -> None:
     from models.errors import ParameterError
 
     for bad, known in (
-        ({"patch": True}, None), ({"elevation": np.zeros((1, 3))}, None),
+        ({"patch": True}, None),
+        ({"elevation": np.zeros((1, 3))}, None),
         ({"patch": True, "origin": (1.2, 2.0)}, whole),
         ({"patch": True, "origin": (3.0, 2.0)}, whole),
         ({"terrain_class": np.full((6, 8), 3.0), "class_names": ["", "a"]}, None),
-    ):  # fmt: skip
+    ):
         with pytest.raises(ParameterError):
             ground_of(update(**bad), known)
 

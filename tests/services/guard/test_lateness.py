@@ -24,9 +24,10 @@ WALL = 1.7e9
 
 def guard_with(now: list[float], *, awaits_clear: bool = True, **timing: object) -> Guard:
     settings = GuardSettings(
-        model="atv", timing=GuardTiming(**timing),  # type: ignore[arg-type]
+        model="atv",
+        timing=GuardTiming(**timing),  # type: ignore[arg-type]
         judgement=GuardJudgement(awaits_clear=awaits_clear),
-    )  # fmt: skip
+    )
     return Guard(settings, MODEL, FLAT, WallClock(lambda: WALL + now[0], lambda: now[0]))
 
 
@@ -139,8 +140,15 @@ def test_a_vehicle_may_have_reached_what_it_was_given_since_it_was_measured() ->
     slow = decide(scene, motion, command, stands=0.1, late=0.2, load=0.5)
     fast = decide(scene, motion, command, stands=0.1, late=0.2, load=0.5, reached=4.0)
     assert (slow.action, fast.action) == ("pass", "stop")
-    back = decide(scene, motion._replace(speed=0.0), BaseCommand(-1.0, 0.0), stands=0.1, late=0.2,
-                  load=0.5, reached=1.0)  # fmt: skip
+    back = decide(
+        scene,
+        motion._replace(speed=0.0),
+        BaseCommand(-1.0, 0.0),
+        stands=0.1,
+        late=0.2,
+        load=0.5,
+        reached=1.0,
+    )
     assert back.reason == "it has to stand before it drives back"
 
 

@@ -78,8 +78,14 @@ def nan_speed(guard: GuardProcess, robot: Robot) -> None:
 
 
 FAULTS: list[Callable[[GuardProcess, Robot], None]] = [
-    kill_worker, hang_worker, kill_watch, hang_watch, no_commands, no_odometry, nan_speed,
-]  # fmt: skip
+    kill_worker,
+    hang_worker,
+    kill_watch,
+    hang_watch,
+    no_commands,
+    no_odometry,
+    nan_speed,
+]
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)

@@ -55,9 +55,7 @@ def look(
 
 
 def stop(model: GuardModel, way: ArcAhead, speed: float, held: float = 0.0) -> float:
-    found = stops_along(
-        model, (rows_of(model),), way, np.array([speed]), np.array([held]), 0.0
-    )  # fmt: skip
+    found = stops_along(model, (rows_of(model),), way, np.array([speed]), np.array([held]), 0.0)
     return float(found.distance[0])
 
 
@@ -88,9 +86,11 @@ def test_no_stop_is_shorter_than_the_checkers(model: GuardModel, seed: int) -> N
         pytest.skip("steeper than trained")
     along = np.linspace(0.0, 14.0, 120)
     plan = GivenPlan(
-        name="p", x=30.0 + along * np.cos(heading), y=30.0 + along * np.sin(heading),
+        name="p",
+        x=30.0 + along * np.cos(heading),
+        y=30.0 + along * np.sin(heading),
         speed=np.full(120, speed),
-    )  # fmt: skip
+    )
     whole = read_model(ATV)
     heights = ElevationMap(elevation=ground.elevation, resolution=CELL, origin=(0.0, 0.0))
     line = line_of(plan, 0.3)

@@ -28,9 +28,14 @@ def update(
 ) -> MapUpdate:
     cells = np.full((2, 2) if patch else (40, 40), height)
     return MapUpdate(
-        source="mapper", sequence=sequence, elevation=cells, resolution=0.25, origin=(0.0, 0.0),
-        patch=patch, instance=instance,
-    )  # fmt: skip
+        source="mapper",
+        sequence=sequence,
+        elevation=cells,
+        resolution=0.25,
+        origin=(0.0, 0.0),
+        patch=patch,
+        instance=instance,
+    )
 
 
 def test_a_missing_patch_removes_the_ground_until_the_next_whole_map() -> None:

@@ -95,10 +95,12 @@ def map_file(folder: Path, resolution: float, origin: tuple[float, float]) -> Pa
 @pytest.mark.parametrize(
     ("resolution", "origin", "field"),
     [
-        (1e-9, (0.0, 0.0), "resolution"), (1e6, (0.0, 0.0), "resolution"),
-        (0.5, (1e12, 0.0), "origin"), (0.5, (0.0, -1e300), "origin"),
+        (1e-9, (0.0, 0.0), "resolution"),
+        (1e6, (0.0, 0.0), "resolution"),
+        (0.5, (1e12, 0.0), "origin"),
+        (0.5, (0.0, -1e300), "origin"),
     ],
-)  # fmt: skip
+)
 def test_maps_lie_on_this_earth(
     tmp_path: Path, resolution: float, origin: tuple[float, float], field: str
 ) -> None:
@@ -127,9 +129,16 @@ def test_a_map_without_coordinate_system_says_what_it_is_taken_for(tmp_path: Pat
     for crs, words in ((None, "taken to be in metres"), ("EPSG:32632", "")):
         file = tmp_path / "g.tif"
         with rasterio.open(
-            file, "w", driver="GTiff", width=9, height=9, count=1, dtype="float64", crs=crs,
+            file,
+            "w",
+            driver="GTiff",
+            width=9,
+            height=9,
+            count=1,
+            dtype="float64",
+            crs=crs,
             transform=from_origin(0.0, 9.0, 1.0, 1.0),
-        ) as raster:  # fmt: skip
+        ) as raster:
             raster.write(np.zeros((9, 9)), 1)
         assumed = read_map(file).assumed
         assert words in " ".join(assumed)

@@ -357,8 +357,12 @@ def test_shipped_vehicles_are_found_after_an_installation(tmp_path: Path) -> Non
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-P", "-c", script],
-        cwd=tmp_path.parent, env=environment, capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        cwd=tmp_path.parent,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     place = tmp_path / "slopewise" / "configs" / "vehicles" / "ugv.toml"
     assert done.stdout.split() == ["ugv", str(place), "light"]
 
@@ -463,9 +467,12 @@ SURFACES = st.builds(
 )
 
 
-HULLS = st.sampled_from([
-    ((-0.3, 1.0), (0.0, 3.0), (0.2, 3.5)), ((-0.1, 2.0), (0.4, 1.5)),
-])  # fmt: skip
+HULLS = st.sampled_from(
+    [
+        ((-0.3, 1.0), (0.0, 3.0), (0.2, 3.5)),
+        ((-0.1, 2.0), (0.4, 1.5)),
+    ]
+)
 
 
 @st.composite

@@ -23,9 +23,15 @@ ATV["braking"]["roll_range"] = [-0.26, 0.26]
 ATV["braking"]["terrain"] = {"gravel": {"b_b": 0.35, "dead_time": 0.4}}
 ATV["braking"]["uphill"] = {"m_m": -0.03, "b_m": -0.3}
 ATV["vehicle"] |= {
-    "motor_torque_constant": 0.044, "gear_ratio": 78.7, "idle_current": 0.8, "max_step": 0.09,
-    "wheel_width": 0.2, "wheel_travel": 0.09, "front_overhang": 0.3, "rear_overhang": 0.3,
-}  # fmt: skip
+    "motor_torque_constant": 0.044,
+    "gear_ratio": 78.7,
+    "idle_current": 0.8,
+    "max_step": 0.09,
+    "wheel_width": 0.2,
+    "wheel_travel": 0.09,
+    "front_overhang": 0.3,
+    "rear_overhang": 0.3,
+}
 
 WRONG: list[tuple[str, Any, str]] = [
     ("vehicle.mass", 0.5, "with a mass of 0.5 kg; 0.5 t would be 500 kg"),
@@ -84,7 +90,7 @@ WRONG: list[tuple[str, Any, str]] = [
     ("limits.lateral_accel", 2000, "2000 mm/s² would be 2 m/s²"),
     ("limits.min_load", 10, "10 % would be 0.1"),
     ("limits.max_path_deviation", 300, "300 mm would be 0.3 m"),
-]  # fmt: skip
+]
 
 EFFECTS: list[tuple[str, dict[str, float], str]] = [
     ("brake_lag", {"tau": 300.0}, "300 ms would be 0.3 s"),
@@ -147,42 +153,84 @@ def scaled(**vehicle: float) -> dict[str, Any]:
     tables = copy.deepcopy(ATV)
     tables["vehicle"] = {
         k: v for k, v in tables["vehicle"].items() if k not in ("max_step", "wheel_travel")
-    } | vehicle  # fmt: skip
+    } | vehicle
     return tables
 
 
 CAR = scaled(
-    mass=3.0, wheelbase=0.3, track_width=0.25, cg_x=0.15, cg_z=0.06, wheel_radius=0.05, width=0.28,
-    max_drive_force=25.0, max_drive_power=150.0, ground_clearance=0.03, wheel_width=0.04,
-    front_overhang=0.05, rear_overhang=0.05,
-)  # fmt: skip
+    mass=3.0,
+    wheelbase=0.3,
+    track_width=0.25,
+    cg_x=0.15,
+    cg_z=0.06,
+    wheel_radius=0.05,
+    width=0.28,
+    max_drive_force=25.0,
+    max_drive_power=150.0,
+    ground_clearance=0.03,
+    wheel_width=0.04,
+    front_overhang=0.05,
+    rear_overhang=0.05,
+)
 CAR["braking"] |= {"b_b": 0.7, "dead_time": 0.05, "distance_offset": 0.02}
 CAR["limits"] |= {"decel": 5.0, "jerk": 50.0}
 CAR["terrain"]["slip_track"] = 0.3
 TRUCK = scaled(
-    mass=600e3, wheelbase=7.0, track_width=6.0, cg_x=3.0, cg_z=4.0, wheel_radius=2.0, width=9.0,
-    max_drive_force=1.5e6, max_drive_power=2.5e6, ground_clearance=1.2, wheel_width=1.4,
-    front_overhang=3.0, rear_overhang=4.0, max_wheel_speed=18.0,
-)  # fmt: skip
+    mass=600e3,
+    wheelbase=7.0,
+    track_width=6.0,
+    cg_x=3.0,
+    cg_z=4.0,
+    wheel_radius=2.0,
+    width=9.0,
+    max_drive_force=1.5e6,
+    max_drive_power=2.5e6,
+    ground_clearance=1.2,
+    wheel_width=1.4,
+    front_overhang=3.0,
+    rear_overhang=4.0,
+    max_wheel_speed=18.0,
+)
 TRUCK["terrain"]["slip_track"] = 6.0
 TRUCK["limits"]["speed"] = 15.0
 TRUCK["braking"]["speed_range"] = [2.0, 15.0]
 # Over a row of plants.
 STRADDLER = scaled(
-    mass=210.0, wheelbase=1.2, track_width=1.4, cg_x=0.6, cg_z=0.8, wheel_radius=0.21, width=1.7,
-    max_drive_force=1500.0, max_drive_power=2000.0, ground_clearance=0.69,
-)  # fmt: skip
+    mass=210.0,
+    wheelbase=1.2,
+    track_width=1.4,
+    cg_x=0.6,
+    cg_z=0.8,
+    wheel_radius=0.21,
+    width=1.7,
+    max_drive_force=1500.0,
+    max_drive_power=2000.0,
+    ground_clearance=0.69,
+)
 STRADDLER["terrain"]["slip_track"] = 2.0
 ROVER = scaled(
-    mass=1000.0, wheelbase=2.2, track_width=2.3, cg_x=1.1, cg_z=0.9, wheel_radius=0.26, width=2.7,
-    max_drive_force=1500.0, max_drive_power=110.0, ground_clearance=0.6, max_wheel_speed=0.042,
-)  # fmt: skip
+    mass=1000.0,
+    wheelbase=2.2,
+    track_width=2.3,
+    cg_x=1.1,
+    cg_z=0.9,
+    wheel_radius=0.26,
+    width=2.7,
+    max_drive_force=1500.0,
+    max_drive_power=110.0,
+    ground_clearance=0.6,
+    max_wheel_speed=0.042,
+)
 ROVER["terrain"]["slip_track"] = 3.5
 ROVER["limits"]["speed"] = 0.04
 ROVER["braking"]["speed_range"] = [0.01, 0.04]
 SIZES = {
-    "1/10 car": CAR, "mining truck": TRUCK, "atv": ATV, "straddler": STRADDLER, "Mars rover": ROVER,
-}  # fmt: skip
+    "1/10 car": CAR,
+    "mining truck": TRUCK,
+    "atv": ATV,
+    "straddler": STRADDLER,
+    "Mars rover": ROVER,
+}
 
 
 @pytest.mark.parametrize("tables", SIZES.values(), ids=SIZES)

@@ -55,11 +55,19 @@ def test_plain_files_are_read_by_it() -> None:
 @pytest.mark.parametrize(
     "content",
     [
-        HEADER, HEADER + "1,2\n", HEADER + "1,2,3,4\n", HEADER + "1,2\n1,2,3,4\n",
-        HEADER + '1,"2",3\n', HEADER + "1,2,3\r4,5,6\n", HEADER + ",,\n", HEADER + "1,2,3\n\n",
-        "run,t,t\n1,2,3\n", "run,,t\n1,2,3\n", "",
+        HEADER,
+        HEADER + "1,2\n",
+        HEADER + "1,2,3,4\n",
+        HEADER + "1,2\n1,2,3,4\n",
+        HEADER + '1,"2",3\n',
+        HEADER + "1,2,3\r4,5,6\n",
+        HEADER + ",,\n",
+        HEADER + "1,2,3\n\n",
+        "run,t,t\n1,2,3\n",
+        "run,,t\n1,2,3\n",
+        "",
     ],
-)  # fmt: skip
+)
 def test_what_is_not_plain_is_left_alone(content: str) -> None:
     assert plain_columns(content, TEXT) is None
 

@@ -29,16 +29,24 @@ def test_files_are_beside_the_settings_and_other_names_stay(tmp_path: Path) -> N
     (tmp_path / "mine.toml").write_text("")
     (tmp_path / "folder").mkdir()
     data: dict[str, Any] = {
-        "model": "mine.toml", "map": "", "zenoh": {"config": "gone.json5"}, "ros": 3,
-        "learning": {"terrains": "folder"}, "service": {"config": ["mine.toml"]},
+        "model": "mine.toml",
+        "map": "",
+        "zenoh": {"config": "gone.json5"},
+        "ros": 3,
+        "learning": {"terrains": "folder"},
+        "service": {"config": ["mine.toml"]},
         "store": {"path": "new.sqlite"},
-    }  # fmt: skip
+    }
     keys = ("model", "map", "zenoh.config", "ros.config", "learning.terrains", "service.config")
     settings = tmp_path / "service.toml"
     beside(settings, data, *keys, "none.config")
     beside(settings, data, "store.path", "ros.path", exists=False)
     assert data == {
-        "model": str(tmp_path / "mine.toml"), "map": "", "zenoh": {"config": "gone.json5"},
-        "ros": 3, "learning": {"terrains": "folder"}, "service": {"config": ["mine.toml"]},
+        "model": str(tmp_path / "mine.toml"),
+        "map": "",
+        "zenoh": {"config": "gone.json5"},
+        "ros": 3,
+        "learning": {"terrains": "folder"},
+        "service": {"config": ["mine.toml"]},
         "store": {"path": str(tmp_path / "new.sqlite")},
-    }  # fmt: skip
+    }

@@ -40,11 +40,21 @@ def offer_of(model: Model, *, valid: bool = True, in_use: Model = FILE) -> Offer
     shifts = [compared(cautious(model, FILE), other) for other in (FILE, in_use)]
     by = [Shift(least=s.least, most=s.most, where=s.where) for s in shifts]
     return Offer(
-        id=f"{len(model.effect)}-{model.braking.b_b:g}-{valid}", at=time.time(), cause="test",
-        verdict="missing_effect" if valid else "ambiguous", summary="", findings={"effects": []},
-        data="0", stops=20, beside_file=by[0], beside_use=by[1], valid=valid, changes=True,
-        notes=[], model=model_to_dict(model),
-    )  # fmt: skip
+        id=f"{len(model.effect)}-{model.braking.b_b:g}-{valid}",
+        at=time.time(),
+        cause="test",
+        verdict="missing_effect" if valid else "ambiguous",
+        summary="",
+        findings={"effects": []},
+        data="0",
+        stops=20,
+        beside_file=by[0],
+        beside_use=by[1],
+        valid=valid,
+        changes=True,
+        notes=[],
+        model=model_to_dict(model),
+    )
 
 
 Make = Callable[..., ParameterService]
@@ -54,9 +64,10 @@ Make = Callable[..., ParameterService]
 def make(tmp_path: Path) -> Make:
     def service(file: Model = FILE, **settings: Any) -> ParameterService:
         config = ServiceConfig(
-            model="atv", store=StoreSettings(path=str(tmp_path / "p.sqlite")),
+            model="atv",
+            store=StoreSettings(path=str(tmp_path / "p.sqlite")),
             discrepancy=Investigation(**settings),
-        )  # fmt: skip
+        )
         return ParameterService(config, file)
 
     return service
@@ -64,9 +75,16 @@ def make(tmp_path: Path) -> Make:
 
 def stop(service: ParameterService, force: float, number: int, surface: str = "") -> str:
     one = StopObservation(
-        source="robot", sequence=number, time=time.monotonic(), speed=2.0, grade=0.0,
-        deceleration=force * G, deceleration_std=0.02, dead_time=0.3, surface=surface,
-    )  # fmt: skip
+        source="robot",
+        sequence=number,
+        time=time.monotonic(),
+        speed=2.0,
+        grade=0.0,
+        deceleration=force * G,
+        deceleration_std=0.02,
+        dead_time=0.3,
+        surface=surface,
+    )
     return service.observe("stop", one, "obs/stop", time.monotonic()).reason
 
 
@@ -97,14 +115,20 @@ def test_distances_are_those_of_the_closed_form() -> None:
 @pytest.mark.parametrize(
     ("effect", "sign"),
     [
-        (LAG, 1.0), (WEAKER, 1.0), (DRAG, -1.0),
+        (LAG, 1.0),
+        (WEAKER, 1.0),
+        (DRAG, -1.0),
         (Effect(name="cross_slope", parameters={"k": -0.5}), 0.0),
-        (Effect(name="surface_patch", parameters={"delta": 0.1, "x": 5.0, "y": 5.0, "radius": 2.0}),
-         None),
+        (
+            Effect(
+                name="surface_patch", parameters={"delta": 0.1, "x": 5.0, "y": 5.0, "radius": 2.0}
+            ),
+            None,
+        ),
         (Effect(name="directional_surface", parameters={"k": 0.05, "direction": 1.0}), None),
         (Effect(name="session_drift", parameters={"k": 1e-5}), None),
     ],
-)  # fmt: skip
+)
 def test_effects_that_only_take_make_no_stop_shorter_and_others_do(
     effect: Effect, sign: float | None
 ) -> None:
@@ -262,14 +286,20 @@ def test_ground_that_stops_taught_stays_weak_and_is_never_counted_twice(make: Ma
 @pytest.mark.parametrize(
     ("effect", "valid", "allowed", "adopted"),
     [
-        (LAG, True, True, True), (LAG, True, False, False), (LAG, False, True, False),
+        (LAG, True, True, True),
+        (LAG, True, False, False),
+        (LAG, False, True, False),
         (DRAG, True, True, False),
     ],
-)  # fmt: skip
+)
 def test_only_valid_findings_that_slow_plans_are_adopted_by_themselves(
-    make: Make, monkeypatch: pytest.MonkeyPatch, effect: Effect, valid: bool, allowed: bool,
+    make: Make,
+    monkeypatch: pytest.MonkeyPatch,
+    effect: Effect,
+    valid: bool,
+    allowed: bool,
     adopted: bool,
-) -> None:  # fmt: skip
+) -> None:
     service = make(adopt_slower=allowed)
     outcome = InvestigationOutcome(
         reason="", damaged=[], offer=offer_of(with_effects(effect), valid=valid)
@@ -300,11 +330,14 @@ def test_nothing_is_adopted_by_itself_that_is_faster_than_what_stops_taught(
 @pytest.mark.parametrize(
     ("verdict", "interval", "valid"),
     [
-        ("missing_effect", [0.5, 0.9], True), ("parameter_drift", [0.1, 0.9], True),
-        ("missing_effect", [-0.1, 0.9], False), ("missing_effect", None, False),
-        ("ambiguous", [0.5, 0.9], False), ("none", None, False),
+        ("missing_effect", [0.5, 0.9], True),
+        ("parameter_drift", [0.1, 0.9], True),
+        ("missing_effect", [-0.1, 0.9], False),
+        ("missing_effect", None, False),
+        ("ambiguous", [0.5, 0.9], False),
+        ("none", None, False),
     ],
-)  # fmt: skip
+)
 def test_valid_is_what_closes_the_gap_for_sure(
     verdict: str, interval: list[float] | None, valid: bool
 ) -> None:

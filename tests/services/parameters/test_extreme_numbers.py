@@ -25,17 +25,45 @@ from services.wire import codec
 from services.wire.codec import Format
 
 EXTREMES = (
-    0.0, -0.0, 5e-324, -5e-324, 2.2e-308, 1e-160, 1e-30, 1e-12, 1e154, 1e308, -1e308, math.inf,
-    -math.inf, math.nan, 2.0**53, 2.0**63, -1.0,
-)  # fmt: skip
+    0.0,
+    -0.0,
+    5e-324,
+    -5e-324,
+    2.2e-308,
+    1e-160,
+    1e-30,
+    1e-12,
+    1e154,
+    1e308,
+    -1e308,
+    math.inf,
+    -math.inf,
+    math.nan,
+    2.0**53,
+    2.0**63,
+    -1.0,
+)
 STOP = {
-    "speed": 2.0, "grade": 0.0, "deceleration": 3.9, "deceleration_std": 0.02, "dead_time": 0.3,
+    "speed": 2.0,
+    "grade": 0.0,
+    "deceleration": 3.9,
+    "deceleration_std": 0.02,
+    "dead_time": 0.3,
     "distance": 1.11,
-}  # fmt: skip
+}
 COLUMNS = (
-    "t", "v", "v_cmd", "pitch", "roll", "yaw_rate", "v_left", "v_right", "current_left",
-    "current_right", "grade",
-)  # fmt: skip
+    "t",
+    "v",
+    "v_cmd",
+    "pitch",
+    "roll",
+    "yaw_rate",
+    "v_left",
+    "v_right",
+    "current_left",
+    "current_right",
+    "grade",
+)
 ATV = read_model(find_model("atv"))
 
 
@@ -140,9 +168,10 @@ def test_no_number_of_a_label_breaks_learning() -> None:
 def test_a_count_that_is_none_is_malformed(kind: str, written: Format) -> None:
     sender = Sender()
     fields: dict[str, Any] = {
-        "stop": dict(STOP), "terrain": {"surface": "sand"},
+        "stop": dict(STOP),
+        "terrain": {"surface": "sand"},
         "drive": {"columns": list(COLUMNS[:4]), "values": [[0.0, 1.0]] * 4},
-    }[kind]  # fmt: skip
+    }[kind]
     for count in (-1, 2**53 + 1, 2**63, 2**64 - 1, 1.5, "7", None, True):
         assert sender.send(kind, {**fields, "sequence": count}, written) == "malformed"
     encoding = codec.encoding_of(KINDS[kind], Format.JSON)

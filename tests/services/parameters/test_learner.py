@@ -42,16 +42,27 @@ def learner(model: Model | None = None, named: bool = False, **settings: Any) ->
 
 def samples(columns: dict[str, Any], source: str = "robot", surface: str = "") -> DriveSamples:
     return DriveSamples(
-        source=source, sequence=next(SEQUENCE), time=0.0, columns=list(columns),
-        values=np.stack(list(columns.values())), surface=surface,
-    )  # fmt: skip
+        source=source,
+        sequence=next(SEQUENCE),
+        time=0.0,
+        columns=list(columns),
+        values=np.stack(list(columns.values())),
+        surface=surface,
+    )
 
 
 def stop(force: float, surface: str = "", speed: float = 2.0, **more: Any) -> StopObservation:
     return StopObservation(
-        source="robot", sequence=next(SEQUENCE), time=0.0, speed=speed, grade=0.0,
-        deceleration=force * G, deceleration_std=0.02, surface=surface, **more,
-    )  # fmt: skip
+        source="robot",
+        sequence=next(SEQUENCE),
+        time=0.0,
+        speed=speed,
+        grade=0.0,
+        deceleration=force * G,
+        deceleration_std=0.02,
+        surface=surface,
+        **more,
+    )
 
 
 def label(surface: str, probability: float = 1.0) -> TerrainLabel:
@@ -79,8 +90,12 @@ def judged(intake: Intake, sequence: int, sent: float, now: float, source: str =
 def test_each_observation_counts_once_and_in_order() -> None:
     intake = Intake(2.0, {"terrain:b": 7})
     assert [judged(intake, n, 0.0, 0.0) for n in (1, 3, 3, 2, 4)] == [
-        "", "", "duplicate", "out_of_order", "",
-    ]  # fmt: skip
+        "",
+        "",
+        "duplicate",
+        "out_of_order",
+        "",
+    ]
     assert judged(intake, 7, 0.0, 0.0, "b") == "duplicate", "heard in another life"
     assert judged(intake, 8, 0.0, 0.0, "b") == ""
 
@@ -193,9 +208,13 @@ def test_stops_that_no_brakes_can_make_teach_nothing(deceleration: float, grade:
     before = one.in_use()[0]
     for _ in range(6):
         told = StopObservation(
-            source="robot", sequence=next(SEQUENCE), time=0.0, speed=2.0, grade=grade,
+            source="robot",
+            sequence=next(SEQUENCE),
+            time=0.0,
+            speed=2.0,
+            grade=grade,
             deceleration=deceleration,
-        )  # fmt: skip
+        )
         changed, reason = one.learn(told, "obs/stop")
         assert changed == set()
         assert "F_b/W" in reason
@@ -262,7 +281,7 @@ def test_another_calibration_in_the_model_file_takes_back_what_was_learned_above
 @settings(max_examples=25)
 @given(
     forces=st.lists(st.floats(0.05, 0.9), max_size=12), ages=st.lists(st.floats(0, 1e6), max_size=4)
-)  # fmt: skip
+)
 def test_restored_older_is_never_stronger(forces: list[float], ages: list[float]) -> None:
     one = learner(named=True)
     for i, force in enumerate(forces):
@@ -336,10 +355,13 @@ def test_terrain_parameters_get_slower_at_once_and_faster_by_a_share() -> None:
 @pytest.mark.parametrize(
     "state",
     [
-        {"values": {"speed": float("nan")}}, {"values": {"colour": 1.0}}, {"values": {"speed": -1}},
-        {}, {"values": None},
+        {"values": {"speed": float("nan")}},
+        {"values": {"colour": 1.0}},
+        {"values": {"speed": -1}},
+        {},
+        {"values": None},
     ],
-)  # fmt: skip
+)
 def test_limits_that_cannot_have_been_set_are_not_restored(state: dict) -> None:
     group = learner().group("limits")
     with pytest.raises((ValueError, KeyError, TypeError)):
@@ -436,8 +458,11 @@ def test_only_stops_make_it_faster_and_they_by_steps(events: list[Any], named: b
 def test_a_source_that_counts_from_one_again_is_heard_after_a_few_messages_and_flagged() -> None:
     intake = Intake(2.0, {"terrain:a": 2**53})
     assert [judged(intake, n, float(n), float(n)) for n in range(1, 5)] == [
-        "out_of_order", "out_of_order", "", "",
-    ]  # fmt: skip
+        "out_of_order",
+        "out_of_order",
+        "",
+        "",
+    ]
     assert intake.notices.told() == ["terrain observations of a: the source counts anew"]
 
 

@@ -37,15 +37,28 @@ class Plot:
         self.clock = 0.0
 
     def stop(
-        self, force: float, surface: str = "", *, after: float = 0.0, speed: float = 2.0,
-        grade: float = 0.0, source: str = "liar", **more: Any,
-    ) -> str:  # fmt: skip
+        self,
+        force: float,
+        surface: str = "",
+        *,
+        after: float = 0.0,
+        speed: float = 2.0,
+        grade: float = 0.0,
+        source: str = "liar",
+        **more: Any,
+    ) -> str:
         self.clock += after
         one = StopObservation(
-            source=source, sequence=next(SEQUENCE), time=self.clock, speed=speed, grade=grade,
-            deceleration=G * (force + float(np.sin(grade))), deceleration_std=0.02,
-            surface=surface, **more,
-        )  # fmt: skip
+            source=source,
+            sequence=next(SEQUENCE),
+            time=self.clock,
+            speed=speed,
+            grade=grade,
+            deceleration=G * (force + float(np.sin(grade))),
+            deceleration_std=0.02,
+            surface=surface,
+            **more,
+        )
         return self.learner.learn(one, "obs/stop", self.clock)[1]
 
     def force(self, surface: str = "", speed: float = 2.0, grade: float = 0.0) -> float:

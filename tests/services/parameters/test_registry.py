@@ -67,9 +67,12 @@ def samples(sequence: int, speed: float) -> DriveSamples:
     t = np.arange(50) * 0.02
     values = np.stack([t, np.full(50, speed), np.full(50, speed), np.zeros(50)])
     return DriveSamples(
-        source="robot", sequence=sequence, time=float(sequence),
-        columns=["t", "v", "v_cmd", "pitch"], values=values,
-    )  # fmt: skip
+        source="robot",
+        sequence=sequence,
+        time=float(sequence),
+        columns=["t", "v", "v_cmd", "pitch"],
+        values=values,
+    )
 
 
 @pytest.mark.parametrize("make", GROUPS)

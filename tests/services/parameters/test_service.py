@@ -37,17 +37,23 @@ def atv() -> Model:
 
 def started(store: Path | str, model: Model | None = None, **learning: Any) -> ParameterService:
     config = ServiceConfig(
-        model="atv", learning=Learning(**learning),
+        model="atv",
+        learning=Learning(**learning),
         store=StoreSettings(path=str(store), retry=0.05),
-    )  # fmt: skip
+    )
     return ParameterService(config, model or atv())
 
 
 def stopped(service: ParameterService, sequence: int, force: float, **more: Any) -> Receipt:
     stop = StopObservation(
-        source="robot", sequence=sequence, time=float(sequence), speed=2.0, grade=0.0,
-        deceleration=force * G, **more,
-    )  # fmt: skip
+        source="robot",
+        sequence=sequence,
+        time=float(sequence),
+        speed=2.0,
+        grade=0.0,
+        deceleration=force * G,
+        **more,
+    )
     return service.observe("stop", stop, "obs/stop", float(sequence))
 
 
@@ -134,8 +140,11 @@ def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path
             told["learned"]["published"] = [0.0, 0.0, 0.0, 9.0]
             forge(tables, version, json.dumps(told).encode() if how == "insane" else b"{")
     again = started(store, model)
-    words = {"noise": "corrupt-1", "insane": "older ones are: braking",
-             "another vehicle": "of another vehicle"}  # fmt: skip
+    words = {
+        "noise": "corrupt-1",
+        "insane": "older ones are: braking",
+        "another vehicle": "of another vehicle",
+    }
     if how in words:
         assert any(words[how] in flag for flag in again.flags())
     if how in ("insane", "not JSON"):

@@ -18,9 +18,14 @@ ANY_TIME = Moment(1e9, "boot", 50.0)
 
 def change(version: int, group: str = "braking", **more: object) -> StoredChange:
     fields: dict[str, object] = {
-        "version": version, "group": group, "fingerprint": "f", "cause": f"stop {version}",
-        "who": "robot", "moment": ANY_TIME, "state": f"state {version}".encode(),
-    }  # fmt: skip
+        "version": version,
+        "group": group,
+        "fingerprint": "f",
+        "cause": f"stop {version}",
+        "who": "robot",
+        "moment": ANY_TIME,
+        "state": f"state {version}".encode(),
+    }
     return StoredChange(**(fields | more))  # type: ignore[arg-type]
 
 

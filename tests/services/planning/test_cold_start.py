@@ -255,19 +255,27 @@ def test_the_copy_that_runs_is_compiled_wherever_it_is_started(
     *begin, code = meanwhile[0].command
     where = code.replace("main()", "print(sys.modules['slopewise'].__file__, sys.argv)")
     done = subprocess.run(
-        [*begin, where], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False,
+        [*begin, where],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
-    )  # fmt: skip
+    )
     assert done.stdout == f"{ROOT / 'slopewise' / '__init__.py'} ['-c', 'warm-up']\n", done.stderr
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
 def test_a_warm_up_that_is_killed_leaves_no_process(how: signal.Signals, tmp_path: Path) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "slopewise", "warm-up"], cwd=ROOT, stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL, start_new_session=True,
+        [sys.executable, "-m", "slopewise", "warm-up"],
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
         env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-    )  # fmt: skip
+    )
     try:
         _until(lambda: any(tmp_path.rglob("*.nbi")), 100.0)
         assert len(_session(process.pid)) > 1

@@ -46,9 +46,11 @@ def asked(client: str = "") -> PlanReply:
     assert isinstance(store.ground, KnownGround)
     paths = [("slalom", slalom(0.8)), ("gentle", slalom(0.05)), ("back", BACK)]
     request = PlanRequest(
-        speed=0.0, client=client, pose=(0.0, 0.0, 0.4) if client else None,
+        speed=0.0,
+        client=client,
+        pose=(0.0, 0.0, 0.4) if client else None,
         paths=[messages.Path(name=name, points=points) for name, points in paths],
-    )  # fmt: skip
+    )
     return service_with().answer(request, store.ground, "plan")
 
 
@@ -86,9 +88,12 @@ def test_a_reply_without_it_is_still_read() -> None:
     for plan in plain["plans"]:
         del plan["path_deviation"]
     old = codec.decode(
-        PlanReply, msgspec.json.encode(plain), codec.encoding_of(PlanReply, Format.JSON), "plan",
+        PlanReply,
+        msgspec.json.encode(plain),
+        codec.encoding_of(PlanReply, Format.JSON),
+        "plan",
         2**24,
-    )  # fmt: skip
+    )
     assert old.plans[0].path_deviation is None
 
 

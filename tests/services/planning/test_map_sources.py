@@ -12,9 +12,12 @@ from services.wire.messages import MapUpdate
 
 def update(sequence: int, height: float = 0.0, **more: object) -> MapUpdate:
     fields: dict[str, object] = {
-        "source": "mapper", "sequence": sequence, "resolution": 0.5, "origin": (0.0, 0.0),
+        "source": "mapper",
+        "sequence": sequence,
+        "resolution": 0.5,
+        "origin": (0.0, 0.0),
         "elevation": np.full((20, 20), height),
-    }  # fmt: skip
+    }
     return MapUpdate(**(fields | more))  # type: ignore[arg-type]
 
 
@@ -61,9 +64,11 @@ def test_the_ground_is_told_by_sender_and_digest() -> None:
     assert told(other, 2, **patch)[1] == patched[1]
     assert told(other, 3, 1.0)[1] == whole[1]
     ground = ElevationMap(
-        elevation=np.full((20, 20), 1.0), resolution=0.5, origin=(0.0, 0.0),
+        elevation=np.full((20, 20), 1.0),
+        resolution=0.5,
+        origin=(0.0, 0.0),
         height_std=other.ground.elevation_map.height_std,  # type: ignore[union-attr]
-    )  # fmt: skip
+    )
     begun = MapStore(ground, "hill.tif").ground
     assert begun is not None
     assert (begun.id, begun.digest) == ("hill.tif", whole[1])

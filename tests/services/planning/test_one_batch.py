@@ -43,15 +43,17 @@ def test_different_clear_distances_are_one_batch_and_answered_as_if_alone(
     resampled: list[str] = []
     solve, resample = candidates.time_optimal_batch, plan_questions.resample
     monkeypatch.setattr(
-        candidates, "time_optimal_batch",
+        candidates,
+        "time_optimal_batch",
         lambda ground, paths, *args, **more: (
             batches.append(len(paths.names)) or solve(ground, paths, *args, **more)
         ),
-    )  # fmt: skip
+    )
     monkeypatch.setattr(
-        plan_questions, "resample",
+        plan_questions,
+        "resample",
         lambda path, *args: resampled.append(path.name) or resample(path, *args),
-    )  # fmt: skip
+    )
     paths = with_clear(9.0, None, 6.0)
     service = service_with()
     together = asked(service, *paths)

@@ -215,10 +215,12 @@ def test_people_are_answered_in_json(
     payload = {"speed": 1, "paths": [{"name": "a", "points": [[0, 0], [5, 0], [10, 0]]}]}
     raw = list(
         session.get(
-            service.key("plan"), payload=json.dumps(payload).encode(),
-            encoding="application/json", timeout=5.0,
+            service.key("plan"),
+            payload=json.dumps(payload).encode(),
+            encoding="application/json",
+            timeout=5.0,
         )
-    )  # fmt: skip
+    )
     assert raw[0].ok is not None
     assert str(raw[0].ok.encoding) == "application/json;slopewise.plan_reply.v1"
     reply = json.loads(raw[0].ok.payload.to_bytes())
@@ -297,11 +299,13 @@ def test_busy_comes_before_the_deadline_and_the_service_recovers(tmp_path: Path)
         begun = time.monotonic()
         open_queries = [
             opened.get(
-                f"{started.key('plan')}?deadline={deadline}", payload=payload, encoding=told,
+                f"{started.key('plan')}?deadline={deadline}",
+                payload=payload,
+                encoding=told,
                 timeout=5.0,
             )
             for _ in range(30)
-        ]  # fmt: skip
+        ]
         statuses = []
         for query in open_queries:
             (reply,) = list(query)

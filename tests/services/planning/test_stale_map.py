@@ -122,7 +122,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     with (
         running(folder, planning="max_map_age = 2.5") as started,
         started.session() as session,
-    ):  # fmt: skip
+    ):
         yield Robot(started, session)
 
 
@@ -192,7 +192,7 @@ def test_a_map_to_begin_with_is_flagged_old_but_plans_stay(tmp_path: Path) -> No
     with (
         running(tmp_path, f'map = "{file}"', lines) as started,
         started.session() as session,
-    ):  # fmt: skip
+    ):
         robot = Robot(started, session)
         time.sleep(1.0)
         free = robot.top_speed(20.0)
@@ -200,7 +200,9 @@ def test_a_map_to_begin_with_is_flagged_old_but_plans_stay(tmp_path: Path) -> No
         assert robot.status()["degraded"] == []
         # After a first update, further ones are expected.
         patch = ground() | {
-            "patch": True, "elevation": block(np.zeros((2, 2))), "origin": (-5.0, -10.0)
-        }  # fmt: skip
+            "patch": True,
+            "elevation": block(np.zeros((2, 2))),
+            "origin": (-5.0, -10.0),
+        }
         send_ground(robot, patch)
         until(lambda: bool(robot.plan()["command"]["stop"]))

@@ -88,8 +88,9 @@ def test_slopes_end_where_the_force_does(model: Model, numbers: BrakeNumbers) ->
     ):
         assert slope.law == pytest.approx(np.arcsin(force), abs=2e-3)
         assert slope.claimed == pytest.approx(0.26)
-    weak = BrakeNumbers(changed(model, m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.1, covariance=None),
-                        Uncertainty())  # fmt: skip
+    weak = BrakeNumbers(
+        changed(model, m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.1, covariance=None), Uncertainty()
+    )
     assert weak.holds(1.0).claimed == pytest.approx(np.arcsin(0.1), abs=2e-3)
     assert weak.allowed_distance(2.0, -0.2) == np.inf
     icy = BrakeNumbers(changed(model, sliding_friction=0.15), Uncertainty())

@@ -37,12 +37,15 @@ KINDS = {
     "trained on level ground only": of(grade_range=(-0.005, 0.005)),
     "trained uphill only": of(grade_range=(0.02, 0.2)),
     "nearly one speed": of(speed_range=(2.0, 2.02)),
-    "surfaces and a weaker state": of(terrain={
-        "<sand>": SurfaceBraking(b_b=0.3), "ice": SurfaceBraking(b_b=0.16, m_b=0.0),
-        "worn": SurfaceBraking(b_b=0.35, state_of=""),
-    }),
+    "surfaces and a weaker state": of(
+        terrain={
+            "<sand>": SurfaceBraking(b_b=0.3),
+            "ice": SurfaceBraking(b_b=0.16, m_b=0.0),
+            "worn": SurfaceBraking(b_b=0.35, state_of=""),
+        }
+    ),
     "effects": BrakeNumbers(with_effects(read_model(find_model("atv"))), Uncertainty()),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("kind", KINDS)

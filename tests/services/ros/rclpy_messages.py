@@ -60,9 +60,12 @@ def imu() -> Any:
 def diagnostics() -> Any:
     values = [KeyValue(key="a", value="1"), KeyValue(key="limit [m/s]", value="1.250")]
     status = DiagnosticStatus(
-        level=b"\x01", name="slopewise: speed plan", message="nobody", hardware_id="r",
+        level=b"\x01",
+        name="slopewise: speed plan",
+        message="nobody",
+        hardware_id="r",
         values=values,
-    )  # fmt: skip
+    )
     return DiagnosticArray(header=header(""), status=[status])
 
 

@@ -195,7 +195,7 @@ def main() -> None:
             (p.header.stamp.sec + 1e-9 * p.header.stamp.nanosec, p.pose.position.x)
             for p in (peer.profiles[-1].poses if peer.profiles else [])
         ],
-    }  # fmt: skip
+    }
     # Then messages that are none, with nothing good beside them but odometry.
     found["refused"] = {}
     for bad in ("cut", "tail", "hash") if given.bad else ():
@@ -218,9 +218,10 @@ def main() -> None:
     found["stop_after"] = peer.stops[-1]
     status = peer.diagnoses[-1].status[0]
     found["diagnosis"] = {
-        "level": int(status.level), "message": status.message,
+        "level": int(status.level),
+        "message": status.message,
         "values": {pair.key: pair.value for pair in status.values},
-    }  # fmt: skip
+    }
     print(json.dumps(found))
     peer.session.close()
 

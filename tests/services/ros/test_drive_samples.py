@@ -47,9 +47,11 @@ def odometry(speed: float) -> Any:
     pose = TYPES["geometry_msgs/msg/PoseWithCovariance"](grid_maps.pose(), np.zeros(36))
     twist = TYPES["geometry_msgs/msg/Twist"](vector(speed), vector())
     return TYPES["nav_msgs/msg/Odometry"](
-        grid_maps.header("odom"), "base_link", pose,
+        grid_maps.header("odom"),
+        "base_link",
+        pose,
         TYPES["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36)),
-    )  # fmt: skip
+    )
 
 
 def imu(pitch: float, rate: float) -> Any:
@@ -81,10 +83,13 @@ def state(wired: Wire) -> VehicleState:
 
 def give(vehicle: VehicleState, at: float, **messages: Any) -> None:
     kinds = {
-        "odom": ros.ODOMETRY, "imu": ros.IMU, "joints": ros.JOINTS,
-        "cmd_vel": "geometry_msgs/msg/TwistStamped", "tf": ros.TRANSFORMS,
+        "odom": ros.ODOMETRY,
+        "imu": ros.IMU,
+        "joints": ros.JOINTS,
+        "cmd_vel": "geometry_msgs/msg/TwistStamped",
+        "tf": ros.TRANSFORMS,
         "tf_static": ros.TRANSFORMS,
-    }  # fmt: skip
+    }
     store = typestore()
     vehicle.take(
         {

@@ -186,9 +186,11 @@ def test_a_map_that_was_published_once_before_we_came() -> None:
         with_clock.insert_json5("timestamping/enabled", "true")  # as rmw_zenoh's own settings
         with zenoh.open(with_clock) as robot_session, zenoh.open(client) as ours:
             publisher = declare_advanced_publisher(
-                robot_session, ros_peer.key("elevation_map", GRID_MAP),
-                cache=CacheConfig(max_samples=1), publisher_detection=True,
-            )  # fmt: skip
+                robot_session,
+                ros_peer.key("elevation_map", GRID_MAP),
+                cache=CacheConfig(max_samples=1),
+                publisher_detection=True,
+            )
             publisher.put(bytes(ros_peer.STORE.serialize_cdr(ros_peer.ground(), GRID_MAP)))
             time.sleep(0.3)
             with Node(ours, 0, "/", "late") as node:

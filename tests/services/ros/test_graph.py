@@ -20,9 +20,12 @@ LIMIT = OwnTopic("/speed_limit", SPEED_LIMIT, PUBLISHER)
 
 
 def subscription(
-    type_hash: str = HASH, topic: str = "/speed_limit", kind: str = SPEED_LIMIT,
-    domain: int | None = 0, node: str = "/controller_server",
-) -> Endpoint:  # fmt: skip
+    type_hash: str = HASH,
+    topic: str = "/speed_limit",
+    kind: str = SPEED_LIMIT,
+    domain: int | None = 0,
+    node: str = "/controller_server",
+) -> Endpoint:
     return Endpoint(SUBSCRIPTION, domain, "ab", node, topic, kind, type_hash)
 
 
@@ -58,7 +61,7 @@ def missing(*endpoints: Endpoint, line: OwnTopic = LIMIT, speech: Speech = Speec
             "/r1/nav",
         ),
     ],
-)  # fmt: skip
+)
 def test_tokens_of_rmw_zenoh(token: str, speech: Speech, node: str) -> None:
     found = endpoint_of(token)
     assert found is not None

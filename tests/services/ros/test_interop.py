@@ -78,15 +78,20 @@ def test_a_node_of_others(
         )
         edge = subprocess.Popen(
             [sys.executable, "-m", "services.cli", "ros", "--config", str(file)],
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-        )  # fmt: skip
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
         assert edge.stdout is not None
         edge.stdout.readline()
         override = f'mode="client";connect/endpoints=["{endpoint}"]'
         done = subprocess.run(
-            [str(built[1]), "6"], capture_output=True, text=True, timeout=60,
+            [str(built[1]), "6"],
+            capture_output=True,
+            text=True,
+            timeout=60,
             env=os.environ | {"ZENOH_CONFIG_OVERRIDE": override},
-        )  # fmt: skip
+        )
         edge.send_signal(signal.SIGTERM)
         edge.wait(10.0)
     assert done.returncode == 0, done.stderr

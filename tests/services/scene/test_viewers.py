@@ -139,8 +139,12 @@ def test_rerun_takes_its_file(planned: Any, tmp_path: Path) -> None:
         pytest.skip("the command rerun is not on the path")
     for words in (["verify"], ["stats"]):
         done = subprocess.run(
-            [tool, "rrd", *words, str(file)], stdin=subprocess.DEVNULL, capture_output=True,
-            text=True, timeout=60, check=True,
-        )  # fmt: skip
+            [tool, "rrd", *words, str(file)],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
     for entity in ("/map/ground", "/map/candidates/1", "/map/vehicle", "/plan/speed_m_s"):
         assert f"{entity}: " in done.stdout

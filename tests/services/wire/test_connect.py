@@ -30,8 +30,11 @@ def test_an_address_in_use_is_one_line(tmp_path: Path) -> None:
         settings.write_text(f'model = "atv"\n[zenoh]\nlisten = ["{started.endpoint}"]\n')
         done = subprocess.run(
             [sys.executable, "-m", "services.cli", "serve", "--config", str(settings)],
-            capture_output=True, text=True, timeout=120, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
     assert done.returncode == 2
     assert "in use" in done.stderr
     assert ".rs" not in done.stderr
@@ -43,14 +46,23 @@ def test_an_address_in_use_is_one_line(tmp_path: Path) -> None:
     [
         ("slopewise/robot", {}, ""),
         ("slopewise/robot", {"listen": ("tcp/0.0.0.0:7447",)}, ""),
-        ("farm/atv-3", {"listen": ("tcp/10.0.0.7:7447",)},
-         "--connect tcp/10.0.0.7:7447 --namespace farm/atv-3"),
-        ("slopewise/robot", {"listen": ("tls/[::]:7443",)},
-         "--connect tls/[::1]:7443 --zenoh FILE"),
-        ("slopewise/robot", {"mode": "client", "connect": ("tcp/router:7447",)},
-         "--connect tcp/router:7447"),
+        (
+            "farm/atv-3",
+            {"listen": ("tcp/10.0.0.7:7447",)},
+            "--connect tcp/10.0.0.7:7447 --namespace farm/atv-3",
+        ),
+        (
+            "slopewise/robot",
+            {"listen": ("tls/[::]:7443",)},
+            "--connect tls/[::1]:7443 --zenoh FILE",
+        ),
+        (
+            "slopewise/robot",
+            {"mode": "client", "connect": ("tcp/router:7447",)},
+            "--connect tcp/router:7447",
+        ),
     ],
-)  # fmt: skip
+)
 def test_options_say_where_the_service_is(
     namespace: str, settings: dict[str, Any], words: str
 ) -> None:

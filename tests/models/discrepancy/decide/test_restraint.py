@@ -76,10 +76,14 @@ def test_wind_from_one_side_is_a_curve_over_speed() -> None:
 @pytest.mark.parametrize(
     ("margin", "located", "weak"),
     [
-        (5.0, [seen("roll", 1e-6)], True), (20.0, [], True), (20.0, [seen("speed", 1e-6)], True),
-        (20.0, [seen("roll", 0.2)], True), (20.0, [seen("roll", 0.01)], False), (60.0, [], False),
+        (5.0, [seen("roll", 1e-6)], True),
+        (20.0, [], True),
+        (20.0, [seen("speed", 1e-6)], True),
+        (20.0, [seen("roll", 0.2)], True),
+        (20.0, [seen("roll", 0.01)], False),
+        (60.0, [], False),
     ],
-)  # fmt: skip
+)
 def test_a_name_needs_its_axis_or_much_evidence(
     margin: float, located: list[Any], weak: bool
 ) -> None:
@@ -106,9 +110,7 @@ def test_edges_of_a_patch_lie_anywhere_between_the_stops() -> None:
     assert all(few[name] > many[name] for name in inner)
     # A grid of places a metre apart, of stops without a length: a gap is a metre on every side.
     x, y = (a.ravel().astype(float) for a in np.meshgrid(np.arange(41), np.arange(41)))
-    points = SimpleNamespace(
-        time=np.ones((x.size, 1)), onset=0.0, x=x[:, None], y=y[:, None]
-    )  # fmt: skip
+    points = SimpleNamespace(time=np.ones((x.size, 1)), onset=0.0, x=x[:, None], y=y[:, None])
     found = _edges(points, inner)  # type: ignore[arg-type]
     assert found["x"] < 0.5 / np.sqrt(12.0) * np.sqrt(2.0)
 

@@ -35,9 +35,14 @@ EFFECTS = {
 def _track(stops, i: int) -> GroundTrack:
     curvature = stops.yaw_rate[i] / np.maximum(stops.speed[i], 0.3)
     return GroundTrack(
-        stops.station[i], stops.grade[i], stops.roll[i], stops.yaw[i], curvature, stops.x[i],
+        stops.station[i],
+        stops.grade[i],
+        stops.roll[i],
+        stops.yaw[i],
+        curvature,
+        stops.x[i],
         stops.y[i],
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("name", [n for n in EFFECTS if n != "turning_resistance"])
@@ -48,9 +53,11 @@ def test_a_stop_is_that_of_the_simulation(name: str) -> None:
     speed, way = simulate(stops, Hypothesis.configured(BASE).plus(effect), stops.held, time)
     for i in range(len(stops)):
         other = simulate_stop(
-            replace(BASE, effect=(effect,)), _track(stops, i), float(stops.held[i]),
+            replace(BASE, effect=(effect,)),
+            _track(stops, i),
+            float(stops.held[i]),
             session_time=float(stops.clock[i]),
-        )  # fmt: skip
+        )
         assert np.max(np.abs(speed[i] - other.speed_at(time[i]))) < 0.004
         assert way[i, -1] == pytest.approx(other.distance, abs=0.004)
 

@@ -140,10 +140,12 @@ def test_how_well_speeds_are_driven_is_learned_where_the_log_tells(
     t = np.arange(0.0, 60.0, 0.01)
     told = 1.0 + 0.5 * (t // 10.0)
     more = {
-        "run": np.full(len(t), "drive"), "t": float(log["t"][-1]) + 100.0 + t,
-        "v": told + 0.05 + 0.02 * np.sin(2.0 * np.pi * t / 3.0), "v_cmd": told,
+        "run": np.full(len(t), "drive"),
+        "t": float(log["t"][-1]) + 100.0 + t,
+        "v": told + 0.05 + 0.02 * np.sin(2.0 * np.pi * t / 3.0),
+        "v_cmd": told,
         "pitch": np.full(len(t), float(np.mean(log["pitch"]))),
-    }  # fmt: skip
+    }
     both = {name: np.concatenate((log[name], more[name])) for name in more}
     result = calibrate.run(job(written(both, tmp_path / "both.csv")), quiet=True)
     assert result.model.braking.speed_error == pytest.approx(0.065, abs=0.01)
@@ -282,9 +284,12 @@ def test_columns_of_other_names_and_units_teach_the_same(
 ) -> None:
     """Every command that reads drive logs takes the same words for the same columns."""
     other = {
-        "segment": log["run"], "stamp": 1e3 * log["t"], "speed": 3.6 * log["v"],
-        "told": 3.6 * log["v_cmd"], "slope": -np.rad2deg(log["pitch"]),
-    }  # fmt: skip
+        "segment": log["run"],
+        "stamp": 1e3 * log["t"],
+        "speed": 3.6 * log["v"],
+        "told": 3.6 * log["v_cmd"],
+        "slope": -np.rad2deg(log["pitch"]),
+    }
     path = written(other, tmp_path / "other.csv")
     names = "run=segment,time=stamp:ms,speed=speed:km/h,command=told:km/h,grade=slope:deg"
     told, expected = tmp_path / "told.toml", tmp_path / "expected.toml"
@@ -307,9 +312,7 @@ def test_columns_of_other_names_and_units_teach_the_same(
         one, two = (json.loads(s.stdout) for s in said)
         assert one.get("stops") == two.get("stops")
         assert one.get("verdict") == two.get("verdict")
-        one_line_of(
-            here(command, path, "--model", told, *words), "column t, column v,", "missing"
-        )  # fmt: skip
+        one_line_of(here(command, path, "--model", told, *words), "column t, column v,", "missing")
 
 
 def test_faults_leave_by_status_two(log: Log, tmp_path: Path) -> None:

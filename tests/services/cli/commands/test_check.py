@@ -74,8 +74,9 @@ def test_many_plans_in_one_file(scene: Path) -> None:
     path.write_text(path.read_text() + "\n".join(bad))
     told = json.loads(here(*words(scene, path, "--json")).stdout)
     assert [(plan["candidate"], plan["valid"]) for plan in told["plans"]] == [
-        ("good", True), ("bad", False),
-    ]  # fmt: skip
+        ("good", True),
+        ("bad", False),
+    ]
 
 
 def test_the_way_known_free_counts(scene: Path) -> None:
@@ -137,8 +138,14 @@ def test_a_plan_that_is_found_wrong_ends_with_status_3(
     (scene / "paths.csv").write_text("x,y\n0,0\n20,0\n")
     monkeypatch.setattr(command, "write", faster)
     done = here(
-        "plan", scene / "level.npz", scene / "paths.csv", "--model", scene / "quad.toml",
-        "--out", scene / "plan.csv", "--check",
-    )  # fmt: skip
+        "plan",
+        scene / "level.npz",
+        scene / "paths.csv",
+        "--model",
+        scene / "quad.toml",
+        "--out",
+        scene / "plan.csv",
+        "--check",
+    )
     assert done.returncode == 3
     assert "with violations" in done.stdout

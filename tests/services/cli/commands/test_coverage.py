@@ -51,8 +51,10 @@ def test_status_0_if_covered_and_3_if_not(learned: Path, tmp_path: Path) -> None
     assert told["share_beyond"] == 0.0
     assert told["mean_excess_m"] > 0.0
     assert [sum(p["stops"] for p in told[k]) for k in ("by_speed", "by_grade", "by_session")] == [
-        20, 20, 20,
-    ]  # fmt: skip
+        20,
+        20,
+        20,
+    ]
     weak = written(replace(Plant(), b_b=0.30), 20, 1, tmp_path / "weak.csv")
     result = slopewise("coverage", weak, "--model", learned)
     assert result.returncode == 3
@@ -68,9 +70,14 @@ def test_wrong_words_are_named(learned: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--settled-speed"):
         calibrate.run(CalibrateOptions([log], "atv", **words), quiet=True)
     for name, value in {
-        "longest": np.nan, "least_speed": 0.0, "turn_rate": -1.0, "ramp": np.inf, "step": 1.5,
-        "full_brake": -0.1, "fewest": 1,
-    }.items():  # fmt: skip
+        "longest": np.nan,
+        "least_speed": 0.0,
+        "turn_rate": -1.0,
+        "ramp": np.inf,
+        "step": 1.5,
+        "full_brake": -0.1,
+        "fewest": 1,
+    }.items():
         with pytest.raises(InputError, match=f"--{name.replace('_', '-')}: expected"):
             calibrate.run(CalibrateOptions([log], "atv", **{name: value}), quiet=True)
 
@@ -102,10 +109,15 @@ def test_one_run_that_stands_while_its_positions_wander_is_left_out(tmp_path: Pa
     log = drive(Plant(), 12, 4, out_and_back=True)[0]
     t = np.arange(0.0, 60.0, 0.1)
     still = {
-        "run": np.full(len(t), "still"), "t": float(log["t"][-1]) + 10.0 + t,
-        "v": np.full(len(t), 0.36), "v_cmd": np.zeros(len(t)), "pitch": np.zeros(len(t)),
-        "x": 0.1 * t, "y": np.zeros(len(t)), "yaw": np.zeros(len(t)),
-    }  # fmt: skip
+        "run": np.full(len(t), "still"),
+        "t": float(log["t"][-1]) + 10.0 + t,
+        "v": np.full(len(t), 0.36),
+        "v_cmd": np.zeros(len(t)),
+        "pitch": np.zeros(len(t)),
+        "x": 0.1 * t,
+        "y": np.zeros(len(t)),
+        "yaw": np.zeros(len(t)),
+    }
     both = {name: np.concatenate((log[name], still[name])) for name in log}
     path = tmp_path / "log.csv"
     write_csv({n: list(v) if v.dtype.kind == "U" else v for n, v in both.items()}, path)

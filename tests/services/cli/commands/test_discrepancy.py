@@ -68,9 +68,15 @@ def test_the_next_plan_stops_later(folder: Path, tmp_path: Path) -> None:
     for model in ("atv", str(folder / "out" / "model.toml")):
         out = tmp_path / "plan.csv"
         arguments = [
-            "plan", str(tmp_path / "map.npz"), str(tmp_path / "path.csv"), "--model", model,
-            "--out", str(out), "--json",
-        ]  # fmt: skip
+            "plan",
+            str(tmp_path / "map.npz"),
+            str(tmp_path / "path.csv"),
+            "--model",
+            model,
+            "--out",
+            str(out),
+            "--json",
+        ]
         assert _status(arguments) == 0
         rows = np.genfromtxt(out, delimiter=",", names=True, dtype=None, encoding="utf-8")
         fast = rows["speed"] > 0.95 * rows["speed"].max()

@@ -70,8 +70,11 @@ def local(logs: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_each_vehicle_has_a_row_a_line_and_its_files(local: Path) -> None:
     rows = {row["vehicle"]: row for row in pq.read_table(local / "findings").to_pylist()}
     assert {name: row["status"] for name, row in rows.items()} == {
-        "lag": "done", "clean": "done", "few": "refused", "torn": "refused",
-    }  # fmt: skip
+        "lag": "done",
+        "clean": "done",
+        "few": "refused",
+        "torn": "refused",
+    }
     assert rows["lag"]["verdict"] == "missing_effect"
     (effect,) = rows["lag"]["effects"]
     assert effect["name"] == "brake_lag"

@@ -183,9 +183,10 @@ def test_a_path_that_is_none_does_not_keep_the_others(
 ) -> None:
     file = tmp_path / "some.csv"
     file.write_text(
-        "x,y,candidate\n" + "".join(f"{40 + i},40,good\n" for i in range(15))
+        "x,y,candidate\n"
+        + "".join(f"{40 + i},40,good\n" for i in range(15))
         + "40,50,back\n45,50,back\n40,50,back\n"
-    )  # fmt: skip
+    )
     result = run((inputs[0], [file]), tmp_path / "out")
     assert result.statuses == {"ok": 1, "refused": 1}
     refused = pq.read_table(tmp_path / "out" / "candidates").to_pylist()[1]

@@ -167,11 +167,12 @@ def test_terrain_files_come_back_the_same(tmp_path) -> None:
         ('name = "x"\n[motion]\nturn_begin = 0.01', "motion.turn_end", "at most turn_begin"),
         (
             'name = "x"\n[[terrain]]\nname = "a"\nslip_track = {mean = 1, std = 0, samples = 6}',
-            "terrain[0].slip_track.std", "> 0",
+            "terrain[0].slip_track.std",
+            "> 0",
         ),
         ('name = "x"\n[[terrain]]\nname = "a"\n[[terrain]]\nname = "a"', "terrain", "a twice"),
     ],
-)  # fmt: skip
+)
 def test_terrain_files_that_cannot_be_used(tmp_path, text, field, words) -> None:
     path = tmp_path / "t.toml"
     path.write_text(text)

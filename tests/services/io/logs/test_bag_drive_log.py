@@ -55,19 +55,34 @@ def messages(seconds: float = 3.0):  # type: ignore[no-untyped-def]
         t = k / 50
         at = BEGIN + round(1e9 * t)
         speed = twist(linear=vector(x=2.0 - 0.5 * t), angular=vector())
-        yield "/odom", "nav_msgs/msg/Odometry", at, TYPES["nav_msgs/msg/Odometry"](
-            header=header, child_frame_id="",
-            pose=TYPES["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36)),
-            twist=TYPES["geometry_msgs/msg/TwistWithCovariance"](speed, np.zeros(36)),
-        )  # fmt: skip
+        yield (
+            "/odom",
+            "nav_msgs/msg/Odometry",
+            at,
+            TYPES["nav_msgs/msg/Odometry"](
+                header=header,
+                child_frame_id="",
+                pose=TYPES["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36)),
+                twist=TYPES["geometry_msgs/msg/TwistWithCovariance"](speed, np.zeros(36)),
+            ),
+        )
         if k % 5 == 0:
             told = twist(linear=vector(x=2.0 if t < 1.0 else 0.0), angular=vector())
             yield "/cmd_vel", "geometry_msgs/msg/Twist", at + 1_000_000, told
-            yield "/imu/data", "sensor_msgs/msg/Imu", at, TYPES["sensor_msgs/msg/Imu"](
-                header=header, orientation=q, orientation_covariance=np.zeros(9),
-                angular_velocity=vector(), angular_velocity_covariance=np.zeros(9),
-                linear_acceleration=vector(), linear_acceleration_covariance=np.zeros(9),
-            )  # fmt: skip
+            yield (
+                "/imu/data",
+                "sensor_msgs/msg/Imu",
+                at,
+                TYPES["sensor_msgs/msg/Imu"](
+                    header=header,
+                    orientation=q,
+                    orientation_covariance=np.zeros(9),
+                    angular_velocity=vector(),
+                    angular_velocity_covariance=np.zeros(9),
+                    linear_acceleration=vector(),
+                    linear_acceleration_covariance=np.zeros(9),
+                ),
+            )
             yield (
                 "/joint_states",
                 "sensor_msgs/msg/JointState",

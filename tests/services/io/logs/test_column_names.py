@@ -33,22 +33,32 @@ def test_names_units_signs_and_factors(tmp_path: Path) -> None:
     assert log.columns["run"].tolist() == ["007", "007"]
     assert log.columns["terrain"].tolist() == ["sand", ""]
     for name, expected in {
-        "t": (1.0, 1.5), "v": (10.0, 5.0), "v_cmd": (10.0, 0.0), "pitch": (0.1, -0.2),
-        "roll": (0.1, -0.2), "v_left": (0.33, 0.165),
-    }.items():  # fmt: skip
+        "t": (1.0, 1.5),
+        "v": (10.0, 5.0),
+        "v_cmd": (10.0, 0.0),
+        "pitch": (0.1, -0.2),
+        "roll": (0.1, -0.2),
+        "v_left": (0.33, 0.165),
+    }.items():
         np.testing.assert_allclose(log.columns[name], expected, err_msg=name)
     # What was taken under another name is no candidate explanation as well.
     assert log.further == ()
 
 
 def test_either_way_round_where_the_file_leaves_no_doubt(tmp_path: Path) -> None:
-    text = LOG.replace("stamp,segment,speed,told,slope", "t,run,{},v_cmd,pitch").replace(
-        "-5.7295779513", "0"
-    ).replace("11.459155903", "0")  # fmt: skip
+    text = (
+        LOG.replace("stamp,segment,speed,told,slope", "t,run,{},v_cmd,pitch")
+        .replace("-5.7295779513", "0")
+        .replace("11.459155903", "0")
+    )
     for names, header in (
-        ("speed=v:km/h", "v"), ("v=speed:km/h", "speed"), ("speed=v:km/h", "speed"),
-        ("v=v:km/h", "v"), ("speed=speed:km/h", "speed"), ("v=speed:km/h", "v"),
-    ):  # fmt: skip
+        ("speed=v:km/h", "v"),
+        ("v=speed:km/h", "speed"),
+        ("speed=v:km/h", "speed"),
+        ("v=v:km/h", "v"),
+        ("speed=speed:km/h", "speed"),
+        ("v=speed:km/h", "v"),
+    ):
         log = read(tmp_path, names, text.replace("{}", header))
         np.testing.assert_allclose(log.columns["v"], (10.0, 5.0), err_msg=f"{names} of {header}")
 

@@ -85,9 +85,10 @@ def test_a_place_that_is_off_is_a_height_that_is_off_on_a_slope() -> None:
     slope = (0.5 * (0.3 * rows - 0.1 * columns)).astype(np.float32)
     flat = np.full(slope.shape, 0.01)
     message = grid_maps.grid_map(
-        slope, 0.5,
+        slope,
+        0.5,
         more={"variance": flat, "horizontal_variance_x": flat, "horizontal_variance_y": 4.0 * flat},
-    )  # fmt: skip
+    )
     expected = np.sqrt(0.01 * (1.0 + 0.3**2 + 4.0 * 0.1**2))
     assert elevation_map_of(message).height_std == pytest.approx(expected, rel=1e-5)
 
@@ -117,7 +118,7 @@ def test_layers_that_tell_nothing_are_not_believed() -> None:
         (lambda m: setattr(m.info.pose.orientation, "z", 0.7), "info.pose.orientation", "axes"),
         (lambda m: setattr(m.info.pose.position, "x", float("inf")), "info.pose.position", "fin"),
     ],
-)  # fmt: skip
+)
 def test_grid_maps_that_are_none(change: Any, field: str, words: str) -> None:
     message = grid_maps.grid_map(HEIGHTS)
     change(message)

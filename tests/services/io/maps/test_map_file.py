@@ -137,9 +137,18 @@ def test_only_the_window_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     path = tmp_path / "huge.tif"
     profile = {"dtype": "float32", "crs": UTM, "transform": Affine(1, 0, 0, 0, -1, 100_000)}
     with rasterio.open(
-        path, "w", driver="GTiff", count=1, height=100_000, width=100_000, tiled=True,
-        sparse_ok=True, compress="deflate", BIGTIFF="YES", **profile,
-    ) as dataset:  # fmt: skip
+        path,
+        "w",
+        driver="GTiff",
+        count=1,
+        height=100_000,
+        width=100_000,
+        tiled=True,
+        sparse_ok=True,
+        compress="deflate",
+        BIGTIFF="YES",
+        **profile,
+    ) as dataset:
         window = rasterio.windows.Window(500, 99_000, 20, 20)
         dataset.write(np.full((1, 20, 20), 7.0, np.float32), window=window)
     assert map_info(path) == MapInfo(100_000, 100_000, 1.0, (0.5, 0.5))
@@ -299,8 +308,12 @@ def test_a_broken_geotiff_says_one_line_and_nothing_else(tmp_path: Path) -> None
         path.write_bytes(broken)
         done = subprocess.run(
             [sys.executable, "-c", script, str(path)],
-            cwd=ROOT, env=dict(os.environ), capture_output=True, text=True, check=True,
-        )  # fmt: skip
+            cwd=ROOT,
+            env=dict(os.environ),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
         assert done.stdout.startswith(f"InputError {path}: expected an intact GeoTIFF, got")
         assert done.stdout.count("\n") == 1
         assert done.stderr == ""
@@ -352,10 +365,15 @@ def test_classes_by_number(tmp_path: Path) -> None:
     assert elevation_map.terrain_class is not None
     assert elevation_map.terrain_class[1, 2] == 3
     braking = Braking(
-        m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.4, dead_time=0.0,
-        speed_range=(0.0, 1.0), grade_range=(-1.0, 1.0),
+        m_m=0.0,
+        b_m=0.0,
+        m_b=0.0,
+        b_b=0.4,
+        dead_time=0.0,
+        speed_range=(0.0, 1.0),
+        grade_range=(-1.0, 1.0),
         terrain={name: SurfaceBraking() for name in ("gravel", "sand", "mud")},
-    )  # fmt: skip
+    )
     assert resolve_class(braking.terrain, elevation_map.class_names[3]) == "mud"
 
 
@@ -382,9 +400,13 @@ def test_npz_round_trip(tmp_path: Path) -> None:
     plain = ElevationMap(elevation=heights, resolution=0.1, origin=(1.5, -2.5))
     classes = RNG.integers(0, 3, HEIGHTS.shape)
     classified = ElevationMap(
-        elevation=heights, resolution=0.1, origin=(1.5, -2.5),
-        terrain_class=classes, class_names=("", "sand", "#7"), height_std=0.03,
-    )  # fmt: skip
+        elevation=heights,
+        resolution=0.1,
+        origin=(1.5, -2.5),
+        terrain_class=classes,
+        class_names=("", "sand", "#7"),
+        height_std=0.03,
+    )
     for elevation_map in (plain, classified):
         write_map_npz(elevation_map, tmp_path / "m.npz")
         assert same(read_map(tmp_path / "m.npz"), elevation_map)

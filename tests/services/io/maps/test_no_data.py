@@ -33,9 +33,25 @@ RNG = np.random.default_rng(3)
 ROUGH = RNG.normal(420.0, 2.0, (40, 60))
 LARGEST = float(np.finfo(np.float32).max)
 MARKERS = (
-    -9999.0, -99999.0, -32768.0, -32767.0, -LARGEST, LARGEST, -1e20, 1e20, 1e30, 1e5, -999999.0,
-    9999.0, 32767.0, 65535.0, -999.0, -500.0, 0.0, 1234.5,
-)  # fmt: skip
+    -9999.0,
+    -99999.0,
+    -32768.0,
+    -32767.0,
+    -LARGEST,
+    LARGEST,
+    -1e20,
+    1e20,
+    1e30,
+    1e5,
+    -999999.0,
+    9999.0,
+    32767.0,
+    65535.0,
+    -999.0,
+    -500.0,
+    0.0,
+    1234.5,
+)
 
 
 def holed(marker: float, ground: np.ndarray = ROUGH) -> np.ndarray:
@@ -253,9 +269,13 @@ def test_a_grid_map_in_a_recording(tmp_path: Path) -> None:
 
 def update(heights: np.ndarray, sequence: int, **more: Any) -> MapUpdate:
     return MapUpdate(
-        source="mapper", sequence=sequence, elevation=heights, resolution=0.5, origin=(0.0, 0.0),
+        source="mapper",
+        sequence=sequence,
+        elevation=heights,
+        resolution=0.5,
+        origin=(0.0, 0.0),
         **more,
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("marker", [-9999.0, -500.0])
