@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from services.cli.app import main
-from services.io.maps.map_file import map_info
-from services.io.path_file import write_paths_csv
 from slopewise import CandidatePath
+from slopewise.services.cli.app import main
+from slopewise.services.io.maps.map_file import map_info
+from slopewise.services.io.path_file import write_paths_csv
 
 
 def fan(x: float, y: float, length: float, count: int = 8) -> list[CandidatePath]:

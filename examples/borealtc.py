@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.errors import InputError
-from services.io.table import read_csv, write_csv
+from slopewise.models.errors import InputError
+from slopewise.services.io.table import read_csv, write_csv
 
 TERRAINS = {"ASPHALT": "asphalt", "ICE": "ice", "SANDY_LOAM": "sandy_loam", "SNOW": "snow"}
 

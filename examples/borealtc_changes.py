@@ -24,12 +24,12 @@ from borealtc_figures import SETTINGS
 from borealtc_unseen import CHANNELS, Run, load, model_of
 from numpy.typing import NDArray
 
-from models.terrain.classes import TerrainClasses
-from models.terrain.estimator import DriveSample
-from models.terrain.monitor import GroundChange, MonitorSettings, TerrainMonitor
-from models.terrain.signature_model import SignatureModel
-from models.terrain.windows import Condition, SteadySecond, summarise
 from slopewise import read_model
+from slopewise.models.terrain.classes import TerrainClasses
+from slopewise.models.terrain.estimator import DriveSample
+from slopewise.models.terrain.monitor import GroundChange, MonitorSettings, TerrainMonitor
+from slopewise.models.terrain.signature_model import SignatureModel
+from slopewise.models.terrain.windows import Condition, SteadySecond, summarise
 
 Floats = NDArray[np.float64]
 

@@ -20,15 +20,20 @@ import borealtc
 import numpy as np
 from numpy.typing import NDArray
 
-from models.terrain.adaptation import classes_of
-from models.terrain.classes import TerrainClasses
-from models.terrain.classifier import NONE, TerrainClassifier
-from models.terrain.estimator import DriveSample
-from models.terrain.monitor import Classified, GroundChange, MonitorSettings, TerrainMonitor
-from models.terrain.phases import Phase
-from models.terrain.settings import EstimatorSettings, FilterSettings
-from models.terrain.windows import Condition, summarise
 from slopewise import read_model
+from slopewise.models.terrain.adaptation import classes_of
+from slopewise.models.terrain.classes import TerrainClasses
+from slopewise.models.terrain.classifier import NONE, TerrainClassifier
+from slopewise.models.terrain.estimator import DriveSample
+from slopewise.models.terrain.monitor import (
+    Classified,
+    GroundChange,
+    MonitorSettings,
+    TerrainMonitor,
+)
+from slopewise.models.terrain.phases import Phase
+from slopewise.models.terrain.settings import EstimatorSettings, FilterSettings
+from slopewise.models.terrain.windows import Condition, summarise
 
 Floats = NDArray[np.float64]
 

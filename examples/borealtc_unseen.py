@@ -19,13 +19,13 @@ import borealtc
 import numpy as np
 from numpy.typing import NDArray
 
-from models.terrain.classifier import NONE, Classification
-from models.terrain.reliability import expected_calibration_error
-from models.terrain.signature import SecondSettings, Signature, second_of, signature_of
-from models.terrain.signature_fit import fit
-from models.terrain.signature_memory import SignatureMemory
-from models.terrain.signature_model import SignatureModel
 from slopewise import read_model
+from slopewise.models.terrain.classifier import NONE, Classification
+from slopewise.models.terrain.reliability import expected_calibration_error
+from slopewise.models.terrain.signature import SecondSettings, Signature, second_of, signature_of
+from slopewise.models.terrain.signature_fit import fit
+from slopewise.models.terrain.signature_memory import SignatureMemory
+from slopewise.models.terrain.signature_model import SignatureModel
 
 CHANNELS = (
     "v_left",

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.parameters import Effect
-from models.stops.simulation import GroundTrack, simulate_stop
-from services.io.table import write_csv
 from slopewise import Model, read_model
+from slopewise.models.parameters import Effect
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.services.io.table import write_csv
 
 Floats = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ import numpy as np
 import rasterio
 from rasterio.transform import from_origin
 
-from models.arrays import Floats
-from services.io.path_file import write_paths_csv
-from services.io.table import write_csv
 from slopewise import CandidatePath
+from slopewise.models.arrays import Floats
+from slopewise.services.io.path_file import write_paths_csv
+from slopewise.services.io.table import write_csv
 
 GRAVITY = 9.80665
 EAST, NORTH = 500_000.0, 5_000_000.0  # [m] the map's north-western corner

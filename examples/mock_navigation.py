@@ -18,11 +18,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import zenoh
 
-from services.client import ClientAnswer
-from services.settings.service import ZenohSettings
-from services.settings.session import zenoh_config
-from services.wire.messages import MapUpdate, Path
 from slopewise import PlanClient
+from slopewise.services.client import ClientAnswer
+from slopewise.services.settings.service import ZenohSettings
+from slopewise.services.settings.session import zenoh_config
+from slopewise.services.wire.messages import MapUpdate, Path
 
 CELL, ROWS, COLUMNS = 0.25, 192, 256
 MIDDLE, RADII = (32.0, 24.0), (22.0, 14.0)  # [m] of the loop, an ellipse

@@ -9,9 +9,9 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from models.laws import braking
-from models.parameters import Model
-from models.quantity import GRAVITY
+from slopewise.models.laws import braking
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
 
 AIR, WIND = 1.2, 8.0  # [kg/m³], [m/s]
 ROTATING = 0.05  # of the mass: wheels, gears and motors, as if they moved along

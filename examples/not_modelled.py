@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from examples.neglected_effects import LOADS, METRES, OTHERS, Row, Stop
-from models.laws import slip_track, tip_over
-from services.io.model_file import find_model, read_model
+from slopewise.models.laws import slip_track, tip_over
+from slopewise.services.io.model_file import find_model, read_model
 
 NAMES = ("atv", "husky", "ugv")
 _PLACE = re.compile(r"(?<=<!-- tables -->\n).*?(?=<!-- end of tables -->\n)", re.DOTALL)

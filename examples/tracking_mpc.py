@@ -1,10 +1,10 @@
 """A tracking controller of one's own that keeps the stopping path: CasADi and OSQP.
 
-Twelve steps of 0.2 s; station, speed and acceleration. The model comes out of `services.export`,
-as `slopewise export --casadi` writes it: at each step, station plus stopping distance has to end
-before what is known free. That constraint is linear around the last solution, and solved three
-times over, because a stopping distance bends upwards. It is driven in the closed-loop world of the
-benchmarks:
+Twelve steps of 0.2 s; station, speed and acceleration. The model comes out of
+`slopewise.services.export`, as `slopewise export --casadi` writes it: at each step, station plus
+stopping distance has to end before what is known free. That constraint is linear around the last
+solution, and solved three times over, because a stopping distance bends upwards. It is driven in
+the closed-loop world of the benchmarks:
 
     python examples/tracking_mpc.py --drives 3
 """
@@ -24,9 +24,9 @@ from benchmarks.closed_loop.policies import CYCLE, View
 from benchmarks.closed_loop.records import DrivenScene
 from benchmarks.closed_loop.scenes import scene
 from benchmarks.closed_loop.tracking import DriveCommand
-from models.parameters import Model
-from services.export.functions import functions_of
-from services.io.shipped import shipped_folder
+from slopewise.models.parameters import Model
+from slopewise.services.export.functions import functions_of
+from slopewise.services.io.shipped import shipped_folder
 
 STEPS, STEP = 12, 0.2  # [s]
 PASSES = 3

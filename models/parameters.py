@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
-from models.errors import ParameterError
-from models.quantity import (
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import (
     Matrix,
     quantity,
     validate_angles,
@@ -20,9 +20,9 @@ from models.quantity import (
     validate_quantities,
     validate_range,
 )
-from models.surface_braking import SurfaceBraking, UphillBraking, validate_hull
-from models.surface_names import states_of
-from models.vehicle import Vehicle
+from slopewise.models.surface_braking import SurfaceBraking, UphillBraking, validate_hull
+from slopewise.models.surface_names import states_of
+from slopewise.models.vehicle import Vehicle
 
 _DEFAULT_DEVIATION_SHARE = 0.25
 """How far from a given path a plan may lead, as a share of the vehicle's width: paths are seldom
@@ -271,7 +271,9 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """One named effect with its parameters; :mod:`models.effects.registry` knows what they mean."""
+    """One named effect with its parameters; :mod:`slopewise.models.effects.registry` knows what
+    they mean.
+    """
 
     name: str
     parameters: dict[str, float]

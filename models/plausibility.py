@@ -11,12 +11,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Any, NamedTuple, TypeAlias
 
-from models.effects import registry
-from models.errors import ParameterError
-from models.parameters import Braking, Limits, Terrain
-from models.quantity import GRAVITY, STEEPEST_DRIVEN, describe_range, in_range, rounded, unit_guess
-from models.surface_braking import UphillBraking
-from models.vehicle import Vehicle
+from slopewise.models.effects import registry
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking, Limits, Terrain
+from slopewise.models.quantity import (
+    GRAVITY,
+    STEEPEST_DRIVEN,
+    describe_range,
+    in_range,
+    rounded,
+    unit_guess,
+)
+from slopewise.models.surface_braking import UphillBraking
+from slopewise.models.vehicle import Vehicle
 
 Table: TypeAlias = Mapping[str, Any]
 

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from models.errors import ParameterError
+from slopewise.models.errors import ParameterError
 
 GRAVITY = 9.80665
 """Standard gravity g [m/s²]."""

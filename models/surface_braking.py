@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import ParameterError
-from models.quantity import STEEPEST, Matrix, quantity, validate_quantities
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import STEEPEST, Matrix, quantity, validate_quantities
 
 MOST_CORNERS = 24
 """Lines that a plan holds each station against."""

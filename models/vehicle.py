@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from models.errors import ParameterError
-from models.quantity import quantity, unit_guess, validate_quantities
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, unit_guess, validate_quantities
 
 _WHEEL_WIDTH = 0.7
 _CLEARANCE = 0.75

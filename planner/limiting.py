@@ -1,8 +1,8 @@
 """What can limit a plan at a station: every bound, and what is known of it beside its kernel.
 
-To add a bound: its law in `models.laws` (or a row pass of its own), a member and an entry here, and
-the line of the fused kernel that lowers v² by it. Files, screens, pages and explanations take its
-name, words, colour and what lifts it from here.
+To add a bound: its law in `slopewise.models.laws` (or a row pass of its own), a member and an entry
+here, and the line of the fused kernel that lowers v² by it. Files, screens, pages and explanations
+take its name, words, colour and what lifts it from here.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Limiting(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Lift:
-    """How a what-if question takes a bound away (:mod:`planner.explain.relaxed`).
+    """How a what-if question takes a bound away (:mod:`slopewise.planner.explain.relaxed`).
 
     Attributes:
         assumptions: what is assumed instead, by name.
@@ -79,132 +79,132 @@ class Bound:
 BOUNDS: dict[Limiting, Bound] = {
     Limiting.SPEED_LIMIT: Bound(
         "the speed limit of the vehicle or of the path",
-        "planner.bounds.pointwise:_speeds",
+        "slopewise.planner.bounds.pointwise:_speeds",
         Lift({"path_limits": False}, relaxation="as_fast_as_trained"),
         "#8d949b",
         dark_text=True,
     ),
     Limiting.STOPPING_PATH: Bound(
         "an emergency stop must end before the clear distance does",
-        "planner.bounds.closed_form_stop:stopping_bound",
+        "slopewise.planner.bounds.closed_form_stop:stopping_bound",
         Lift({"stops_at_once": True}),
         "#d55e00",
     ),
     Limiting.TIP_OVER: Bound(
         "an axle would lose too much load in an emergency stop",
-        "models.laws.wheel_loads:rear_load_share",
+        "slopewise.models.laws.wheel_loads:rear_load_share",
         Lift(relaxation="far_axles"),
         "#cc79a7",
         dark_text=True,
     ),
     Limiting.ROLLOVER: Bound(
         "a side would lose too much load, in the turn or in a stop",
-        "models.laws.rollover:lateral_accel_limits",
+        "slopewise.models.laws.rollover:lateral_accel_limits",
         Lift(relaxation="far_sides"),
         "#882255",
         "#c2447f",
     ),
     Limiting.LATERAL: Bound(
         "lateral acceleration in the turn",
-        "models.laws.rollover:path_lateral_accel",
+        "slopewise.models.laws.rollover:path_lateral_accel",
         Lift(out_of_reach=("limits.lateral_accel",)),
         "#0072b2",
         "#3f9be0",
     ),
     Limiting.WHEEL_SPEED: Bound(
         "the outer wheels turn as fast as they can",
-        "models.laws.slip_track:outer_wheel_speed_ratio",
+        "slopewise.models.laws.slip_track:outer_wheel_speed_ratio",
         Lift(out_of_reach=("vehicle.max_wheel_speed",)),
         "#b79a3a",
         dark_text=True,
     ),
     Limiting.TRACTION: Bound(
         "thrust or power of the drive",
-        "models.laws.drive:sustained_speed",
+        "slopewise.models.laws.drive:sustained_speed",
         Lift(out_of_reach=("vehicle.max_drive_force", "vehicle.max_drive_power")),
         "#6f7d1e",
         "#9bab3a",
     ),
     Limiting.ACCEL: Bound(
         "speeding up as fast as allowed",
-        "planner.bounds.pointwise:_drive",
+        "slopewise.planner.bounds.pointwise:_drive",
         Lift(out_of_reach=("limits.accel",)),
         "#56b4e9",
         dark_text=True,
     ),
     Limiting.DECEL: Bound(
         "service braking as hard as allowed",
-        "planner.profile.time_optimal:_slow_down",
+        "slopewise.planner.profile.time_optimal:_slow_down",
         Lift(out_of_reach=("limits.decel",)),
         "#e6a100",
         dark_text=True,
     ),
     Limiting.JERK: Bound(
         "acceleration must change smoothly",
-        "planner.profile.smoothing_program:program",
+        "slopewise.planner.profile.smoothing_program:program",
         Lift({"smooth": False}),
         "#2fa08c",
         dark_text=True,
     ),
     Limiting.UNKNOWN_TERRAIN: Bound(
         "unknown ground ahead bars the way",
-        "planner.bounds.pointwise:_bars",
+        "slopewise.planner.bounds.pointwise:_bars",
         Lift({"ground_known": True}),
         "#3a3f44",
         "#a9afb5",
     ),
     Limiting.MODEL_VALIDITY: Bound(
         "beyond the speeds or grades that the model was trained on",
-        "planner.bounds.pointwise:_bars",
+        "slopewise.planner.bounds.pointwise:_bars",
         Lift({"trained_everywhere": True}),
         "#4b3f9e",
         "#8f83e6",
     ),
     Limiting.STEP: Bound(
         "a step, a drop or a hole is too high for a wheel",
-        "planner.swept.hazards:swept_hazards",
+        "slopewise.planner.swept.hazards:swept_hazards",
         Lift({"no_steps": True}),
         "#7a4a1e",
         "#b98352",
     ),
     Limiting.CLEARANCE: Bound(
         "the ground between the wheels is higher than the underside",
-        "planner.swept.hazards:swept_hazards",
+        "slopewise.planner.swept.hazards:swept_hazards",
         Lift({"high_enough": True}),
         "#a65e2e",
         "#cf8a58",
     ),
     Limiting.BODY: Bound(
         "the body would strike what stands ahead of, behind or beside the wheels",
-        "planner.swept.hazards:swept_hazards",
+        "slopewise.planner.swept.hazards:swept_hazards",
         Lift({"narrow_enough": True}),
         "#5c2b12",
         "#a8724f",
     ),
     Limiting.ROUGHNESS: Bound(
         "vertical acceleration of the body on rough ground",
-        "planner.swept.roughness:rough_speeds",
+        "slopewise.planner.swept.roughness:rough_speeds",
         Lift(out_of_reach=("limits.vertical_accel",)),
         "#c49a6c",
         dark_text=True,
     ),
     Limiting.CREST: Bound(
         "wheels would press too little over a crest, or the body too much in a dip",
-        "models.laws.crest:crest_speed_sq",
+        "slopewise.models.laws.crest:crest_speed_sq",
         Lift({"ground_even": True}),
         "#2b7a78",
         "#58b3b0",
     ),
     Limiting.FRICTION: Bound(
         "friction of the ground, shared by slope, turn and brakes",
-        "models.laws.friction_ellipse:lateral_speed_sq",
+        "slopewise.models.laws.friction_ellipse:lateral_speed_sq",
         Lift(relaxation="any_friction"),
         "#3d6fb4",
         "#7da4dc",
     ),
     Limiting.HOLDING: Bound(
         "brakes and friction could not hold the vehicle at rest",
-        "models.laws.holding:brakes_hold",
+        "slopewise.models.laws.holding:brakes_hold",
         Lift({"holds_anywhere": True}),
         "#9c2f4a",
         "#d9708a",

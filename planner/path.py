@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.errors import ParameterError
-from models.vehicle import Vehicle
-from planner.kernels.compiled import read_only
-from planner.path_deviation import GivenPolyline, deviation_along
-from planner.raw_polyline import STRAY, arc, clean, first_cusp, noise, without_noise
-from planner.smooth_path import rounded, smooth
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.errors import ParameterError
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.kernels.compiled import read_only
+from slopewise.planner.path_deviation import GivenPolyline, deviation_along
+from slopewise.planner.raw_polyline import STRAY, arc, clean, first_cusp, noise, without_noise
+from slopewise.planner.smooth_path import rounded, smooth
 
 MAX_STATIONS = 200_000
 """Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from planner.kernels.compiled import inlined, kernel
-from planner.raw_polyline import arc, project
+from slopewise.models.arrays import Floats, Ints
+from slopewise.planner.kernels.compiled import inlined, kernel
+from slopewise.planner.raw_polyline import arc, project
 
 _REACH = 1.0
 """So far along the planned line from where it is expected a place is looked for: less than a turn

@@ -7,10 +7,10 @@ from enum import Enum
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from planner.kernels.compiled import kernel
-from planner.limiting import Limiting
-from planner.path_deviation import PathDeviation
+from slopewise.models.arrays import Floats, Ints
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path_deviation import PathDeviation
 
 
 class Status(Enum):

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from planner.kernels.compiled import inlined, kernel
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.planner.kernels.compiled import inlined, kernel
 
 _DUPLICATE = 1e-3  # [m] points closer than that are one
 _CUSP = np.deg2rad(120.0)  # a turn sharper than that from one segment to the next is a cusp

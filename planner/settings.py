@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
 
 Solver = Literal["interior_point", "osqp", "ipopt"]
 """Who smooths: an interior-point method along the stations, OSQP, or IPOPT on the exact program."""

@@ -12,9 +12,9 @@ import math
 import numpy as np
 from scipy.interpolate import splprep
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from planner.kernels.compiled import inlined, kernel
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.planner.kernels.compiled import inlined, kernel
 
 _ROUNDING = 0.03  # [m] how far a corner between distant vertices may be rounded off
 _ROUNDING_SHARE = 0.02  # the same as a share of the distance between vertices

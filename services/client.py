@@ -14,10 +14,10 @@ from types import TracebackType
 import numpy as np
 import zenoh
 
-from models.errors import InputError, ParameterError
-from services.wire import codec, messages
-from services.wire.codec import Format
-from services.wire.messages import MapUpdate, Path, PlanReply, PlanRequest
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.services.wire import codec, messages
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.messages import MapUpdate, Path, PlanReply, PlanRequest
 
 _LARGEST_REPLY = 256_000_000
 _SAMPLES = 50

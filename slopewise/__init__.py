@@ -16,24 +16,20 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from slopewise._own_packages import check_own_packages
-
-check_own_packages()
-
 if TYPE_CHECKING:
-    from models.errors import SlopewiseError
-    from models.parameters import Model
-    from planner.ground.elevation_map import ElevationMap
-    from planner.horizon.answer import PlanarState
-    from planner.path import CandidatePath
-    from planner.plan import SpeedPlan
-    from services.check.given_plan import GivenPlan
-    from services.check.report import CheckReport
-    from services.client import PlanClient
-    from services.io.logs.drive_log import DriveLog
     from slopewise.files import read_drive_log, read_map, read_model, read_paths, write_model
     from slopewise.learning import calibrate, find_discrepancies
+    from slopewise.models.errors import SlopewiseError
+    from slopewise.models.parameters import Model
+    from slopewise.planner.ground.elevation_map import ElevationMap
+    from slopewise.planner.horizon.answer import PlanarState
+    from slopewise.planner.path import CandidatePath
+    from slopewise.planner.plan import SpeedPlan
     from slopewise.planning import Horizon, check_plan, plan
+    from slopewise.services.check.given_plan import GivenPlan
+    from slopewise.services.check.report import CheckReport
+    from slopewise.services.client import PlanClient
+    from slopewise.services.io.logs.drive_log import DriveLog
 
 __all__ = [
     "CandidatePath",
@@ -59,17 +55,17 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CandidatePath": "planner.path",
-    "CheckReport": "services.check.report",
-    "DriveLog": "services.io.logs.drive_log",
-    "ElevationMap": "planner.ground.elevation_map",
-    "GivenPlan": "services.check.given_plan",
+    "CandidatePath": "slopewise.planner.path",
+    "CheckReport": "slopewise.services.check.report",
+    "DriveLog": "slopewise.services.io.logs.drive_log",
+    "ElevationMap": "slopewise.planner.ground.elevation_map",
+    "GivenPlan": "slopewise.services.check.given_plan",
     "Horizon": "slopewise.planning",
-    "Model": "models.parameters",
-    "PlanClient": "services.client",
-    "PlanarState": "planner.horizon.answer",
-    "SlopewiseError": "models.errors",
-    "SpeedPlan": "planner.plan",
+    "Model": "slopewise.models.parameters",
+    "PlanClient": "slopewise.services.client",
+    "PlanarState": "slopewise.planner.horizon.answer",
+    "SlopewiseError": "slopewise.models.errors",
+    "SpeedPlan": "slopewise.planner.plan",
     "calibrate": "slopewise.learning",
     "check_plan": "slopewise.planning",
     "find_discrepancies": "slopewise.learning",

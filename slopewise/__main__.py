@@ -4,8 +4,8 @@ from __future__ import annotations
 
 
 def main() -> None:
-    """Run the command line; a foreign package in the way was refused before this is reached."""
-    from services.cli.app import main as run
+    """Run the command line."""
+    from slopewise.services.cli.app import main as run
 
     run()
 

@@ -6,13 +6,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath
-from services.io import model_file, path_file
-from services.io.logs.drive_log import DriveLog
-from services.io.logs.log_source import read_logs
-from services.io.maps import map_file
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath
+from slopewise.services.io import model_file, path_file
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.logs.log_source import read_logs
+from slopewise.services.io.maps import map_file
 
 File = str | PathLike[str]
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from models.calibration.learn import Calibration, learn
-from models.calibration.surface_fit import CalibrationSettings
-from models.discrepancy.findings import Findings
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.workflow import investigate
-from models.parameters import Model
-from services.io.logs.drive_log import DriveLog
-from services.io.logs.log_source import grade_by_map, refuse_wrong_units
+from slopewise.models.calibration.learn import Calibration, learn
+from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.discrepancy.findings import Findings
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.workflow import investigate
+from slopewise.models.parameters import Model
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.logs.log_source import grade_by_map, refuse_wrong_units
 
 
 def calibrate(

@@ -7,25 +7,25 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from models.parameters import Model
-from planner.ground.braking_ground import GroundConditions
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import QUANTILE, Uncertainty
-from planner.horizon.answer import CycleAnswer, PlanarState
-from planner.horizon.horizon import Horizon as PlannersHorizon
-from planner.kernels.interpreted import is_interpreting
-from planner.path import CandidatePath, EvenPath, PathBatch
-from planner.pipeline.candidates import CandidatePlanner
-from planner.pipeline.ranking import rank
-from planner.plan import SpeedPlan
-from planner.settings import PlannerSettings
-from services.check.check import check
-from services.check.given_plan import GivenPlan, plan_of_columns
-from services.check.report import CheckReport
-from services.planning.cold_start import sooner, stations_of
-from services.planning.progress import progress_bar
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
+from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
+from slopewise.planner.horizon.horizon import Horizon as PlannersHorizon
+from slopewise.planner.kernels.interpreted import is_interpreting
+from slopewise.planner.path import CandidatePath, EvenPath, PathBatch
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.pipeline.ranking import rank
+from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.check.check import check
+from slopewise.services.check.given_plan import GivenPlan, plan_of_columns
+from slopewise.services.check.report import CheckReport
+from slopewise.services.planning.cold_start import sooner, stations_of
+from slopewise.services.planning.progress import progress_bar
 
 
 def plan(
@@ -83,7 +83,7 @@ class Horizon(PlannersHorizon):
         clear: float | Floats = np.inf,
         conditions: GroundConditions | None = None,
     ) -> CycleAnswer:
-        """As :meth:`planner.horizon.horizon.Horizon.step`."""
+        """As :meth:`slopewise.planner.horizon.horizon.Horizon.step`."""
         spacing, step = self.planner.spacing_on(elevation_map.resolution), super().step
         return sooner(
             lambda: step(state, paths, elevation_map, clear=clear, conditions=conditions),

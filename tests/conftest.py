@@ -13,9 +13,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture.providers import Constants, HypothesisProvider
 
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from services.planning.cold_start import compile_first
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.planning.cold_start import compile_first
 from tests.planner import scenes
 
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}

@@ -30,11 +30,11 @@ from benchmarks.discovery.plant import DrivenStops
 from benchmarks.discovery.sealed import runs_of
 from benchmarks.discovery.sensing import Columns, log
 from benchmarks.discovery.world_outcomes import WorldOrder
-from models.arrays import Floats
-from models.calibration.learn import learn
-from models.parameters import Braking
-from models.quantity import GRAVITY
-from planner.ground.uncertainty import Uncertainty
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.learn import learn
+from slopewise.models.parameters import Braking
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.ground.uncertainty import Uncertainty
 
 WORLDS: dict[str, worlds.World[Any]] = {
     "MuJoCo, four wheels": engine_sets.ENGINE,

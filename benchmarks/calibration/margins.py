@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.learn import Calibration, learn
-from models.parameters import Braking
-from planner.ground.uncertainty import Uncertainty
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.learn import Calibration, learn
+from slopewise.models.parameters import Braking
+from slopewise.planner.ground.uncertainty import Uncertainty
 
 from .plant import PlantVehicle, conditions, distances, drive_log
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 G = 9.80665
 SPEEDS = (1.0, 4.0)

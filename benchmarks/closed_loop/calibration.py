@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.ground.terrain_profile import terrain_profile
+from slopewise.planner.ground.terrain_profile import terrain_profile
 
 from .course import Course
 from .drive import run_drive

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from models.parameters import Model
+from slopewise.models.parameters import Model
 
 from ..common.jobs import Progress, do_all
 from .calibration import stops_of_drive

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 from .quad import QUAD
 from .route import Route

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 from .drive import run_drive
 from .policies import Policy

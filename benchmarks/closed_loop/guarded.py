@@ -18,14 +18,20 @@ from typing import Any
 
 import numpy as np
 
-from models.parameters import Braking, Model
-from models.surface_braking import SurfaceBraking
-from planner.ground.elevation_map import ElevationMap
-from services.guard.arc import PlanarPose
-from services.guard.decide import BaseCommand, GuardDecision, GuardScene, VehicleMotion, decide
-from services.guard.ground import GuardGround
-from services.guard.model_reader import read_guard_model, rows_of
-from services.io.model_file import write_model
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.guard.arc import PlanarPose
+from slopewise.services.guard.decide import (
+    BaseCommand,
+    GuardDecision,
+    GuardScene,
+    VehicleMotion,
+    decide,
+)
+from slopewise.services.guard.ground import GuardGround
+from slopewise.services.guard.model_reader import read_guard_model, rows_of
+from slopewise.services.io.model_file import write_model
 
 from .drive import run_drive
 from .moving_horizon import MovingHorizon

@@ -18,13 +18,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linprog
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from models.laws import braking
-from models.parameters import Braking, Effect, Model
-from models.quantity import GRAVITY
-from models.stops.simulation import simulate_stop
-from models.surface_braking import SurfaceBraking
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.laws import braking
+from slopewise.models.parameters import Braking, Effect, Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stops.simulation import simulate_stop
+from slopewise.models.surface_braking import SurfaceBraking
 
 from .quad import LIMITS, QUAD, ROLLING
 from .stop_sample import StopSample

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.parameters import Model
-from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import PlanarState
-from planner.horizon.horizon import Horizon, HorizonSettings
-from planner.path import PathBatch
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.horizon.answer import PlanarState
+from slopewise.planner.horizon.horizon import Horizon, HorizonSettings
+from slopewise.planner.path import PathBatch
 
 from .policies import CYCLE, HORIZON, Planned, View, free_for_the_front, with_lead
 from .tracking import DriveCommand

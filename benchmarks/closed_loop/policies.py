@@ -12,13 +12,13 @@ from typing import Protocol
 
 import numpy as np
 
-from models.parameters import Model
-from models.quantity import GRAVITY
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan, Status
-from planner.settings import PlannerSettings
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
 
 from .quad import QUAD
 from .route import Route

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.parameters import Limits, Terrain
-from models.vehicle import Vehicle
+from slopewise.models.parameters import Limits, Terrain
+from slopewise.models.vehicle import Vehicle
 
 OVERHANG = 0.95
 """From the middle of the wheelbase to the front of the body [m]."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from models.arrays import Floats
-from models.vehicle import Vehicle
+from slopewise.models.arrays import Floats
+from slopewise.models.vehicle import Vehicle
 
 from .terrain import RESOLUTION, PhysicsGround
 

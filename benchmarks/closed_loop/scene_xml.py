@@ -7,7 +7,7 @@ stops up to a fifth too late.
 
 from __future__ import annotations
 
-from models.vehicle import Vehicle
+from slopewise.models.vehicle import Vehicle
 
 from .quad import OVERHANG, TrueVehicle
 from .terrain import PhysicsGround

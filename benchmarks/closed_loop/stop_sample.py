@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.laws.crest import load_loss
-from models.stops.simulation import GroundTrack
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.laws.crest import load_loss
+from slopewise.models.stops.simulation import GroundTrack
 
 from .records import DrivenScene, StopTrace
 from .terrain import SURFACES

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from models.quantity import GRAVITY
-from models.vehicle import Vehicle
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.vehicle import Vehicle
 
 from .route import Route
 from .sensors import EstimatedState

@@ -12,9 +12,9 @@ import math
 import mujoco
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.quantity import GRAVITY
-from models.vehicle import Vehicle
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.vehicle import Vehicle
 
 from .quad import HIDDEN, QUAD, TrueVehicle
 from .scene_xml import TIME_STEP, WHEELS, scene_xml

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.plan import motion_of
-from planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.models.arrays import Floats
+from slopewise.planner.plan import motion_of
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
 _INTERCEPT = 1e-6
 """Below this v² nothing is asked any more [m²/s²]."""

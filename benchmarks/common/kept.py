@@ -98,6 +98,6 @@ def digest_of_sources(parts: Sequence[str], showing: Collection[str], *origins: 
 
 def _packages() -> Path:
     """The folder in which models and planner are."""
-    import models
+    from slopewise import models
 
     return Path(models.__file__).resolve().parents[1]

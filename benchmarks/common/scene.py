@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.parameters import Braking, Limits, Model, Terrain
-from models.vehicle import Vehicle
-from planner.ground.elevation_map import ElevationMap
-from planner.path import PathBatch
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.parameters import Braking, Limits, Model, Terrain
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import PathBatch
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 
 SPACING = 0.25
 """Between stations in the plan view [m]."""

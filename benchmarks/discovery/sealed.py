@@ -125,7 +125,7 @@ def _settle(folder: str) -> None:
 
 def investigate_job(job: SealedLog) -> InquiryFinding:
     """Run the workflow on a log; a fault of it is a finding, too."""
-    from models.discrepancy.workflow import investigate
+    from slopewise.models.discrepancy.workflow import investigate
 
     begun = time.process_time()
     try:
@@ -176,8 +176,8 @@ def runs_of(columns: Columns) -> list[slice]:
 
 def model_of(tables: dict[str, Any]) -> Any:
     """A model out of the tables of its file."""
-    from models.parameters import Braking, Limits, Model, Terrain
-    from models.vehicle import Vehicle
+    from slopewise.models.parameters import Braking, Limits, Model, Terrain
+    from slopewise.models.vehicle import Vehicle
 
     return Model(
         name=tables["name"],

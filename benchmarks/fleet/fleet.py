@@ -179,7 +179,7 @@ def _command(map_file: Path, paths: list[Path], out: Path, *words: str) -> list[
     return [
         sys.executable,
         "-m",
-        "services.cli",
+        "slopewise.services.cli",
         "fleet",
         "plan",
         str(map_file),

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from models.parameters import Model
-from planner.plan import SpeedPlan
+from slopewise.models.parameters import Model
+from slopewise.planner.plan import SpeedPlan
 
 from .scene_xml import TIME_STEP, WHEELS, scene_xml
 from .shapes import Block, Slope

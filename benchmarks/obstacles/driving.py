@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from models.parameters import Model
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import Status
+from slopewise.models.parameters import Model
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import Status
 
 from .cases import map_of, path_of
 from .drive import Driven, drive

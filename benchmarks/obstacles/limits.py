@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan, Status
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan, Status
 
 from .cases import LENGTH
 from .drive import drive

@@ -8,8 +8,8 @@ from typing import Any
 
 from rich.console import Console
 
-from models.parameters import Model
-from services.io.model_file import read_model, shipped_models
+from slopewise.models.parameters import Model
+from slopewise.services.io.model_file import read_model, shipped_models
 
 from ..common.measure import machine, timed
 from ..common.tables import table_of

@@ -13,15 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from planner.limiting import BOUNDS, Limiting
-from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan, Status
-from services.io.maps.map_file import read_map
-from services.io.model_file import find_model, read_model
-from services.report.hillshade import shade
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.limiting import BOUNDS, Limiting
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.report.hillshade import shade
 
 _CANDIDATES = 400
 _SEED = 5

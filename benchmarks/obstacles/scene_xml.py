@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from models.parameters import Model
-from models.quantity import GRAVITY
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
 
 from .shapes import FAR, Block, Slope
 

@@ -6,11 +6,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from models.parameters import Model
-from planner.limiting import Limiting
-from planner.path import batch
-from planner.pipeline.time_optimal_batch import time_optimal_batch
-from planner.settings import PlannerSettings
+from slopewise.models.parameters import Model
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import batch
+from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
+from slopewise.planner.settings import PlannerSettings
 
 from .cases import Case, map_of, path_of
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Floats
 
 FAR = 60.0
 """Half length of what has no end [m]."""

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.vehicle import Vehicle
+from slopewise.models.arrays import Floats
+from slopewise.models.vehicle import Vehicle
 
 from .shapes import Block
 

@@ -7,13 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from planner.bounds.speed_bounds import speed_bounds
-from planner.ground.braking_ground import ground_along
-from planner.ground.terrain_profile import terrain_profile
-from planner.kernels.limits import planning_limits
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch, solve
-from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
-from planner.swept.hazards import swept_hazards
+from slopewise.planner.bounds.speed_bounds import speed_bounds
+from slopewise.planner.ground.braking_ground import ground_along
+from slopewise.planner.ground.terrain_profile import terrain_profile
+from slopewise.planner.kernels.limits import planning_limits
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, solve
+from slopewise.planner.profile.time_optimal import (
+    profile_problem,
+    time_optimal_profile,
+    travel_cost,
+)
+from slopewise.planner.swept.hazards import swept_hazards
 
 from ..common.measure import summary, take_turns
 from ..common.scene import SPACING, Scene

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from planner.horizon.answer import CycleAnswer
-from planner.plan import Status
+from slopewise.planner.horizon.answer import CycleAnswer
+from slopewise.planner.plan import Status
 
 from ..common.load import on_one_core, resident_memory, working
 from ..common.measure import machine

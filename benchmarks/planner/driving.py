@@ -6,11 +6,11 @@ from time import perf_counter, thread_time
 
 import numpy as np
 
-from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import CycleAnswer, PlanarState
-from planner.horizon.horizon import Horizon, HorizonSettings
-from planner.path import PathBatch
-from planner.plan import SpeedPlan
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
+from slopewise.planner.horizon.horizon import Horizon, HorizonSettings
+from slopewise.planner.path import PathBatch
+from slopewise.planner.plan import SpeedPlan
 
 from ..common.scene import SPACING, atv, hills
 

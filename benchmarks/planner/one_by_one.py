@@ -8,18 +8,22 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
-from planner.kernels.limits import planning_limits
-from planner.pipeline.candidates import finished
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from planner.profile.reference import JerkLimitedReference, time_optimal_problem
-from planner.profile.smoothing import smooth
-from planner.profile.smoothing_problem import SmoothingProblem
-from planner.profile.time_optimal import ProfileProblem, profile_problem, time_optimal_profile
-from planner.settings import Solver
-from planner.verify.judge import check
-from planner.verify.track import track_of
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.kernels.limits import planning_limits
+from slopewise.planner.pipeline.candidates import finished
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from slopewise.planner.profile.reference import JerkLimitedReference, time_optimal_problem
+from slopewise.planner.profile.smoothing import smooth
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.time_optimal import (
+    ProfileProblem,
+    profile_problem,
+    time_optimal_profile,
+)
+from slopewise.planner.settings import Solver
+from slopewise.planner.verify.judge import check
+from slopewise.planner.verify.track import track_of
 
 from ..common.judge import excess, smooth_excess, travel_time
 from ..common.measure import summary, timed

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from models.arrays import Floats
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from planner.path import PathBatch
-from planner.pipeline.candidate_column import CandidateColumn
-from planner.pipeline.time_optimal_batch import time_optimal_batch
-from planner.profile.reference import JerkLimitedReference
-from planner.profile.smoothing import smooth
-from planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import PathBatch
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
+from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
+from slopewise.planner.profile.reference import JerkLimitedReference
+from slopewise.planner.profile.smoothing import smooth
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
 from ..common.judge import smooth_excess, travel_time
 from ..common.measure import machine, summary, timed

@@ -2,8 +2,8 @@
 
 Station-major, in tiles that stay in the cache, without branches: nothing here is slower than it
 need be. Both know speed bounds and limits of acceleration; the second one brakes by the model of
-:mod:`planner.profile.time_optimal` in its simplest form, with the force of the segment's first
-station at the speed of its end.
+:mod:`slopewise.planner.profile.time_optimal` in its simplest form, with the force of the segment's
+first station at the speed of its end.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.parameters import Braking
-from models.quantity import GRAVITY
-from planner.kernels.compiled import TILE, kernel
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Braking
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.kernels.compiled import TILE, kernel
 
 
 class BrakingLine(NamedTuple):

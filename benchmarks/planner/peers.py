@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.profile.reference import TimeOptimalProblem, TimeOptimalReference
+from slopewise.models.arrays import Floats
+from slopewise.planner.profile.reference import TimeOptimalProblem, TimeOptimalReference
 
 _CREEP = 1e-3
 """Slowest speed bound that all tools take [m/s]."""

@@ -1,4 +1,4 @@
-"""The quadratic program of :mod:`planner.profile.smoothing` for other solvers.
+"""The quadratic program of :mod:`slopewise.planner.profile.smoothing` for other solvers.
 
 min ½ xᵀx − topᵀx over A x <= upper, with x the v² at the stations and the time between segments as
 its tangent at the time-optimal profile: the planner's own first program, row by row.
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from models.arrays import Bools, Floats
-from planner.profile.osqp_nearest import matrix_of
-from planner.profile.smoothing_problem import SmoothingProblem
-from planner.profile.smoothing_program import program
+from slopewise.models.arrays import Bools, Floats
+from slopewise.planner.profile.osqp_nearest import matrix_of
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.smoothing_program import program
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import beta
 
-from models.arrays import Floats
-from models.parameters import Braking, Model
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan
-from planner.settings import PlannerSettings
-from services.io.model_file import read_model
-from services.io.shipped import shipped_files
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Braking, Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.io.model_file import read_model
+from slopewise.services.io.shipped import shipped_files
 
 G = 9.80665
 _STEP = 0.02

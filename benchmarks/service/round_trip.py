@@ -40,7 +40,14 @@ def measure(questions: int, candidates: int, rate: float, seconds: float) -> dic
             "[planning]\ndeadline = 5.0\n"
         )
         begun = time.perf_counter()
-        command = [sys.executable, "-m", "services.cli", "serve", "--config", str(settings)]
+        command = [
+            sys.executable,
+            "-m",
+            "slopewise.services.cli",
+            "serve",
+            "--config",
+            str(settings),
+        ]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
             assert process.stdout is not None

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from services.cli.app import app
+from slopewise.services.cli.app import app
 
 _MARKUP = re.compile(r"\[/?[a-z]*\]")
 _STATUS = """

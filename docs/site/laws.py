@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from models.effects.effect_law import Parameter
-from models.effects.registry import LAWS
-from planner.limiting import BOUNDS
+from slopewise.models.effects.effect_law import Parameter
+from slopewise.models.effects.registry import LAWS
+from slopewise.planner.limiting import BOUNDS
 
 _ENTERS = {
     "GROUND": "braking force, by place",

@@ -10,16 +10,16 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 
-from models.parameters import Braking, Effect, Limits, Terrain
-from models.quantity import describe_plausible, describe_range
-from models.surface_braking import SurfaceBraking, UphillBraking
-from models.vehicle import Vehicle
-from services.discovery import finding
-from services.io.bags.topics import Channel, MapSource, PathSource
-from services.ros.settings import EdgeSettings
-from services.settings.service import ServiceConfig
-from services.wire import messages, observations, parameter_messages
-from services.wire.codec import schema_of
+from slopewise.models.parameters import Braking, Effect, Limits, Terrain
+from slopewise.models.quantity import describe_plausible, describe_range
+from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.discovery import finding
+from slopewise.services.io.bags.topics import Channel, MapSource, PathSource
+from slopewise.services.ros.settings import EdgeSettings
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire import messages, observations, parameter_messages
+from slopewise.services.wire.codec import schema_of
 
 _HEAD = "| key | unit and range | default | what |\n|---|---|---|---|\n"
 
@@ -184,7 +184,7 @@ def _fields(kind: Any) -> str:
 def _wire(hint: Any) -> str:
     text = re.sub(r"typing\.Annotated\[(.*?), msgspec\.Meta\(.*?\)\]", r"\1", str(hint))
     text = re.sub(r"<class '(.*?)'>", r"\1", text)
-    text = re.sub(r"\b(?:services\.\w+|numpy|typing)\.", "", text)
+    text = re.sub(r"\b(?:slopewise\.services\.\w+|numpy|typing)\.", "", text)
     return text.replace("ndarray", "array").replace(" | None", " or null").replace("str", "text")
 
 

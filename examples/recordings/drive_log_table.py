@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.io.table import write_csv
+from slopewise.services.io.table import write_csv
 
 Columns = dict[str, NDArray[Any]]
 

@@ -16,11 +16,11 @@ import numpy as np
 from scipy.stats import beta
 
 from examples.recordings import cuadriga, f1tenth, husky_drive
-from models.calibration.held_out import HeldOut, leave_sessions_out
-from models.calibration.learn import learn
-from services.io.logs.drive_log import DriveLog, read_drive_log
-from services.io.model_file import find_model, read_model
-from services.io.table import write_csv
+from slopewise.models.calibration.held_out import HeldOut, leave_sessions_out
+from slopewise.models.calibration.learn import learn
+from slopewise.services.io.logs.drive_log import DriveLog, read_drive_log
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.table import write_csv
 
 RECORDINGS: dict[str, tuple[Any, str]] = {
     "Husky": (husky_drive, "stops/drive_norlab"),

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.force_fit import design
-from models.stop_logs import random_effects
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import design
+from slopewise.models.stop_logs import random_effects
 
 _FEWEST = 8  # stops on each side
 _STEEP = 0.035  # [rad] from which a slope has a side

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from models.arrays import Floats
-from models.calibration.force_fit import WEAK_PRIOR, design
-from models.parameters import Braking
-from models.stop_logs.measure import Measured
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import WEAK_PRIOR, design
+from slopewise.models.parameters import Braking
+from slopewise.models.stop_logs.measure import Measured
 
 _FEWEST = 6
 """Stops at a part of the brakes without which nothing is learned of it."""

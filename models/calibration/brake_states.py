@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from models.arrays import Bools, Floats
-from models.calibration.scatter import DOUBT, QUANTILES
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.calibration.scatter import DOUBT, QUANTILES
 
 FEWEST = 4
 """Stops that are enough to be told from the tail of the others by being alike."""

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from models.arrays import Floats
-from models.calibration.effects_in_force import measured_beside
-from models.calibration.stop_margins import normal_width
-from models.calibration.stopping import stopping_distance
-from models.calibration.uphill import extra_force
-from models.parameters import Braking, Model
-from models.stop_logs.find_stops import StopWindow
-from models.stop_logs.measured_log import measure_stops
-from models.stop_logs.stop_record import StopRecord
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.effects_in_force import measured_beside
+from slopewise.models.calibration.stop_margins import normal_width
+from slopewise.models.calibration.stopping import stopping_distance
+from slopewise.models.calibration.uphill import extra_force
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.stop_logs.find_stops import StopWindow
+from slopewise.models.stop_logs.measured_log import measure_stops
+from slopewise.models.stop_logs.stop_record import StopRecord
 
 _CHANCE = 0.05
 """That so many stops are beyond by chance, below which a model does not cover them."""

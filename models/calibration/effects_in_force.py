@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from models.calibration.stopping import stopping_distance
-from models.effects import registry
-from models.parameters import Model
-from models.stop_logs.measure import Measured
-from models.stop_logs.onset import Knee, fit_knee
-from models.stop_logs.stop_record import StopRecord
-from models.stops.simulation import GroundTrack, SimulatedStop, simulate_stop
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.stopping import stopping_distance
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Model
+from slopewise.models.stop_logs.measure import Measured
+from slopewise.models.stop_logs.onset import Knee, fit_knee
+from slopewise.models.stop_logs.stop_record import StopRecord
+from slopewise.models.stops.simulation import GroundTrack, SimulatedStop, simulate_stop
 
 _PASSES = 4
 _AFTER = 0.2  # [s] that a simulated stop goes on standing
@@ -67,7 +67,7 @@ def measured_beside(
     dead = common.value
     shift = np.zeros(len(force))
     seen: list[list[tuple[float, float]]] = [[] for _ in measured.records]
-    # The dead time is the mean that :mod:`models.stop_logs.dead_time` takes.
+    # The dead time is the mean that :mod:`slopewise.models.stop_logs.dead_time` takes.
     weight = np.array(
         [
             1.0

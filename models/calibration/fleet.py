@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.calibration import hierarchy
-from models.calibration.force_fit import NAMES, design
-from models.calibration.hierarchy import Hierarchy
-from models.calibration.margins import offset_for
-from models.calibration.scatter import scatter_of
-from models.calibration.stop_margins import (
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.calibration import hierarchy
+from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.calibration.hierarchy import Hierarchy
+from slopewise.models.calibration.margins import offset_for
+from slopewise.models.calibration.scatter import scatter_of
+from slopewise.models.calibration.stop_margins import (
     Margins,
     MeasuredStops,
     force_scatter,
@@ -32,14 +32,14 @@ from models.calibration.stop_margins import (
     own_distance,
     what_is_left,
 )
-from models.calibration.stopping import stopping_distance, stopping_time
-from models.calibration.surface_fit import CalibrationSettings
-from models.errors import ParameterError
-from models.parameters import Braking
-from models.stop_logs import random_effects
-from models.stop_logs.dead_time import DeadTime
-from models.stop_logs.measured_log import MeasuredLog
-from models.surface_braking import SurfaceBraking
+from slopewise.models.calibration.stopping import stopping_distance, stopping_time
+from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
+from slopewise.models.stop_logs import random_effects
+from slopewise.models.stop_logs.dead_time import DeadTime
+from slopewise.models.stop_logs.measured_log import MeasuredLog
+from slopewise.models.surface_braking import SurfaceBraking
 
 FEWEST = 2
 """Stops of its own without which a vehicle gets the fleet's mean."""

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.stop_logs import random_effects
-from models.stop_logs.random_effects import LinearFit
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs import random_effects
+from slopewise.models.stop_logs.random_effects import LinearFit
 
 NAMES = ("m_m", "b_m", "m_b", "b_b")
 """Order of coefficients and covariance."""

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats, Ints
-from models.calibration.coverage import allowed_distance
-from models.calibration.learn import learn
-from models.calibration.surface_fit import CalibrationSettings
-from models.errors import ParameterError
-from models.parameters import Braking
-from models.stop_logs.stop_record import StopRecord
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.calibration.coverage import allowed_distance
+from slopewise.models.calibration.learn import learn
+from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
+from slopewise.models.stop_logs.stop_record import StopRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ def leave_sessions_out(
 
     Args:
         columns: channels of a drive log, (n,). sessions: the runs of each. known, settings: as of
-            :func:`models.calibration.learn.learn`.
+            :func:`slopewise.models.calibration.learn.learn`.
 
     Raises:
         ParameterError: too few usable stops in all sessions together.

@@ -19,13 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from models.arrays import Bools, Floats, Ints
-from models.errors import ParameterError
-from models.stop_logs import random_effects
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.errors import ParameterError
+from slopewise.models.stop_logs import random_effects
 
 USUAL_SPREAD = (0.02, 0.1, 0.01, 0.04)
 """Standard deviations between vehicles of one kind, of the coefficients in the order of
-:data:`models.calibration.force_fit.NAMES`: those of the imagined vehicle [s/m, 1, s/m, 1]."""
+:data:`slopewise.models.calibration.force_fit.NAMES`: those of the imagined vehicle [s/m, 1, s/m,
+1]."""
 
 _FEWEST = 2
 _REJECT = 4.0  # standard deviations: one good observation in 16,000 is lost

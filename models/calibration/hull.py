@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from models.arrays import Floats
-from models.calibration.force_fit import ForceFit
-from models.quantity import Matrix
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import ForceFit
+from slopewise.models.quantity import Matrix
 
 _NEAR = 0.25  # of both ranges: so far beyond the hull still counts as driven
 _COUNTS = 0.1  # of both ranges: so far around a stop counts as driven

@@ -17,17 +17,17 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from models.calibration.asymmetry import Asymmetry
-from models.calibration.brake_levels import BrakeLevels, at_full_level, tells_levels
-from models.calibration.brake_states import WeakerState
-from models.calibration.effects_in_force import measured_beside, tells_turns
-from models.calibration.force_fit import NAMES
-from models.calibration.notes import clear_asymmetry, notes
-from models.calibration.plausible import objections
-from models.calibration.speed_error import SpeedError, speed_error
-from models.calibration.stop_margins import Margins
-from models.calibration.surface_fit import (
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.asymmetry import Asymmetry
+from slopewise.models.calibration.brake_levels import BrakeLevels, at_full_level, tells_levels
+from slopewise.models.calibration.brake_states import WeakerState
+from slopewise.models.calibration.effects_in_force import measured_beside, tells_turns
+from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.calibration.notes import clear_asymmetry, notes
+from slopewise.models.calibration.plausible import objections
+from slopewise.models.calibration.speed_error import SpeedError, speed_error
+from slopewise.models.calibration.stop_margins import Margins
+from slopewise.models.calibration.surface_fit import (
     FEWEST_STOPS,
     CalibrationSettings,
     SurfaceFit,
@@ -35,17 +35,17 @@ from models.calibration.surface_fit import (
     fit_surfaces,
     state_margins,
 )
-from models.calibration.uphill import beside_uphill
-from models.parameters import Braking, Model
-from models.stop_logs.dead_time import DeadTime
-from models.stop_logs.drive_quality import Suspect, usable
-from models.stop_logs.find_stops import StopSettings, StopWindow
-from models.stop_logs.ground_grade import Dive
-from models.stop_logs.measure import Measured, Slope
-from models.stop_logs.measured_log import MeasuredLog, measure_stops
-from models.stop_logs.mount_offset import Mount
-from models.stop_logs.sinking_commands import sinking_commands
-from models.surface_braking import SurfaceBraking, UphillBraking
+from slopewise.models.calibration.uphill import beside_uphill
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.stop_logs.dead_time import DeadTime
+from slopewise.models.stop_logs.drive_quality import Suspect, usable
+from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow
+from slopewise.models.stop_logs.ground_grade import Dive
+from slopewise.models.stop_logs.measure import Measured, Slope
+from slopewise.models.stop_logs.measured_log import MeasuredLog, measure_stops
+from slopewise.models.stop_logs.mount_offset import Mount
+from slopewise.models.stop_logs.sinking_commands import sinking_commands
+from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 
 _FIRST_STATE = 2_000_000
 """Numbers of states, which no map knows."""

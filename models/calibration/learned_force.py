@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.calibration.force_fit import NAMES, design
-from models.calibration.recursive import at_least_both
-from models.errors import ParameterError
-from models.parameters import Braking
-from models.quantity import Matrix
-from models.surface_braking import SurfaceBraking
+from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.calibration.recursive import at_least_both
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
+from slopewise.models.quantity import Matrix
+from slopewise.models.surface_braking import SurfaceBraking
 
 _LARGEST = 100.0
 """No coefficient of any vehicle is anywhere near it [s/m, 1, s/m, 1]."""

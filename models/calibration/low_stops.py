@@ -15,7 +15,7 @@ from collections import deque
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 WINDOW = 24
 """Stops that are remembered: so many true stops after the last weak one a rise begins."""

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from scipy import stats
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 _CONFIDENCE = 0.95
 """That the tolerance bound covers the wanted share in truth."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.calibration.asymmetry import Asymmetry, asymmetry
-from models.calibration.force_fit import NAMES, WEAK_PRIOR
-from models.calibration.surface_fit import SurfaceFit
-from models.effects import registry
-from models.parameters import Braking, Model
-from models.stop_logs.mount_offset import Mount
+from slopewise.models.calibration.asymmetry import Asymmetry, asymmetry
+from slopewise.models.calibration.force_fit import NAMES, WEAK_PRIOR
+from slopewise.models.calibration.surface_fit import SurfaceFit
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.stop_logs.mount_offset import Mount
 
 
 def clear_asymmetry(base: SurfaceFit, beside: Model | None) -> Asymmetry | None:

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.force_fit import WEAK_PRIOR, ForceFit, fit_force
-from models.calibration.learned_force import LearnedForce
-from models.calibration.low_stops import LowStops
-from models.calibration.published import PublishedForce, PublishSettings
-from models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
-from models.parameters import Braking
-from models.stop_logs.stop_stream import StopStream, StreamedStop
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import WEAK_PRIOR, ForceFit, fit_force
+from slopewise.models.calibration.learned_force import LearnedForce
+from slopewise.models.calibration.low_stops import LowStops
+from slopewise.models.calibration.published import PublishedForce, PublishSettings
+from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
+from slopewise.models.parameters import Braking
+from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from models.calibration.surface_fit import SurfaceFit
-from models.stop_logs.dead_time import DeadTime
+from slopewise.models.calibration.surface_fit import SurfaceFit
+from slopewise.models.stop_logs.dead_time import DeadTime
 
 _MOST_FORCE = 1.2  # [1] of the weight; tyres on dry tarmac reach one
 _LATEST = 1.5  # [s] no brakes of vehicles that plan take longer

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.force_fit import design
-from models.errors import ParameterError
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import design
+from slopewise.models.errors import ParameterError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,7 @@ from enum import Enum
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 _SLOPE = 0.02
 """Ground that is less steep tells nothing of the slope coefficients [rad]."""

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 DOUBT = 0.2
 """Chance that the quantile is farther out than the scatter to plan with says."""

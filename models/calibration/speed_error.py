@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Floats
 
 SETTLING = 2.0  # [s] of one command before speeds count
 _LEAST_SPEED = 0.3  # [m/s]

@@ -22,13 +22,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from models.arrays import Floats
-from models.calibration.force_fit import ForceFit, design
-from models.calibration.scatter import Scatter, scatter_of
-from models.calibration.stopping import stopping_distance
-from models.quantity import GRAVITY
-from models.stop_logs.dead_time import DeadTime
-from models.stop_logs.stop_record import StopRecord
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import ForceFit, design
+from slopewise.models.calibration.scatter import Scatter, scatter_of
+from slopewise.models.calibration.stopping import stopping_distance
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_logs.dead_time import DeadTime
+from slopewise.models.stop_logs.stop_record import StopRecord
 
 _LEAST_PULL = 0.02  # [1] of the weight, net of gravity
 _LEAST_FORCE = 0.02  # [1] below which a share of the force says nothing

@@ -1,10 +1,10 @@
 """Stopping distance along a measured, varying slope: the integral form of Braking (12).
 
 v dv = −g (F_b/W(θ(s), v_i) + sin θ(s)) ds, so the distance from the onset to standstill is where
-the work done equals v_i²/2. :mod:`models.laws.braking` has (12) for one grade, and
-:mod:`models.stops.simulation` integrates every effect in time. This stands between them because a
-calibration predicts each stop of a log, or of a fleet, on the ground that was measured under it:
-independent of time steps, and without an integrator.
+the work done equals v_i²/2. :mod:`slopewise.models.laws.braking` has (12) for one grade, and
+:mod:`slopewise.models.stops.simulation` integrates every effect in time. This stands between them
+because a calibration predicts each stop of a log, or of a fleet, on the ground that was measured
+under it: independent of time steps, and without an integrator.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.force_fit import design
-from models.laws import braking
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import design
+from slopewise.models.laws import braking
+from slopewise.models.quantity import GRAVITY
 
 _STEP = 0.01  # [m]
 _FARTHEST = 500.0  # [m] a vehicle that rolls that far does not stop

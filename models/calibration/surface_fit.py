@@ -14,19 +14,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.calibration.brake_states import WeakerState, weaker_members, weaker_state
-from models.calibration.force_fit import (
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.calibration.brake_states import WeakerState, weaker_members, weaker_state
+from slopewise.models.calibration.force_fit import (
     ForceFit,
     design,
     fit_force,
     fit_two_stages,
     with_mount,
 )
-from models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
-from models.calibration.margins import FEWEST_STOPS as FEWEST_MEASURED
-from models.calibration.margins import offset_for
-from models.calibration.stop_margins import (
+from slopewise.models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
+from slopewise.models.calibration.margins import FEWEST_STOPS as FEWEST_MEASURED
+from slopewise.models.calibration.margins import offset_for
+from slopewise.models.calibration.stop_margins import (
     Margins,
     MeasuredStops,
     bounds,
@@ -37,14 +37,14 @@ from models.calibration.stop_margins import (
     unseen_residuals,
     what_is_left,
 )
-from models.calibration.stopping import stopping_distance, stopping_time
-from models.errors import ParameterError
-from models.parameters import Braking
-from models.quantity import Matrix
-from models.stop_logs.find_stops import StopSettings
-from models.stop_logs.measure import Measured
-from models.stop_logs.mount_offset import Mount
-from models.stop_logs.stop_record import StopRecord
+from slopewise.models.calibration.stopping import stopping_distance, stopping_time
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
+from slopewise.models.quantity import Matrix
+from slopewise.models.stop_logs.find_stops import StopSettings
+from slopewise.models.stop_logs.measure import Measured
+from slopewise.models.stop_logs.mount_offset import Mount
+from slopewise.models.stop_logs.stop_record import StopRecord
 
 FEWEST_STOPS = 8
 _LEAST_FORCE = 0.02  # [1] below which a share of the force says nothing

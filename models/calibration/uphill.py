@@ -14,11 +14,11 @@ import math
 
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.stopping import stopping_distance
-from models.parameters import Braking
-from models.stop_logs.measure import Measured
-from models.stop_logs.stop_record import StopRecord
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.stopping import stopping_distance
+from slopewise.models.parameters import Braking
+from slopewise.models.stop_logs.measure import Measured
+from slopewise.models.stop_logs.stop_record import StopRecord
 
 
 def beside_uphill(measured: Measured, change: float, known: Braking) -> Measured:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from models.parameters import Effect, Model
+from slopewise.models.parameters import Effect, Model
 
 
 class Verdict(Enum):
@@ -35,7 +35,7 @@ class NamedEffect:
     """One effect that is named.
 
     Attributes:
-        name: of :data:`models.effects.registry.LAWS`. parameters: by name.
+        name: of :data:`slopewise.models.effects.registry.LAWS`. parameters: by name.
         confidence: 0 … 1, that this name and not another one of the library is right.
         alternatives: names that explain the log nearly as well.
         where: axis and part of it, in words.

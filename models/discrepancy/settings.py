@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from models.errors import ParameterError
-from models.stop_logs.find_stops import StopSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.stop_logs.find_stops import StopSettings
 
 
 def _stops() -> StopSettings:

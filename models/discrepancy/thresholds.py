@@ -1,9 +1,10 @@
 """Every number of the discrepancy workflow that somebody chose: value, unit, basis, what it moves.
 
-What a user may want to set is in :class:`models.discrepancy.settings.DiscrepancySettings`, and what
-belongs to a single effect is with that effect. Everything else is here, and modules read it from
-here. A constant's annotation holds its row, so that it is a plain number to those who use it.
-Chi squares are differences of −2 log likelihood; shares, quantiles and p-values have the unit 1.
+What a user may want to set is in
+:class:`slopewise.models.discrepancy.settings.DiscrepancySettings`, and what belongs to a single
+effect is with that effect. Everything else is here, and modules read it from here. A constant's
+annotation holds its row, so that it is a plain number to those who use it. Chi squares are
+differences of −2 log likelihood; shares, quantiles and p-values have the unit 1.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 
 class Basis(Enum):

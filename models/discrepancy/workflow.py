@@ -14,29 +14,34 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from models.arrays import Floats
-from models.discrepancy.data.prepare import prepare
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide import no_harm
-from models.discrepancy.decide.gap import compared
-from models.discrepancy.decide.model_form import as_in_the_model
-from models.discrepancy.decide.revised import revised
-from models.discrepancy.decide.verdict import Decision, decide
-from models.discrepancy.findings import Experiment, Findings, Verdict
-from models.discrepancy.model.hypothesis import builds_up
-from models.discrepancy.model.noise import Noise
-from models.discrepancy.progress import Progress, Stage
-from models.discrepancy.report import experiment
-from models.discrepancy.report.cost import changes, cost_of
-from models.discrepancy.report.evidence import Evidence, evidence_of
-from models.discrepancy.report.summary import located_axes, named_effects, summary
-from models.discrepancy.search.extent import extents
-from models.discrepancy.search.identify import Identified, ScoredExplanation, identify, rescued
-from models.discrepancy.search.locate import WITHIN, Followed, follow
-from models.discrepancy.search.refine import as_output, fit_base, start_of, with_build_up
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import WILD_SCATTER
-from models.parameters import Model
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.prepare import prepare
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide import no_harm
+from slopewise.models.discrepancy.decide.gap import compared
+from slopewise.models.discrepancy.decide.model_form import as_in_the_model
+from slopewise.models.discrepancy.decide.revised import revised
+from slopewise.models.discrepancy.decide.verdict import Decision, decide
+from slopewise.models.discrepancy.findings import Experiment, Findings, Verdict
+from slopewise.models.discrepancy.model.hypothesis import builds_up
+from slopewise.models.discrepancy.model.noise import Noise
+from slopewise.models.discrepancy.progress import Progress, Stage
+from slopewise.models.discrepancy.report import experiment
+from slopewise.models.discrepancy.report.cost import changes, cost_of
+from slopewise.models.discrepancy.report.evidence import Evidence, evidence_of
+from slopewise.models.discrepancy.report.summary import located_axes, named_effects, summary
+from slopewise.models.discrepancy.search.extent import extents
+from slopewise.models.discrepancy.search.identify import (
+    Identified,
+    ScoredExplanation,
+    identify,
+    rescued,
+)
+from slopewise.models.discrepancy.search.locate import WITHIN, Followed, follow
+from slopewise.models.discrepancy.search.refine import as_output, fit_base, start_of, with_build_up
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.thresholds import WILD_SCATTER
+from slopewise.models.parameters import Model
 
 
 def investigate(

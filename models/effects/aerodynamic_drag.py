@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from models.arrays import Elementwise, Floats
-from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
-from models.effects.stops_seen import StopsSeen
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Elementwise, Floats
+from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
+from slopewise.models.effects.stops_seen import StopsSeen
+from slopewise.models.quantity import GRAVITY
 
 
 def deceleration(

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from models.arrays import Elementwise, Floats
-from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
-from models.effects.stops_seen import StopsSeen
+from slopewise.models.arrays import Elementwise, Floats
+from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
+from slopewise.models.effects.stops_seen import StopsSeen
 
 _COOLING = (20.0, 40.0, 100.0, 300.0, 1000.0)  # [s] of the search
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
-from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter
+from slopewise.models.arrays import Elementwise
+from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter
 
 
 def missing_share(since: Elementwise, tau: Elementwise) -> Elementwise:

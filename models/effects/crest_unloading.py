@@ -1,17 +1,17 @@
 """Over a crest the ground falls away: F_b is multiplied with max(0, 1 − k v² max(0, −κ_v)/g).
 
-Source and validity: :mod:`models.laws.crest`. k = 1 where friction decides; with k = 0 only the
-loads suffer. Acts on what lag, fade and friction leave of the force.
+Source and validity: :mod:`slopewise.models.laws.crest`. k = 1 where friction decides; with k = 0
+only the loads suffer. Acts on what lag, fade and friction leave of the force.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from models.arrays import Floats
-from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
-from models.effects.stops_seen import StopsSeen
-from models.laws.crest import kept_force, load_loss
+from slopewise.models.arrays import Floats
+from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
+from slopewise.models.effects.stops_seen import StopsSeen
+from slopewise.models.laws.crest import kept_force, load_loss
 
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:

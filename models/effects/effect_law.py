@@ -1,7 +1,7 @@
 """What an effect says of itself: everything that the rest of the product asks it for.
 
-One file of this folder describes one effect; :mod:`models.effects.registry` collects them. Planner,
-simulation, search and reports know the attributes below and no effect by its name.
+One file of this folder describes one effect; :mod:`slopewise.models.effects.registry` collects
+them. Planner, simulation, search and reports know the attributes below and no effect by its name.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NamedTuple, TypeAlias
 
-from models.arrays import Elementwise
-from models.effects.stops_seen import StopsSeen
+from slopewise.models.arrays import Elementwise
+from slopewise.models.effects.stops_seen import StopsSeen
 
 Values: TypeAlias = Mapping[str, float]
 """All parameters of one effect by name, optional ones filled in."""

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Elementwise, Floats
-from models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search
-from models.effects.stops_seen import StopsSeen
+from slopewise.models.arrays import Elementwise, Floats
+from slopewise.models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search
+from slopewise.models.effects.stops_seen import StopsSeen
 
 
 def force_term(place: Place, k: Elementwise) -> Elementwise:

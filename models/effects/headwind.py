@@ -10,10 +10,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Elementwise, Floats
-from models.effects.effect_law import ANY, POSITIVE, EffectLaw, Enters, Parameter, Search, Values
-from models.effects.stops_seen import StopsSeen
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Elementwise, Floats
+from slopewise.models.effects.effect_law import (
+    ANY,
+    POSITIVE,
+    EffectLaw,
+    Enters,
+    Parameter,
+    Search,
+    Values,
+)
+from slopewise.models.effects.stops_seen import StopsSeen
+from slopewise.models.quantity import GRAVITY
 
 _WINDS = (2.0, 5.0, 10.0)  # [m/s] of the search
 _HEADINGS = 12  # of the search

@@ -15,10 +15,10 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import NamedTuple
 
-from models.arrays import Elementwise
-from models.effects.effect_law import EffectLaw, Enters, Place
-from models.errors import ParameterError
-from models.parameters import Effect
+from slopewise.models.arrays import Elementwise
+from slopewise.models.effects.effect_law import EffectLaw, Enters, Place
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Effect
 
 _FILES = (
     "aerodynamic_drag",
@@ -39,7 +39,7 @@ _FILES = (
 )
 
 LAWS: dict[str, EffectLaw] = {
-    name: import_module(f"models.effects.{name}").EFFECT for name in _FILES
+    name: import_module(f"slopewise.models.effects.{name}").EFFECT for name in _FILES
 }
 """Every effect by the name of its file."""
 

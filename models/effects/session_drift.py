@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Elementwise, Floats
-from models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search
-from models.effects.stops_seen import StopsSeen
+from slopewise.models.arrays import Elementwise, Floats
+from slopewise.models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search
+from slopewise.models.effects.stops_seen import StopsSeen
 
 _LONGEST = 4.0 * 3600.0  # [s] of a session
 

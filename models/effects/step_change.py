@@ -9,9 +9,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Elementwise, Floats
-from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search, Values
-from models.effects.stops_seen import FEWEST, StopsSeen
+from slopewise.models.arrays import Elementwise, Floats
+from slopewise.models.effects.effect_law import (
+    POSITIVE,
+    EffectLaw,
+    Enters,
+    Parameter,
+    Search,
+    Values,
+)
+from slopewise.models.effects.stops_seen import FEWEST, StopsSeen
 
 
 def changed_force(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from models.arrays import Floats, Ints
+from slopewise.models.arrays import Floats, Ints
 
 FEWEST = 3
 """Stops without which nothing is seen: on each side of a change, or in a place."""

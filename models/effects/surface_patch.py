@@ -6,9 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Elementwise, Floats
-from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Place, Search, Values
-from models.effects.stops_seen import FEWEST, StopsSeen
+from slopewise.models.arrays import Elementwise, Floats
+from slopewise.models.effects.effect_law import (
+    POSITIVE,
+    EffectLaw,
+    Enters,
+    Parameter,
+    Place,
+    Search,
+    Values,
+)
+from slopewise.models.effects.stops_seen import FEWEST, StopsSeen
 
 _LATTICE = 9  # centres that the search tries along the longer side of the field
 _RADII = (0.07, 0.14, 0.25)  # of the field

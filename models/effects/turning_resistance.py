@@ -1,7 +1,7 @@
 """Skid steering costs force in a turn, a += g k |κ| v, which is g k |ω_z|.
 
-Validity: slow, steady turns. The form with μ_t is :mod:`models.laws.turning_resistance`; this one
-needs no tyre forces and is fitted to stops.
+Validity: slow, steady turns. The form with μ_t is :mod:`slopewise.models.laws.turning_resistance`;
+this one needs no tyre forces and is fitted to stops.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Elementwise, Floats
-from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
-from models.effects.stops_seen import StopsSeen
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Elementwise, Floats
+from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
+from slopewise.models.effects.stops_seen import StopsSeen
+from slopewise.models.quantity import GRAVITY
 
 
 def deceleration(

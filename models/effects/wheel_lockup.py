@@ -1,6 +1,6 @@
 """Friction caps the force: all wheels slide at F_b/W = μ cos θ cos φ.
 
-Source and validity: :mod:`models.laws.wheel_lockup`, which also knows single axles.
+Source and validity: :mod:`slopewise.models.laws.wheel_lockup`, which also knows single axles.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.arrays import Floats
-from models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
-from models.effects.stops_seen import StopsSeen
-from models.laws.wheel_lockup import friction_cap
+from slopewise.models.arrays import Floats
+from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
+from slopewise.models.effects.stops_seen import StopsSeen
+from slopewise.models.laws.wheel_lockup import friction_cap
 
 _CAPS = (0.4, 0.6, 0.75, 0.87, 0.95)  # quantiles of the force that the search tries
 _LEAST_FRICTION = 0.02

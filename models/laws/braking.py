@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Elementwise
+from slopewise.models.quantity import GRAVITY
 
 _LEAST_TIME = 1e-12
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Elementwise
+from slopewise.models.quantity import GRAVITY
 
 _LEAST_SPEED = 1e-6
 _LEAST_RESISTANCE = 1e-6

@@ -4,8 +4,8 @@
 force F_y = W (sin φ cos θ + κ v²/g), which a bank that falls away from the turn makes larger.
 
 Validity: one coefficient of friction in all directions, the vehicle as one point. Omits: single
-wheels and axles (:mod:`models.laws.wheel_lockup`), yaw moments, and that skid-steered wheels slip
-sideways in every turn, which lowers what is left along the way.
+wheels and axles (:mod:`slopewise.models.laws.wheel_lockup`), yaw moments, and that skid-steered
+wheels slip sideways in every turn, which lowers what is left along the way.
 
 Source: neither paper; the friction ellipse of vehicle dynamics, with the loads of Slip (18)–(21).
 """
@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Elementwise
+from slopewise.models.quantity import GRAVITY
 
 TURNING_SHARE = 0.8
 """Share of the friction that a slope leaves which a turn may use: 0.6 stay for the brakes."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
+from slopewise.models.arrays import Elementwise
 
 
 def brakes_hold(force_ratio: Elementwise, grade: Elementwise) -> Elementwise:

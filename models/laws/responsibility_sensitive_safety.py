@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
+from slopewise.models.arrays import Elementwise
 
 
 def rule_distance(

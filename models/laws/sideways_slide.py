@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
+from slopewise.models.arrays import Elementwise
 
 _LEAST_SLOWING = 0.03
 """Friction that leaves less than that hardly slows the vehicle [1]."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
+from slopewise.models.arrays import Elementwise
 
 
 def slip_track(v_right: Elementwise, v_left: Elementwise, yaw_rate: Elementwise) -> Elementwise:

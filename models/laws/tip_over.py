@@ -4,8 +4,8 @@ Braking downhill unloads the rear axle: before it lifts it loses its side guidan
 unloads the front. Shares are of the axle's level static load; the ε of Braking Sec. 5.2, a share
 of the whole weight, is ``min_rear_share`` (L − cg_x)/L.
 
-Validity and omissions are those of :mod:`models.laws.wheel_loads`. Source: Braking (3), (5), sign
-corrected, and Sec. 5.2.
+Validity and omissions are those of :mod:`slopewise.models.laws.wheel_loads`. Source: Braking (3),
+(5), sign corrected, and Sec. 5.2.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from models.arrays import Elementwise
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Elementwise
+from slopewise.models.quantity import GRAVITY
 
 _STEEP = 1e9
 
@@ -36,7 +36,7 @@ def grade_limit(
     only where it lies below π/2, that is C > B: braking near 1 g on a steep climb.
     Without a root: −π/2 where the load suffices down to the vertical, +π/2 where it suffices
     nowhere (C > R). NaN unless the centre of gravity is ahead of the rear axle by less than L.
-    Omits: roll, which :func:`models.laws.wheel_loads.rear_load_share` has.
+    Omits: roll, which :func:`slopewise.models.laws.wheel_loads.rear_load_share` has.
     Source: Braking Sec. 5.2.
 
     Args:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
+from slopewise.models.arrays import Elementwise
 
 
 def turning_moment(

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Elementwise
+from slopewise.models.quantity import GRAVITY
 
 
 def front_load_share(

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Elementwise
+from slopewise.models.arrays import Elementwise
 
 _LEAST_LEVER = 1e-9
 _HAIR = 1e-300

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.arrays import Floats
-from models.stop_logs import random_effects
-from models.stop_logs.onset import CREEP, HELD, Knee
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs import random_effects
+from slopewise.models.stop_logs.onset import CREEP, HELD, Knee
 
 _FEWEST = 30  # stops without which their spread says little about how speeds are held
 

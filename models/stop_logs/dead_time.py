@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.stop_logs import random_effects
-from models.stop_logs.onset import Knee
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs import random_effects
+from slopewise.models.stop_logs.onset import Knee
 
 _NO_IDEA = 1.0  # [s] prior standard deviation around nothing in particular
 

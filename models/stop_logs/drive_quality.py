@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Bools, Floats
-from models.stop_logs import unit_suspects
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.stop_logs import unit_suspects
 
 _SENTINELS = (99.99, 999.0, 999.9, 1000.0, 9999.0, 32767.0, 32768.0, 65535.0, 1e6)
 _LARGEST = {  # beyond these a value is no measurement

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Bools, Floats
-from models.errors import ParameterError
-from models.stop_logs.speed_floor import speed_floor
-from models.stop_logs.stop_channels import application
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.stop_logs.speed_floor import speed_floor
+from slopewise.models.stop_logs.stop_channels import application
 
 TOLD = 0.01
 """A command of at most this is the stop command [m/s]."""
@@ -146,7 +146,8 @@ def find_stops(
         columns: channels by name, (n,): ``t`` [s], ``v`` and ``v_cmd`` [m/s]; ``yaw_rate``
             [rad/s] and ``brake`` [1] where the log has them.
         run: samples of the run.
-        good: (n,) samples that may be used, see :func:`models.stop_logs.drive_quality.usable`.
+        good: (n,) samples that may be used, see
+        :func:`slopewise.models.stop_logs.drive_quality.usable`.
         settings: what counts as a stop.
     """
     wanted = settings or StopSettings()

@@ -9,7 +9,7 @@ towards the foot of a slope, and its pitch is steeper than the ground by a share
 The dive shows in each stop by itself: the body pitches when the brakes take hold and comes back
 when the vehicle stands, while the ground goes on smoothly with the distance. The mount does not: a
 constant offset looks like ground. It takes a map, heights, or the same ground driven in several
-directions (:mod:`models.stop_logs.mount_offset`).
+directions (:mod:`slopewise.models.stop_logs.mount_offset`).
 
 Validity: dive proportional to deceleration; ground that is smooth over the length of a stop.
 Source: Braking (2), where θ is the ground's; print takes the pitch of the vehicle.
@@ -22,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
-from models.stop_logs import random_effects
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_logs import random_effects
 
 _SETTLING = (0.0, 0.03, 0.06, 0.1, 0.15, 0.22, 0.3)  # [s] time constants tried
 _DIVE_PRIOR = 0.02  # [rad s²/m] twice the dive of a soft suspension

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.stop_logs.creep import held_weights
-from models.stop_logs.dead_time import DeadTime, dead_time, sharpen
-from models.stop_logs.ground_grade import Dive, StopPitch, estimate_dive, shrunk
-from models.stop_logs.mount_offset import Mount
-from models.stop_logs.onset import HELD, Knee, fit_knee
-from models.stop_logs.stop_record import StopRecord, StopSamples
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs.creep import held_weights
+from slopewise.models.stop_logs.dead_time import DeadTime, dead_time, sharpen
+from slopewise.models.stop_logs.ground_grade import Dive, StopPitch, estimate_dive, shrunk
+from slopewise.models.stop_logs.mount_offset import Mount
+from slopewise.models.stop_logs.onset import HELD, Knee, fit_knee
+from slopewise.models.stop_logs.stop_record import StopRecord, StopSamples
 
 _POOLED = 20.0  # samples of its own that weigh as much as the noise of all stops
 _MOST_CORRELATED = 0.9

@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from models.stop_logs.drive_quality import Suspect, find_suspects, usable
-from models.stop_logs.find_stops import StopSettings, StopWindow, Usability, find_stops
-from models.stop_logs.measure import Measured, Slope, measure
-from models.stop_logs.mount_of_log import mount_of_log
-from models.stop_logs.mount_offset import Mount
-from models.stop_logs.stop_record import cut
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
+from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, Usability, find_stops
+from slopewise.models.stop_logs.measure import Measured, Slope, measure
+from slopewise.models.stop_logs.mount_of_log import mount_of_log
+from slopewise.models.stop_logs.mount_offset import Mount
+from slopewise.models.stop_logs.stop_record import cut
 
 _A_STOP = (
     "a stop begins where v_cmd goes to 0 while the vehicle rolls, and ends, under brakes, where it "

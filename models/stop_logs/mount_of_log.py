@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Bools, Floats
-from models.stop_logs import mount_offset
-from models.stop_logs.measure import Measured, dive_pitch
-from models.stop_logs.mount_offset import Mount
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.stop_logs import mount_offset
+from slopewise.models.stop_logs.measure import Measured, dive_pitch
+from slopewise.models.stop_logs.mount_offset import Mount
 
 _PLACE = ("x", "y", "z", "yaw")
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Floats
 
 USUAL_MOUNTING = 0.5 * np.pi / 180.0
 """Standard deviation of a mounting that nobody checked [rad]."""

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
 
 CREEP = 0.4  # [m/s²] how far a held speed may be from held, as a standard deviation
 HELD = (0.03 / CREEP) ** 2  # the same as a weight beside speed noise of 3 cm/s [s²]

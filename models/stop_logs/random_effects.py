@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
 
-from models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Floats
 
 _REJECT = 4.0  # standard deviations: one good observation in 16,000 is lost
 _PASSES = 20

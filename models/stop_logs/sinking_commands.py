@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from models.stop_logs.find_stops import StopWindow
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs.find_stops import StopWindow
 
 _BEFORE = 1.0  # [s] looked at
 _SUNK = 0.95

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Floats
 
 _BLOCK = 0.5  # [s]
 _AFTER = 0.5  # [s] since the command; earlier no brake has done anything

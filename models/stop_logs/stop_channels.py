@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 _HELD_ON = 0.85  # share of the samples of a stop at one application; the rest is its building up
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from models.stop_logs.find_stops import StopWindow
-from models.stop_logs.onset import Knee
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs.find_stops import StopWindow
+from slopewise.models.stop_logs.onset import Knee
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,10 @@
 """Stops out of a stream of samples: constant time and memory a sample, nothing kept.
 
-It is the pipeline of :mod:`models.stop_logs.measured_log` for a robot whose log has no end: each
-stop by itself, and the measurement of :mod:`models.stop_logs.onset` by running sums. The sum
-v + g ∫ sin θ dt falls along a straight line whose slope is −g F_b/W, whatever the slope of the
-ground does meanwhile. The line is taken from the dead time on until little speed is left.
+It is the pipeline of :mod:`slopewise.models.stop_logs.measured_log` for a robot whose log has no
+end: each stop by itself, and the measurement of :mod:`slopewise.models.stop_logs.onset` by running
+sums. The sum v + g ∫ sin θ dt falls along a straight line whose slope is −g F_b/W, whatever the
+slope of the ground does meanwhile. The line is taken from the dead time on until little speed is
+left.
 
 Validity: as of the onset. Near standstill the last samples are chosen by a speed that is noisy
 itself: at 6 cm/s noise the force of a stop from 1 m/s comes out up to 2 % too low, which is the
@@ -16,8 +17,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from models.quantity import GRAVITY
-from models.stop_logs.find_stops import TOLD
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_logs.find_stops import TOLD
 
 _HOLDING = 0.1  # [s] time constant of the mean of the held speed
 _SETTLE = 0.05  # [s] after the dead time, before the line begins

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
 
 _SPEED_FACTORS = {
     "knots": 1.0 / 0.514444,

@@ -1,10 +1,11 @@
 """Forward simulation of stops: the braking model with its effects, integrated in time.
 
 The one slow reference of the emergency stop: scipy's adaptive integrator in time, with the ground
-looked up anew at every step. With the planner's bound (:mod:`planner.bounds`), which marches over
-distance, and with its judge (:mod:`planner.verify`) it shares the laws of :mod:`models.laws` and
-:mod:`models.effects` and nothing else: neither integration nor terrain nor the linear bounds of the
-force. It replays the stops of a drive log, so that measurement and model can be laid side by side.
+looked up anew at every step. With the planner's bound (:mod:`slopewise.planner.bounds`), which
+marches over distance, and with its judge (:mod:`slopewise.planner.verify`) it shares the laws of
+:mod:`slopewise.models.laws` and :mod:`slopewise.models.effects` and nothing else: neither
+integration nor terrain nor the linear bounds of the force. It replays the stops of a drive log, so
+that measurement and model can be laid side by side.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from models.arrays import Floats
-from models.effects import registry
-from models.effects.brake_fade import kept_share
-from models.effects.effect_law import Place
-from models.laws import braking, crest, wheel_lockup
-from models.parameters import Braking, Model
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Floats
+from slopewise.models.effects import registry
+from slopewise.models.effects.brake_fade import kept_share
+from slopewise.models.effects.effect_law import Place
+from slopewise.models.laws import braking, crest, wheel_lockup
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.quantity import GRAVITY
 
 _PLACE = ("grade", "roll", "yaw", "curvature", "x", "y")
 
@@ -165,7 +166,7 @@ def simulate_stop(
         level: share of full brake application, that of the model if left out.
 
     Source: Braking (2), (7), (8), (12) along a varying slope; effects as in
-        `models.effects.registry`.
+        `slopewise.models.effects.registry`.
     """
     on = model.braking.on(surface) if surface else model.braking
     motion = registry.motion(model.effect, on.sliding_friction, heat)

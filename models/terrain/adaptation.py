@@ -19,11 +19,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
-from models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses
-from models.terrain.classifier import NONE, Classification, ClassifierSettings, TerrainClassifier
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses
+from slopewise.models.terrain.classifier import (
+    NONE,
+    Classification,
+    ClassifierSettings,
+    TerrainClassifier,
+)
 
 Values = tuple[float, float, float]
 

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import quantity, validate_quantities
-from models.terrain.windows import Condition, SteadySecond, by_driving, usual_spread
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.terrain.windows import Condition, SteadySecond, by_driving, usual_spread
 
 _LEAST = 3  # windows that decide at least
 _PATCHY = 0.1  # share of a change's square that is usual just after it

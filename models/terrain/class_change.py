@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.quantity import quantity, validate_quantities
-from models.terrain.signature import LEAST_SECONDS, GroundSecond, signature_of
-from models.terrain.signature_model import SignatureModel
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.terrain.signature import LEAST_SECONDS, GroundSecond, signature_of
+from slopewise.models.terrain.signature_model import SignatureModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

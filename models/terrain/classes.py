@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
 
 FEATURES = ("motion_resistance", "lateral_resistance", "slip_track")
 CONFIDENCE = {"low": 1.0, "medium": 2.0, "medium-high": 2.5, "high": 3.0}

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from models.arrays import Floats
-from models.quantity import quantity, validate_quantities
-from models.terrain.classes import FeatureOfClass, TerrainClasses, deciding
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.terrain.classes import FeatureOfClass, TerrainClasses, deciding
 
 NONE = "none of these"
 

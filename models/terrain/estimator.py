@@ -13,19 +13,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.terrain.gyro_bias import GyroBias
-from models.terrain.observation import UNKNOWN, Features, GroundObservation
-from models.terrain.phases import MotionPhases, Phase
-from models.terrain.resistances import (
+from slopewise.models.terrain.gyro_bias import GyroBias
+from slopewise.models.terrain.observation import UNKNOWN, Features, GroundObservation
+from slopewise.models.terrain.phases import MotionPhases, Phase
+from slopewise.models.terrain.resistances import (
     Drivetrain,
     SteadyStretch,
     TerrainEstimate,
     lateral_resistance_of,
     motion_resistance_of,
 )
-from models.terrain.settings import EstimatorSettings
-from models.terrain.slip_track_filter import SlipTrackFilter
-from models.vehicle import Vehicle
+from slopewise.models.terrain.settings import EstimatorSettings
+from slopewise.models.terrain.slip_track_filter import SlipTrackFilter
+from slopewise.models.vehicle import Vehicle
 
 _ONSET = 0.5  # [s] of steady motion that the current at its onset is averaged over
 _DOUBT = 3.0  # smoothing times before a change is noticed that the filter may have seen it

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
 
 _SINGULAR = 1e-9
 

@@ -1,9 +1,8 @@
 """What a vehicle's own sizes say of a log: channels that cannot have the unit or sign they should.
 
-Beside :mod:`models.stop_logs.drive_quality`, which knows no vehicle. Thresholds are far from
-anything that
-driving does: they mark wrong units and sentinels, not bad driving. Source: Slip (3) with B_s ≥ B;
-Slip (13) for thrusts.
+Beside :mod:`slopewise.models.stop_logs.drive_quality`, which knows no vehicle. Thresholds are far
+from anything that driving does: they mark wrong units and sentinels, not bad driving. Source: Slip
+(3) with B_s ≥ B; Slip (13) for thrusts.
 """
 
 from __future__ import annotations
@@ -14,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from models.stop_logs.drive_quality import Suspect, SuspectKind, stretches_of
-from models.terrain.resistances import Drivetrain
-from models.vehicle import Vehicle
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs.drive_quality import Suspect, SuspectKind, stretches_of
+from slopewise.models.terrain.resistances import Drivetrain
+from slopewise.models.vehicle import Vehicle
 
 _THRUST = 5.0  # times what the drive can give, or the weight holds
 _RATIO = 0.15  # how near a ratio of channels has to be to a factor between units

@@ -10,20 +10,25 @@ from math import isfinite
 
 import numpy as np
 
-from models.parameters import Model
-from models.terrain.adaptation import AdaptiveClassifier
-from models.terrain.change import ChangeDetector, ChangeSettings
-from models.terrain.classes import RuleAnswer, TerrainClasses, by_rules
-from models.terrain.classifier import NONE, Classification, ClassifierSettings, TerrainClassifier
-from models.terrain.estimator import DriveSample, TerrainEstimator
-from models.terrain.observation import Features, GroundObservation
-from models.terrain.phases import Phase
-from models.terrain.resistances import TerrainEstimate
-from models.terrain.settings import EstimatorSettings
-from models.terrain.signature_memory import MemorySettings
-from models.terrain.signature_model import SignatureModel
-from models.terrain.signature_watch import SignatureWatch
-from models.terrain.windows import summarise
+from slopewise.models.parameters import Model
+from slopewise.models.terrain.adaptation import AdaptiveClassifier
+from slopewise.models.terrain.change import ChangeDetector, ChangeSettings
+from slopewise.models.terrain.classes import RuleAnswer, TerrainClasses, by_rules
+from slopewise.models.terrain.classifier import (
+    NONE,
+    Classification,
+    ClassifierSettings,
+    TerrainClassifier,
+)
+from slopewise.models.terrain.estimator import DriveSample, TerrainEstimator
+from slopewise.models.terrain.observation import Features, GroundObservation
+from slopewise.models.terrain.phases import Phase
+from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.settings import EstimatorSettings
+from slopewise.models.terrain.signature_memory import MemorySettings
+from slopewise.models.terrain.signature_model import SignatureModel
+from slopewise.models.terrain.signature_watch import SignatureWatch
+from slopewise.models.terrain.windows import summarise
 
 _WINDOW = 1.0  # [s]
 _PATCHY = 10.0  # [s] changes nearer to each other are patches of one

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from models.terrain.phases import Phase
-from models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.phases import Phase
+from slopewise.models.terrain.resistances import TerrainEstimate
 
 UNKNOWN = TerrainEstimate(math.nan, math.nan)
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from enum import Enum
 
-from models.terrain.settings import MotionSettings
+from slopewise.models.terrain.settings import MotionSettings
 
 _SLOWER = 2.0  # ratio of the two time constants
 

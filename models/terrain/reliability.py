@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Floats
 
 _BINS = 10
 

@@ -4,11 +4,11 @@ Each sample of the stretch gives a value; their mean is the estimate. Its standa
 many independent samples there are, then adds what averaging does not help against: the error of
 the pitch, of the current sensors, and for μ_t that of f_r.
 
-Sources and validity: :mod:`models.laws.motion_resistance`, :mod:`models.laws.turning_resistance`.
-Taken out
-here beyond these: the idle current, which works against the motor whichever way it turns, and the
-slope, W sin θ. In turns the slope cancels: it loads both sides alike, and only their difference,
-or the sum of opposite thrusts, counts.
+Sources and validity: :mod:`slopewise.models.laws.motion_resistance`,
+:mod:`slopewise.models.laws.turning_resistance`. Taken out here beyond these: the idle current,
+which works against the motor whichever way it turns, and the slope, W sin θ. In turns the slope
+cancels: it loads both sides alike, and only their difference, or the sum of opposite thrusts,
+counts.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from models.laws.turning_resistance import (
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.laws.turning_resistance import (
     lateral_resistance_in_a_turn,
     lateral_resistance_on_the_spot,
 )
-from models.laws.wheel_loads import left_load_share, right_load_share
-from models.quantity import GRAVITY
-from models.terrain.settings import ResistanceSettings
-from models.vehicle import Vehicle
+from slopewise.models.laws.wheel_loads import left_load_share, right_load_share
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.terrain.settings import ResistanceSettings
+from slopewise.models.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True)

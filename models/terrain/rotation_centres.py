@@ -13,7 +13,7 @@ V_x,L − V_x, whose difference is the negative of its (3).
 
 from __future__ import annotations
 
-from models.arrays import Elementwise
+from slopewise.models.arrays import Elementwise
 
 
 def rotation_centres(

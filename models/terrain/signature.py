@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.terrain.resistances import Drivetrain
-from models.terrain.windows import band_amplitudes
-from models.vehicle import Vehicle
+from slopewise.models.arrays import Floats
+from slopewise.models.terrain.resistances import Drivetrain
+from slopewise.models.terrain.windows import band_amplitudes
+from slopewise.models.vehicle import Vehicle
 
 BANDS = ((1.5, 4.0), (4.0, 8.0), (8.0, 14.0), (14.0, 20.0), (20.0, 32.0), (32.0, 50.0))
 """Of the shaking [Hz]."""

@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
-from models.terrain.signature import Signature
-from models.terrain.signature_model import (
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.terrain.signature import Signature
+from slopewise.models.terrain.signature_model import (
     LinearPicture,
     NormalPicture,
     SignatureModel,

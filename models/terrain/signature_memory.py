@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.quantity import quantity, validate_quantities
-from models.terrain.classifier import NONE, Classification
-from models.terrain.signature import Signature
-from models.terrain.signature_model import SignatureModel
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.terrain.classifier import NONE, Classification
+from slopewise.models.terrain.signature import Signature
+from slopewise.models.terrain.signature_model import SignatureModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

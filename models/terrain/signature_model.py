@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.terrain.signature import Signature
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.terrain.signature import Signature
 
 _SURE_OF_NOTHING = 1e-9
 
@@ -84,7 +84,7 @@ class NormalPicture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignatureModel:
-    """What training runs taught; made by :func:`models.terrain.signature_fit.fit`.
+    """What training runs taught; made by :func:`slopewise.models.terrain.signature_fit.fit`.
 
     Attributes:
         classes: names. runs: training runs of each. used: (48,) features that take part.

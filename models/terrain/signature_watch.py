@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
-from models.arrays import Floats
-from models.terrain.class_change import ClassChange
-from models.terrain.classifier import Classification
-from models.terrain.signature import (
+from slopewise.models.arrays import Floats
+from slopewise.models.terrain.class_change import ClassChange
+from slopewise.models.terrain.classifier import Classification
+from slopewise.models.terrain.signature import (
     LEAST_SECONDS,
     SENSORS,
     GroundSecond,
@@ -22,9 +22,9 @@ from models.terrain.signature import (
     second_of,
     signature_of,
 )
-from models.terrain.signature_memory import MemorySettings, SignatureMemory
-from models.terrain.signature_model import SignatureModel
-from models.vehicle import Vehicle
+from slopewise.models.terrain.signature_memory import MemorySettings, SignatureMemory
+from slopewise.models.terrain.signature_model import SignatureModel
+from slopewise.models.vehicle import Vehicle
 
 _SECONDS = 5
 _RATES = 2  # roll and pitch rate

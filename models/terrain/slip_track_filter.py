@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from models.terrain.settings import FilterSettings
+from slopewise.models.terrain.settings import FilterSettings
 
 
 class SlipTrackFilter:

@@ -21,11 +21,11 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from models.errors import ParameterError
-from models.parameters import Braking, Model, Terrain
-from models.surface_braking import SurfaceBraking
-from models.terrain.observation import UNKNOWN, Features
-from models.terrain.resistances import TerrainEstimate
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking, Model, Terrain
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.terrain.observation import UNKNOWN, Features
+from slopewise.models.terrain.resistances import TerrainEstimate
 
 
 def model_on(model: Model, known: Features, *, valid: bool = True) -> Model:

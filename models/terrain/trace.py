@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.terrain.estimator import DriveSample, TerrainEstimator
-from models.terrain.phases import Phase
-from models.terrain.settings import FilterSettings
-from models.terrain.slip_track_filter import steady_state_variance
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.terrain.estimator import DriveSample, TerrainEstimator
+from slopewise.models.terrain.phases import Phase
+from slopewise.models.terrain.settings import FilterSettings
+from slopewise.models.terrain.slip_track_filter import steady_state_variance
 
 _APART = 0.5  # [s] without the filter ends a turn
 

@@ -18,7 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 Condition = tuple[str, int]
 

@@ -6,7 +6,7 @@ command, so each station looks for the place where the speed that the distance u
 the speed that the integral allows are one. Most stations need not look: they are slower for other
 reasons.
 
-Source: Braking (7), (8), (12), as in :mod:`planner.bounds.stopping_path`.
+Source: Braking (7), (8), (12), as in :mod:`slopewise.planner.bounds.stopping_path`.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.quantity import GRAVITY
-from planner.bounds.pointwise import PointwiseBounds
-from planner.bounds.stopping_path import StopProblem, onset_speed
-from planner.kernels.compiled import inlined, kernel, row_pass
-from planner.limiting import Limiting
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.bounds.pointwise import PointwiseBounds
+from slopewise.planner.bounds.stopping_path import StopProblem, onset_speed
+from slopewise.planner.kernels.compiled import inlined, kernel, row_pass
+from slopewise.planner.limiting import Limiting
 
 _BLOCK = 128
 """Candidates worked on together: what is summed along their paths stays in the cache."""

@@ -1,12 +1,12 @@
 """How hard the wheels press, and what friction then gives: crests, dips, banks and turns.
 
 A crest takes load from every wheel and force from the brakes, more of both the faster it is passed:
-it bounds the speed (what it takes of the force: :mod:`planner.bounds.crest_force`). Where friction
-is known, slope, turn, brakes and drive share it.
+it bounds the speed (what it takes of the force: :mod:`slopewise.planner.bounds.crest_force`). Where
+friction is known, slope, turn, brakes and drive share it.
 
-Laws: :mod:`models.laws.crest`, :mod:`models.laws.friction_ellipse`, :mod:`models.laws.holding`,
-:mod:`models.laws.wheel_lockup`; written out here in sines and cosines for many lanes at once, and
-held against those by tests.
+Laws: :mod:`slopewise.models.laws.crest`, :mod:`slopewise.models.laws.friction_ellipse`,
+:mod:`slopewise.models.laws.holding`, :mod:`slopewise.models.laws.wheel_lockup`; written out here in
+sines and cosines for many lanes at once, and held against those by tests.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.laws.friction_ellipse import TURNING_SHARE
-from models.quantity import GRAVITY
-from planner.kernels.compiled import row_pass
-from planner.kernels.limits import PlanningLimits
+from slopewise.models.arrays import Floats
+from slopewise.models.laws.friction_ellipse import TURNING_SHARE
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.kernels.compiled import row_pass
+from slopewise.planner.kernels.limits import PlanningLimits
 
 HOLDING = 0.02
 """Least F_b/W + sin θ: below it the brakes hardly slow the vehicle, let alone stop it."""

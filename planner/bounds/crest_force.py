@@ -6,7 +6,7 @@ by more than a plan slows down during a dead time. Up to that speed the force th
 without following any stop. A stop that is faster there does not end in time with
 this force, and all the less with its own.
 
-Law: :mod:`models.laws.crest`.
+Law: :mod:`slopewise.models.laws.crest`.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.effects.registry import MotionTerms
-from models.quantity import GRAVITY
-from planner.bounds.pointwise import PointwiseBounds
-from planner.bounds.stopping_path import StopProblem
-from planner.kernels.compiled import kernel, row_pass
-from planner.kernels.limits import PlanningLimits
+from slopewise.models.arrays import Floats
+from slopewise.models.effects.registry import MotionTerms
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.bounds.pointwise import PointwiseBounds
+from slopewise.planner.bounds.stopping_path import StopProblem
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.kernels.limits import PlanningLimits
 
 _SURELY = 1.0 + 1e-3
 """More than what the sum of a sine between two stations leaves out."""

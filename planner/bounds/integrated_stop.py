@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.effects.registry import MotionTerms
-from models.quantity import GRAVITY
-from planner.bounds.pointwise import PointwiseBounds
-from planner.bounds.stopping_path import (
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.effects.registry import MotionTerms
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.bounds.pointwise import PointwiseBounds
+from slopewise.planner.bounds.stopping_path import (
     OVERRUN,
     REAR_LOAD,
     SIDE_LOAD,
@@ -22,9 +22,9 @@ from planner.bounds.stopping_path import (
     StopProblem,
     integrate_stop,
 )
-from planner.kernels.compiled import inlined, kernel
-from planner.kernels.limits import PlanningLimits
-from planner.limiting import Limiting
+from slopewise.planner.kernels.compiled import inlined, kernel
+from slopewise.planner.kernels.limits import PlanningLimits
+from slopewise.planner.limiting import Limiting
 
 _TRIALS = 40
 _GUESSES = 8

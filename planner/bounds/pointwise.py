@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.quantity import GRAVITY
-from planner.bounds.contact import HOLDING, ContactRow, friction_ellipse, normal_force
-from planner.ground.forces import Forces
-from planner.ground.terrain_profile import TerrainRows
-from planner.kernels.compiled import kernel, row_pass
-from planner.kernels.limits import PlanningLimits
-from planner.kernels.rows import copy_row
-from planner.limiting import Limiting
-from planner.swept.hazards import HazardRows
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.bounds.contact import HOLDING, ContactRow, friction_ellipse, normal_force
+from slopewise.planner.ground.forces import Forces
+from slopewise.planner.ground.terrain_profile import TerrainRows
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.kernels.limits import PlanningLimits
+from slopewise.planner.kernels.rows import copy_row
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.swept.hazards import HazardRows
 
 _OPEN = -1
 _SPEED_LIMIT = int(Limiting.SPEED_LIMIT)
@@ -45,7 +45,7 @@ LEAST_TURN = 0.1
 class PointwiseBounds(NamedTuple):
     """What :func:`pointwise_bounds` fills in.
 
-    Attributes, as of :class:`planner.bounds.speed_bounds.SpeedBounds`:
+    Attributes, as of :class:`slopewise.planner.bounds.speed_bounds.SpeedBounds`:
         speed_sq_max, limiting, accel_max, demand: (N, M).
         barrier, barrier_station: (M,).
         lower_slope, lower_intercept: (N, M) what friction leaves of the lower bound of F_b/W, and

@@ -5,9 +5,9 @@ the model was trained on, a slope on which an axle or a side is too light, that 
 hold or the drive cannot climb. The clear distance ends at the last station before it, and the
 stopping path must end before the clear distance. All other bounds are speeds.
 
-What a station says by itself is in :mod:`planner.bounds.pointwise`; the stopping path, which looks
-ahead, in :mod:`planner.bounds.closed_form_stop` and, stop by stop, in
-:mod:`planner.bounds.integrated_stop`.
+What a station says by itself is in :mod:`slopewise.planner.bounds.pointwise`; the stopping path,
+which looks ahead, in :mod:`slopewise.planner.bounds.closed_form_stop` and, stop by stop, in
+:mod:`slopewise.planner.bounds.integrated_stop`.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.effects.registry import crest_share
-from models.parameters import Model
-from planner.bounds.closed_form_stop import stopping_bound
-from planner.bounds.crest_force import lose_on_crests
-from planner.bounds.integrated_stop import integrated_bound
-from planner.bounds.pointwise import PointProblem, PointwiseBounds, pointwise_bounds
-from planner.bounds.speed_excess import add_speed, speed_excess
-from planner.bounds.stopping_path import StopProblem
-from planner.ground.braking_ground import BrakingGround
-from planner.ground.terrain_profile import TerrainProfile
-from planner.kernels.compiled import inlined, kernel, row_pass
-from planner.kernels.limits import PlanningLimits, planning_limits
-from planner.kernels.workspace import empty
-from planner.limiting import Limiting
-from planner.swept.hazards import Hazards, nothing_looked_for
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.effects.registry import crest_share
+from slopewise.models.parameters import Model
+from slopewise.planner.bounds.closed_form_stop import stopping_bound
+from slopewise.planner.bounds.crest_force import lose_on_crests
+from slopewise.planner.bounds.integrated_stop import integrated_bound
+from slopewise.planner.bounds.pointwise import PointProblem, PointwiseBounds, pointwise_bounds
+from slopewise.planner.bounds.speed_excess import add_speed, speed_excess
+from slopewise.planner.bounds.stopping_path import StopProblem
+from slopewise.planner.ground.braking_ground import BrakingGround
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.kernels.compiled import inlined, kernel, row_pass
+from slopewise.planner.kernels.limits import PlanningLimits, planning_limits
+from slopewise.planner.kernels.workspace import empty
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.swept.hazards import Hazards, nothing_looked_for
 
 STOP_GUARD = 2e-3
 """Kept free between stopping path and clear distance, above all errors of integration [m]."""

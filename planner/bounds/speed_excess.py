@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
-from planner.ground.braking_ground import BrakingGround
-from planner.ground.terrain_profile import TerrainProfile
-from planner.kernels.compiled import kernel, row_pass
-from planner.kernels.limits import PlanningLimits
-from planner.kernels.rows import copy_row
-from planner.kernels.workspace import empty
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.ground.braking_ground import BrakingGround
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.kernels.limits import PlanningLimits
+from slopewise.planner.kernels.rows import copy_row
+from slopewise.planner.kernels.workspace import empty
 
 
 def speed_excess(

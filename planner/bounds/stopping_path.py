@@ -1,16 +1,18 @@
 """The stopping path: from which speed can the vehicle still stop before the clear distance?
 
 An emergency stop is written three times, and no two share a line: here as a *bound*, the highest
-speed of a station; in :mod:`planner.verify` as the *judge* of a finished plan, in a different form
-on purpose; in :mod:`models.stops.simulation` as the slow *reference* that both are tested against.
+speed of a station; in :mod:`slopewise.planner.verify` as the *judge* of a finished plan, in a
+different form on purpose; in :mod:`slopewise.models.stops.simulation` as the slow *reference* that
+both are tested against.
 
 The bound itself has two ways to the same answer. Where nothing but the grade acts, the energy that
 the brakes take out from onset to the target is an integral that is summed once along the path, and
-the speed follows from a quadratic (:mod:`planner.bounds.closed_form_stop`, some 10 ns a station).
-Where an effect acts on the motion itself, or a load may run short on the way, a stop is integrated
-along the path, and :mod:`planner.bounds.integrated_stop` tries for the speed (some 10 µs a
-station). They share what they are asked, :class:`StopProblem`, and nothing of how they answer:
-the closed form sums backwards from the target, the other one marches forwards from the command.
+the speed follows from a quadratic (:mod:`slopewise.planner.bounds.closed_form_stop`, some 10 ns a
+station). Where an effect acts on the motion itself, or a load may run short on the way, a stop is
+integrated along the path, and :mod:`slopewise.planner.bounds.integrated_stop` tries for the speed
+(some 10 µs a station). They share what they are asked, :class:`StopProblem`, and nothing of how
+they answer: the closed form sums backwards from the target, the other one marches forwards from the
+command.
 
 Source: Braking (7), (8), (12), with v dv = −a(θ(s), v_i) ds along the varying slope; the dead time
 at held speed comes first.
@@ -22,13 +24,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.effects.registry import MotionTerms
-from models.quantity import GRAVITY
-from planner.ground.forces import Forces
-from planner.ground.terrain_profile import TerrainRows
-from planner.kernels.compiled import inlined
-from planner.kernels.motion_laws import motion_deceleration
+from slopewise.models.arrays import Floats
+from slopewise.models.effects.registry import MotionTerms
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.ground.forces import Forces
+from slopewise.planner.ground.terrain_profile import TerrainRows
+from slopewise.planner.kernels.compiled import inlined
+from slopewise.planner.kernels.motion_laws import motion_deceleration
 
 STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)
 """How an integrated stop ends."""

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from models.laws.crest import crest_speed_sq, dip_speed_sq
-from models.laws.friction_ellipse import lateral_speed_sq
-from models.laws.wheel_loads import (
+from slopewise.models.arrays import Floats
+from slopewise.models.laws.crest import crest_speed_sq, dip_speed_sq
+from slopewise.models.laws.friction_ellipse import lateral_speed_sq
+from slopewise.models.laws.wheel_loads import (
     front_load_share,
     left_load_share,
     rear_load_share,
     right_load_share,
 )
-from models.parameters import Model
-from planner.bounds.contact import HOLDING, SPENT
-from planner.bounds.speed_excess import speed_excess
-from planner.ground.braking_ground import BrakingGround
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import TerrainProfile
-from planner.kernels.limits import planning_limits
-from planner.limiting import Limiting
-from planner.swept.hazards import swept_hazards
+from slopewise.models.parameters import Model
+from slopewise.planner.bounds.contact import HOLDING, SPENT
+from slopewise.planner.bounds.speed_excess import speed_excess
+from slopewise.planner.ground.braking_ground import BrakingGround
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.kernels.limits import planning_limits
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.swept.hazards import swept_hazards
 
 
 def contact_curves(

@@ -16,18 +16,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from models.parameters import Model
-from planner.explain.measurements import MEASURABLE
-from planner.explain.relaxed import without
-from planner.explain.what_if import Assumptions, WhatIf
-from planner.ground.braking_ground import GroundConditions
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.limiting import Limiting
-from planner.path import CandidatePath, EvenPath
-from planner.pipeline.ranking import travel_cost
-from planner.plan import SpeedPlan
-from planner.settings import PlannerSettings
+from slopewise.models.parameters import Model
+from slopewise.planner.explain.measurements import MEASURABLE
+from slopewise.planner.explain.relaxed import without
+from slopewise.planner.explain.what_if import Assumptions, WhatIf
+from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath, EvenPath
+from slopewise.planner.pipeline.ranking import travel_cost
+from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.settings import PlannerSettings
 
 _SMOOTHING = 5e-4
 """Share of the travel time by which smoothing may differ from one plan to the next."""
@@ -113,7 +113,8 @@ def explain(
     """Plan one candidate, and again with each bound lifted and with each thing known better.
 
     Args:
-        model: its mean, as :class:`planner.pipeline.candidates.CandidatePlanner` takes it.
+        model: its mean, as :class:`slopewise.planner.pipeline.candidates.CandidatePlanner` takes
+        it.
         elevation_map: ground.
         path: the candidate.
         settings: of planning.

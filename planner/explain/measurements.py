@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from models.parameters import Model
-from planner.explain.relaxed import trained_for
-from planner.explain.what_if import Assumptions
+from slopewise.models.parameters import Model
+from slopewise.planner.explain.relaxed import trained_for
+from slopewise.planner.explain.what_if import Assumptions
 
 
 @dataclass(frozen=True, slots=True)

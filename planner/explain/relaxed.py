@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from models.parameters import Model
-from planner.explain.what_if import Assumptions
-from planner.limiting import BOUNDS, Limiting
+from slopewise.models.parameters import Model
+from slopewise.planner.explain.what_if import Assumptions
+from slopewise.planner.limiting import BOUNDS, Limiting
 
 _FAR = 1e3
 """Factor by which a limit, or a distance to the centre of gravity, is out of reach."""

@@ -12,20 +12,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.parameters import Model
-from models.surface_names import resolve_class
-from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import terrain_profile
-from planner.ground.uncertainty import Uncertainty
-from planner.limiting import Limiting
-from planner.path import CandidatePath, EvenPath, batch, behind_the_front
-from planner.pipeline.candidates import finished
-from planner.pipeline.time_optimal_batch import solve
-from planner.plan import SpeedPlan
-from planner.settings import PlannerSettings
-from planner.swept.hazards import swept_hazards
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Model
+from slopewise.models.surface_names import resolve_class
+from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import terrain_profile
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath, EvenPath, batch, behind_the_front
+from slopewise.planner.pipeline.candidates import finished
+from slopewise.planner.pipeline.time_optimal_batch import solve
+from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.settings import PlannerSettings
+from slopewise.planner.swept.hazards import swept_hazards
 
 _AT_ONCE = 50.0
 """F_b/W of brakes that stop at once: 4 m/s within 2 cm."""

@@ -14,17 +14,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.effects import registry
-from models.parameters import Model
-from models.quantity import GRAVITY
-from planner.ground.force_margins import capped, frictions_on, ground_terms, widened
-from planner.ground.forces import Forces, on_many_surfaces, on_one_surface
-from planner.ground.hull_speed import hold_below
-from planner.ground.surface_cache import surface_cache_of
-from planner.ground.surface_table import surface_bits
-from planner.ground.terrain_profile import TerrainProfile
-from planner.ground.uncertainty import Uncertainty
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.ground.force_margins import capped, frictions_on, ground_terms, widened
+from slopewise.planner.ground.forces import Forces, on_many_surfaces, on_one_surface
+from slopewise.planner.ground.hull_speed import hold_below
+from slopewise.planner.ground.surface_cache import surface_cache_of
+from slopewise.planner.ground.surface_table import surface_bits
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.ground.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, slots=True)

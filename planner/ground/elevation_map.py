@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.errors import ParameterError
-from planner.kernels.compiled import inlined, read_only
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.errors import ParameterError
+from slopewise.planner.kernels.compiled import inlined, read_only
 
 _FEWEST_CELLS = 2
 

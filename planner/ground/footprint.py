@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from models.arrays import Floats
-from planner.kernels.compiled import inlined, row_pass
+from slopewise.models.arrays import Floats
+from slopewise.planner.kernels.compiled import inlined, row_pass
 
 POINTS = 5
 """Front left, front right, rear left, rear right, and the middle of the wheelbase."""

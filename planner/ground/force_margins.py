@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.effects import registry
-from models.effects.effect_law import Place
-from models.parameters import Model
-from planner.ground.forces import Forces
-from planner.ground.surface_table import FRICTION, MOST_FRICTION, braking_on
-from planner.ground.terrain_profile import TerrainProfile
-from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import kernel
-from planner.kernels.workspace import empty
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Place
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.forces import Forces
+from slopewise.planner.ground.surface_table import FRICTION, MOST_FRICTION, braking_on
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.kernels.workspace import empty
 
 _SLOWEST, _STOP = 0.25, 15.0
 """Mean speed of the slowest plan [m/s] and its longest stop [s]: how late it is at a station."""
@@ -125,7 +125,7 @@ def frictions_on(bits: Ints, table: Floats) -> tuple[Floats, Floats]:
 
     Args:
         bits: (N, M) surfaces.
-        table: (S, COLUMNS) of :mod:`planner.ground.surface_table`.
+        table: (S, COLUMNS) of :mod:`slopewise.planner.ground.surface_table`.
     """
     on = [((bits >> i) & 1).astype(np.bool_) for i in range(len(table))]
     lower, upper = table[:, FRICTION], table[:, MOST_FRICTION]
@@ -137,7 +137,7 @@ def frictions_on(bits: Ints, table: Floats) -> tuple[Floats, Floats]:
 def capped(forces: Forces, profile: TerrainProfile, least: Floats, most: Floats) -> Forces:
     """Cap both bounds by friction times the share of the weight that presses on the ground.
 
-    What turns and banks take of it: :mod:`planner.bounds.contact`.
+    What turns and banks take of it: :mod:`slopewise.planner.bounds.contact`.
 
     Args:
         forces: (N, M). profile: terrain under the wheels.

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from planner.ground.grade_between import grade_between
-from planner.ground.surface_table import (
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.planner.ground.grade_between import grade_between
+from slopewise.planner.ground.surface_table import (
     B_B,
     B_M,
     DEAD,
@@ -24,12 +24,14 @@ from planner.ground.surface_table import (
     UP_B_M,
     UP_M_M,
 )
-from planner.kernels.compiled import inlined, kernel, row_pass
-from planner.kernels.workspace import empty
+from slopewise.planner.kernels.compiled import inlined, kernel, row_pass
+from slopewise.planner.kernels.workspace import empty
 
 
 class Forces(NamedTuple):
-    """The first arrays of :class:`planner.ground.braking_ground.BrakingGround`, in its order."""
+    """The first arrays of :class:`slopewise.planner.ground.braking_ground.BrakingGround`, in its
+    order.
+    """
 
     lower_slope: Floats
     lower_intercept: Floats
@@ -58,7 +60,7 @@ def on_one_surface(grade: Floats, sin_roll: Floats, surface: Floats, margin: flo
 
     Args:
         grade, sin_roll: (N, M) [rad], [1].
-        surface: (COLUMNS,) of :mod:`planner.ground.surface_table`.
+        surface: (COLUMNS,) of :mod:`slopewise.planner.ground.surface_table`.
         margin: share of the force that counts as uncertain where it extrapolates; < 0: it must not.
     """
     lower_slope, lower_intercept, dead_time, slowest, fastest = empty(5, *grade.shape)
@@ -92,7 +94,7 @@ def on_many_surfaces(
     Args:
         grade, sin_roll, margin: as in :func:`on_one_surface`.
         bits: (N, M) surfaces that each station may be on.
-        table: (S, COLUMNS) of :mod:`planner.ground.surface_table`.
+        table: (S, COLUMNS) of :mod:`slopewise.planner.ground.surface_table`.
     """
     lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest, fastest = (
         np.empty(grade.shape) for _ in range(7)

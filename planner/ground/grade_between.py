@@ -7,9 +7,9 @@ grade there is that at which the straight lines from both sides meet.
 
 from __future__ import annotations
 
-from models.arrays import Floats
-from planner.kernels.compiled import kernel, row_pass
-from planner.kernels.workspace import empty
+from slopewise.models.arrays import Floats
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.kernels.workspace import empty
 
 
 def grade_between(grade: Floats) -> tuple[Floats, Floats]:

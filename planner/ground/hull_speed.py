@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.parameters import Model
-from models.quantity import Matrix
-from planner.kernels.compiled import kernel, row_pass
-from planner.kernels.workspace import empty
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import Matrix
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.kernels.workspace import empty
 
 
 def hull_lines(surfaces: int, model: Model) -> Floats | None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from planner.ground.footprint import POINTS, CellFrame, CellPoses, offset, on_grid
-from planner.kernels.compiled import inlined, kernel, row_pass
+from slopewise.models.arrays import Floats, Ints
+from slopewise.planner.ground.footprint import POINTS, CellFrame, CellPoses, offset, on_grid
+from slopewise.planner.kernels.compiled import inlined, kernel, row_pass
 
 
 @kernel

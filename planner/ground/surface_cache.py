@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.effects import registry
-from models.parameters import Model
-from planner.ground.force_margins import margins
-from planner.ground.hull_speed import hull_lines
-from planner.ground.surface_table import FRICTION, SLOWEST, surface_table
-from planner.ground.uncertainty import Uncertainty
-from planner.kernels.compiled import read_only
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.force_margins import margins
+from slopewise.planner.ground.hull_speed import hull_lines
+from slopewise.planner.ground.surface_table import FRICTION, SLOWEST, surface_table
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.kernels.compiled import read_only
 
 _KEPT = 4
 
@@ -27,11 +27,13 @@ class SurfaceCache:
     """Coefficients of S surfaces, and what acts on the motion.
 
     Attributes:
-        table: (S, columns) as of :mod:`planner.ground.surface_table`.
+        table: (S, columns) as of :mod:`slopewise.planner.ground.surface_table`.
         class_bits: for each class of the map the bits of the surfaces that it may be.
-        margins: (S, 4, 4) as of :func:`planner.ground.force_margins.margins`; None where all are
+        margins: (S, 4, 4) as of :func:`slopewise.planner.ground.force_margins.margins`; None where
+        all are
             zero.
-        hull: (S, K, 2) as of :func:`planner.ground.hull_speed.hull_lines`, None without one.
+        hull: (S, K, 2) as of :func:`slopewise.planner.ground.hull_speed.hull_lines`, None without
+        one.
         motion: terms that act on the motion itself, without friction, brakes cold.
         slides: friction caps the force of some surface.
         closed_form: nothing acts on the motion, and all surfaces have one slowest speed.

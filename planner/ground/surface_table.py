@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.effects import registry
-from models.effects.effect_law import Enters
-from models.errors import ParameterError
-from models.parameters import Braking, Model
-from models.surface_names import candidate_surfaces, resolve_class
-from planner.ground.terrain_profile import TerrainProfile
-from planner.ground.uncertainty import Uncertainty
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.surface_names import candidate_surfaces, resolve_class
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.ground.uncertainty import Uncertainty
 
 (
     M_M,

@@ -12,14 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints, Singles
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.footprint import POINTS, CellFrame, CellPoses, offset, on_grid
-from planner.ground.surface_bits import surfaces_under_wheels
-from planner.ground.vertical_curvature import vertical_curvature
-from planner.kernels.compiled import inlined, kernel, row_pass
-from planner.kernels.rows import copy_row
-from planner.kernels.workspace import empty, empty_singles
+from slopewise.models.arrays import Bools, Floats, Ints, Singles
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.footprint import POINTS, CellFrame, CellPoses, offset, on_grid
+from slopewise.planner.ground.surface_bits import surfaces_under_wheels
+from slopewise.planner.ground.vertical_curvature import vertical_curvature
+from slopewise.planner.kernels.compiled import inlined, kernel, row_pass
+from slopewise.planner.kernels.rows import copy_row
+from slopewise.planner.kernels.workspace import empty, empty_singles
 
 
 class TerrainRows(NamedTuple):

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from models.arrays import Floats
-from models.effects.effect_law import Enters
-from models.effects.registry import LAWS, validate
-from models.parameters import Braking, Effect, Model
-from models.quantity import GRAVITY, quantity, validate_quantities
+from slopewise.models.arrays import Floats
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.effects.registry import LAWS, validate
+from slopewise.models.parameters import Braking, Effect, Model
+from slopewise.models.quantity import GRAVITY, quantity, validate_quantities
 
 HOUR = 3600.0
 
@@ -99,7 +99,8 @@ class Uncertainty:
         """The model with its load limits and effects moved to where the vehicle stops later.
 
         Friction is not moved here: its lower end caps the force that stops the vehicle, its upper
-        end the one that unloads the rear axle (:func:`planner.ground.surface_table.frictions`).
+        end the one that unloads the rear axle
+        (:func:`slopewise.planner.ground.surface_table.frictions`).
         """
         margin = self.load_margin(model)
         limits = replace(model.limits, min_load=min(model.limits.min_load + margin, 0.9))

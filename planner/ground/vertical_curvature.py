@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from planner.kernels.compiled import kernel, row_pass
-from planner.kernels.rows import copy_row
-from planner.kernels.workspace import empty
+from slopewise.models.arrays import Bools, Floats
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.kernels.rows import copy_row
+from slopewise.planner.kernels.workspace import empty
 
 
 def vertical_curvature(station: Floats, grade: Floats, known: Bools) -> Floats:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
-from planner.plan import SpeedPlan, Status
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.planner.plan import SpeedPlan, Status
 
 MAX_HEADING_ERROR = 0.3
 """Largest angle between path and heading [rad]. Plans sweep the body along the path: turned by more
@@ -117,7 +117,7 @@ class Deficit:
     Attributes:
         amount: by how much, in the unit of the bound.
         distance: from the vehicle to where that is, along the plan [m].
-        bound: what is breached, as in :class:`planner.verify.judge.Violations`.
+        bound: what is breached, as in :class:`slopewise.planner.verify.judge.Violations`.
     """
 
     amount: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from planner.horizon.answer import (
+from slopewise.planner.horizon.answer import (
     FULL_STOP,
     CycleAnswer,
     Deficit,
@@ -13,10 +13,10 @@ from planner.horizon.answer import (
     Ranked,
     command_of,
 )
-from planner.horizon.previous_plan import PreviousPlan
-from planner.pipeline.ranking import ranking_cost
-from planner.plan import SpeedPlan, Status
-from planner.settings import PlannerSettings
+from slopewise.planner.horizon.previous_plan import PreviousPlan
+from slopewise.planner.pipeline.ranking import ranking_cost
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
 
 SAFE = (Status.OK, Status.BLOCKED)
 

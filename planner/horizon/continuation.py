@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.horizon.answer import Deficit
-from planner.horizon.cycle_planner import CyclePlanner
-from planner.horizon.offered_path import OfferedPath
-from planner.horizon.path_projection import PathProjection
-from planner.horizon.polyline import Polyline, station_of
-from planner.horizon.previous_plan import BEHIND, PreviousPlan
-from planner.path import PathBatch
-from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from planner.plan import Status
-from planner.verify.judge import Violations
+from slopewise.models.arrays import Floats
+from slopewise.planner.horizon.answer import Deficit
+from slopewise.planner.horizon.cycle_planner import CyclePlanner
+from slopewise.planner.horizon.offered_path import OfferedPath
+from slopewise.planner.horizon.path_projection import PathProjection
+from slopewise.planner.horizon.polyline import Polyline, station_of
+from slopewise.planner.horizon.previous_plan import BEHIND, PreviousPlan
+from slopewise.planner.path import PathBatch
+from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from slopewise.planner.plan import Status
+from slopewise.planner.verify.judge import Violations
 
 _LONG = 0.5
 """A plan that takes longer than that to the next station crawls [s]."""

@@ -7,20 +7,20 @@ from time import perf_counter
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.horizon.answer import FULL_STOP, CycleAnswer, Deficit, PlanarState, Ranked
-from planner.horizon.choice import SAFE, Choice, Finished
-from planner.horizon.continuation import Continuation, PathAhead
-from planner.horizon.cycle_batch import CycleBatch
-from planner.horizon.cycle_planner import CyclePlanner
-from planner.horizon.offered_path import index_of, offered_path, vehicle_on
-from planner.horizon.path_cut import cut, passed_stations
-from planner.horizon.polyline import Polyline
-from planner.horizon.previous_plan import PreviousPlan
-from planner.horizon.refusals import Drivable, drivable_of
-from planner.path import PathBatch, joined
-from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
-from planner.plan import Status
+from slopewise.models.arrays import Floats
+from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, Deficit, PlanarState, Ranked
+from slopewise.planner.horizon.choice import SAFE, Choice, Finished
+from slopewise.planner.horizon.continuation import Continuation, PathAhead
+from slopewise.planner.horizon.cycle_batch import CycleBatch
+from slopewise.planner.horizon.cycle_planner import CyclePlanner
+from slopewise.planner.horizon.offered_path import index_of, offered_path, vehicle_on
+from slopewise.planner.horizon.path_cut import cut, passed_stations
+from slopewise.planner.horizon.polyline import Polyline
+from slopewise.planner.horizon.previous_plan import PreviousPlan
+from slopewise.planner.horizon.refusals import Drivable, drivable_of
+from slopewise.planner.path import PathBatch, joined
+from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from slopewise.planner.plan import Status
 
 
 class Cycle:

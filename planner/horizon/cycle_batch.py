@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from planner.horizon.answer import Ranked
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from planner.verify.batch_judge import screen
-from planner.verify.judge import Violations
+from slopewise.models.arrays import Bools, Floats
+from slopewise.planner.horizon.answer import Ranked
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from slopewise.planner.verify.batch_judge import screen
+from slopewise.planner.verify.judge import Violations
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class CycleBatch:
         names: (M,) of the candidates.
         solved: their profiles; one more may be the path on which the previous plan goes on.
         violation: (M, kinds) the worst breach of each kind, as in
-            :class:`planner.verify.judge.Violations`.
+            :class:`slopewise.planner.verify.judge.Violations`.
         too_fast: (M,) service braking cannot bring down the speed at the start.
     """
 

@@ -8,18 +8,18 @@ from time import perf_counter
 
 import numpy as np
 
-from models.arrays import Floats
-from models.parameters import Model
-from planner.ground.braking_ground import GroundConditions
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import stations_along
-from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import HorizonSettings
-from planner.path import PathBatch
-from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from planner.plan import SpeedPlan
-from planner.settings import PlannerSettings
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import stations_along
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.horizon.answer import HorizonSettings
+from slopewise.planner.path import PathBatch
+from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.settings import PlannerSettings
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,19 +13,19 @@ from time import perf_counter
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from models.parameters import Model
-from planner.ground.braking_ground import GroundConditions
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import CycleAnswer, PlanarState
-from planner.horizon.answer import HorizonSettings as HorizonSettings
-from planner.horizon.cycle import Cycle
-from planner.horizon.cycle_planner import CyclePlanner, Equipment
-from planner.horizon.previous_plan import PreviousPlan
-from planner.path import CandidatePath, EvenPath, PathBatch, batch, behind_the_front
-from planner.settings import PlannerSettings
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
+from slopewise.planner.horizon.answer import HorizonSettings as HorizonSettings
+from slopewise.planner.horizon.cycle import Cycle
+from slopewise.planner.horizon.cycle_planner import CyclePlanner, Equipment
+from slopewise.planner.horizon.previous_plan import PreviousPlan
+from slopewise.planner.path import CandidatePath, EvenPath, PathBatch, batch, behind_the_front
+from slopewise.planner.settings import PlannerSettings
 
 
 class Horizon:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.horizon.answer import HorizonSettings, PlanarState
-from planner.horizon.path_projection import PathProjection
-from planner.horizon.polyline import Polyline
-from planner.horizon.previous_plan import BEHIND, OfferedStations, PreviousPlan
-from planner.path import PathBatch
+from slopewise.models.arrays import Floats
+from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
+from slopewise.planner.horizon.path_projection import PathProjection
+from slopewise.planner.horizon.polyline import Polyline
+from slopewise.planner.horizon.previous_plan import BEHIND, OfferedStations, PreviousPlan
+from slopewise.planner.path import PathBatch
 
 
 @dataclass(frozen=True, slots=True)

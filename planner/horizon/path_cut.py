@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import stations_along
-from planner.horizon.path_projection import PathProjection
-from planner.kernels.compiled import kernel
-from planner.path import PathBatch
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import stations_along
+from slopewise.planner.horizon.path_projection import PathProjection
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.path import PathBatch
 
 FEWEST = 3
 """Stations that a path needs, so that it has a curvature."""

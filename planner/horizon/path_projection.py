@@ -6,9 +6,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from planner.kernels.compiled import kernel
-from planner.raw_polyline import project
+from slopewise.models.arrays import Floats, Ints
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.raw_polyline import project
 
 _SEARCH = 15.0
 """The vehicle is looked for on this much of a path at first: it may cross itself later [m]."""

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from planner.kernels.compiled import kernel
-from planner.raw_polyline import arc, project
+from slopewise.models.arrays import Floats, Ints
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.raw_polyline import arc, project
 
 _WINDOW = 1.0
 _DRIFT = 0.1

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.horizon.path_projection import PathProjection, locate
-from planner.horizon.polyline import Polyline, limits_along, window
-from planner.path import PathBatch
-from planner.plan import SpeedPlan
+from slopewise.models.arrays import Floats
+from slopewise.planner.horizon.path_projection import PathProjection, locate
+from slopewise.planner.horizon.polyline import Polyline, limits_along, window
+from slopewise.planner.path import PathBatch
+from slopewise.planner.plan import SpeedPlan
 
 BEHIND = 2
 """Stations kept behind the vehicle: a station's force is that of its neighbours too, and their

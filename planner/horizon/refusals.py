@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from planner.horizon.answer import HorizonSettings, PlanarState, Ranked
-from planner.horizon.path_cut import FEWEST
-from planner.horizon.path_projection import PathProjection, locate
-from planner.kernels.compiled import kernel
-from planner.path import PathBatch
-from planner.path_deviation import PathDeviation, path_deviation
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.planner.horizon.answer import HorizonSettings, PlanarState, Ranked
+from slopewise.planner.horizon.path_cut import FEWEST
+from slopewise.planner.horizon.path_projection import PathProjection, locate
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.path import PathBatch
+from slopewise.planner.path_deviation import PathDeviation, path_deviation
 
 _ENDS = 0.01
 """A path that ends this close to the vehicle is driven [m]."""

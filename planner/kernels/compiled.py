@@ -15,12 +15,11 @@ from typing import Any, ParamSpec, TypeVar, cast
 from numba.core import config
 from numpy.typing import NDArray
 
-import models
-from planner.kernels.borrowing import Borrowing
-from planner.kernels.interpreted import Kernel
-from planner.kernels.stale import forget_stale_kernels
+from slopewise.planner.kernels.borrowing import Borrowing
+from slopewise.planner.kernels.interpreted import Kernel
+from slopewise.planner.kernels.stale import forget_stale_kernels
 
-forget_stale_kernels(Path(__file__).parents[1], Path(models.__file__ or "").parent)
+forget_stale_kernels(Path(__file__).parents[1], Path(__file__).parents[2] / "models")
 
 P = ParamSpec("P")
 R = TypeVar("R")

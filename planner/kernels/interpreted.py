@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba.core.registry import CPUDispatcher
 
-from planner.kernels.borrowing import Borrowing
+from slopewise.planner.kernels.borrowing import Borrowing
 
 
 class Kernel(CPUDispatcher):

@@ -17,8 +17,8 @@ from llvmlite import binding
 from numba.core import config
 from numba.misc.appdirs import AppDirs
 
-import models
-from planner.kernels.stale import digest_of
+from slopewise import models
+from slopewise.planner.kernels.stale import digest_of
 
 PACKAGE = Path(__file__).parents[1]
 

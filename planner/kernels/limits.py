@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from models.effects.registry import crest_share as crest_share_of
-from models.parameters import Model
-from models.quantity import GRAVITY
+from slopewise.models.effects.registry import crest_share as crest_share_of
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
 
 
 class PlanningLimits(NamedTuple):

@@ -1,15 +1,15 @@
 """The motion laws of all registered effects, compiled as one sum.
 
-Their number is part of the type of :class:`models.effects.registry.MotionTerms`: kernels that were
-compiled before an effect with another number of parameters came are compiled anew.
+Their number is part of the type of :class:`slopewise.models.effects.registry.MotionTerms`: kernels
+that were compiled before an effect with another number of parameters came are compiled anew.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from models.effects.registry import LAWS, MOTION_LAWS, MotionTerms
-from planner.kernels.compiled import inlined
+from slopewise.models.effects.registry import LAWS, MOTION_LAWS, MotionTerms
+from slopewise.planner.kernels.compiled import inlined
 
 _Law = Callable[[float, float, float, MotionTerms], float]
 
@@ -43,4 +43,4 @@ def _all_laws() -> _Law:
 
 
 motion_deceleration = _all_laws()
-"""As :func:`models.effects.registry.motion_deceleration`, for kernels."""
+"""As :func:`slopewise.models.effects.registry.motion_deceleration`, for kernels."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from planner.kernels.compiled import row_pass
+from slopewise.planner.kernels.compiled import row_pass
 
 
 @row_pass

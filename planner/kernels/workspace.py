@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats, Singles
+from slopewise.models.arrays import Floats, Singles
 
 _SMALL = 1 << 17
 """Below this many bytes the allocator of the language keeps memory warm by itself."""

@@ -10,16 +10,16 @@ from functools import cached_property
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.quantity import GRAVITY
-from planner.limiting import Limiting
-from planner.pipeline import labels
-from planner.pipeline.momentum import momentum_over
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from planner.plan import Momentum, Obstacle
-from planner.profile.time_optimal import ProfileProblem, time_optimal_profile
-from planner.verify.judge import Judgement, check
-from planner.verify.track import track_of
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.pipeline import labels
+from slopewise.planner.pipeline.momentum import momentum_over
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from slopewise.planner.plan import Momentum, Obstacle
+from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_profile
+from slopewise.planner.verify.judge import Judgement, check
+from slopewise.planner.verify.track import track_of
 
 
 class CandidateColumn:
@@ -106,7 +106,7 @@ class CandidateColumn:
         return None if ends_there and len(ends) else found
 
     def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Judgement:
-        """Exact constraints of a profile (N,); see :func:`planner.verify.judge.check`."""
+        """Exact constraints of a profile (N,); see :func:`slopewise.planner.verify.judge.check`."""
         return check(
             self.track,
             speed_sq,

@@ -1,7 +1,7 @@
 """From candidate paths to verified plans.
 
 Candidates travel as one batch through terrain, bounds and the time-optimal profile; what is emitted
-is smoothed and judged one by one (:mod:`planner.pipeline.plan_finalizer`).
+is smoothed and judged one by one (:mod:`slopewise.planner.pipeline.plan_finalizer`).
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from models.parameters import Model
-from planner.ground.braking_ground import GroundConditions
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.path import (
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.path import (
     CandidatePath,
     EvenPath,
     behind_the_front,
     resample,
     side_by_side,
 )
-from planner.path_deviation import path_deviation
-from planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from planner.plan import SpeedPlan
-from planner.settings import PlannerSettings
+from slopewise.planner.path_deviation import path_deviation
+from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.settings import PlannerSettings
 
 _BATCH = 256
 

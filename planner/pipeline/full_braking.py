@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.ground.braking_ground import StopErrors
-from planner.limiting import Limiting
-from planner.pipeline.candidate_column import CandidateColumn
-from planner.pipeline.standing import stop_reason
-from planner.plan import Status, motion_of
-from planner.verify.judge import Judgement
+from slopewise.models.arrays import Floats
+from slopewise.planner.ground.braking_ground import StopErrors
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
+from slopewise.planner.pipeline.standing import stop_reason
+from slopewise.planner.plan import Status, motion_of
+from slopewise.planner.verify.judge import Judgement
 
 
 class Judged(NamedTuple):

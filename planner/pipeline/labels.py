@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.quantity import GRAVITY
-from planner.kernels.compiled import inlined, kernel
-from planner.kernels.limits import PlanningLimits
-from planner.limiting import Limiting
-from planner.verify.track import Track
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.kernels.compiled import inlined, kernel
+from slopewise.planner.kernels.limits import PlanningLimits
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.verify.track import Track
 
 _HARDLY = 0.01
 """Accelerations closer than this are one to a reader [m/s²]."""
@@ -85,7 +85,7 @@ def labels(
         smoothed: what holds neither bound nor acceleration back is jerk.
 
     Returns:
-        (N,) codes of :class:`planner.limiting.Limiting`.
+        (N,) codes of :class:`slopewise.planner.limiting.Limiting`.
     """
     result = np.empty(speed_sq.shape[0], np.int64)
     for k in range(speed_sq.shape[0]):

@@ -5,18 +5,18 @@ so that whoever plans the route, or drives, knows what is missing.
 
 v dv = g (min(F/W, P/(W v)) − demand) ds, taken backwards from where thrust suffices again; on the
 way there the vehicle may slow down to nothing. Validity: wheels that do not spin, and speeds that
-are held by nothing but thrust and slope. Source: :mod:`models.laws.drive`.
+are held by nothing but thrust and slope. Source: :mod:`slopewise.models.laws.drive`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
-from planner.kernels.limits import PlanningLimits
-from planner.plan import Momentum
-from planner.verify.track import Track
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.kernels.limits import PlanningLimits
+from slopewise.planner.plan import Momentum
+from slopewise.planner.verify.track import Track
 
 _CRAWL = 1e-3
 """Below this speed power is no matter [m/s]."""

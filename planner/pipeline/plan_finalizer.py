@@ -10,16 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.pipeline.candidate_column import CandidateColumn
-from planner.pipeline.full_braking import Judged, brake_hard, emergency_stop
-from planner.pipeline.standing import standing, stop_reason
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from planner.plan import SpeedPlan, Status, motion_of
-from planner.profile.smoothing import smooth
-from planner.profile.smoothing_problem import SmoothingProblem
-from planner.settings import Solver
-from planner.verify.judge import Judgement
+from slopewise.models.arrays import Floats
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
+from slopewise.planner.pipeline.full_braking import Judged, brake_hard, emergency_stop
+from slopewise.planner.pipeline.standing import standing, stop_reason
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from slopewise.planner.plan import SpeedPlan, Status, motion_of
+from slopewise.planner.profile.smoothing import smooth
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.settings import Solver
+from slopewise.planner.verify.judge import Judgement
 
 _REPAIRS = 12
 _REPAIR_SHARE = 0.96

@@ -1,16 +1,17 @@
 """What a plan costs: the one ranking of `slopewise plan`, of the moving horizon and of the service.
 
-All weights are those of :class:`planner.settings.PlannerSettings`. A time-optimal profile has no
-margin yet, so a batch is ordered by :func:`planner.profile.time_optimal.travel_cost` alone, which
-is :func:`travel_cost` of this module before the plan is finished.
+All weights are those of :class:`slopewise.planner.settings.PlannerSettings`. A time-optimal profile
+has no margin yet, so a batch is ordered by
+:func:`slopewise.planner.profile.time_optimal.travel_cost` alone, which is :func:`travel_cost` of
+this module before the plan is finished.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from planner.plan import SpeedPlan, Status
-from planner.settings import PlannerSettings
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
 
 
 def travel_cost(plan: SpeedPlan, settings: PlannerSettings) -> float:

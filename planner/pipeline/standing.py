@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from models.arrays import Floats
-from models.laws.holding import friction_holds
-from models.laws.wheel_loads import left_load_share, right_load_share
-from models.quantity import GRAVITY
-from planner.limiting import Limiting
-from planner.pipeline.candidate_column import CandidateColumn
-from planner.plan import Status
+from slopewise.models.arrays import Floats
+from slopewise.models.laws.holding import friction_holds
+from slopewise.models.laws.wheel_loads import left_load_share, right_load_share
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
+from slopewise.planner.plan import Status
 
 _HARDLY_SHORT = 1.0
 """So far before the end of its path a plan may rest, beside what stops keep free [m]."""

@@ -1,7 +1,7 @@
 """Terrain, ground, bounds and time-optimal profiles of a batch: the first half of every plan.
 
 Plans of single questions, cycles of the moving horizon and plans under changed assumptions all come
-from here; the second half is :mod:`planner.pipeline.plan_finalizer`.
+from here; the second half is :mod:`slopewise.planner.pipeline.plan_finalizer`.
 """
 
 from __future__ import annotations
@@ -10,18 +10,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.parameters import Model
-from planner.bounds.speed_bounds import SpeedBounds, speed_bounds
-from planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from planner.ground.uncertainty import Uncertainty
-from planner.kernels.limits import PlanningLimits, planning_limits
-from planner.path import PathBatch
-from planner.profile.time_optimal import profile_problem, time_optimal_profile, travel_cost
-from planner.settings import PlannerSettings, Solver
-from planner.swept.hazards import Hazards, nothing_looked_for, swept_hazards
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.parameters import Model
+from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
+from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.kernels.limits import PlanningLimits, planning_limits
+from slopewise.planner.path import PathBatch
+from slopewise.planner.profile.time_optimal import (
+    profile_problem,
+    time_optimal_profile,
+    travel_cost,
+)
+from slopewise.planner.settings import PlannerSettings, Solver
+from slopewise.planner.swept.hazards import Hazards, nothing_looked_for, swept_hazards
 
 _ROUNDING = 1e-9
 """By so much v² at the start may exceed what service braking can bring down [m²/s²]."""

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from planner.kernels.compiled import inlined, kernel, row_pass
-from planner.kernels.rows import copy_row
+from slopewise.models.arrays import Bools, Floats
+from slopewise.planner.kernels.compiled import inlined, kernel, row_pass
+from slopewise.planner.kernels.rows import copy_row
 
 _ITERATIONS = 60
 _TOLERANCE = 1e-5

@@ -1,4 +1,5 @@
-"""The same nearest point by OSQP, which shares nothing with :mod:`planner.profile.banded_nearest`.
+"""The same nearest point by OSQP, which shares nothing with
+:mod:`slopewise.planner.profile.banded_nearest`.
 
 A first-order method: slow where constraints are active over many stations, but it has no factors
 that could break down. It is asked where the interior-point method fails.
@@ -10,7 +11,7 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Floats
 
 _TOLERANCE = 1e-4
 _ITERATIONS = 4000
@@ -20,7 +21,9 @@ _ITERATIONS = 4000
 def nearest_by_osqp(
     wanted: Floats, fixed: Bools, rows: Floats, limit: Floats, x: Floats, force: Floats
 ) -> int:
-    """As :func:`planner.profile.banded_nearest.nearest`; constraints are kept within 1e-4."""
+    """As :func:`slopewise.planner.profile.banded_nearest.nearest`; constraints are kept within
+    1e-4.
+    """
     n = len(wanted)
     a, right = matrix_of(rows), limit.ravel()
     # What is fixed moves to the right.

@@ -2,11 +2,10 @@
 
 Two programs over the speeds at the stations, both minimising travel time with v² linear between
 stations: the time-optimal one has exactly the discrete constraints of
-:mod:`planner.profile.time_optimal`; the jerk-limited one has the exact constraints that
-:mod:`planner.profile.smoothing` replaces by tangents. A program is built once for a number of
-stations and solved for any candidate of that length. It
-takes milliseconds to seconds and may stop at a local optimum: for tests, benchmarks, and plans
-that have the time.
+:mod:`slopewise.planner.profile.time_optimal`; the jerk-limited one has the exact constraints that
+:mod:`slopewise.planner.profile.smoothing` replaces by tangents. A program is built once for a
+number of stations and solved for any candidate of that length. It takes milliseconds to seconds and
+may stop at a local optimum: for tests, benchmarks, and plans that have the time.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.quantity import GRAVITY
-from planner.plan import motion_of
-from planner.profile.smoothing_problem import SmoothingProblem
-from planner.profile.time_optimal import ProfileProblem
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.plan import motion_of
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.time_optimal import ProfileProblem
 
 _STANDSTILL = 1e-9
 """v² up to which a station is at rest [m²/s²]."""
@@ -43,7 +42,8 @@ _ONE_AT_A_TIME = Lock()
 
 @dataclass(frozen=True, slots=True)
 class TimeOptimalProblem:
-    """One candidate out of :class:`planner.profile.time_optimal.ProfileProblem`; arrays are (N,).
+    """One candidate out of :class:`slopewise.planner.profile.time_optimal.ProfileProblem`; arrays
+    are (N,).
 
     Attributes:
         station: [m], increasing.

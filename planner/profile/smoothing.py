@@ -2,11 +2,12 @@
 
 The fastest profile is, within hundredths of a percent, the one nearest to the time-optimal profile
 from below, which is a quadratic program. Its one nonlinear constraint, the time in which the
-acceleration changes, stands there as its tangent (see :mod:`planner.profile.smoothing_program`):
-the program's set lies inside the exact one, so what it returns may be driven. An interior-point
-method along the stations solves it; where that fails OSQP is asked, unless the failure itself
-proves that there is nothing to find. Either can be asked first by a setting, as can IPOPT, which
-solves the exact program. An answer depends on nothing that was solved before.
+acceleration changes, stands there as its tangent (see
+:mod:`slopewise.planner.profile.smoothing_program`): the program's set lies inside the exact one, so
+what it returns may be driven. An interior-point method along the stations solves it; where that
+fails OSQP is asked, unless the failure itself proves that there is nothing to find. Either can be
+asked first by a setting, as can IPOPT, which solves the exact program. An answer depends on nothing
+that was solved before.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.kernels.compiled import kernel
-from planner.profile.banded_nearest import keeps_none, nearest, room
-from planner.profile.osqp_nearest import nearest_by_osqp
-from planner.profile.smoothing_problem import SmoothingProblem
-from planner.profile.smoothing_program import FEWEST, REST, TIGHTER, program, reachable
-from planner.settings import Solver
+from slopewise.models.arrays import Floats
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.profile.banded_nearest import keeps_none, nearest, room
+from slopewise.planner.profile.osqp_nearest import nearest_by_osqp
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.smoothing_program import FEWEST, REST, TIGHTER, program, reachable
+from slopewise.planner.settings import Solver
 
 _Numbers = tuple[Floats, Floats, Floats, Floats, float, float]
 """Of a problem: its attributes in their order, NaN for an acceleration that does not matter."""
@@ -171,7 +172,7 @@ def _by_ipopt(
     speed_sq: Floats,
 ) -> int:
     """The exact program by CasADi and IPOPT, tightened as the others are; much slower."""
-    from planner.profile.reference import jerk_limited_of_any_length
+    from slopewise.planner.profile.reference import jerk_limited_of_any_length
 
     before = None if np.isnan(start_accel) else start_accel
     accel, decel = (np.maximum(most - TIGHTER, 0.0) for most in (accel_max, decel_max))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from planner.kernels.compiled import inlined, kernel
+from slopewise.models.arrays import Bools, Floats
+from slopewise.planner.kernels.compiled import inlined, kernel
 
 REST = 1e-9
 """v² up to this is rest [m²/s²]."""

@@ -12,14 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
-from planner.bounds.speed_bounds import SpeedBounds
-from planner.ground.braking_ground import BrakingGround
-from planner.ground.terrain_profile import TerrainProfile
-from planner.kernels.compiled import TILE, inlined, kernel, row_pass
-from planner.kernels.limits import PlanningLimits
-from planner.kernels.workspace import empty
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.bounds.speed_bounds import SpeedBounds
+from slopewise.planner.ground.braking_ground import BrakingGround
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.kernels.compiled import TILE, inlined, kernel, row_pass
+from slopewise.planner.kernels.limits import PlanningLimits
+from slopewise.planner.kernels.workspace import empty
 
 _SURELY = 1.0 + 1e-9
 _SLOW = 1e-3

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from planner.ground.elevation_map import ElevationMap
-from planner.kernels.compiled import kernel
-from planner.swept.screen_reach import cells_of
-from planner.swept.sizes import SweptSizes
+from slopewise.models.arrays import Floats, Ints
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.swept.screen_reach import cells_of
+from slopewise.planner.swept.sizes import SweptSizes
 
 
 class Around(NamedTuple):

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bytes, Floats, Singles
-from planner.kernels.compiled import inlined, kernel
-from planner.swept.wheel_path import gentler
+from slopewise.models.arrays import Bytes, Floats, Singles
+from slopewise.planner.kernels.compiled import inlined, kernel
+from slopewise.planner.swept.wheel_path import gentler
 
 
 class Blocks(NamedTuple):

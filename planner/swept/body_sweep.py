@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.kernels.compiled import inlined
-from planner.swept.findings import Finding, Kind
-from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_path import Ground, Pose
+from slopewise.models.arrays import Floats
+from slopewise.planner.kernels.compiled import inlined
+from slopewise.planner.swept.findings import Finding, Kind
+from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.wheel_path import Ground, Pose
 
 _NOTHING, _UNKNOWN, _UNDERSIDE = int(Kind.NOTHING), int(Kind.UNKNOWN), int(Kind.UNDERSIDE)
 _FRONT, _REAR, _SIDE = int(Kind.FRONT), int(Kind.REAR), int(Kind.SIDE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
-from planner.limiting import Limiting
+from slopewise.planner.limiting import Limiting
 
 
 class Kind(IntEnum):

@@ -8,22 +8,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import TerrainProfile
-from planner.kernels.workspace import empty
-from planner.limiting import Limiting
-from planner.plan import Obstacle
-from planner.swept.findings import BARS, Finding, Kind
-from planner.swept.ride import ride_of, run_up
-from planner.swept.roughness import rough_speeds
-from planner.swept.run_up import ground_behind
-from planner.swept.screen_cache import screen_for
-from planner.swept.sentences import cannot_see, obstacle_of
-from planner.swept.sizes import swept_sizes
-from planner.swept.sweep import Swept, SweptPaths, scratch_for, sweep
-from planner.swept.wheel_path import Ground, Pose
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.kernels.workspace import empty
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.plan import Obstacle
+from slopewise.planner.swept.findings import BARS, Finding, Kind
+from slopewise.planner.swept.ride import ride_of, run_up
+from slopewise.planner.swept.roughness import rough_speeds
+from slopewise.planner.swept.run_up import ground_behind
+from slopewise.planner.swept.screen_cache import screen_for
+from slopewise.planner.swept.sentences import cannot_see, obstacle_of
+from slopewise.planner.swept.sizes import swept_sizes
+from slopewise.planner.swept.sweep import Swept, SweptPaths, scratch_for, sweep
+from slopewise.planner.swept.wheel_path import Ground, Pose
 
 _BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
 
@@ -44,8 +44,9 @@ class Hazards:
 
     Attributes:
         rows: ``code`` (N, M) is 0 where body and wheels may be, else what bars the pose, as
-            :class:`planner.limiting.Limiting`; it holds for all poses from the station before on.
-            ``rough_speed`` (N, M) is the highest speed that the ground's roughness allows [m/s].
+            :class:`slopewise.planner.limiting.Limiting`; it holds for all poses from the station
+            before on. ``rough_speed`` (N, M) is the highest speed that the ground's roughness
+            allows [m/s].
         unseen: what the map is too coarse to show, a sentence; empty where it shows all.
         obstacle: what bars station k of candidate j, None where nothing does.
         looked: poses that the screen of the map did not clear.

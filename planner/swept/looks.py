@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Bytes, Floats, Singles
-from planner.kernels.compiled import inlined, row_pass
-from planner.swept.screen import Screen
-from planner.swept.sizes import SweptSizes
-from planner.swept.verdicts import UNSEEN
-from planner.swept.wheel_path import Pose, place
-from planner.swept.wheel_sweep import wheel_at
+from slopewise.models.arrays import Bools, Bytes, Floats, Singles
+from slopewise.planner.kernels.compiled import inlined, row_pass
+from slopewise.planner.swept.screen import Screen
+from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.verdicts import UNSEEN
+from slopewise.planner.swept.wheel_path import Pose, place
+from slopewise.planner.swept.wheel_sweep import wheel_at
 
 TWIST, WHEEL, WHEELS = 8, 16, 240
 """More bits than the screen has: the wheels' own heights ask for a closer look; the front left

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Singles
-from planner.kernels.compiled import kernel, row_pass
-from planner.swept.lanes import PLUS_ZERO
-from planner.swept.ride import Ride
+from slopewise.models.arrays import Singles
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.swept.lanes import PLUS_ZERO
+from slopewise.planner.swept.ride import Ride
 
 _MEMORY = 1.0 / 3.0
 """Time over which the mean square is taken, in periods: about as long as a bounce lasts."""

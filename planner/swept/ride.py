@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Singles
-from models.parameters import Model
-from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_path import rim_at
+from slopewise.models.arrays import Singles
+from slopewise.models.parameters import Model
+from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.wheel_path import rim_at
 
 LEVELS, RATIO = 4, 0.7
 """Speeds tried, and the ratio of each to the next."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Singles
-from planner.kernels.compiled import kernel, row_pass
-from planner.swept.lanes import PLUS_ZERO
-from planner.swept.ride import Ride
+from slopewise.models.arrays import Singles
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.swept.lanes import PLUS_ZERO
+from slopewise.planner.swept.ride import Ride
 
 _EMPHASIS = 0.125
 """What straight lines between samples, and means over them, take from a wave: x²/8 at phase x."""

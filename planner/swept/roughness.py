@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats, Singles
-from planner.kernels.compiled import kernel, row_pass
-from planner.kernels.workspace import empty, empty_singles
-from planner.swept.lanes import PLUS_ZERO
-from planner.swept.quarter_car import advance, bounce_step, set_out
-from planner.swept.ride import LEVELS, RATIO, Ride
-from planner.swept.rolling import roll
+from slopewise.models.arrays import Floats, Singles
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.kernels.workspace import empty, empty_singles
+from slopewise.planner.swept.lanes import PLUS_ZERO
+from slopewise.planner.swept.quarter_car import advance, bounce_step, set_out
+from slopewise.planner.swept.ride import LEVELS, RATIO, Ride
+from slopewise.planner.swept.rolling import roll
 
 
 def rough_speeds(behind: Singles, front: Singles, ride: Ride, spacing: Floats) -> Floats:

@@ -6,11 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Singles
-from planner.ground.footprint import CellFrame, CellPoses, offset, on_grid
-from planner.ground.terrain_profile import TerrainProfile, above_first, interpolate, locate
-from planner.kernels.compiled import kernel, row_pass
-from planner.swept.wheel_path import Ground
+from slopewise.models.arrays import Floats, Singles
+from slopewise.planner.ground.footprint import CellFrame, CellPoses, offset, on_grid
+from slopewise.planner.ground.terrain_profile import (
+    TerrainProfile,
+    above_first,
+    interpolate,
+    locate,
+)
+from slopewise.planner.kernels.compiled import kernel, row_pass
+from slopewise.planner.swept.wheel_path import Ground
 
 
 def ground_behind(

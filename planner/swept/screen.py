@@ -4,9 +4,9 @@ Around each block of cells a quadratic surface is taken off. Wheels and body fol
 four wheels at one distance from the middle follow a bowl; what a saddle costs is bounded by its
 curvature, and all else by the range of what is left. A step is looked for in what is left, too: the
 slope of the surface explains the rest of a climb. So the screen may send a pose that is free to
-:mod:`planner.swept.sweep`, and clears none that it bars, but for climbs within a few millimetres of
-what is barred: the sweep counts a little less of a step and of the slope around it, for what a map
-does not show (``cleared`` of :class:`planner.swept.sizes.SweptSizes`).
+:mod:`slopewise.planner.swept.sweep`, and clears none that it bars, but for climbs within a few
+millimetres of what is barred: the sweep counts a little less of a step and of the slope around it,
+for what a map does not show (``cleared`` of :class:`slopewise.planner.swept.sizes.SweptSizes`).
 """
 
 from __future__ import annotations
@@ -15,16 +15,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bytes, Ints, Singles
-from planner.ground.elevation_map import ElevationMap
-from planner.kernels.compiled import kernel
-from planner.swept.around import Around
-from planner.swept.blocks import Blocks, blocks_of, smoothed
-from planner.swept.screen_reach import ScreenBounds, ScreenOffsets, bounds_of, cells_of, offsets_of
-from planner.swept.sizes import SweptSizes
-from planner.swept.surfaces import FacetRow, Surface, bend, felt, fit, range_of, stood_on, warp
-from planner.swept.tyre_profile import Facets
-from planner.swept.verdicts import BODY, UNSEEN, judge_body, judge_relief, nearest, unseen
+from slopewise.models.arrays import Bytes, Ints, Singles
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.swept.around import Around
+from slopewise.planner.swept.blocks import Blocks, blocks_of, smoothed
+from slopewise.planner.swept.screen_reach import (
+    ScreenBounds,
+    ScreenOffsets,
+    bounds_of,
+    cells_of,
+    offsets_of,
+)
+from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.surfaces import (
+    FacetRow,
+    Surface,
+    bend,
+    felt,
+    fit,
+    range_of,
+    stood_on,
+    warp,
+)
+from slopewise.planner.swept.tyre_profile import Facets
+from slopewise.planner.swept.verdicts import BODY, UNSEEN, judge_body, judge_relief, nearest, unseen
 
 
 class Screen(NamedTuple):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from models.arrays import Floats
-from models.vehicle import Vehicle
-from planner.ground.elevation_map import ElevationMap
-from planner.swept.around import around
-from planner.swept.screen import Judged, Screen, screen_of
-from planner.swept.sizes import SweptSizes
+from slopewise.models.arrays import Floats
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.swept.around import around
+from slopewise.planner.swept.screen import Judged, Screen, screen_of
+from slopewise.planner.swept.sizes import SweptSizes
 
 _KEPT = 4
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints, Singles
-from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_path import rim_at
+from slopewise.models.arrays import Floats, Ints, Singles
+from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.wheel_path import rim_at
 
 _BLOCKS = 6.0
 """Blocks to the wheelbase."""
@@ -27,7 +27,7 @@ def cells_of(sizes: SweptSizes, resolution: float) -> int:
 
 
 class ScreenBounds(NamedTuple):
-    """Numbers of :func:`planner.swept.screen.screen_of`, as float32 [m].
+    """Numbers of :func:`slopewise.planner.swept.screen.screen_of`, as float32 [m].
 
     Attributes:
         fit: distance of the points that a surface is taken off [blocks]; edge: of a block.

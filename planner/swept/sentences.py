@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from models.vehicle import Shape, Vehicle
-from planner.plan import Obstacle
-from planner.swept.findings import BARS, Finding, Kind
-from planner.swept.sizes import SweptSizes, swept_sizes
-from planner.swept.wheel_path import Pose
+from slopewise.models.vehicle import Shape, Vehicle
+from slopewise.planner.plan import Obstacle
+from slopewise.planner.swept.findings import BARS, Finding, Kind
+from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
+from slopewise.planner.swept.wheel_path import Pose
 
 _WHAT = {
     Kind.RISE: "a step of {height:.2f} m up under the {wheel} wheel",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from models.vehicle import Vehicle
+from slopewise.models.vehicle import Vehicle
 
 _STEPS_PER_RADIUS = 6
 _SHOWN = 0.9
@@ -25,9 +25,9 @@ class SweptSizes(NamedTuple):
         half_length, half_width: of the rectangle of the wheels.
         front, rear, side: ends of the body from the middle of the wheelbase.
         margin: half a cell, by which the body is wider: a cell that it touches counts.
-        clearance: of the underside. wheel_travel: see :class:`models.vehicle.Shape`.
+        clearance: of the underside. wheel_travel: see :class:`slopewise.models.vehicle.Shape`.
         radius, half_tyre: of a wheel: its radius, half its width.
-        max_step: see :class:`models.vehicle.Shape`.
+        max_step: see :class:`slopewise.models.vehicle.Shape`.
         stride: between samples of the ground under a wheel.
         chord: how far ahead the wheel's climb is looked at. steepest: the highest climb of its
             centre within that distance that is no step. cleared: a climb so high, beyond the slope

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Singles
-from planner.kernels.compiled import row_pass
-from planner.swept.lanes import PLUS_ZERO
+from slopewise.models.arrays import Singles
+from slopewise.planner.kernels.compiled import row_pass
+from slopewise.planner.swept.lanes import PLUS_ZERO
 
 
 class Surface(NamedTuple):

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints, Singles
-from planner.ground.terrain_profile import TerrainRows
-from planner.kernels.compiled import inlined, kernel
-from planner.swept.body_sweep import body_met
-from planner.swept.findings import Finding, Kind
-from planner.swept.looks import (
+from slopewise.models.arrays import Floats, Ints, Singles
+from slopewise.planner.ground.terrain_profile import TerrainRows
+from slopewise.planner.kernels.compiled import inlined, kernel
+from slopewise.planner.swept.body_sweep import body_met
+from slopewise.planner.swept.findings import Finding, Kind
+from slopewise.planner.swept.looks import (
     TWIST,
     WHEEL,
     WHEELS,
@@ -21,12 +21,12 @@ from planner.swept.looks import (
     looks_at,
     wheel_looks,
 )
-from planner.swept.screen import Screen
-from planner.swept.sizes import SweptSizes
-from planner.swept.tyre_profile import Facets, resting_height, standing_height
-from planner.swept.verdicts import BODY, UNSEEN
-from planner.swept.wheel_path import Ground, Pose, rim_at
-from planner.swept.wheel_sweep import Slopes, step_met, twisted, wheel_at
+from slopewise.planner.swept.screen import Screen
+from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.tyre_profile import Facets, resting_height, standing_height
+from slopewise.planner.swept.verdicts import BODY, UNSEEN
+from slopewise.planner.swept.wheel_path import Ground, Pose, rim_at
+from slopewise.planner.swept.wheel_sweep import Slopes, step_met, twisted, wheel_at
 
 _NOTHING = int(Kind.NOTHING)
 _UNKNOWN = int(Kind.UNKNOWN)
@@ -68,9 +68,10 @@ class Swept(NamedTuple):
     """Bars of M candidates.
 
     Attributes:
-        bars: code of each :class:`planner.swept.findings.Kind`, 0 if it bars nothing.
+        bars: code of each :class:`slopewise.planner.swept.findings.Kind`, 0 if it bars nothing.
         code: (N, M) out, 0 where nothing bars.
-        found: (M, 4) out, the numbers of a :class:`planner.swept.findings.Finding` where one does.
+        found: (M, 4) out, the numbers of a :class:`slopewise.planner.swept.findings.Finding` where
+        one does.
     """
 
     bars: Ints
@@ -94,7 +95,7 @@ def pose_met(
     Args:
         ground: map. facets: of its cells. pose: of the vehicle.
         back: distance of the pose before [m].
-        looks: bits of what is looked for; see :mod:`planner.swept.looks`.
+        looks: bits of what is looked for; see :mod:`slopewise.planner.swept.looks`.
         sizes: of the vehicle.
         scratch: room, with the slopes around the wheels.
         unknown_bars: unknown ground under the body does.
@@ -143,7 +144,7 @@ def sweep(
 
     Args:
         ground: map. paths: M candidates.
-        twist: (N, M) as of :class:`planner.ground.terrain_profile.TerrainProfile` [m].
+        twist: (N, M) as of :class:`slopewise.planner.ground.terrain_profile.TerrainProfile` [m].
         screen: of the map. sizes: of the vehicle.
         scratch: as of :func:`scratch_for`. out: filled in.
 

@@ -6,18 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Singles
-from planner.ground.elevation_map import height_at
-from planner.kernels.compiled import inlined
-from planner.swept.sizes import SweptSizes
-from planner.swept.wheel_path import NO_GROUND, Ground, Pose, place
+from slopewise.models.arrays import Floats, Singles
+from slopewise.planner.ground.elevation_map import height_at
+from slopewise.planner.kernels.compiled import inlined
+from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.wheel_path import NO_GROUND, Ground, Pose, place
 
 
 class Facets(NamedTuple):
     """Part of a map for compiled code.
 
     Attributes:
-        cells: (rows, columns, 4) as of :class:`planner.swept.blocks.Blocks`; the outermost are
+        cells: (rows, columns, 4) as of :class:`slopewise.planner.swept.blocks.Blocks`; the
+        outermost are
             unknown.
         origin_x, origin_y: centre of cell [0, 0] [m]. per_metre: cells in a metre.
         level: height of the map that theirs are above [m].

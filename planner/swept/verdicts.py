@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bytes, Singles
-from planner.kernels.compiled import row_pass
-from planner.swept.lanes import PLUS_ZERO
-from planner.swept.screen_reach import ScreenBounds
-from planner.swept.surfaces import Surface
+from slopewise.models.arrays import Bytes, Singles
+from slopewise.planner.kernels.compiled import row_pass
+from slopewise.planner.swept.lanes import PLUS_ZERO
+from slopewise.planner.swept.screen_reach import ScreenBounds
+from slopewise.planner.swept.surfaces import Surface
 
 UNSEEN, BODY = 1, 2
 """Bits: something in reach is unknown; the body may strike."""

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from planner.kernels.compiled import inlined
+from slopewise.models.arrays import Floats
+from slopewise.planner.kernels.compiled import inlined
 
 NO_GROUND = -1e12
 """Height of what is unknown, where the highest counts [m]."""

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.kernels.compiled import inlined
-from planner.swept.findings import Finding, Kind
-from planner.swept.sizes import SweptSizes
-from planner.swept.tyre_profile import Facets, TyreLine, tyre_profile
-from planner.swept.wheel_path import NO_GROUND, Pose, drop_of_rim
+from slopewise.models.arrays import Floats
+from slopewise.planner.kernels.compiled import inlined
+from slopewise.planner.swept.findings import Finding, Kind
+from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.tyre_profile import Facets, TyreLine, tyre_profile
+from slopewise.planner.swept.wheel_path import NO_GROUND, Pose, drop_of_rim
 
 _NOTHING, _RISE, _DROP, _TWIST = (
     int(Kind.NOTHING),

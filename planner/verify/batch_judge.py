@@ -1,7 +1,7 @@
 """The judge on all candidates of a batch at once: valid or not.
 
-The same judge as of a plan that is emitted (:mod:`planner.verify.judge`), without the columns of a
-plan file.
+The same judge as of a plan that is emitted (:mod:`slopewise.planner.verify.judge`), without the
+columns of a plan file.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.parameters import Model
-from planner.bounds.speed_bounds import SpeedBounds
-from planner.ground.braking_ground import BrakingGround
-from planner.ground.forces import Forces
-from planner.ground.terrain_profile import TerrainProfile, TerrainRows
-from planner.kernels.compiled import kernel
-from planner.verify.judge import JudgedPlan, JudgeNotes, Violations, judge_track, terms_of
-from planner.verify.track import Terms, Track, copy_columns, survey_of
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Model
+from slopewise.planner.bounds.speed_bounds import SpeedBounds
+from slopewise.planner.ground.braking_ground import BrakingGround
+from slopewise.planner.ground.forces import Forces
+from slopewise.planner.ground.terrain_profile import TerrainProfile, TerrainRows
+from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.verify.judge import JudgedPlan, JudgeNotes, Violations, judge_track, terms_of
+from slopewise.planner.verify.track import Terms, Track, copy_columns, survey_of
 
 
 def screen(
@@ -40,8 +40,8 @@ def screen(
         rough_speed: (N, M) limits of rough ground [m/s].
 
     Returns:
-        (M, 11) worst breaches in the order of :class:`planner.verify.judge.Violations`, 0 where
-        there is none.
+        (M, 11) worst breaches in the order of :class:`slopewise.planner.verify.judge.Violations`, 0
+        where there is none.
     """
     worst = np.zeros((speed_sq.shape[1], len(Violations._fields)))
     limit = ground.fastest

@@ -2,7 +2,7 @@
 
 It shares no approximation with what made the plan: bounds work with tangents and chords of v² and
 with sums of sines, the judge follows every emergency stop to its end, on the laws of `models`. The
-third writing of a stop, :mod:`models.stops.simulation`, is what tests hold both against.
+third writing of a stop, :mod:`slopewise.models.stops.simulation`, is what tests hold both against.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.effects import registry
-from models.effects.registry import MotionTerms
-from models.laws import slip_track
-from models.parameters import Model
-from models.quantity import GRAVITY
-from planner.ground.braking_ground import StopErrors
-from planner.kernels.compiled import inlined, kernel
-from planner.kernels.limits import planning_limits
-from planner.kernels.motion_laws import motion_deceleration
-from planner.limiting import Limiting
-from planner.verify.stop_by_energy import (
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.effects import registry
+from slopewise.models.effects.registry import MotionTerms
+from slopewise.models.laws import slip_track
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.ground.braking_ground import StopErrors
+from slopewise.planner.kernels.compiled import inlined, kernel
+from slopewise.planner.kernels.limits import planning_limits
+from slopewise.planner.kernels.motion_laws import motion_deceleration
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.verify.stop_by_energy import (
     Shares,
     Target,
     ends_before,
@@ -31,8 +31,8 @@ from planner.verify.stop_by_energy import (
     stop_by_energy,
     target_at,
 )
-from planner.verify.stop_in_time import stop_in_time
-from planner.verify.track import StopCommand, Survey, Terms, Track, at, body_of, survey_of
+from slopewise.planner.verify.stop_in_time import stop_in_time
+from slopewise.planner.verify.track import StopCommand, Survey, Terms, Track, at, body_of, survey_of
 
 TIME_STEP = 0.02
 """Step of the integrator in time [s]; halving it moves a stop by less than 10 µm."""

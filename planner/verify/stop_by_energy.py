@@ -3,8 +3,9 @@
 What the brakes take out is summed once along the path, exactly for a grade that is linear between
 stations; a stop ends where the sum has taken all of its energy. This is the judge's own writing of
 a stop: sums of sines of angles from the first station on, and the end of a given stop, where the
-bound (:mod:`planner.bounds.stopping_path`) sums backwards and looks for a speed. For plans on which
-no effect acts on the motion; :mod:`planner.verify.stop_in_time` is for the others.
+bound (:mod:`slopewise.planner.bounds.stopping_path`) sums backwards and looks for a speed. For
+plans on which no effect acts on the motion; :mod:`slopewise.planner.verify.stop_in_time` is for the
+others.
 
 Source: Braking (7), (8), (12), with v dv = −a(θ(s), v_i) ds; the dead time at held speed first.
 """
@@ -15,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.quantity import GRAVITY
-from planner.kernels.compiled import inlined
-from planner.verify.track import StopCommand, Survey, Track, at, segment
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.kernels.compiled import inlined
+from slopewise.planner.verify.track import StopCommand, Survey, Track, at, segment
 
 _LONGEST = 1e3
 """A stop longer than this is called no stop [m]."""

@@ -2,20 +2,21 @@
 
 A fourth-order Runge–Kutta scheme on the laws of `models`, grade linear between stations: in time,
 where the bound marches along the path. Thirty times slower than
-:mod:`planner.verify.stop_by_energy`, which it agrees with where nothing acts on the motion.
+:mod:`slopewise.planner.verify.stop_by_energy`, which it agrees with where nothing acts on the
+motion.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from models.effects.registry import MotionTerms
-from models.laws import wheel_loads
-from models.quantity import GRAVITY
-from planner.kernels.compiled import inlined
-from planner.kernels.motion_laws import motion_deceleration
-from planner.verify.stop_by_energy import Shares, lesser
-from planner.verify.track import Body, StopCommand, Terms, Track, at, segment
+from slopewise.models.effects.registry import MotionTerms
+from slopewise.models.laws import wheel_loads
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.kernels.compiled import inlined
+from slopewise.planner.kernels.motion_laws import motion_deceleration
+from slopewise.planner.verify.stop_by_energy import Shares, lesser
+from slopewise.planner.verify.track import Body, StopCommand, Terms, Track, at, segment
 
 _rear_share = inlined(wheel_loads.rear_load_share)
 _front_share = inlined(wheel_loads.front_load_share)

@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.effects.registry import MotionTerms
-from models.laws import wheel_loads
-from models.parameters import Model
-from planner.ground.braking_ground import BrakingGround, StopErrors
-from planner.ground.forces import Forces
-from planner.ground.terrain_profile import TerrainProfile, TerrainRows
-from planner.kernels.compiled import inlined, kernel
-from planner.kernels.limits import PlanningLimits
+from slopewise.models.arrays import Floats
+from slopewise.models.effects.registry import MotionTerms
+from slopewise.models.laws import wheel_loads
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.braking_ground import BrakingGround, StopErrors
+from slopewise.planner.ground.forces import Forces
+from slopewise.planner.ground.terrain_profile import TerrainProfile, TerrainRows
+from slopewise.planner.kernels.compiled import inlined, kernel
+from slopewise.planner.kernels.limits import PlanningLimits
 
 _rear_share = inlined(wheel_loads.rear_load_share)
 _front_share = inlined(wheel_loads.front_load_share)

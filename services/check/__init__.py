@@ -5,8 +5,8 @@ from the map and the model file. Its own are: heights under the wheels, grade, r
 stations; the braking force with surfaces, level and caps; the integration of stops in time; loads,
 friction, the drive, and what the body strikes.
 
-Shared with the planner are the reader of model files (:mod:`models.parameters`,
-:mod:`models.vehicle`) with the reader of maps, the formula of each named effect
-(:mod:`models.effects.registry`) and the number of standard gravity. A mistake in one of these is a
-mistake in both. An import contract keeps everything else out.
+Shared with the planner are the reader of model files (:mod:`slopewise.models.parameters`,
+:mod:`slopewise.models.vehicle`) with the reader of maps, the formula of each named effect
+(:mod:`slopewise.models.effects.registry`) and the number of standard gravity. A mistake in one of
+these is a mistake in both. An import contract keeps everything else out.
 """

@@ -2,7 +2,8 @@
 
 F_b/W = (m_m v_i + b_m) θ + (m_b v_i + b_b) with v_i the speed at onset, below the trained range
 that at its lower end. Where a wheel touches several surfaces the least force counts, for loads the
-most. Source: Braking (6)–(8); order of the effects as :mod:`models.effects.registry` says.
+most. Source: Braking (6)–(8); order of the effects as :mod:`slopewise.models.effects.registry`
+says.
 """
 
 from __future__ import annotations
@@ -11,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.effects import registry
-from models.effects.effect_law import Enters, Place
-from models.parameters import Braking, Model
-from models.surface_names import candidate_surfaces
-from services.check.ground import LineGround
-from services.check.line import Line
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Enters, Place
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.surface_names import candidate_surfaces
+from slopewise.services.check.ground import LineGround
+from slopewise.services.check.line import Line
 
 NO_LIMIT = 1e6
 """Stands for friction that the model does not know."""

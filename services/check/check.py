@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtri
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from models.parameters import Model
-from services.check.brakes import brakes_along
-from services.check.columns import judge_columns, judge_told_stops
-from services.check.driving import judge_driving
-from services.check.given_plan import GivenPlan
-from services.check.ground import ground_under
-from services.check.heights import Heights, in_cells
-from services.check.line import Line, line_of
-from services.check.motion import motion_along
-from services.check.obstacles import judge_obstacles
-from services.check.report import CheckReport, Ledger
-from services.check.standing import judge_places, judge_stops
-from services.check.stop_field import StopField
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.check.brakes import brakes_along
+from slopewise.services.check.columns import judge_columns, judge_told_stops
+from slopewise.services.check.driving import judge_driving
+from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.ground import ground_under
+from slopewise.services.check.heights import Heights, in_cells
+from slopewise.services.check.line import Line, line_of
+from slopewise.services.check.motion import motion_along
+from slopewise.services.check.obstacles import judge_obstacles
+from slopewise.services.check.report import CheckReport, Ledger
+from slopewise.services.check.standing import judge_places, judge_stops
+from slopewise.services.check.stop_field import StopField
 
 _ON = 0.3  # [m] behind its last row a plan may still end a stop at least
 _STANDS = "the plan stands in one place"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from services.check.given_plan import STANDS, GivenPlan
-from services.check.ground import LineGround
-from services.check.line import Line
-from services.check.report import Ledger
-from services.check.standing import JudgedStops
+from slopewise.models.arrays import Bools, Floats
+from slopewise.services.check.given_plan import STANDS, GivenPlan
+from slopewise.services.check.ground import LineGround
+from slopewise.services.check.line import Line
+from slopewise.services.check.report import Ledger
+from slopewise.services.check.standing import JudgedStops
 
 _NOTHING = -np.inf
 _MUCH = 0.1  # [m]
@@ -20,7 +20,7 @@ _EVEN = 0.02  # of the step between rows
 def judge_columns(ledger: Ledger, plan: GivenPlan, line: Line, ground: LineGround) -> None:
     """Note where stations, heights, slopes, turns, accelerations and times contradict the rest.
 
-    Sizes are shares of what is allowed, see :data:`services.check.tolerances.TOLERANCES`.
+    Sizes are shares of what is allowed, see :data:`slopewise.services.check.tolerances.TOLERANCES`.
     """
     rows = line.at_row
     station, known = ground.station[rows], ground.known[rows]

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.effects import registry
-from models.parameters import Model
-from models.quantity import GRAVITY
-from services.check.brakes import NO_LIMIT, Brakes
-from services.check.friction import braking_cap, utilisation
-from services.check.ground import LineGround
-from services.check.line import Line
-from services.check.loads import Stance, pose_of, shares_of
-from services.check.motion import Motion
-from services.check.report import Ledger
-from services.check.tolerances import TOLERANCES
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.services.check.brakes import NO_LIMIT, Brakes
+from slopewise.services.check.friction import braking_cap, utilisation
+from slopewise.services.check.ground import LineGround
+from slopewise.services.check.line import Line
+from slopewise.services.check.loads import Stance, pose_of, shares_of
+from slopewise.services.check.motion import Motion
+from slopewise.services.check.report import Ledger
+from slopewise.services.check.tolerances import TOLERANCES
 
 _TINY_TURN = 0.1
 """Share of the lateral limit that v²|κ| has to reach before the bank counts: else nothing turns."""

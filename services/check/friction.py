@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
-from models.vehicle import Vehicle
-from services.check.loads import Stance
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.check.loads import Stance
 
 
 def braking_cap(vehicle: Vehicle, pose: Stance, friction: Floats, speed_sq: Floats) -> Floats:

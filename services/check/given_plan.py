@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.errors import ParameterError
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.errors import ParameterError
 
 COLUMNS: dict[str, str] = {
     "x": "m",

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.vehicle import Vehicle
-from services.check.heights import Heights, cell_is_known, classes_around, height_of
-from services.check.line import Line
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.check.heights import Heights, cell_is_known, classes_around, height_of
+from slopewise.services.check.line import Line
 
 _BEND_OVER = 0.25
 """Of the wheelbase, on either side: over that the vertical curvature is taken."""

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 
 
 class Heights(Protocol):

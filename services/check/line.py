@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from services.check.given_plan import GivenPlan
+from slopewise.models.arrays import Floats, Ints
+from slopewise.services.check.given_plan import GivenPlan
 
 _FEWEST, _MOST = 4, 40  # samples of each segment
 _APART = 0.08  # [m] between samples, where that many will do

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
-from models.vehicle import Vehicle
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.vehicle import Vehicle
 
 
 class LoadShares(NamedTuple):

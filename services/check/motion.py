@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from services.check.line import Line
+from slopewise.models.arrays import Bools, Floats
+from slopewise.services.check.line import Line
 
 
 class Motion(NamedTuple):

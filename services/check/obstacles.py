@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.vehicle import Vehicle
-from services.check.ground import LineGround, below_body, beside, only, parts_of
-from services.check.heights import Heights, height_of
-from services.check.line import Line
-from services.check.report import Ledger
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.check.ground import LineGround, below_body, beside, only, parts_of
+from slopewise.services.check.heights import Heights, height_of
+from slopewise.services.check.line import Line
+from slopewise.services.check.report import Ledger
 
 _NOTHING = -np.inf
 _FINEST = 0.05  # [m] between points below the body

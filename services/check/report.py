@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from services.check.tolerances import TOLERANCES
+from slopewise.models.arrays import Floats, Ints
+from slopewise.services.check.tolerances import TOLERANCES
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +18,7 @@ class Violation:
         candidate: name of the plan.
         row: index of the plan's row, from 0.
         station: metres along the ground.
-        kind: of :data:`services.check.tolerances.TOLERANCES`.
+        kind: of :data:`slopewise.services.check.tolerances.TOLERANCES`.
         size: by how much the limit is passed, in ``unit``.
         sentence: what was found and what was allowed.
     """

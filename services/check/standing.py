@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.parameters import Model
-from services.check.brakes import Brakes
-from services.check.driving import add_load
-from services.check.friction import braking_cap
-from services.check.ground import LineGround
-from services.check.motion import Motion
-from services.check.report import Ledger
-from services.check.stop_field import StopField
-from services.check.stops import StopEnds, stops_as_told, stops_from
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.parameters import Model
+from slopewise.services.check.brakes import Brakes
+from slopewise.services.check.driving import add_load
+from slopewise.services.check.friction import braking_cap
+from slopewise.services.check.ground import LineGround
+from slopewise.services.check.motion import Motion
+from slopewise.services.check.report import Ledger
+from slopewise.services.check.stop_field import StopField
+from slopewise.services.check.stops import StopEnds, stops_as_told, stops_from
 
 _TRAINED = np.deg2rad(0.6)  # beyond what was trained, between two rows
 _ON = 2.0  # [m] that a stop is followed beyond the clear distance

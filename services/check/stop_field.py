@@ -8,17 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.effects import registry
-from models.effects.brake_fade import kept_share
-from models.laws.crest import kept_force
-from models.parameters import Model
-from models.quantity import GRAVITY
-from services.check.brakes import Brakes
-from services.check.friction import braking_cap
-from services.check.ground import LineGround
-from services.check.line import Line
-from services.check.loads import Stance, pose_of
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.effects import registry
+from slopewise.models.effects.brake_fade import kept_share
+from slopewise.models.laws.crest import kept_force
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.services.check.brakes import Brakes
+from slopewise.services.check.friction import braking_cap
+from slopewise.services.check.ground import LineGround
+from slopewise.services.check.line import Line
+from slopewise.services.check.loads import Stance, pose_of
 
 
 class Here(NamedTuple):

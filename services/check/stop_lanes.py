@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.quantity import GRAVITY
-from services.check.loads import shares_of
-from services.check.stop_field import Here, StopField
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.quantity import GRAVITY
+from slopewise.services.check.loads import shares_of
+from slopewise.services.check.stop_field import Here, StopField
 
 TIME_STEP = 0.02
 """Step of the integrator [s]; halving it moves stops by less than a millimetre."""

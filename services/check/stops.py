@@ -12,9 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from services.check.stop_field import StopField
-from services.check.stop_lanes import TIME_STEP, State, coast, rates_at, step, weigh_braking
+from slopewise.models.arrays import Bools, Floats
+from slopewise.services.check.stop_field import StopField
+from slopewise.services.check.stop_lanes import (
+    TIME_STEP,
+    State,
+    coast,
+    rates_at,
+    step,
+    weigh_braking,
+)
 
 _LONGEST = 60.0  # [s] of a stop
 

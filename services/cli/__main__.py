@@ -1,5 +1,5 @@
-"""`python -m services.cli` is `slopewise`."""
+"""`python -m slopewise.services.cli` is `slopewise`."""
 
-from services.cli.app import main
+from slopewise.services.cli.app import main
 
 main()

@@ -1,5 +1,5 @@
-"""The command line. Commands read their words in `services.cli.arguments`, and do their work in
-`services.cli.commands`.
+"""The command line. Commands read their words in `slopewise.services.cli.arguments`, and do their
+work in `slopewise.services.cli.commands`.
 
 Exit status: 0 done; 2 bad input, one line on standard error; 3 no admissible candidate, a plan
 that breaks a rule, or a robot that does not fit; 1 a fault of the program.
@@ -13,8 +13,8 @@ from typing import Annotated, Any
 
 import typer
 
-from models.errors import SlopewiseError
-from services.cli.arguments import benchmarks, files, fleet, robot
+from slopewise.models.errors import SlopewiseError
+from slopewise.services.cli.arguments import benchmarks, files, fleet, robot
 
 BAD_INPUT = 2
 FAULT = 1

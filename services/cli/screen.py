@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from services.planning.progress import progress_bar as progress_bar
+from slopewise.services.planning.progress import progress_bar as progress_bar
 
 
 def say_ready(as_json: bool, words: str, facts: dict[str, object]) -> None:

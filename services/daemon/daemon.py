@@ -1,8 +1,8 @@
 """The zenoh service: what it is made of, how it begins and ends, what it tells of itself.
 
-Questions for plans come to :mod:`services.planning.plan_endpoint`, maps to
-:mod:`services.planning.map_endpoint`, parameters and observations to
-:mod:`services.parameters.endpoint`. Zenoh's own threads only put things into their
+Questions for plans come to :mod:`slopewise.services.planning.plan_endpoint`, maps to
+:mod:`slopewise.services.planning.map_endpoint`, parameters and observations to
+:mod:`slopewise.services.parameters.endpoint`. Zenoh's own threads only put things into their
 bounded queues.
 """
 
@@ -23,29 +23,29 @@ from uuid import uuid4
 
 import zenoh
 
-from models.errors import InputError
-from services.daemon import allocator, systemd, warm_up
-from services.daemon.quiet_log import NowAndThen
-from services.dashboard.board import Board
-from services.dashboard.parameter_board import ParameterBoard
-from services.io.access import read_text
-from services.io.maps.map_file import read_map
-from services.io.model_file import find_model, read_model
-from services.parameters.endpoint import ParameterEndpoint
-from services.parameters.in_use import ParametersInUse, slowed
-from services.parameters.service import ParameterService
-from services.planning.cold_start import compile_first
-from services.planning.map_endpoint import MapEndpoint
-from services.planning.map_store import MapStore
-from services.planning.plan_endpoint import PlanEndpoint
-from services.planning.plan_service import PlanService
-from services.settings.service import ServiceConfig
-from services.settings.session import zenoh_config
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.connect import words_of
-from services.wire.messages import ServiceStatus
-from services.wire.neighbours import Neighbours, peer_flags
+from slopewise.models.errors import InputError
+from slopewise.services.daemon import allocator, systemd, warm_up
+from slopewise.services.daemon.quiet_log import NowAndThen
+from slopewise.services.dashboard.board import Board
+from slopewise.services.dashboard.parameter_board import ParameterBoard
+from slopewise.services.io.access import read_text
+from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.endpoint import ParameterEndpoint
+from slopewise.services.parameters.in_use import ParametersInUse, slowed
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.planning.cold_start import compile_first
+from slopewise.services.planning.map_endpoint import MapEndpoint
+from slopewise.services.planning.map_store import MapStore
+from slopewise.services.planning.plan_endpoint import PlanEndpoint
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.session import zenoh_config
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.connect import words_of
+from slopewise.services.wire.messages import ServiceStatus
+from slopewise.services.wire.neighbours import Neighbours, peer_flags
 
 _log = logging.getLogger("slopewise")
 
@@ -203,7 +203,7 @@ class Service:
         """The live page, if it is wanted; planning goes on without it."""
         if not self.config.page.enabled:
             return None
-        from services.dashboard import server, site
+        from slopewise.services.dashboard import server, site
 
         source = site.Source(status=self.status, ground=lambda: self.maps.ground, board=self.board)
         try:

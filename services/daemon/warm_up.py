@@ -13,18 +13,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.effects.registry import LAWS, MOTION_LAWS
-from models.parameters import Effect
-from models.surface_braking import SurfaceBraking
-from planner.ground.elevation_map import ElevationMap
-from services.parameters.in_use import ParametersInUse
-from services.planning.map_store import KnownGround
-from services.planning.plan_service import PlanService
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.messages import Path as Candidate
-from services.wire.messages import PlanRequest
+from slopewise.models.arrays import Floats
+from slopewise.models.effects.registry import LAWS, MOTION_LAWS
+from slopewise.models.parameters import Effect
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.messages import Path as Candidate
+from slopewise.services.wire.messages import PlanRequest
 
 CLIENT = "warm-up"
 """Name of the client that asks; it is forgotten afterwards."""

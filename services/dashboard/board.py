@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 
-from services.wire.messages import PlanReply, PlanRequest
-from services.wire.offer import Offer
+from slopewise.services.wire.messages import PlanReply, PlanRequest
+from slopewise.services.wire.offer import Offer
 
 _REMEMBERED = 400
 """Stops, and changes of each group of parameters."""

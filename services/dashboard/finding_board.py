@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-from services.dashboard.board import FindingSeen
-from services.parameters.effects_group import EFFECTS
-from services.parameters.service import ParameterService
-from services.parameters.store import StoreError
-from services.wire.offer import Offer
+from slopewise.services.dashboard.board import FindingSeen
+from slopewise.services.parameters.effects_group import EFFECTS
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.store import StoreError
+from slopewise.services.wire.offer import Offer
 
 _MOST_STEPS = 50
 """Changes of the past that are looked through."""

@@ -5,14 +5,18 @@ from __future__ import annotations
 import logging
 import time
 
-from services.dashboard import finding_board
-from services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
-from services.parameters import replies
-from services.parameters.effects_group import EFFECTS
-from services.parameters.service import ParameterService
-from services.settings.service import ServiceConfig
-from services.wire.connect import options
-from services.wire.parameter_messages import HistoryEntry, ParameterGroup, ParameterQuestion
+from slopewise.services.dashboard import finding_board
+from slopewise.services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
+from slopewise.services.parameters import replies
+from slopewise.services.parameters.effects_group import EFFECTS
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire.connect import options
+from slopewise.services.wire.parameter_messages import (
+    HistoryEntry,
+    ParameterGroup,
+    ParameterQuestion,
+)
 
 _log = logging.getLogger("slopewise")
 

@@ -6,8 +6,8 @@ import ipaddress
 import threading
 from typing import Any
 
-from models.errors import InputError
-from services.settings.service import PageSettings
+from slopewise.models.errors import InputError
+from slopewise.services.settings.service import PageSettings
 
 _THREADS = 2
 _MOST_CONNECTIONS = 200

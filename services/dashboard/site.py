@@ -15,15 +15,15 @@ from typing import Any
 
 from prometheus_client import make_wsgi_app
 
-from services.dashboard import metrics, view
-from services.dashboard.board import Board
-from services.dashboard.token import cookie, knows
-from services.planning.map_store import KnownGround
-from services.report.limit_colours import limit_colours
-from services.report.page import asset, page
-from services.report.plan_data import relief
-from services.report.png import data_uri
-from services.wire.messages import ServiceStatus
+from slopewise.services.dashboard import metrics, view
+from slopewise.services.dashboard.board import Board
+from slopewise.services.dashboard.token import cookie, knows
+from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.report.limit_colours import limit_colours
+from slopewise.services.report.page import asset, page
+from slopewise.services.report.plan_data import relief
+from slopewise.services.report.png import data_uri
+from slopewise.services.wire.messages import ServiceStatus
 
 _SCRIPTS = (
     "helpers.js",

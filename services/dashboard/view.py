@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from services.dashboard.board import Board, FindingSeen, GroupSeen, PlanSeen
-from services.wire.messages import Met, Plan, ServiceStatus
+from slopewise.services.dashboard.board import Board, FindingSeen, GroupSeen, PlanSeen
+from slopewise.services.wire.messages import Met, Plan, ServiceStatus
 
 _MOST_STATIONS = 240
 _MOST_OTHERS = 60

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from models.errors import InputError
-from models.parameters import Model
-from services.io.model_file import model_from_dict
-from services.wire.messages import Message
-from services.wire.offer import Offer
+from slopewise.models.errors import InputError
+from slopewise.models.parameters import Model
+from slopewise.services.io.model_file import model_from_dict
+from slopewise.services.wire.messages import Message
+from slopewise.services.wire.offer import Offer
 
 _SURE = ("missing_effect", "parameter_drift")
 

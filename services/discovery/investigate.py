@@ -1,6 +1,6 @@
 """A process of its own that holds a model against stored stops.
 
-Run as `python -m services.discovery.investigate`.
+Run as `python -m slopewise.services.discovery.investigate`.
 
 It has the lowest priority, ends itself when its time is over or when the service that began it is
 gone, reads a job from a folder and leaves its outcome there.
@@ -22,10 +22,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from services.discovery.finding import InvestigationOutcome, is_valid
-from services.discovery.stop_store import StoredStop, read_stops
-from services.wire.messages import Message
-from services.wire.offer import Offer, Shift
+from slopewise.services.discovery.finding import InvestigationOutcome, is_valid
+from slopewise.services.discovery.stop_store import StoredStop, read_stops
+from slopewise.services.wire.messages import Message
+from slopewise.services.wire.offer import Offer, Shift
 
 JOB, OUTCOME = "job.json", "outcome.json"
 FILE, BASE, IN_USE = "file.toml", "base.toml", "in_use.toml"
@@ -54,7 +54,7 @@ def main(folder: Path) -> None:
     """Do the job in a folder."""
     job = msgspec.json.decode((folder / JOB).read_bytes(), type=InvestigationJob)
     _be_humble(job.limit)
-    from services.io.access import write_atomic
+    from slopewise.services.io.access import write_atomic
 
     write_atomic(folder / OUTCOME, msgspec.json.encode(_look(job, folder)))
 
@@ -73,11 +73,11 @@ def _be_humble(limit: float) -> None:
 
 
 def _look(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
-    from models.discrepancy.workflow import investigate
-    from models.errors import ParameterError
-    from services.discovery.stops_compared import cautious, compared
-    from services.io.findings_file import findings_as_json
-    from services.io.model_file import model_to_dict, read_model
+    from slopewise.models.discrepancy.workflow import investigate
+    from slopewise.models.errors import ParameterError
+    from slopewise.services.discovery.stops_compared import cautious, compared
+    from slopewise.services.io.findings_file import findings_as_json
+    from slopewise.services.io.model_file import model_to_dict, read_model
 
     stops, damaged, data = read_stops(Path(job.store), job.names)
     own = [stop for stop in stops if stop.vehicle == job.vehicle]

@@ -20,16 +20,23 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import InputError, ParameterError
-from models.parameters import Model
-from services.discovery.finding import InvestigationOutcome
-from services.discovery.investigate import BASE, FILE, IN_USE, JOB, OUTCOME, InvestigationJob
-from services.discovery.stop_cutter import StopCutter
-from services.discovery.stop_store import StopStore, StoredStop
-from services.io.access import reason
-from services.io.model_file import write_model
-from services.settings.investigation import Investigation
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.discovery.finding import InvestigationOutcome
+from slopewise.services.discovery.investigate import (
+    BASE,
+    FILE,
+    IN_USE,
+    JOB,
+    OUTCOME,
+    InvestigationJob,
+)
+from slopewise.services.discovery.stop_cutter import StopCutter
+from slopewise.services.discovery.stop_store import StopStore, StoredStop
+from slopewise.services.io.access import reason
+from slopewise.services.io.model_file import write_model
+from slopewise.services.settings.investigation import Investigation
 
 _log = logging.getLogger("slopewise")
 
@@ -153,7 +160,7 @@ class Investigator:
             (folder / JOB).write_bytes(msgspec.json.encode(job))
             with (folder / _SAID).open("wb") as said:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-m", "services.discovery.investigate", str(folder)],
+                    [sys.executable, "-m", "slopewise.services.discovery.investigate", str(folder)],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.DEVNULL,
                     stderr=said,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 _TOLD = 0.01  # [m/s] a command of at most this is the stop command
 _STANDING = 0.02  # [m/s]

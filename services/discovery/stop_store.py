@@ -18,11 +18,11 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from models.errors import InputError
-from services.io.access import fault, reason, write_atomic
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.messages import Message, Text
+from slopewise.models.errors import InputError
+from slopewise.services.io.access import fault, reason, write_atomic
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.messages import Message, Text
 
 _NAME = re.compile(r"(\d{12})\.stop")
 _ASIDE = ".damaged"

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.effects.registry import LAWS
-from models.parameters import Braking, Model
-from models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 
 _FARTHEST = 1000.0  # [m] a stop that never ends counts as that
 _ROLLS = (-0.15, 0.0, 0.15)  # [rad]

@@ -6,9 +6,9 @@ import itertools
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from models.parameters import Model
-from models.quantity import GRAVITY
-from services.doctor.facts import Facts, Misfit, MisfitSeverity, Nav2Facts
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity, Nav2Facts
 
 _DECELERATIONS = ("ax_min", "decel_lim_x", "max_linear_decel", "max_decel_x")
 _SPEEDS = ("vx_max", "max_vel_x", "desired_linear_vel", "max_linear_vel")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from services.doctor.facts import Seen, TopicSeen
+from slopewise.services.doctor.facts import Seen, TopicSeen
 
 _NANO = 1e-9
 _MOST = 200_000

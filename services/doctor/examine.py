@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from services.doctor import chain, motion, vehicle
-from services.doctor.facts import Facts, Misfit, MisfitSeverity
+from slopewise.services.doctor import chain, motion, vehicle
+from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity
 
 CHECKS: tuple[Callable[[Facts], Iterator[Misfit]], ...] = (
     motion.check_silence,

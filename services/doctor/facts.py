@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
-from models.parameters import Model
-from services.ros.settings import EdgeSettings
+from slopewise.models.parameters import Model
+from slopewise.services.ros.settings import EdgeSettings
 
 
 class MisfitSeverity(Enum):

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from services.doctor.facts import Facts, Misfit, MisfitSeverity, Seen
-from services.guard.obedience import Obedience
-from services.ros.settings import Topics
+from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity, Seen
+from slopewise.services.guard.obedience import Obedience
+from slopewise.services.ros.settings import Topics
 
 _OBEYS = 0.25  # [m/s] faster than the limit that does not count
 _LATE = 0.5  # [s] between stamp and reception

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from models.errors import InputError
-from services.doctor.facts import Nav2Facts
-from services.io.access import fault, read_text, reason
+from slopewise.models.errors import InputError
+from slopewise.services.doctor.facts import Nav2Facts
+from slopewise.services.io.access import fault, read_text, reason
 
 _PARAMETERS = "ros__parameters"
 

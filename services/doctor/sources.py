@@ -5,13 +5,20 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from models.errors import InputError
-from services.doctor.collect import GRID_MAP, PATH, SPEED_LIMIT, TRANSFORMS, TYPES, Collector
-from services.doctor.facts import Seen
-from services.io.access import fault
-from services.io.bags.recording import opened
-from services.io.bags.ros_types import read_cdr
-from services.ros.settings import EdgeSettings
+from slopewise.models.errors import InputError
+from slopewise.services.doctor.collect import (
+    GRID_MAP,
+    PATH,
+    SPEED_LIMIT,
+    TRANSFORMS,
+    TYPES,
+    Collector,
+)
+from slopewise.services.doctor.facts import Seen
+from slopewise.services.io.access import fault
+from slopewise.services.io.bags.recording import opened
+from slopewise.services.io.bags.ros_types import read_cdr
+from slopewise.services.ros.settings import EdgeSettings
 
 _NANO = 1e-9
 
@@ -44,11 +51,11 @@ def seen_live(edge: EdgeSettings, seconds: float) -> Seen:
     """
     import zenoh
 
-    from services.ros.conversions import ODOMETRY
-    from services.ros.inbox import decoded
-    from services.ros.node import Node
-    from services.settings.service import ZenohSettings
-    from services.settings.session import zenoh_config
+    from slopewise.services.ros.conversions import ODOMETRY
+    from slopewise.services.ros.inbox import decoded
+    from slopewise.services.ros.node import Node
+    from slopewise.services.settings.service import ZenohSettings
+    from slopewise.services.settings.session import zenoh_config
 
     ours, topics, collector = edge.ros, edge.topics, Collector()
     place = ZenohSettings(mode="client", connect=ours.connect, config=ours.config)

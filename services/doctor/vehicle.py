@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from services.doctor.chain import brakes_on_level, first
-from services.doctor.facts import Facts, Misfit, MisfitSeverity
+from slopewise.services.doctor.chain import brakes_on_level, first
+from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity
 
 _OFF = 0.05  # [m] by which sizes may differ
 _RADIUS = 0.03  # share by which wheel radii may differ

@@ -10,9 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from models.parameters import Model
-from services.export.functions import ModelFunction, derivative_of
-from services.io.access import write_atomic
+from slopewise.models.parameters import Model
+from slopewise.services.export.functions import ModelFunction, derivative_of
+from slopewise.services.io.access import write_atomic
 
 _VECTORS = 8
 _RANGES = {
@@ -40,7 +40,8 @@ def write_c(model: Model, made: list[ModelFunction], folder: Path) -> list[Path]
     """Write NAME.c, NAME.h (CasADi's), and NAME_model.h: units, and vectors to test by.
 
     Args:
-        model: that functions are of. made: by :func:`services.export.functions.functions_of`.
+        model: that functions are of. made: by
+        :func:`slopewise.services.export.functions.functions_of`.
         folder: made if it is not there.
     """
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,15 +1,15 @@
 """A stop straight along an even slope, in closed form or in steps of time; numbers or symbols.
 
-Never shorter than the stop that the model drives (:mod:`models.stops.simulation`), nor than the one
-that plans keep room for at the model's mean. It is exact where nothing acts but brakes and grade.
-What has no closed form counts on the safe side:
+Never shorter than the stop that the model drives (:mod:`slopewise.models.stops.simulation`), nor
+than the one that plans keep room for at the model's mean. It is exact where nothing acts but brakes
+and grade. What has no closed form counts on the safe side:
 
 - the drive is cut in the dead time: the speed gained in it counts from the command on, as in plans;
 - brakes that fade have, from the onset on, the heat of the whole stop;
 - wind comes from behind, because the heading is not an input;
 - the force is the least of a surface and of the states that it may turn out to be in.
 
-Source: Braking (2), (7), (8), (12); effects as :mod:`models.effects.registry` says.
+Source: Braking (2), (7), (8), (12); effects as :mod:`slopewise.models.effects.registry` says.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from models.effects import registry
-from models.effects.effect_law import Enters
-from models.laws import braking
-from models.laws.holding import brakes_hold
-from models.laws.wheel_lockup import friction_cap, lockup_force_ratios
-from models.parameters import Braking, Effect, Model
-from models.quantity import GRAVITY
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.laws import braking
+from slopewise.models.laws.holding import brakes_hold
+from slopewise.models.laws.wheel_lockup import friction_cap, lockup_force_ratios
+from slopewise.models.parameters import Braking, Effect, Model
+from slopewise.models.quantity import GRAVITY
 
 _MIN_NET_RATIO = 0.02
 """F_b/W + sin θ below which plans count on no stop [1]."""

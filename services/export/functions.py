@@ -1,8 +1,9 @@
 """Laws of one model as CasADi functions, for people with solvers and controllers of their own.
 
-They are the laws of :mod:`models.laws` themselves, called with symbols, so there is no second
-writing of any formula; a stop on an even slope is that of :mod:`services.export.even_slope`. What a
-stop along changing ground is, is left to whoever integrates it.
+They are the laws of :mod:`slopewise.models.laws` themselves, called with symbols, so there is no
+second writing of any formula; a stop on an even slope is that of
+:mod:`slopewise.services.export.even_slope`. What a stop along changing ground is, is left to
+whoever integrates it.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from models.effects import registry
-from models.effects.effect_law import Place
-from models.laws import braking, wheel_loads
-from models.parameters import Model
-from services.export.even_slope import EvenSlope, choose
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Place
+from slopewise.models.laws import braking, wheel_loads
+from slopewise.models.parameters import Model
+from slopewise.services.export.even_slope import EvenSlope, choose
 
 _SPEED, _GRADE = ("speed", "m/s"), ("grade", "rad, uphill positive")
 _ROLL = ("roll", "rad, left side up positive")

@@ -9,14 +9,14 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from models.parameters import Model
+from slopewise.models.parameters import Model
 
 _PLAIN: dict[Any, str] = {float: "number", int: "integer", str: "string", bool: "boolean"}
 
 
 def model_schema() -> dict[str, Any]:
-    """JSON schema (2020-12) of a model file; units and ranges as :func:`models.quantity.quantity`
-    has them.
+    """JSON schema (2020-12) of a model file; units and ranges as
+    :func:`slopewise.models.quantity.quantity` has them.
     """
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "slopewise model"}
     return {**head, **_table(Model)}

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from services.fleet.finding import DONE, Row
+from slopewise.services.fleet.finding import DONE, Row
 
 NAMED, RIVALS = "missing_effect", "ambiguous"
 

@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.workflow import investigate_with_evidence
-from models.errors import SlopewiseError
-from services.fleet import finding
-from services.fleet.finding import FAILED, REFUSED, Row
-from services.io import findings_file
-from services.io.logs.log_source import grade_by_map, read_logs
-from services.io.maps.no_data import NoData
-from services.io.model_file import model_from_dict
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.workflow import investigate_with_evidence
+from slopewise.models.errors import SlopewiseError
+from slopewise.services.fleet import finding
+from slopewise.services.fleet.finding import FAILED, REFUSED, Row
+from slopewise.services.io import findings_file
+from slopewise.services.io.logs.log_source import grade_by_map, read_logs
+from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io.model_file import model_from_dict
 
 _BROKEN = (ArithmeticError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
 """A fault of the program in one vehicle's numbers must not end the work on all others."""
@@ -116,7 +116,7 @@ def _looked_at(task: VehicleTask) -> Row:
     findings = replace(findings, model=replace(findings.model, name=task.vehicle))
     findings_file.write_findings(findings, task.own_folder)
     if task.page:
-        from services.report.discrepancy_page import write_report
+        from slopewise.services.report.discrepancy_page import write_report
 
         provenance = {
             "logs": ", ".join(log.name for log in task.logs),

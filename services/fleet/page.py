@@ -9,18 +9,25 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from models.discrepancy.findings import Verdict
-from models.effects.registry import LAWS
-from services.fleet import finding
-from services.fleet.census import Census, Lacked
-from services.fleet.finding import Row
-from services.fleet.picture import picture
-from services.fleet.words import by_surprise, chance_words, counted, effect_words, left_out, numbers
-from services.io.access import write_atomic
-from services.io.findings_file import PAGE
-from services.report.discrepancy_page import WORDS
-from services.report.page import escaped, fact_list, notices, page
-from services.report.words import plural
+from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.effects.registry import LAWS
+from slopewise.services.fleet import finding
+from slopewise.services.fleet.census import Census, Lacked
+from slopewise.services.fleet.finding import Row
+from slopewise.services.fleet.picture import picture
+from slopewise.services.fleet.words import (
+    by_surprise,
+    chance_words,
+    counted,
+    effect_words,
+    left_out,
+    numbers,
+)
+from slopewise.services.io.access import write_atomic
+from slopewise.services.io.findings_file import PAGE
+from slopewise.services.report.discrepancy_page import WORDS
+from slopewise.services.report.page import escaped, fact_list, notices, page
+from slopewise.services.report.words import plural
 
 _LISTED = 500
 _NOTES = 20

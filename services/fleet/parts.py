@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from planner.ground.uncertainty import Uncertainty
-from planner.path import CandidatePath
-from planner.settings import PlannerSettings
-from services.io.access import check_file
-from services.io.maps.grid import Around
-from services.io.maps.no_data import NoData
-from services.io.path_file import check_paths_on_map, read_paths
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.io.access import check_file
+from slopewise.services.io.maps.grid import Around
+from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io.path_file import check_paths_on_map, read_paths
 
 PART = 500
 """Candidates of a part: a few seconds of work, some megabytes of results."""

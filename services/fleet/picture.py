@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from services.fleet.census import NAMED, RIVALS
-from services.fleet.finding import Row
-from services.report.figures import FAINT, FIRST, INK, SECOND, house_style, svg_uri
+from slopewise.services.fleet.census import NAMED, RIVALS
+from slopewise.services.fleet.finding import Row
+from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, house_style, svg_uri
 
 _NAMES = 40  # vehicles that have room for their names
 _SIZE = 46.0

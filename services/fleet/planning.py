@@ -9,17 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from models.errors import ParameterError
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath, EvenPath, resample
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan
-from services.fleet import results
-from services.fleet.parts import FleetQuestion, Part
-from services.fleet.results import Refused
-from services.fleet.windows import MOST_CELLS, ground_in, opened, windows
-from services.io.maps.grid import footprint_margin
-from services.io.model_file import model_from_dict
+from slopewise.models.errors import ParameterError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath, EvenPath, resample
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan
+from slopewise.services.fleet import results
+from slopewise.services.fleet.parts import FleetQuestion, Part
+from slopewise.services.fleet.results import Refused
+from slopewise.services.fleet.windows import MOST_CELLS, ground_in, opened, windows
+from slopewise.services.io.maps.grid import footprint_margin
+from slopewise.services.io.model_file import model_from_dict
 
 
 @dataclass(frozen=True, slots=True)

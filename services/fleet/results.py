@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from planner.plan import SpeedPlan
-from services.io.access import fault, write_atomic
-from services.io.plan_file import driven, summary
+from slopewise.planner.plan import SpeedPlan
+from slopewise.services.io.access import fault, write_atomic
+from slopewise.services.io.plan_file import driven, summary
 
 REFUSED = "refused"
 """Status of a candidate that is no path to drive forward; its reason says why."""

@@ -16,8 +16,8 @@ from importlib.util import find_spec
 from itertools import islice
 from typing import Any, TypeVar
 
-from models.errors import InputError
-from services.io.access import reason
+from slopewise.models.errors import InputError
+from slopewise.services.io.access import reason
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from models.calibration.effects_in_force import measured_beside
-from models.calibration.fleet import FEWEST, VehicleStops, vehicle_stops
-from models.calibration.learn import measure_log
-from models.errors import ParameterError
-from models.stop_logs.measured_log import is_mapped
-from services.io.access import fault
-from services.io.logs.log_source import grade_by_map, read_logs, refuse_wrong_units
-from services.io.maps.no_data import NoData
-from services.io.model_file import model_from_dict
+from slopewise.models.calibration.effects_in_force import measured_beside
+from slopewise.models.calibration.fleet import FEWEST, VehicleStops, vehicle_stops
+from slopewise.models.calibration.learn import measure_log
+from slopewise.models.errors import ParameterError
+from slopewise.models.stop_logs.measured_log import is_mapped
+from slopewise.services.io.access import fault
+from slopewise.services.io.logs.log_source import grade_by_map, read_logs, refuse_wrong_units
+from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io.model_file import model_from_dict
 
 
 def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:

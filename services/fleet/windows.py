@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath
-from services.io.maps import geotiff_file
-from services.io.maps.geotiff_file import GeotiffWindows
-from services.io.maps.grid import Around, MapInfo
-from services.io.maps.no_data import NoData
+from slopewise.models.arrays import Floats
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath
+from slopewise.services.io.maps import geotiff_file
+from slopewise.services.io.maps.geotiff_file import GeotiffWindows
+from slopewise.services.io.maps.grid import Around, MapInfo
+from slopewise.services.io.maps.no_data import NoData
 
 SHARED_CELLS = 1_000_000
 """Cells up to which paths share a window: 8 MB of heights."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from models.discrepancy.report.words import sure_words
-from services.fleet.census import Census, Lacked
-from services.fleet.finding import DONE, Row
+from slopewise.models.discrepancy.report.words import sure_words
+from slopewise.services.fleet.census import Census, Lacked
+from slopewise.services.fleet.finding import DONE, Row
 
 
 def chance_words(c: Census) -> str:

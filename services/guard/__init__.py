@@ -2,7 +2,7 @@
 
 It stands alone: no planner, no numba, its own reader of model files and its own stopping distances
 over the map. Shared with the rest are the formula of each named effect
-(:mod:`models.effects.registry`), the words on the wire (:mod:`services.wire`) and the keys of ROS 2
-(:mod:`services.ros.naming`). A process of its own watches the one that decides, and the other way
-around.
+(:mod:`slopewise.models.effects.registry`), the words on the wire (:mod:`slopewise.services.wire`)
+and the keys of ROS 2 (:mod:`slopewise.services.ros.naming`). A process of its own watches the one
+that decides, and the other way around.
 """

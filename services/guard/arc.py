@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.surface_names import resolve_class
-from services.guard.ground import GuardGround
-from services.guard.model_reader import GuardModel, stands_for
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.surface_names import resolve_class
+from slopewise.services.guard.ground import GuardGround
+from slopewise.services.guard.model_reader import GuardModel, stands_for
 
 _SAMPLES = 48
 _STEP = 0.05  # [m] between samples at least

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from services.guard.decide import (
+from slopewise.services.guard.decide import (
     STILL,
     BaseCommand,
     GuardDecision,
@@ -18,13 +18,13 @@ from services.guard.decide import (
     decide,
     stop,
 )
-from services.guard.feed import Feed
-from services.guard.ground import GuardGround
-from services.guard.learned import Learned
-from services.guard.model_reader import GuardModel
-from services.guard.obedience import Obedience
-from services.guard.settings import GuardSettings
-from services.wire.lateness import WallClock
+from slopewise.services.guard.feed import Feed
+from slopewise.services.guard.ground import GuardGround
+from slopewise.services.guard.learned import Learned
+from slopewise.services.guard.model_reader import GuardModel
+from slopewise.services.guard.obedience import Obedience
+from slopewise.services.guard.settings import GuardSettings
+from slopewise.services.wire.lateness import WallClock
 
 _STANDS = 0.05  # [m/s]
 _ROLLS = 0.15  # [m/s]

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.guard.arc import ArcAhead, PlanarPose, arc_ahead
-from services.guard.ground import GuardGround
-from services.guard.model_reader import GuardModel
-from services.guard.plain import plainly_fine
-from services.guard.stops import StopOutcomes, Tables, stops_along
+from slopewise.services.guard.arc import ArcAhead, PlanarPose, arc_ahead
+from slopewise.services.guard.ground import GuardGround
+from slopewise.services.guard.model_reader import GuardModel
+from slopewise.services.guard.plain import plainly_fine
+from slopewise.services.guard.stops import StopOutcomes, Tables, stops_along
 
 _SPEEDS = 10
 _CREEP = 0.05  # [m/s] below which a vehicle counts as standing

@@ -7,9 +7,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-from models.errors import ParameterError
-from services.wire.lateness import ARRIVAL, Lateness, WallClock
-from services.wire.sender_clock import RECOVERY
+from slopewise.models.errors import ParameterError
+from slopewise.services.wire.lateness import ARRIVAL, Lateness, WallClock
+from slopewise.services.wire.sender_clock import RECOVERY
 
 T = TypeVar("T")
 _MOST_SENDERS = 16

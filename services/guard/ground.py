@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.errors import InputError, ParameterError
-from services.io.maps import npz_map_file
-from services.io.maps.no_data import known_heights
-from services.wire.messages import MapUpdate
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.services.io.maps import npz_map_file
+from slopewise.services.io.maps.no_data import known_heights
+from slopewise.services.wire.messages import MapUpdate
 
 _OFF_GRID = 1e-3
 

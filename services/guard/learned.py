@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.arrays import Floats
-from services.guard.model_reader import SPREAD, GuardModel, rows_of
-from services.guard.stops import Tables
-from services.wire.parameter_messages import ParameterGroup
+from slopewise.models.arrays import Floats
+from slopewise.services.guard.model_reader import SPREAD, GuardModel, rows_of
+from slopewise.services.guard.stops import Tables
+from slopewise.services.wire.parameter_messages import ParameterGroup
 
 _FORCE = ("m_m", "b_m", "m_b", "b_b")
 _BRAKING, _LIMITS, _EFFECTS = "braking", "limits", "effects"

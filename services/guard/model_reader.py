@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.effects import registry
-from models.errors import InputError, ParameterError
-from models.parameters import Effect
-from models.plausibility import check_plausible
+from slopewise.models.arrays import Floats
+from slopewise.models.effects import registry
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.parameters import Effect
+from slopewise.models.plausibility import check_plausible
 
 SPREAD = 2.0
 """Standard deviations by which force and dead time may be worse from stop to stop."""

@@ -2,7 +2,8 @@
 
 The steepest grade, the weakest and the strongest brakes, the sharpest crest and the deepest roll of
 the whole way are taken to be everywhere at once. Where that is still fine, so are all stops from
-all speeds up to the highest, and :mod:`services.guard.stops` need not look at each of them.
+all speeds up to the highest, and :mod:`slopewise.services.guard.stops` need not look at each of
+them.
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ from __future__ import annotations
 import itertools
 import math
 
-from models.arrays import Floats
-from models.quantity import GRAVITY
-from services.guard.arc import ArcAhead
-from services.guard.model_reader import GuardModel
-from services.guard.stops import Tables
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
+from slopewise.services.guard.arc import ArcAhead
+from slopewise.services.guard.model_reader import GuardModel
+from slopewise.services.guard.stops import Tables
 
 
 def plainly_fine(
@@ -31,7 +32,7 @@ def plainly_fine(
     False means nothing but that it has to be looked at closely.
 
     Args:
-        model, tables, way, least_load: as of :func:`services.guard.stops.stops_along`.
+        model, tables, way, least_load: as of :func:`slopewise.services.guard.stops.stops_along`.
         speed: highest [m/s]. held: time for which it may be held [s].
     """
     if model.effects or way.why:

@@ -10,16 +10,16 @@ from typing import Any
 
 import zenoh
 
-from models.errors import InputError, ParameterError
-from services.guard.arc import PlanarPose
-from services.guard.core import BaseWord, Guard
-from services.guard.decide import BaseCommand, VehicleMotion
-from services.guard.settings import GuardRos
-from services.io.bags.ros_types import typestore
-from services.ros.inbox import Inbox, Received
-from services.ros.inbox import decoded as decoded_cdr
-from services.ros.naming import read_attachment
-from services.ros.node import Node
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.services.guard.arc import PlanarPose
+from slopewise.services.guard.core import BaseWord, Guard
+from slopewise.services.guard.decide import BaseCommand, VehicleMotion
+from slopewise.services.guard.settings import GuardRos
+from slopewise.services.io.bags.ros_types import typestore
+from slopewise.services.ros.inbox import Inbox, Received
+from slopewise.services.ros.inbox import decoded as decoded_cdr
+from slopewise.services.ros.naming import read_attachment
+from slopewise.services.ros.node import Node
 
 _ODOMETRY, _BOOL = "nav_msgs/msg/Odometry", "std_msgs/msg/Bool"
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import zenoh
 
-from models.errors import InputError
-from services.guard.settings import GuardSettings
-from services.settings.tls_files import settle
+from slopewise.models.errors import InputError
+from slopewise.services.guard.settings import GuardSettings
+from slopewise.services.settings.tls_files import settle
 
 _PRIORITY = 20
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
-from services.io.decode import decode_table
-from services.io.shipped import shipped_files
-from services.io.toml_file import beside, read_toml
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.services.io.decode import decode_table
+from slopewise.services.io.shipped import shipped_files
+from slopewise.services.io.toml_file import beside, read_toml
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,17 +13,19 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.effects import registry
-from models.effects.effect_law import Place
-from models.quantity import GRAVITY
-from services.guard.arc import ArcAhead
-from services.guard.model_reader import GuardModel, stands_for
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Place
+from slopewise.models.quantity import GRAVITY
+from slopewise.services.guard.arc import ArcAhead
+from slopewise.services.guard.model_reader import GuardModel, stands_for
 
 _EPSILON = 1e-9
 
 Tables: TypeAlias = tuple[Floats, ...]
-"""Surfaces as rows, of :func:`services.guard.model_reader.rows_of`, each table another belief."""
+"""Surfaces as rows, of :func:`slopewise.services.guard.model_reader.rows_of`, each table another
+belief.
+"""
 
 
 class StopOutcomes(NamedTuple):

@@ -13,12 +13,12 @@ from collections import Counter, OrderedDict, deque
 
 import zenoh
 
-from services.guard.core import Guard
-from services.guard.ground import GuardGround, ground_of
-from services.guard.zenoh_wire import format_of
-from services.wire import codec
-from services.wire.messages import MapUpdate
-from services.wire.parameter_messages import ParameterGroup
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.ground import GuardGround, ground_of
+from slopewise.services.guard.zenoh_wire import format_of
+from slopewise.services.wire import codec
+from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.parameter_messages import ParameterGroup
 
 _log = logging.getLogger("slopewise")
 LOST = "a map patch was lost; waiting for a whole map"

@@ -19,14 +19,14 @@ from typing import Any
 
 import zenoh
 
-from services.guard.core import BaseWord
-from services.guard.decide import stop
-from services.guard.ground import read_ground
-from services.guard.heart import Heart
-from services.guard.model_reader import read_guard_model
-from services.guard.session import hurry, open_session
-from services.guard.settings import GuardSettings, model_path, read_guard_settings
-from services.guard.zenoh_wire import OutputWire
+from slopewise.services.guard.core import BaseWord
+from slopewise.services.guard.decide import stop
+from slopewise.services.guard.ground import read_ground
+from slopewise.services.guard.heart import Heart
+from slopewise.services.guard.model_reader import read_guard_model
+from slopewise.services.guard.session import hurry, open_session
+from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
+from slopewise.services.guard.zenoh_wire import OutputWire
 
 _log = logging.getLogger("slopewise")
 _AGAIN = 1.0
@@ -47,7 +47,7 @@ class Watch:
     def _begin(self) -> None:
         self._begun = time.monotonic()
         ours, theirs = socket.socketpair()
-        words = [sys.executable, "-m", "services.guard.worker", str(self._config)]
+        words = [sys.executable, "-m", "slopewise.services.guard.worker", str(self._config)]
         self.worker = subprocess.Popen([*words, str(theirs.fileno())], pass_fds=(theirs.fileno(),))
         theirs.close()
         self._link = ours
@@ -96,7 +96,7 @@ class Watch:
 def _output(settings: GuardSettings, session: zenoh.Session) -> Any:
     if not settings.ros.enabled:
         return OutputWire(session, settings.zenoh.namespace, "watch")
-    from services.guard.ros_wire import RosOutput
+    from slopewise.services.guard.ros_wire import RosOutput
 
     return RosOutput(session, settings.ros, f"{settings.ros.node}_watch")
 

@@ -1,7 +1,9 @@
-"""The process that decides. It is begun by the one that watches it, :mod:`services.guard.watch`.
+"""The process that decides. It is begun by the one that watches it,
+:mod:`slopewise.services.guard.watch`.
 
 One thread takes what came and answers a command at once; another reads maps and parameters, see
-:mod:`services.guard.updates`. Run as ``python -m services.guard.worker SETTINGS FD``.
+:mod:`slopewise.services.guard.updates`. Run as ``python -m slopewise.services.guard.worker SETTINGS
+FD``.
 """
 
 from __future__ import annotations
@@ -17,19 +19,19 @@ from pathlib import Path
 
 import zenoh
 
-from services.guard.core import BaseWord, Guard
-from services.guard.decide import stop
-from services.guard.ground import read_ground
-from services.guard.heart import Heart
-from services.guard.messages import GuardStatus
-from services.guard.model_reader import read_guard_model
-from services.guard.session import hurry, open_session
-from services.guard.settings import GuardSettings, model_path, read_guard_settings
-from services.guard.updates import Updates
-from services.guard.zenoh_wire import Wire, ZenohWire
-from services.ros.inbox import Inbox
-from services.wire import codec
-from services.wire.codec import Format
+from slopewise.services.guard.core import BaseWord, Guard
+from slopewise.services.guard.decide import stop
+from slopewise.services.guard.ground import read_ground
+from slopewise.services.guard.heart import Heart
+from slopewise.services.guard.messages import GuardStatus
+from slopewise.services.guard.model_reader import read_guard_model
+from slopewise.services.guard.session import hurry, open_session
+from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
+from slopewise.services.guard.updates import Updates
+from slopewise.services.guard.zenoh_wire import Wire, ZenohWire
+from slopewise.services.ros.inbox import Inbox
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
 
 _log = logging.getLogger("slopewise")
 _STATUS = 1.0
@@ -124,7 +126,7 @@ class Worker:
 def _wire(settings: GuardSettings, session: zenoh.Session) -> Wire:
     if not settings.ros.enabled:
         return ZenohWire(session, settings.zenoh.namespace, Inbox())
-    from services.guard.ros_wire import RosWire
+    from slopewise.services.guard.ros_wire import RosWire
 
     return RosWire(session, settings.ros)
 

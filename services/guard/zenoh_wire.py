@@ -7,15 +7,15 @@ from typing import Any, Protocol
 
 import zenoh
 
-from models.errors import InputError
-from services.guard.arc import PlanarPose
-from services.guard.core import BaseWord, Guard
-from services.guard.decide import BaseCommand, VehicleMotion
-from services.guard.feed import Feed
-from services.guard.messages import GuardClear, GuardCommand, GuardMotion, GuardOutput
-from services.ros.inbox import Inbox, Received
-from services.wire import codec
-from services.wire.codec import Format
+from slopewise.models.errors import InputError
+from slopewise.services.guard.arc import PlanarPose
+from slopewise.services.guard.core import BaseWord, Guard
+from slopewise.services.guard.decide import BaseCommand, VehicleMotion
+from slopewise.services.guard.feed import Feed
+from slopewise.services.guard.messages import GuardClear, GuardCommand, GuardMotion, GuardOutput
+from slopewise.services.ros.inbox import Inbox, Received
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
 
 _SMALL = 4000
 _DROP = zenoh.CongestionControl.DROP

@@ -7,7 +7,7 @@ import os
 import secrets
 from pathlib import Path
 
-from models.errors import InputError
+from slopewise.models.errors import InputError
 
 _LONGEST = 80
 

@@ -15,9 +15,9 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType, NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from models.errors import ParameterError
-from models.quantity import describe_range
-from services.io.access import fault, shown
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import describe_range
+from slopewise.services.io.access import fault, shown
 
 T = TypeVar("T")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from services.io.access import fault, reason
+from slopewise.services.io.access import fault, reason
 
 _BLOCK = 1 << 20
 

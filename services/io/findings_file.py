@@ -10,9 +10,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from models.discrepancy.findings import Findings, Gap
-from services.io.access import write_atomic
-from services.io.model_file import write_model
+from slopewise.models.discrepancy.findings import Findings, Gap
+from slopewise.services.io.access import write_atomic
+from slopewise.services.io.model_file import write_model
 
 FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"
 """What a folder of results holds."""

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import ParameterError
-from planner.path import CandidatePath
-from services.io.access import fault, read_text, reason, shown
+from slopewise.models.errors import ParameterError
+from slopewise.planner.path import CandidatePath
+from slopewise.services.io.access import fault, read_text, reason, shown
 
 _DEGREES = ("CRS84", "4326", "4258", "4269")
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from services.check.given_plan import COLUMNS, NEEDED, GivenPlan
-from services.io.access import fault
-from services.io.parquet_table import read_parquet
-from services.io.table import Table, read_csv
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.services.check.given_plan import COLUMNS, NEEDED, GivenPlan
+from slopewise.services.io.access import fault
+from slopewise.services.io.parquet_table import read_parquet
+from slopewise.services.io.table import Table, read_csv
 
 _SPEEDS = ("speed", "speed_limit")
 

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from models.effects import registry
-from models.errors import ParameterError
-from models.parameters import Model
-from models.plausibility import check_plausible
-from models.vehicle import Vehicle
-from services.io.access import fault, write_atomic
-from services.io.decode import decode_table, dotted
-from services.io.shipped import shipped_files
-from services.io.toml_file import read_toml
+from slopewise.models.effects import registry
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.models.plausibility import check_plausible
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.io.access import fault, write_atomic
+from slopewise.services.io.decode import decode_table, dotted
+from slopewise.services.io.shipped import shipped_files
+from slopewise.services.io.toml_file import read_toml
 
 _MOST_SURFACES = 61  # surfaces that a model can tell apart beside the base
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
-from services.io.access import check_file, fault
-from services.io.table import Table
+from slopewise.models.arrays import Floats
+from slopewise.services.io.access import check_file, fault
+from slopewise.services.io.table import Table
 
 
 def read_parquet(path: Path) -> Table:

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from planner.path import CandidatePath
-from services.io.access import fault
-from services.io.bags.recording import is_bag
-from services.io.geojson_file import read_geojson_paths
-from services.io.maps.grid import Around, in_words
-from services.io.parquet_table import read_parquet
-from services.io.table import Table, read_csv, write_csv
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.planner.path import CandidatePath
+from slopewise.services.io.access import fault
+from slopewise.services.io.bags.recording import is_bag
+from slopewise.services.io.geojson_file import read_geojson_paths
+from slopewise.services.io.maps.grid import Around, in_words
+from slopewise.services.io.parquet_table import read_parquet
+from slopewise.services.io.table import Table, read_csv, write_csv
 
 _OPTIONAL = {"speed_limit": "m/s", "yaw": "rad"}
 
@@ -36,7 +36,7 @@ def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[
     if path.suffix.lower() in (".geojson", ".json"):
         return read_geojson_paths(path)
     if is_bag(path):
-        from services.io.maps.bag_map import read_bag_paths
+        from slopewise.services.io.maps.bag_map import read_bag_paths
 
         return read_bag_paths(path, topics, frame)
     table = read_parquet(path) if path.suffix.lower() == ".parquet" else read_csv(path)

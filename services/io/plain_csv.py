@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Collection
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 
 def plain_columns(content: str, text: Collection[str]) -> dict[str, list[str] | Floats] | None:

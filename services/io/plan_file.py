@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
-from planner.plan import SpeedPlan, Status
-from services.io.table import read_csv, write_csv
+from slopewise.models.arrays import Floats
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.services.io.table import read_csv, write_csv
 
 TEXT = ("candidate", "limiting", "status", "reason")
 COLUMNS = (

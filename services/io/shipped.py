@@ -6,10 +6,8 @@ from pathlib import Path
 
 
 def shipped_folder() -> Path:
-    """Where they are: in ``slopewise/configs`` when installed, in ``configs`` of the repository."""
-    top = Path(__file__).parents[2]
-    installed = top / "slopewise" / "configs"
-    return installed if installed.is_dir() else top / "configs"
+    """Where they are: ``slopewise/configs``, in the repository a link to ``configs``."""
+    return Path(__file__).parents[2] / "configs"
 
 
 def shipped_files(kind: str) -> dict[str, Path]:

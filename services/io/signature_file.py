@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from models.terrain.signature import DRIVING_NAMES, FEATURE_NAMES
-from models.terrain.signature_model import LinearPicture, NormalPicture, SignatureModel
-from services.io.access import fault, write_atomic
+from slopewise.models.terrain.signature import DRIVING_NAMES, FEATURE_NAMES
+from slopewise.models.terrain.signature_model import LinearPicture, NormalPicture, SignatureModel
+from slopewise.services.io.access import fault, write_atomic
 
 _VERSION = 1
 _NUMBERS = ("temperature", "threshold", "known_refused")

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import InputError
-from services.io.access import fault, read_text, shown, write_atomic
-from services.io.plain_csv import plain_columns
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import InputError
+from slopewise.services.io.access import fault, read_text, shown, write_atomic
+from slopewise.services.io.plain_csv import plain_columns
 
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 _LONG = 1_000_000  # characters from which loading another reader pays

@@ -6,23 +6,23 @@ import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from models.terrain.adaptation import AdaptationSettings
-from models.terrain.change import ChangeSettings
-from models.terrain.classes import FEATURES, TerrainClass, TerrainClasses
-from models.terrain.classifier import ClassifierSettings
-from models.terrain.settings import (
+from slopewise.models.terrain.adaptation import AdaptationSettings
+from slopewise.models.terrain.change import ChangeSettings
+from slopewise.models.terrain.classes import FEATURES, TerrainClass, TerrainClasses
+from slopewise.models.terrain.classifier import ClassifierSettings
+from slopewise.models.terrain.settings import (
     EstimatorSettings,
     FilterSettings,
     MotionSettings,
     ResistanceSettings,
 )
-from models.terrain.signature_memory import MemorySettings
-from models.terrain.signature_model import SignatureModel
-from services.io.access import fault, write_atomic
-from services.io.decode import decode_table
-from services.io.shipped import shipped_files
-from services.io.signature_file import read_signatures
-from services.io.toml_file import read_toml
+from slopewise.models.terrain.signature_memory import MemorySettings
+from slopewise.models.terrain.signature_model import SignatureModel
+from slopewise.services.io.access import fault, write_atomic
+from slopewise.services.io.decode import decode_table
+from slopewise.services.io.shipped import shipped_files
+from slopewise.services.io.signature_file import read_signatures
+from slopewise.services.io.toml_file import read_toml
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

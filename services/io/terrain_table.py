@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
-from models.stop_logs.drive_quality import Suspect
-from models.terrain.monitor import Classified, GroundChange
-from services.io.table import write_csv
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs.drive_quality import Suspect
+from slopewise.models.terrain.monitor import Classified, GroundChange
+from slopewise.services.io.table import write_csv
 
 _TEXT = ("run", "phase", "terrain", "rules", "note")
 COLUMNS = (

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from services.io.access import check_file, fault, read_text, reason
+from slopewise.services.io.access import check_file, fault, read_text, reason
 
 _PLACE = re.compile(r" \(at (line \d+, column \d+|end of document)\)$")
 

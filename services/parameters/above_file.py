@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from models.calibration.force_fit import NAMES, design
-from models.parameters import Braking
-from models.surface_braking import SurfaceBraking
+from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.parameters import Braking
+from slopewise.models.surface_braking import SurfaceBraking
 
 _NOTHING = 1e-3
 """Force beyond the file that is not worth telling [1]."""

@@ -14,23 +14,23 @@ from statistics import median
 import msgspec
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.force_fit import NAMES, design
-from models.calibration.learned_force import LearnedForce, braking_in_use
-from models.calibration.online import OnlineBraking
-from models.calibration.published import PublishSettings
-from models.calibration.recursive import Acceptance, RecursiveSettings
-from models.errors import ParameterError
-from models.laws import braking
-from models.parameters import Braking, Model
-from models.quantity import GRAVITY
-from models.stop_logs.stop_stream import StreamedStop
-from planner.ground.uncertainty import HOUR, Uncertainty
-from services.parameters.above_file import limited
-from services.parameters.group import Description, ParameterGroups, State
-from services.parameters.learnable import StopTaught
-from services.parameters.new_surfaces import makes_room, unheard_of
-from services.settings.learning import Learning
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.calibration.learned_force import LearnedForce, braking_in_use
+from slopewise.models.calibration.online import OnlineBraking
+from slopewise.models.calibration.published import PublishSettings
+from slopewise.models.calibration.recursive import Acceptance, RecursiveSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.laws import braking
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_logs.stop_stream import StreamedStop
+from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
+from slopewise.services.parameters.above_file import limited
+from slopewise.services.parameters.group import Description, ParameterGroups, State
+from slopewise.services.parameters.learnable import StopTaught
+from slopewise.services.parameters.new_surfaces import makes_room, unheard_of
+from slopewise.services.settings.learning import Learning
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"

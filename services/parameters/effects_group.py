@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
-from models.effects.registry import LAWS
-from models.errors import ParameterError
-from models.parameters import Model
-from services.discovery.finding import model_of
-from services.discovery.stops_compared import cautious
-from services.parameters.group import Description, ParameterGroups, State
-from services.wire.offer import Offer
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.discovery.finding import model_of
+from slopewise.services.discovery.stops_compared import cautious
+from slopewise.services.parameters.group import Description, ParameterGroups, State
+from slopewise.services.wire.offer import Offer
 
 EFFECTS = "effects"
 

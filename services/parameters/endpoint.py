@@ -17,14 +17,19 @@ from typing import Any, Protocol
 import msgspec
 import zenoh
 
-from models.errors import InputError
-from services.parameters import replies
-from services.parameters.service import REFUSED, ParameterService
-from services.settings.service import ServiceConfig
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.observations import DriveSamples, Receipt, StopObservation, TerrainLabel
-from services.wire.parameter_messages import (
+from slopewise.models.errors import InputError
+from slopewise.services.parameters import replies
+from slopewise.services.parameters.service import REFUSED, ParameterService
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.observations import (
+    DriveSamples,
+    Receipt,
+    StopObservation,
+    TerrainLabel,
+)
+from slopewise.services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
     ParameterGroup,

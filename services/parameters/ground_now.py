@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from models.parameters import Model
-from services.parameters.group import GroundNews
-from services.wire.observations import TerrainLabel
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.parameters.group import GroundNews
+from slopewise.services.wire.observations import TerrainLabel
 
 NEEDED = ("yaw_rate", "v_left", "v_right", "current_left", "current_right")
 """Columns beside those of every drive that the terrain estimator needs."""
@@ -71,9 +71,9 @@ class GroundNow:
         monitor = self._monitor(source, float(columns["t"][0]))
         if monitor is None:
             return GroundNews()
-        from models.terrain.classifier import NONE
-        from models.terrain.estimator import DriveSample
-        from models.terrain.monitor import GroundChange
+        from slopewise.models.terrain.classifier import NONE
+        from slopewise.models.terrain.estimator import DriveSample
+        from slopewise.models.terrain.monitor import GroundChange
 
         self._last[source] = float(columns["t"][-1])
         changed, features = False, None
@@ -122,7 +122,11 @@ def monitor_maker(terrains: str) -> Callable[[Model], Any]:
     file: Any = None
     signatures: Any = None
     if terrains:
-        from services.io.terrain_file import find_terrains, read_signatures_of, read_terrains
+        from slopewise.services.io.terrain_file import (
+            find_terrains,
+            read_signatures_of,
+            read_terrains,
+        )
 
         path = find_terrains(terrains)
         file = read_terrains(path)
@@ -130,8 +134,8 @@ def monitor_maker(terrains: str) -> Callable[[Model], Any]:
 
     def make(model: Model) -> Any:
         # Takes half a second to load; a service that gets no such samples does without.
-        from models.terrain.monitor import MonitorSettings, TerrainMonitor
-        from services.io.terrain_file import TerrainFile
+        from slopewise.models.terrain.monitor import MonitorSettings, TerrainMonitor
+        from slopewise.services.io.terrain_file import TerrainFile
 
         known = file or TerrainFile(name=model.name)
         settings = MonitorSettings(known.estimator, known.classifier, known.change, known.memory)

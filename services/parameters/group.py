@@ -1,6 +1,7 @@
 """What each kind of parameter group can do; versions, disk and wire are none of its business.
 
-An estimator is a class of this protocol and a line in :mod:`services.parameters.registry`.
+An estimator is a class of this protocol and a line in
+:mod:`slopewise.services.parameters.registry`.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from models.arrays import Floats
-from models.parameters import Model
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Model
 
 State = dict[str, Any]
 """What a group keeps over a restart, as plain values.
@@ -21,7 +22,9 @@ The history tells the values and standard deviations that lie in `values` and `s
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """A group as people and machines read it; see ``services.wire.parameter_messages``."""
+    """A group as people and machines read it; see
+    ``slopewise.services.wire.parameter_messages``.
+    """
 
     values: dict[str, float]
     valid: bool

@@ -9,11 +9,11 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
-from models.parameters import Model
-from models.vehicle import Vehicle
-from planner.ground.uncertainty import Uncertainty
-from services.io.model_file import model_sha256, vehicle_to_dict
-from services.wire import messages
+from slopewise.models.parameters import Model
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.services.io.model_file import model_sha256, vehicle_to_dict
+from slopewise.services.wire import messages
 
 
 @dataclass(frozen=True, slots=True)

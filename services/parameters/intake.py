@@ -11,18 +11,18 @@ from collections import OrderedDict
 import msgspec
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import InputError
-from services.wire.counting import Count, MessageOrder
-from services.wire.notices import Notices
-from services.wire.observations import (
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import InputError
+from slopewise.services.wire.counting import Count, MessageOrder
+from slopewise.services.wire.notices import Notices
+from slopewise.services.wire.observations import (
     DRIVE_COLUMNS,
     MORE_COLUMNS,
     DriveSamples,
     RobotObservation,
     TerrainLabel,
 )
-from services.wire.sender_clock import SenderClock
+from slopewise.services.wire.sender_clock import SenderClock
 
 _MOST_SOURCES = 1000
 _MOST_JUMPED = 4

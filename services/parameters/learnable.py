@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.effects.registry import LAWS
-from models.parameters import Effect, Model
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Effect, Model
 
 
 @dataclass(frozen=True, slots=True)

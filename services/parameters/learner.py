@@ -10,24 +10,29 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection
 
-from models.calibration.published import PublishSettings
-from models.errors import ParameterError
-from models.laws import braking
-from models.parameters import Model
-from models.quantity import GRAVITY
-from models.stop_logs.stop_stream import StreamedStop
-from services.parameters.braking_groups import BASE, BrakingGroups
-from services.parameters.effects_group import EffectsGroup
-from services.parameters.ground_now import GroundNow, monitor_maker
-from services.parameters.group import DriveNews, ParameterGroups, State
-from services.parameters.intake import columns_of
-from services.parameters.learnable import StopTaught, may_add, unable
-from services.parameters.plausible_stops import MIN_DECELERATION, StopPace, contradiction
-from services.parameters.registry import GROUPS
-from services.parameters.stop_streams import StopStreams
-from services.settings.learning import Learning
-from services.wire.notices import Notices
-from services.wire.observations import DriveSamples, RobotObservation, StopObservation, TerrainLabel
+from slopewise.models.calibration.published import PublishSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.laws import braking
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_logs.stop_stream import StreamedStop
+from slopewise.services.parameters.braking_groups import BASE, BrakingGroups
+from slopewise.services.parameters.effects_group import EffectsGroup
+from slopewise.services.parameters.ground_now import GroundNow, monitor_maker
+from slopewise.services.parameters.group import DriveNews, ParameterGroups, State
+from slopewise.services.parameters.intake import columns_of
+from slopewise.services.parameters.learnable import StopTaught, may_add, unable
+from slopewise.services.parameters.plausible_stops import MIN_DECELERATION, StopPace, contradiction
+from slopewise.services.parameters.registry import GROUPS
+from slopewise.services.parameters.stop_streams import StopStreams
+from slopewise.services.settings.learning import Learning
+from slopewise.services.wire.notices import Notices
+from slopewise.services.wire.observations import (
+    DriveSamples,
+    RobotObservation,
+    StopObservation,
+    TerrainLabel,
+)
 
 _STRONGEST = PublishSettings().most
 _MOST_STOPS = 200

@@ -6,10 +6,10 @@ import dataclasses
 import time
 from collections.abc import Mapping
 
-from models.errors import ParameterError
-from models.parameters import Limits, Model
-from services.parameters.group import Description, ParameterGroups, State
-from services.settings.learning import Learning
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Limits, Model
+from slopewise.services.parameters.group import Description, ParameterGroups, State
+from slopewise.services.settings.learning import Learning
 
 LIMITS = "limits"
 _UNITS = {

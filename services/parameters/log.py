@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 
-from services.parameters.change import Moment, StoredChange
-from services.parameters.group import State
-from services.parameters.store import Store, StoreError
-from services.parameters.store_copy import StoreCopy, copy_path, read_copy, write_copy
-from services.settings.learning import StoreSettings
+from slopewise.services.parameters.change import Moment, StoredChange
+from slopewise.services.parameters.group import State
+from slopewise.services.parameters.store import Store, StoreError
+from slopewise.services.parameters.store_copy import StoreCopy, copy_path, read_copy, write_copy
+from slopewise.services.settings.learning import StoreSettings
 
 _log = logging.getLogger("slopewise")
 

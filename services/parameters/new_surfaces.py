@@ -6,12 +6,12 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.force_fit import NAMES
-from models.calibration.learned_force import LearnedForce
-from models.calibration.published import PublishSettings
-from models.errors import ParameterError
-from models.parameters import Braking
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.calibration.learned_force import LearnedForce
+from slopewise.models.calibration.published import PublishSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
 
 _MOST_GUESSES = 32
 _MOST_NAMED = 96

@@ -6,13 +6,13 @@ import logging
 from collections.abc import Iterable
 from typing import Any
 
-from models.errors import ParameterError
-from services.parameters.braking_groups import BASE
-from services.parameters.change import Moment
-from services.parameters.effects_group import EFFECTS
-from services.parameters.learner import Learner
-from services.parameters.log import Last, Memory, ParameterLog
-from services.parameters.store import StoreError
+from slopewise.models.errors import ParameterError
+from slopewise.services.parameters.braking_groups import BASE
+from slopewise.services.parameters.change import Moment
+from slopewise.services.parameters.effects_group import EFFECTS
+from slopewise.services.parameters.learner import Learner
+from slopewise.services.parameters.log import Last, Memory, ParameterLog
+from slopewise.services.parameters.store import StoreError
 
 _log = logging.getLogger("slopewise")
 

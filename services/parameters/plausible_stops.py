@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from models.vehicle import Vehicle
-from services.wire.observations import StopObservation
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.wire.observations import StopObservation
 
 MIN_DECELERATION = 0.01
 """What slows less is no stop: from 1 m/s it would take longer than 100 s [m/s²]."""

@@ -7,15 +7,15 @@ import math
 
 import msgspec
 
-from models.calibration.force_fit import NAMES
-from models.errors import ParameterError, SlopewiseError
-from services.parameters.change import StoredChange
-from services.parameters.group import ParameterGroups
-from services.parameters.in_use import fingerprint
-from services.parameters.log import Last
-from services.parameters.service import ParameterService
-from services.parameters.store import StoreError
-from services.wire.parameter_messages import (
+from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.errors import ParameterError, SlopewiseError
+from slopewise.services.parameters.change import StoredChange
+from slopewise.services.parameters.group import ParameterGroups
+from slopewise.services.parameters.in_use import fingerprint
+from slopewise.services.parameters.log import Last
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.store import StoreError
+from slopewise.services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
     HistoryEntry,

@@ -14,20 +14,20 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 
-from models.errors import InputError, ParameterError
-from models.parameters import Model
-from services.discovery.investigator import BY_ITSELF, Investigator
-from services.parameters.change import Moment
-from services.parameters.effects_group import EFFECTS
-from services.parameters.in_use import ParametersInUse, fingerprint
-from services.parameters.intake import Intake, columns_of
-from services.parameters.learner import NOT_LEARNED, Learner
-from services.parameters.log import Last, ParameterLog
-from services.parameters.past import ParameterPast
-from services.parameters.store import StoreError
-from services.settings.service import ServiceConfig
-from services.wire.notices import Notices
-from services.wire.observations import DriveSamples, Receipt, RobotObservation
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.discovery.investigator import BY_ITSELF, Investigator
+from slopewise.services.parameters.change import Moment
+from slopewise.services.parameters.effects_group import EFFECTS
+from slopewise.services.parameters.in_use import ParametersInUse, fingerprint
+from slopewise.services.parameters.intake import Intake, columns_of
+from slopewise.services.parameters.learner import NOT_LEARNED, Learner
+from slopewise.services.parameters.log import Last, ParameterLog
+from slopewise.services.parameters.past import ParameterPast
+from slopewise.services.parameters.store import StoreError
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire.notices import Notices
+from slopewise.services.wire.observations import DriveSamples, Receipt, RobotObservation
 
 _log = logging.getLogger("slopewise")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from models.arrays import Floats
-from models.stop_logs.stop_stream import StopStream, StreamedStop
-from services.settings.learning import Learning
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
+from slopewise.services.settings.learning import Learning
 
 _MOST_STREAMS = 8
 

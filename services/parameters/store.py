@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from services.parameters.change import Moment, StoredChange
+from slopewise.services.parameters.change import Moment, StoredChange
 
 _SCHEMA_VERSION = 1
 _PAGE = 4096

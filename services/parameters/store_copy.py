@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from services.parameters.change import StoredChange
+from slopewise.services.parameters.change import StoredChange
 
 
 class StoreCopy(msgspec.Struct, frozen=True):

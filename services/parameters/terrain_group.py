@@ -12,10 +12,10 @@ import math
 import time
 from collections.abc import Mapping
 
-from models.errors import ParameterError
-from models.parameters import Model
-from services.parameters.group import Description, DriveNews, ParameterGroups, State
-from services.settings.learning import Learning
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.parameters.group import Description, DriveNews, ParameterGroups, State
+from slopewise.services.settings.learning import Learning
 
 TERRAIN = "terrain"
 NAMES = ("motion_resistance", "lateral_resistance", "slip_track")

@@ -12,7 +12,7 @@ from collections import Counter, deque
 from enum import Enum
 from typing import Any
 
-from services.planning.shares import Shares
+from slopewise.services.planning.shares import Shares
 
 _MOST_TURNED_AWAY = 1024
 """Beyond that nobody is left who could say busy in time."""

@@ -17,12 +17,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from models.errors import ParameterError
-from planner.kernels import kept
-from planner.kernels.ahead import compile_ahead, written_down
-from planner.kernels.interpreted import interpret, is_interpreting
-from planner.path import CandidatePath, EvenPath, PathBatch
-from services.planning.progress import progress_bar
+from slopewise.models.errors import ParameterError
+from slopewise.planner.kernels import kept
+from slopewise.planner.kernels.ahead import compile_ahead, written_down
+from slopewise.planner.kernels.interpreted import interpret, is_interpreting
+from slopewise.planner.path import CandidatePath, EvenPath, PathBatch
+from slopewise.services.planning.progress import progress_bar
 
 FEW = 3000
 """Stations that Python plans along sooner than the compiler is done, at some 15 ms each."""
@@ -140,7 +140,7 @@ def _prefers_python() -> bool:
     if not kept.is_compiling():
         if _compiler is None:
             # It has to import this very copy, wherever it is started.
-            path = [str(kept.PACKAGE.parent), *sys.path]
+            path = [str(kept.PACKAGE.parents[1]), *sys.path]
             quiet = subprocess.DEVNULL
             _compiler = subprocess.Popen(
                 [sys.executable, "-P", "-c", _COMPILER.format(path=path)],

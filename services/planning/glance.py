@@ -7,8 +7,8 @@ import math
 import msgspec
 import zenoh
 
-from models.errors import InputError
-from services.wire import codec
+from slopewise.models.errors import InputError
+from slopewise.services.wire import codec
 
 _LARGEST = 200_000
 _LONGEST_NAME = 120

@@ -10,12 +10,12 @@ from typing import Any
 
 import zenoh
 
-from models.errors import InputError
-from services.planning import glance
-from services.planning.map_store import MapStore
-from services.settings.service import ServiceConfig
-from services.wire import codec
-from services.wire.messages import MapUpdate
+from slopewise.models.errors import InputError
+from slopewise.services.planning import glance
+from slopewise.services.planning.map_store import MapStore
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire import codec
+from slopewise.services.wire.messages import MapUpdate
 
 _log = logging.getLogger("slopewise")
 

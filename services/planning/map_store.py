@@ -12,15 +12,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import InputError, ParameterError
-from planner.ground.elevation_map import ElevationMap
-from services.io.maps import height_error, no_data
-from services.io.maps.grid import check_physical
-from services.wire.counting import Count, MessageOrder
-from services.wire.messages import MapUpdate
-from services.wire.notices import Notices
-from services.wire.sender_clock import SenderClock
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.io.maps import height_error, no_data
+from slopewise.services.io.maps.grid import check_physical
+from slopewise.services.wire.counting import Count, MessageOrder
+from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.notices import Notices
+from slopewise.services.wire.sender_clock import SenderClock
 
 _MAX_STD = 10.0
 """Heights that are farther off than that are not measured [m]."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from services.planning.admission import Admission, Lane, PendingQuery
-from services.planning.pace import TOO_MANY, TooLateError
+from slopewise.services.planning.admission import Admission, Lane, PendingQuery
+from slopewise.services.planning.pace import TOO_MANY, TooLateError
 
 _WAY = 0.02
 """So long a question waits between two candidates for one of a client that drives [s]."""

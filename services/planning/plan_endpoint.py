@@ -3,7 +3,7 @@
 Clients that drive have a thread of their own: it answers those that were answered several times
 just lately, and whatever comes on the key `plan/drive`, which access can be given to apart. Zenoh's
 own threads only put questions in; decoding, planning and replies are done by threads of this file.
-What is answered is made in :mod:`services.planning.plan_service`.
+What is answered is made in :mod:`slopewise.services.planning.plan_service`.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from models.errors import InputError
-from services.planning import glance
-from services.planning.admission import Admission, Lane, PendingQuery
-from services.planning.map_store import MapStore
-from services.planning.meter import Meter
-from services.planning.pace import TOO_MANY, TooLateError
-from services.planning.plan_service import PlanService
-from services.settings.service import ServiceConfig
-from services.wire import codec, messages
-from services.wire.messages import PlanReply, PlanRequest
+from slopewise.models.errors import InputError
+from slopewise.services.planning import glance
+from slopewise.services.planning.admission import Admission, Lane, PendingQuery
+from slopewise.services.planning.map_store import MapStore
+from slopewise.services.planning.meter import Meter
+from slopewise.services.planning.pace import TOO_MANY, TooLateError
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire import codec, messages
+from slopewise.services.wire.messages import PlanReply, PlanRequest
 
 _log = logging.getLogger("slopewise")
 

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.errors import InputError, ParameterError
-from planner.horizon.answer import HorizonSettings
-from planner.horizon.path_projection import locate
-from planner.horizon.refusals import out_of_reach
-from planner.path import CandidatePath, EvenPath, batch, resample
-from services.planning.pace import Pace, unhurried
-from services.settings.service import Sizes
-from services.wire.messages import Path, PlanRequest, RankedCandidate
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.planner.horizon.answer import HorizonSettings
+from slopewise.planner.horizon.path_projection import locate
+from slopewise.planner.horizon.refusals import out_of_reach
+from slopewise.planner.path import CandidatePath, EvenPath, batch, resample
+from slopewise.services.planning.pace import Pace, unhurried
+from slopewise.services.settings.service import Sizes
+from slopewise.services.wire.messages import Path, PlanRequest, RankedCandidate
 
 _FEWEST_POINTS = 3
 _FARTHEST = 1e9

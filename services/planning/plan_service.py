@@ -13,29 +13,29 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.errors import InputError, ParameterError
-from planner.ground.braking_ground import GroundConditions
-from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import FULL_STOP, PlanarState, SpeedCommand, command_of
-from planner.horizon.horizon import Horizon
-from planner.limiting import Limiting
-from planner.pipeline.candidates import CandidatePlanner
-from planner.pipeline.ranking import rank, ranking_cost
-from planner.plan import Obstacle, SpeedPlan, Status
-from services.parameters.in_use import ParametersInUse
-from services.planning.map_store import KnownGround
-from services.planning.pace import Costs, Pace, unhurried
-from services.planning.plan_questions import (
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.horizon.answer import FULL_STOP, PlanarState, SpeedCommand, command_of
+from slopewise.planner.horizon.horizon import Horizon
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.pipeline.ranking import rank, ranking_cost
+from slopewise.planner.plan import Obstacle, SpeedPlan, Status
+from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.pace import Costs, Pace, unhurried
+from slopewise.services.planning.plan_questions import (
     Usable,
     at_the_vehicle,
     check,
     resampled,
     usable_of,
 )
-from services.planning.stale_map import MapAge
-from services.settings.service import ServiceConfig
-from services.wire import messages
-from services.wire.messages import (
+from slopewise.services.planning.stale_map import MapAge
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire import messages
+from slopewise.services.wire.messages import (
     Deviation,
     Limit,
     Met,

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.planning.map_store import KnownGround
-from services.planning.plan_questions import Usable
+from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.plan_questions import Usable
 
 _CREEP = 0.05
 """No cap is below that: it is as good as rest, and the stop follows [m/s]."""

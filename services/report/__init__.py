@@ -1,5 +1,5 @@
 """Pages for people: one HTML file each, which needs neither a network nor a server."""
 
-from services.report.plan_page import render_report, write_report
+from slopewise.services.report.plan_page import render_report, write_report
 
 __all__ = ["render_report", "write_report"]

@@ -7,10 +7,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from services.report.brake_numbers import BrakeNumbers
-from services.report.brake_table import DistanceTable
-from services.report.brake_words import brake_rows, danger, degrees, explained, metres, slope_rows
-from services.report.figures import COLOURS, FAINT, INK, SECOND
+from slopewise.services.report.brake_numbers import BrakeNumbers
+from slopewise.services.report.brake_table import DistanceTable
+from slopewise.services.report.brake_words import (
+    brake_rows,
+    danger,
+    degrees,
+    explained,
+    metres,
+    slope_rows,
+)
+from slopewise.services.report.figures import COLOURS, FAINT, INK, SECOND
 
 SIZE = (8.27, 11.69)
 """A4, upright [inch]."""

@@ -1,8 +1,8 @@
 """What the brakes of a model can do, stop by stop on even slopes: the numbers of a brake sheet.
 
-Every distance is a stop of :mod:`models.stops.simulation` with the laws and effects of the model;
-beside its mean stands what plans count on at a quantile: force and dead time at their lower ends,
-the drive cut where that is longer, the worst state of the surface, the safety offset.
+Every distance is a stop of :mod:`slopewise.models.stops.simulation` with the laws and effects of
+the model; beside its mean stands what plans count on at a quantile: force and dead time at their
+lower ends, the drive cut where that is longer, the worst state of the surface, the safety offset.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from functools import cached_property
 
 import numpy as np
 
-from models.calibration.force_fit import design
-from models.effects import registry
-from models.effects.effect_law import Place
-from models.laws.holding import brakes_hold
-from models.laws.tip_over import rear_share_under_braking
-from models.parameters import Braking, Model
-from models.quantity import GRAVITY
-from models.stops.simulation import force_ratio
-from planner.ground.uncertainty import Uncertainty
-from services.report.even_stop import even_stop
+from slopewise.models.calibration.force_fit import design
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Place
+from slopewise.models.laws.holding import brakes_hold
+from slopewise.models.laws.tip_over import rear_share_under_braking
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stops.simulation import force_ratio
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.services.report.even_stop import even_stop
 
 _HEADINGS = 16
 _STEEPEST = np.deg2rad(45.0)

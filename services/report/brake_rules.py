@@ -6,8 +6,8 @@ tells them from the stop of the model.
 
 from __future__ import annotations
 
-from models.laws import responsibility_sensitive_safety as rss
-from services.report.brake_numbers import BrakeNumbers
+from slopewise.models.laws import responsibility_sensitive_safety as rss
+from slopewise.services.report.brake_numbers import BrakeNumbers
 
 _HAIR = 1e-3
 """Of distances that are integrated, shorter than that is the same [m]."""

@@ -10,13 +10,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from services.io.access import fault, write_atomic
-from services.report.brake_drawing import SIZE, SheetWords, draw
-from services.report.brake_numbers import BrakeNumbers
-from services.report.brake_table import shown_distances
-from services.report.brake_words import danger
-from services.report.figures import house_style, svg_uri
-from services.report.page import escaped, page
+from slopewise.services.io.access import fault, write_atomic
+from slopewise.services.report.brake_drawing import SIZE, SheetWords, draw
+from slopewise.services.report.brake_numbers import BrakeNumbers
+from slopewise.services.report.brake_table import shown_distances
+from slopewise.services.report.brake_words import danger
+from slopewise.services.report.figures import house_style, svg_uri
+from slopewise.services.report.page import escaped, page
 
 _ENDS = (".html", ".pdf")
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.parameters import Braking
-from services.report.brake_numbers import BrakeNumbers
-from services.report.brake_rules import plain_distance, rule_distance
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Braking
+from slopewise.services.report.brake_numbers import BrakeNumbers
+from slopewise.services.report.brake_rules import plain_distance, rule_distance
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from services.report.brake_numbers import BrakeNumbers, SteepestSlope
-from services.report.brake_rules import short_from
-from services.report.brake_table import DistanceTable, shown_distances
+from slopewise.services.report.brake_numbers import BrakeNumbers, SteepestSlope
+from slopewise.services.report.brake_rules import short_from
+from slopewise.services.report.brake_table import DistanceTable, shown_distances
 
 _SURFACES, _NAME = 2, 14
 """Other surfaces that are told, and letters of their names."""

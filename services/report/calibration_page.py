@@ -11,13 +11,13 @@ from string import Template
 
 import numpy as np
 
-from models.calibration.learn import Calibration
-from models.stop_logs.drive_quality import Suspect
-from models.stop_logs.find_stops import Usability
-from services.io.access import write_atomic
-from services.report.calibration_pictures import pictures
-from services.report.page import asset, escaped, fact_list, notices, number_row, page
-from services.report.words import plural
+from slopewise.models.calibration.learn import Calibration
+from slopewise.models.stop_logs.drive_quality import Suspect
+from slopewise.models.stop_logs.find_stops import Usability
+from slopewise.services.io.access import write_atomic
+from slopewise.services.report.calibration_pictures import pictures
+from slopewise.services.report.page import asset, escaped, fact_list, notices, number_row, page
+from slopewise.services.report.words import plural
 
 _LISTED = 50
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from models.calibration.learn import Calibration
-from models.calibration.surface_fit import SurfaceFit
-from models.quantity import GRAVITY
-from models.stop_logs.stop_record import StopRecord
-from services.report.figures import FAINT, FIRST, INK, SECOND, house_style, svg_uri
+from slopewise.models.calibration.learn import Calibration
+from slopewise.models.calibration.surface_fit import SurfaceFit
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_logs.stop_record import StopRecord
+from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, house_style, svg_uri
 
 _WIDE = (7.4, 4.2)
 _LINES = 3

@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from services.io.access import write_atomic
-from services.report.page import escaped, fact_list, number_row, page
-from services.report.png import data_uri
+from slopewise.services.io.access import write_atomic
+from slopewise.services.report.page import escaped, fact_list, number_row, page
+from slopewise.services.report.png import data_uri
 
 _COEFFICIENTS = ("m_m", "b_m", "m_b", "b_b", "distance_offset")
 

@@ -8,7 +8,7 @@ import numpy as np
 from contourpy import LineType, contour_generator
 from numpy.typing import NDArray
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 _WANTED_LINES = 14
 _DIGITS = 10.0  # a path counts in tenths of a cell

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from models.discrepancy.findings import Findings, Gap, LocatedAxis, NamedEffect, Verdict
-from models.discrepancy.report.evidence import Evidence
-from models.discrepancy.report.words import answers, closed_words, sure_words
-from models.effects.registry import LAWS
-from services.io.access import write_atomic
-from services.report.discrepancy_pictures import pictures
-from services.report.page import escaped, fact_list, notices, number_row, page
-from services.report.words import plural
+from slopewise.models.discrepancy.findings import Findings, Gap, LocatedAxis, NamedEffect, Verdict
+from slopewise.models.discrepancy.report.evidence import Evidence
+from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
+from slopewise.models.effects.registry import LAWS
+from slopewise.services.io.access import write_atomic
+from slopewise.services.report.discrepancy_pictures import pictures
+from slopewise.services.report.page import escaped, fact_list, notices, number_row, page
+from slopewise.services.report.words import plural
 
 WORDS = {
     Verdict.NONE: ("nothing missing", "fine"),

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from models.discrepancy.findings import Findings, Gap
-from models.discrepancy.report.evidence import AxisResidual, Evidence
-from services.report.figures import FAINT, FIRST, INK, SECOND, house_style, svg_uri
+from slopewise.models.discrepancy.findings import Findings, Gap
+from slopewise.models.discrepancy.report.evidence import AxisResidual, Evidence
+from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, house_style, svg_uri
 
 _WIDE = (7.4, 4.0)
 _AXES = 6

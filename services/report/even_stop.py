@@ -1,4 +1,4 @@
-"""A stop with one force on one even slope, as :mod:`models.stops.simulation` drives it.
+"""A stop with one force on one even slope, as :mod:`slopewise.models.stops.simulation` drives it.
 
 Where no effect acts, the deceleration is constant and the distance has a closed form; the
 simulation, which takes a thousand steps for it, is asked only where effects change it on the way.
@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.laws import braking
-from models.laws.wheel_lockup import friction_cap
-from models.parameters import Braking, Model
-from models.stops.simulation import LONGEST, GroundTrack, simulate_stop
+from slopewise.models.laws import braking
+from slopewise.models.laws.wheel_lockup import friction_cap
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.stops.simulation import LONGEST, GroundTrack, simulate_stop
 
 
 def even_stop(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 # Azimuth clockwise from north [deg], height above the horizon [deg], share of the light.
 _LIGHTS = ((315.0, 45.0, 0.55), (270.0, 40.0, 0.20), (0.0, 40.0, 0.15), (135.0, 60.0, 0.10))

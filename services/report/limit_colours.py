@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from planner.limiting import BOUNDS
+from slopewise.planner.limiting import BOUNDS
 
 
 def limit_colours() -> str:

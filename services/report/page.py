@@ -14,7 +14,9 @@ from typing import Any
 
 def asset(name: str) -> str:
     """Text of a file that comes with this package."""
-    return (resources.files("services.report") / "assets" / name).read_text(encoding="utf-8")
+    return (resources.files("slopewise.services.report") / "assets" / name).read_text(
+        encoding="utf-8"
+    )
 
 
 def escaped(text: object) -> str:

@@ -9,17 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats, Ints
-from models.parameters import Model
-from planner.explain.bound_curves import bound_curves
-from planner.ground.elevation_map import ElevationMap
-from planner.limiting import BOUNDS, Limiting
-from planner.plan import Obstacle, SpeedPlan
-from services.report.contours import contour_path, interval, levels, outline_path, smoothed
-from services.report.hillshade import coarsen, shade
-from services.report.plan_summary import PlanSummary
-from services.report.png import encode_grey_alpha
-from services.report.words import word
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.parameters import Model
+from slopewise.planner.explain.bound_curves import bound_curves
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.limiting import BOUNDS, Limiting
+from slopewise.planner.plan import Obstacle, SpeedPlan
+from slopewise.services.report.contours import (
+    contour_path,
+    interval,
+    levels,
+    outline_path,
+    smoothed,
+)
+from slopewise.services.report.hillshade import coarsen, shade
+from slopewise.services.report.plan_summary import PlanSummary
+from slopewise.services.report.png import encode_grey_alpha
+from slopewise.services.report.words import word
 
 MOST_CELLS = 900
 """Longest edge of the relief in cells; larger maps are averaged."""

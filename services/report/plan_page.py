@@ -11,18 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from models.parameters import Model
-from planner.explain.explain import Explanation
-from planner.ground.elevation_map import ElevationMap
-from planner.plan import SpeedPlan, Status
-from services.io.access import write_atomic
-from services.report.limit_colours import limit_colours
-from services.report.page import asset, escaped, fact_list, page
-from services.report.plan_data import page_data
-from services.report.plan_reasons import reasons
-from services.report.plan_summary import PlanSummary, chosen, summarise, verdict
-from services.report.png import data_uri
-from services.report.words import LIMITING_MEANING, STATUS_MEANING, word
+from slopewise.models.parameters import Model
+from slopewise.planner.explain.explain import Explanation
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.services.io.access import write_atomic
+from slopewise.services.report.limit_colours import limit_colours
+from slopewise.services.report.page import asset, escaped, fact_list, page
+from slopewise.services.report.plan_data import page_data
+from slopewise.services.report.plan_reasons import reasons
+from slopewise.services.report.plan_summary import PlanSummary, chosen, summarise, verdict
+from slopewise.services.report.png import data_uri
+from slopewise.services.report.words import LIMITING_MEANING, STATUS_MEANING, word
 
 _SCRIPTS = (
     "helpers.js",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from planner.explain.explain import Explanation
-from services.report.page import escaped
-from services.report.words import LIMITING_MEANING, word
+from slopewise.planner.explain.explain import Explanation
+from slopewise.services.report.page import escaped
+from slopewise.services.report.words import LIMITING_MEANING, word
 
 
 def reasons(found: Explanation | None) -> str:

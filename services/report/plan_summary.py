@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.limiting import Limiting
-from planner.plan import SpeedPlan, Status
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.plan import SpeedPlan, Status
 
 _HOW = (
     (Status.OK, "reaches the end of its path", "reach the end of their paths"),

@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from models.stop_logs.drive_quality import Suspect
-from models.stop_logs.find_stops import StopWindow
-from services.io.access import write_atomic
-from services.report.calibration_page import stops_found, suspect_rows
-from services.report.page import escaped, fact_list, number_row, page
+from slopewise.models.stop_logs.drive_quality import Suspect
+from slopewise.models.stop_logs.find_stops import StopWindow
+from slopewise.services.io.access import write_atomic
+from slopewise.services.report.calibration_page import stops_found, suspect_rows
+from slopewise.services.report.page import escaped, fact_list, number_row, page
 
 _LISTED = 500
 

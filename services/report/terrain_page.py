@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from models.terrain.classes import TerrainClasses
-from models.terrain.trace import TerrainTrace
-from services.io.access import write_atomic
-from services.report.page import escaped, fact_list, notices, page
-from services.report.terrain_pictures import Point, pictures
+from slopewise.models.terrain.classes import TerrainClasses
+from slopewise.models.terrain.trace import TerrainTrace
+from slopewise.services.io.access import write_atomic
+from slopewise.services.report.page import escaped, fact_list, notices, page
+from slopewise.services.report.terrain_pictures import Point, pictures
 
 _LISTED = 50
 

@@ -13,9 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.terrain.classes import TerrainClasses
-from models.terrain.trace import TerrainTrace
-from services.report.figures import COLOURS, FAINT, FIRST, INK, SECOND, house_style, svg_uri
+from slopewise.models.terrain.classes import TerrainClasses
+from slopewise.models.terrain.trace import TerrainTrace
+from slopewise.services.report.figures import (
+    COLOURS,
+    FAINT,
+    FIRST,
+    INK,
+    SECOND,
+    house_style,
+    svg_uri,
+)
 
 Point = tuple[str, tuple[float, float, float]]
 """Class, and (f_r, μ_t, B_s) of a stretch."""

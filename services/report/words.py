@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from planner.limiting import BOUNDS, Limiting
-from planner.plan import Status
+from slopewise.planner.limiting import BOUNDS, Limiting
+from slopewise.planner.plan import Status
 
 STATUS_MEANING: dict[Status, str] = {
     Status.OK: "reaches the end of its path",

@@ -7,13 +7,13 @@ from collections.abc import Collection, Sequence
 
 import zenoh
 
-from services.ros import conversions as ros
-from services.ros.audience import TopicAudience
-from services.ros.conversions import Condition
-from services.ros.graph import Speech
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.neighbours import Connections
+from slopewise.services.ros import conversions as ros
+from slopewise.services.ros.audience import TopicAudience
+from slopewise.services.ros.conversions import Condition
+from slopewise.services.ros.graph import Speech
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.neighbours import Connections
 
 _log = logging.getLogger("slopewise")
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import ParameterError
-from services.io.bags.ros_types import PATH, SPEED_LIMIT, typestore
-from services.io.maps.bag_map import points_of
-from services.ros.speed_limit import PlanPosition, SpeedAdvice
-from services.wire.messages import Path, Plan
+from slopewise.models.errors import ParameterError
+from slopewise.services.io.bags.ros_types import PATH, SPEED_LIMIT, typestore
+from slopewise.services.io.maps.bag_map import points_of
+from slopewise.services.ros.speed_limit import PlanPosition, SpeedAdvice
+from slopewise.services.wire.messages import Path, Plan
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 IMU = "sensor_msgs/msg/Imu"

@@ -9,9 +9,9 @@ from uuid import uuid4
 import numpy as np
 import zenoh
 
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.observations import DriveSamples
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.observations import DriveSamples
 
 _FEWEST, _MOST = 10, 200
 _STALE = 0.5

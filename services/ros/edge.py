@@ -17,21 +17,21 @@ from uuid import uuid4
 
 import zenoh
 
-from models.errors import ParameterError
-from services.client import ClientAnswer, PlanClient
-from services.io.bags.ros_types import GRID_MAP, PATH, SPEED_LIMIT
-from services.io.maps.bag_map import other_frame
-from services.io.maps.grid_map_message import elevation_map_of
-from services.ros import conversions as ros
-from services.ros import speed_limit
-from services.ros.connections import ConnectionWatch
-from services.ros.conversions import Condition, OdometrySample
-from services.ros.inbox import Received, decoded
-from services.ros.node import Node
-from services.ros.settings import EdgeSettings
-from services.ros.speed_limit import SpeedAdvice
-from services.ros.vehicle_state import VehicleState
-from services.wire.messages import MapUpdate, Path, Plan
+from slopewise.models.errors import ParameterError
+from slopewise.services.client import ClientAnswer, PlanClient
+from slopewise.services.io.bags.ros_types import GRID_MAP, PATH, SPEED_LIMIT
+from slopewise.services.io.maps.bag_map import other_frame
+from slopewise.services.io.maps.grid_map_message import elevation_map_of
+from slopewise.services.ros import conversions as ros
+from slopewise.services.ros import speed_limit
+from slopewise.services.ros.connections import ConnectionWatch
+from slopewise.services.ros.conversions import Condition, OdometrySample
+from slopewise.services.ros.inbox import Received, decoded
+from slopewise.services.ros.node import Node
+from slopewise.services.ros.settings import EdgeSettings
+from slopewise.services.ros.speed_limit import SpeedAdvice
+from slopewise.services.ros.vehicle_state import VehicleState
+from slopewise.services.wire.messages import MapUpdate, Path, Plan
 
 _log = logging.getLogger("slopewise")
 _DIAGNOSE = 0.5

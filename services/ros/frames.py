@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from services.ros.conversions import OdometrySample
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.services.ros.conversions import OdometrySample
 
 _DEEPEST = 64
 _MOST_FRAMES = 10_000

@@ -10,7 +10,7 @@ from typing import Any
 
 import zenoh
 
-from services.ros.naming import NO_HASH, NODE, PUBLISHER, SUBSCRIPTION, type_of
+from slopewise.services.ros.naming import NO_HASH, NODE, PUBLISHER, SUBSCRIPTION, type_of
 
 _MOST_TOKENS = 20_000
 _ROS, _BRIDGE = "@ros2_lv", "@"

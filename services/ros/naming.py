@@ -15,7 +15,7 @@ import re
 import struct
 from dataclasses import dataclass
 
-from models.errors import ParameterError
+from slopewise.models.errors import ParameterError
 
 PUBLISHER, SUBSCRIPTION, NODE = "MP", "MS", "NN"
 NO_HASH = "TypeHashNotSupported"

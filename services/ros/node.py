@@ -11,11 +11,11 @@ from typing import Any
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from services.io.bags.ros_types import type_hashes, typestore
-from services.ros import naming
-from services.ros.audience import OwnTopic, TopicAudience, audience_of
-from services.ros.graph import OF_DISTRIBUTION, Graph, Speech
-from services.ros.inbox import Inbox, keeper
+from slopewise.services.io.bags.ros_types import type_hashes, typestore
+from slopewise.services.ros import naming
+from slopewise.services.ros.audience import OwnTopic, TopicAudience, audience_of
+from slopewise.services.ros.graph import OF_DISTRIBUTION, Graph, Speech
+from slopewise.services.ros.inbox import Inbox, keeper
 
 
 @dataclass(slots=True)
@@ -68,7 +68,8 @@ class Node:
         Args:
             session: open. domain: ROS_DOMAIN_ID. namespace: e.g. ``/robot``. name: of the node.
             clock: monotonic [s].
-            distribution: of the robot, one of :data:`services.ros.graph.OF_DISTRIBUTION`; with
+            distribution: of the robot, one of :data:`slopewise.services.ros.graph.OF_DISTRIBUTION`;
+            with
                 ``auto`` keys that :meth:`follow` finds in use are added.
         """
         self.inbox = Inbox(clock)

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
-from services.io.access import fault
-from services.io.decode import decode_table
-from services.io.toml_file import beside, read_toml
-from services.ros.naming import full_name
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.services.io.access import fault
+from slopewise.services.io.decode import decode_table
+from slopewise.services.io.toml_file import beside, read_toml
+from slopewise.services.ros.naming import full_name
 
 _MOST_PATHS = 100
 

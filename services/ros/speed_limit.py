@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.ros.settings import Timing
-from services.wire.messages import Plan, PlanReply
+from slopewise.services.ros.settings import Timing
+from slopewise.services.wire.messages import Plan, PlanReply
 
 _DRIVABLE = ("ok", "blocked", "degraded")
 

@@ -7,16 +7,16 @@ from typing import Any
 
 import zenoh
 
-from models.errors import ParameterError
-from services.ros import conversions as ros
-from services.ros.conversions import OdometrySample
-from services.ros.drive_samples import SampleTeller
-from services.ros.frames import Frames
-from services.ros.inbox import Received, decoded
-from services.ros.node import Node
-from services.ros.settings import EdgeSettings
-from services.wire.lateness import Lateness, WallClock
-from services.wire.sender_clock import RECOVERY
+from slopewise.models.errors import ParameterError
+from slopewise.services.ros import conversions as ros
+from slopewise.services.ros.conversions import OdometrySample
+from slopewise.services.ros.drive_samples import SampleTeller
+from slopewise.services.ros.frames import Frames
+from slopewise.services.ros.inbox import Received, decoded
+from slopewise.services.ros.node import Node
+from slopewise.services.ros.settings import EdgeSettings
+from slopewise.services.wire.lateness import Lateness, WallClock
+from slopewise.services.wire.sender_clock import RECOVERY
 
 
 class VehicleState:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from models.vehicle import Vehicle
-from planner.ground.elevation_map import ElevationMap
-from planner.plan import SpeedPlan
-from services.report.hillshade import shade
+from slopewise.models.arrays import Floats
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.plan import SpeedPlan
+from slopewise.services.report.hillshade import shade
 
 _MOST_VERTICES = 60_000
 """Ground is drawn coarser beyond that; viewers build an object for each."""

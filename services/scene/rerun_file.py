@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import InputError
-from models.vehicle import Vehicle
-from planner.ground.elevation_map import ElevationMap
-from planner.plan import SpeedPlan
-from services.io.access import write_atomic
-from services.scene import drawing
+from slopewise.models.errors import InputError
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.plan import SpeedPlan
+from slopewise.services.io.access import write_atomic
+from slopewise.services.scene import drawing
 
 _TIMELINE = "plan"
 _PLOTS = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import quantity, validate_quantities
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

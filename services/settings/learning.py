@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Literal
 
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
-from planner.ground.uncertainty import QUANTILE, Uncertainty
-from planner.horizon.answer import HorizonSettings
-from planner.settings import PlannerSettings
-from services.io.decode import decode_table
-from services.io.toml_file import beside, read_toml
-from services.settings.investigation import Investigation
-from services.settings.learning import Learning, StoreSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
+from slopewise.planner.horizon.answer import HorizonSettings
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.io.decode import decode_table
+from slopewise.services.io.toml_file import beside, read_toml
+from slopewise.services.settings.investigation import Investigation
+from slopewise.services.settings.learning import Learning, StoreSettings
 
 _KEY = re.compile(r"[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*")
 _MEGABYTE = 1_000_000

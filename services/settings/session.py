@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from services.io.access import fault
-from services.settings.service import Sizes, ZenohSettings
-from services.settings.tls_files import settle
+from slopewise.services.io.access import fault
+from slopewise.services.settings.service import Sizes, ZenohSettings
+from slopewise.services.settings.tls_files import settle
 
 if TYPE_CHECKING:
     import zenoh

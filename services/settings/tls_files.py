@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from services.io.access import fault
+from slopewise.services.io.access import fault
 
 if TYPE_CHECKING:
     import zenoh

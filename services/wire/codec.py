@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from models.errors import InputError
+from slopewise.models.errors import InputError
 
 T = TypeVar("T", bound=msgspec.Struct)
 

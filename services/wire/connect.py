@@ -7,9 +7,9 @@ import socket
 
 import zenoh
 
-from models.errors import InputError
-from services.settings.service import ServiceConfig, ZenohSettings
-from services.settings.session import zenoh_config
+from slopewise.models.errors import InputError
+from slopewise.services.settings.service import ServiceConfig, ZenohSettings
+from slopewise.services.settings.session import zenoh_config
 
 _ENCRYPTED = ("tls/", "quic/", "wss/")
 _PLACE = re.compile(r"\s+at \S+\.rs:\d+\.?")

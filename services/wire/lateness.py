@@ -2,7 +2,7 @@
 
 A constant delay that no shared clock shows cannot be seen by a receiver: a declared bound of it is
 added to every age that is used for a stop. What can be seen of it without a shared clock is growth:
-:meth:`services.wire.sender_clock.SenderClock.lateness`.
+:meth:`slopewise.services.wire.sender_clock.SenderClock.lateness`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from models.errors import ParameterError
-from services.wire.sender_clock import DRIFT, RECOVERY, STEP, SenderClock
+from slopewise.models.errors import ParameterError
+from slopewise.services.wire.sender_clock import DRIFT, RECOVERY, STEP, SenderClock
 
 SYNCHRONY = 0.02
 """Shared clocks agree within that, with NTP on one network [s]; added to every age by stamps."""

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import zenoh
 
-from models.errors import InputError
-from services.wire import codec
-from services.wire.messages import Message, Name
+from slopewise.models.errors import InputError
+from slopewise.services.wire import codec
+from slopewise.services.wire.messages import Message, Name
 
 _FRESH = 5.0
 _MOST = 16

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from services.wire.messages import Instance, Message, Name, Number, Text
+from slopewise.services.wire.messages import Instance, Message, Name, Number, Text
 
 Surface = Annotated[str, Meta(max_length=40, pattern=r"^[A-Za-z0-9_-]*$")]
 Positive = Annotated[float, Meta(gt=0.0)]

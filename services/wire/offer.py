@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from services.wire.messages import Message
+from slopewise.services.wire.messages import Message
 
 
 class Shift(Message, frozen=True):

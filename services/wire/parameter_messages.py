@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
-from services.wire.messages import Message, Number, Text
-from services.wire.offer import Offer
+from slopewise.services.wire.messages import Message, Number, Text
+from slopewise.services.wire.offer import Offer
 
 Group = Annotated[str, Meta(min_length=1, max_length=80)]
 

@@ -16,7 +16,7 @@ from benchmarks.closed_loop.policies import FixedSpeed
 from benchmarks.closed_loop.quad import LIMITS, QUAD, ROLLING
 from benchmarks.closed_loop.route import LENGTH, STEEPEST
 from benchmarks.closed_loop.scenes import scene
-from models.parameters import Braking, Model
+from slopewise.models.parameters import Braking, Model
 
 SCENES = (0, 3)
 

@@ -10,8 +10,8 @@ pytest.importorskip("mujoco", reason="the extra sim is not installed")
 from benchmarks.closed_loop.calibration import stops_of_drive
 from benchmarks.closed_loop.learning import dead_time_of, fit, residuals
 from benchmarks.closed_loop.stop_sample import StopSample
-from models.errors import ParameterError
-from models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.models.errors import ParameterError
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 
 G = 9.80665
 DEAD_TIME = 0.2

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.calibration.engine_stops import allowed
 from benchmarks.calibration.margins import bound
 from benchmarks.discovery.plant import DrivenStops
-from models.parameters import Braking
+from slopewise.models.parameters import Braking
 
 KNOWN = Braking(
     m_m=-0.02,

@@ -11,7 +11,7 @@ from benchmarks.obstacles import screening
 from benchmarks.obstacles.cases import Case, cases, map_of, path_of
 from benchmarks.obstacles.shapes import Block, Slope
 from benchmarks.obstacles.truth import size_of
-from services.io.model_file import read_model, shipped_models
+from slopewise.services.io.model_file import read_model, shipped_models
 
 MODELS = {name: read_model(shipped_models()[name]) for name in ("atv", "husky")}
 CASES = 128

@@ -19,7 +19,7 @@ from pathlib import Path
 import typer
 from packaging.utils import canonicalize_name
 
-from services.cli.app import app
+from slopewise.services.cli.app import app
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs" / "site"))

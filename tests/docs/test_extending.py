@@ -31,7 +31,7 @@ def sections() -> dict[str, list[tuple[str, str]]]:
 def tree(tmp_path: Path) -> Path:
     ignore = shutil.ignore_patterns("__pycache__")
     for part in PARTS:
-        shutil.copytree(ROOT / part, tmp_path / "tree" / part, ignore=ignore)
+        shutil.copytree(ROOT / part, tmp_path / "tree" / part, ignore=ignore, symlinks=True)
     return tmp_path / "tree"
 
 

@@ -16,7 +16,7 @@ import reference  # noqa: E402
 import samples  # noqa: E402
 import sizes  # noqa: E402
 
-from planner.limiting import BOUNDS, Limiting  # noqa: E402
+from slopewise.planner.limiting import BOUNDS, Limiting  # noqa: E402
 
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from models.effects.registry import LAWS
-from models.parameters import Braking, Limits, Terrain
-from models.vehicle import Vehicle
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Braking, Limits, Terrain
+from slopewise.models.vehicle import Vehicle
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "nomenclature.md").read_text()

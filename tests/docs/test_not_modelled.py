@@ -13,7 +13,7 @@ import pytest
 from examples import not_modelled
 from examples.neglected_effects import LOADS, METRES, Row, Stop
 from examples.not_modelled import NAMES
-from services.io.model_file import find_model, read_model
+from slopewise.services.io.model_file import find_model, read_model
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "not-modelled.md").read_text()

@@ -12,7 +12,7 @@ import pytest
 
 import slopewise
 from examples import made_up
-from services.io.table import write_csv
+from slopewise.services.io.table import write_csv
 from tests.docs.player import playing
 from tests.docs.shown import BOX, ROOT, environment, hidden, in_text, run, shown
 from tests.models.terrain import plant

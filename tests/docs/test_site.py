@@ -17,12 +17,12 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from models.effects.registry import LAWS
-from models.parameters import Braking, Limits
-from models.vehicle import Vehicle
-from services.ros.settings import Timing
-from services.settings.service import Planning
-from services.wire.messages import PlanRequest
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Braking, Limits
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.ros.settings import Timing
+from slopewise.services.settings.service import Planning
+from slopewise.services.wire.messages import PlanRequest
 from tests.services.browser import text_of
 
 pytest.importorskip("material", reason="the docs extra is not installed")

@@ -18,9 +18,9 @@ from typing import Any
 import pytest
 import zenoh
 
-from services.ros.settings import EdgeSettings, read_settings
-from services.settings.service import ZenohSettings
-from services.settings.session import zenoh_config
+from slopewise.services.ros.settings import EdgeSettings, read_settings
+from slopewise.services.settings.service import ZenohSettings
+from slopewise.services.settings.session import zenoh_config
 from tests.examples import ros_fakes
 from tests.examples.ros_fakes import Answer
 from tests.services.service_process import free_port

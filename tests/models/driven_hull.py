@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from models.quantity import Matrix
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import Matrix
 
 
 def highest_speed(corners: Matrix, grade: Floats) -> Floats:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from models.parameters import Braking, Effect, Limits, Model, Terrain
-from models.vehicle import Vehicle
+from slopewise.models.parameters import Braking, Effect, Limits, Model, Terrain
+from slopewise.models.vehicle import Vehicle
 
 BASE = Model(
     name="test",

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from models.quantity import GRAVITY
+from slopewise.models.quantity import GRAVITY
 
 SAMPLES = 12
 G = GRAVITY

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from models.effects.registry import LAWS, motion, motion_deceleration, validate
-from models.errors import ParameterError
-from models.parameters import Effect
-from models.surface_braking import SurfaceBraking
+from slopewise.models.effects.registry import LAWS, motion, motion_deceleration, validate
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Effect
+from slopewise.models.surface_braking import SurfaceBraking
 from tests.models.models_for_tests import BASE
 
 NEGATIVE = tuple(tuple(-1.0 * (i == j) for j in range(4)) for i in range(4))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from models.surface_braking import SurfaceBraking
-from models.surface_names import candidate_surfaces, number_names, resolve_class
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.surface_names import candidate_surfaces, number_names, resolve_class
 
 TABLES = {
     "grass": SurfaceBraking(),

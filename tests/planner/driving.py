@@ -12,13 +12,13 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.horizon.answer import CycleAnswer, PlanarState
-from planner.horizon.horizon import Horizon, HorizonSettings
-from planner.path import CandidatePath, PathBatch, batch
-from planner.plan import SpeedPlan, Status
-from planner.settings import PlannerSettings
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
+from slopewise.planner.horizon.horizon import Horizon, HorizonSettings
+from slopewise.planner.path import CandidatePath, PathBatch, batch
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
 from tests.planner import generated
 from tests.planner.scenes import Tables, arc, ground_map, model_of, straight
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath
-from planner.plan import SpeedPlan, Status
-from planner.settings import PlannerSettings
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
 from tests import oracle
 from tests.planner.scenes import SMALL, Tables, columns_of, ground_map, plan_one, tables_with
 

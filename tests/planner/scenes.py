@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from models.parameters import Braking, Effect, Limits, Model, Terrain
-from models.surface_braking import SurfaceBraking, UphillBraking
-from models.vehicle import Vehicle
-from planner.ground.elevation_map import ElevationMap
-from planner.limiting import Limiting
-from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan, Status
-from planner.settings import PlannerSettings
+from slopewise.models.parameters import Braking, Effect, Limits, Model, Terrain
+from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
 from tests import oracle
 
 G = 9.80665

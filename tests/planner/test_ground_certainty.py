@@ -8,14 +8,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.parameters import Model
-from models.terrain.observation import Features
-from models.terrain.resistances import TerrainEstimate
-from models.terrain.surfaces import model_on
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.path import CandidatePath, batch
-from planner.pipeline.time_optimal_batch import time_optimal_batch
+from slopewise.models.parameters import Model
+from slopewise.models.terrain.observation import Features
+from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.surfaces import model_on
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from tests.planner import generated
 from tests.planner.generated import between
 from tests.planner.scenes import ground_map, model_of

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.explain.relaxed import without
-from planner.explain.what_if import Assumptions
-from planner.ground.elevation_map import ElevationMap
-from planner.limiting import BOUNDS, Limiting
-from planner.path import CandidatePath
-from planner.plan import SpeedPlan, Status
-from planner.settings import PlannerSettings
+from slopewise.planner.explain.relaxed import without
+from slopewise.planner.explain.what_if import Assumptions
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.limiting import BOUNDS, Limiting
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import (
     Tables,
     arc,

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import ParameterError
-from planner.path import MAX_STATIONS, CandidatePath, batch, joined, resample
-from planner.raw_polyline import clean, noise
+from slopewise.models.errors import ParameterError
+from slopewise.planner.path import MAX_STATIONS, CandidatePath, batch, joined, resample
+from slopewise.planner.raw_polyline import clean, noise
 from tests.planner.scenes import arc, straight
 
 

@@ -8,14 +8,14 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from planner.ground.elevation_map import ElevationMap
-from planner.horizon.answer import PlanarState
-from planner.horizon.horizon import Horizon
-from planner.path import CandidatePath, EvenPath, batch, resample
-from planner.path_deviation import path_deviation
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan
+from slopewise.models.errors import ParameterError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.horizon.answer import PlanarState
+from slopewise.planner.horizon.horizon import Horizon
+from slopewise.planner.path import CandidatePath, EvenPath, batch, resample
+from slopewise.planner.path_deviation import path_deviation
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan
 from tests.planner.given_paths import given_paths, largest_distance, samples
 from tests.planner.scenes import ATV, model_of, plane, straight, tables_with
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.limiting import Limiting
-from planner.plan import SpeedPlan, Status, motion_of
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.plan import SpeedPlan, Status, motion_of
 from tests.oracle import NUMBER_COLUMNS, TEXT_COLUMNS
 from tests.planner.scenes import ATV, plan_one, plane, straight
 

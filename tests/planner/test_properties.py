@@ -10,11 +10,11 @@ import pytest
 from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath, batch
-from planner.pipeline.candidates import CandidatePlanner
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from planner.plan import SpeedPlan, Status
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.planner.plan import SpeedPlan, Status
 from tests.oracle import describe
 from tests.planner import generated
 from tests.planner.generated import Scene, between, complaints

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import ParameterError
-from planner import raw_polyline
-from planner.raw_polyline import arc, clean, without_noise
+from slopewise.models.errors import ParameterError
+from slopewise.planner import raw_polyline
+from slopewise.planner.raw_polyline import arc, clean, without_noise
 
 
 @given(seed=st.integers(0, 2**32 - 1))

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan, Status
-from services.io.maps.map_file import read_map
-from services.io.model_file import read_model, shipped_models
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.model_file import read_model, shipped_models
 from tests import oracle
 from tests.planner.scenes import columns_of
 

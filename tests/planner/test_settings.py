@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from planner.settings import PlannerSettings
+from slopewise.models.errors import ParameterError
+from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import ATV, plan_one, plane, straight
 
 

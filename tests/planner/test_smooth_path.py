@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import BSpline, make_interp_spline
 
-from planner.raw_polyline import arc
-from planner.smooth_path import _evenly, smooth
+from slopewise.planner.raw_polyline import arc
+from slopewise.planner.smooth_path import _evenly, smooth
 
 
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(2, 300), degree=st.integers(1, 3))

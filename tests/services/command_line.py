@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from services.cli import app
+from slopewise.services.cli import app
 from tests.services.warm_process import WarmProcess
 
 Done = subprocess.CompletedProcess[str]
@@ -20,7 +20,7 @@ def slopewise(*words: object, timeout: float = 120.0, fresh: bool = False) -> Do
     """In a process of its own; `fresh` as from a shell, with everything still to import."""
     if not fresh:
         return WarmProcess([str(word) for word in words], os.environ).finished(timeout)
-    command = [sys.executable, "-m", "services.cli", *map(str, words)]
+    command = [sys.executable, "-m", "slopewise.services.cli", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
 
 

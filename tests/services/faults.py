@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from models.errors import InputError
+from slopewise.models.errors import InputError
 
 DATA = Path(os.environ.get("SLOPEWISE_DATA", Path(__file__).parents[3] / "shared" / "data"))
 

@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from services.wire import codec
-from services.wire.codec import Format
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
 
 _ODD_NUMBERS = (
     0,

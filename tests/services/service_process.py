@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import zenoh
 
-from services.settings.service import ZenohSettings
-from services.settings.session import zenoh_config
-from services.wire.messages import MapUpdate
-from services.wire.messages import Path as Candidate
+from slopewise.services.settings.service import ZenohSettings
+from slopewise.services.settings.session import zenoh_config
+from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.messages import Path as Candidate
 from tests.services.warm_process import WarmProcess
 
 
@@ -78,7 +78,7 @@ def running(
     words, started = ["serve", "--config", str(file)], os.environ | (environment or {})
     process: subprocess.Popen[str] | WarmProcess
     if fresh or environment:
-        command = [sys.executable, "-m", "services.cli", *words]
+        command = [sys.executable, "-m", "slopewise.services.cli", *words]
         process = subprocess.Popen(
             command, env=started, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )

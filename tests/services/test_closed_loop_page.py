@@ -12,7 +12,7 @@ from rich.console import Console
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
 from benchmarks.closed_loop.tables import COLUMNS, tables
-from services.report.closed_loop_page import render_report, write_report
+from slopewise.services.report.closed_loop_page import render_report, write_report
 
 PICTURES = {name: b"\x89PNG" + name.encode() for name in ("stops", "policies", "drive")}
 

@@ -14,21 +14,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from models.errors import InputError
-from planner.ground.elevation_map import ElevationMap
-from planner.limiting import Limiting
-from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner
-from planner.pipeline.ranking import rank
-from planner.plan import SpeedPlan, Status
-from planner.settings import PlannerSettings
-from services.io.model_file import find_model, read_model
-from services.report import contours, hillshade, plan_data, render_report, write_report
-from services.report.limit_colours import limit_colours
-from services.report.page import asset, script_json
-from services.report.plan_summary import chosen, summarise, verdict
-from services.report.png import encode_grey_alpha
-from services.report.words import LIMITING_MEANING, STATUS_MEANING
+from slopewise.models.errors import InputError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.pipeline.ranking import rank
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.report import contours, hillshade, plan_data, render_report, write_report
+from slopewise.services.report.limit_colours import limit_colours
+from slopewise.services.report.page import asset, script_json
+from slopewise.services.report.plan_summary import chosen, summarise, verdict
+from slopewise.services.report.png import encode_grey_alpha
+from slopewise.services.report.words import LIMITING_MEANING, STATUS_MEANING
 
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(1)> \"'&"
 ASSETS = (

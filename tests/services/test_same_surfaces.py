@@ -9,23 +9,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from models.parameters import Model
-from models.surface_braking import SurfaceBraking
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.surface_table import surface_table
-from services.check.brakes import brakes_along
-from services.check.given_plan import GivenPlan
-from services.check.ground import ground_under
-from services.check.line import line_of
-from services.guard.arc import PlanarPose, arc_ahead
-from services.guard.decide import BaseCommand, GuardDecision, GuardScene, VehicleMotion, decide
-from services.guard.ground import GuardGround, ground_of, read_ground
-from services.guard.model_reader import read_guard_model, rows_of
-from services.io.maps.map_file import read_map
-from services.io.model_file import find_model, read_model, write_model
-from services.planning.map_store import MapStore
-from services.wire.messages import MapUpdate
+from slopewise.models.errors import InputError
+from slopewise.models.parameters import Model
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.surface_table import surface_table
+from slopewise.services.check.brakes import brakes_along
+from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.ground import ground_under
+from slopewise.services.check.line import line_of
+from slopewise.services.guard.arc import PlanarPose, arc_ahead
+from slopewise.services.guard.decide import (
+    BaseCommand,
+    GuardDecision,
+    GuardScene,
+    VehicleMotion,
+    decide,
+)
+from slopewise.services.guard.ground import GuardGround, ground_of, read_ground
+from slopewise.services.guard.model_reader import read_guard_model, rows_of
+from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.model_file import find_model, read_model, write_model
+from slopewise.services.planning.map_store import MapStore
+from slopewise.services.wire.messages import MapUpdate
 from tests.services.command_line import here, one_line_of
 
 ATV = read_model(find_model("atv"))

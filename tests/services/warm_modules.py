@@ -12,11 +12,11 @@ import io
 import tempfile
 from pathlib import Path
 
-import services.cli.commands.serve
-import services.daemon.daemon  # noqa: F401
+import slopewise.services.cli.commands.serve
+import slopewise.services.daemon.daemon  # noqa: F401
 from examples import made_up
-from services.cli import app
-from services.io.table import write_csv
+from slopewise.services.cli import app
+from slopewise.services.io.table import write_csv
 
 _STOPS = 12
 
@@ -35,8 +35,8 @@ def _do_once(folder: Path) -> None:
         ["calibrate", str(folder / "drive.csv"), "--model", "atv", *learned],
     ):
         app.app(args=words, prog_name="slopewise", standalone_mode=False)
-    import services.cli.commands.calibrate_sheet
-    import services.cli.commands.discrepancy  # noqa: F401
+    import slopewise.services.cli.commands.calibrate_sheet
+    import slopewise.services.cli.commands.discrepancy  # noqa: F401
 
 
 with tempfile.TemporaryDirectory() as place, contextlib.redirect_stdout(io.StringIO()):

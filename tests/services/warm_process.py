@@ -50,7 +50,7 @@ def _run(
     out: Connection,
     err: Connection,
 ) -> None:
-    from services.cli import app
+    from slopewise.services.cli import app
 
     for connection, descriptor in ((out, 1), (err, 2)):
         os.dup2(connection.fileno(), descriptor)

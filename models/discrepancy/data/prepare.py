@@ -9,16 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable, tabulate
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import FEWEST_STOPS, LARGEST_MOUNT, PLAIN_MOUNT, SURE_MOUNT
-from models.errors import ParameterError
-from models.parameters import Model
-from models.stop_logs.measure import Measured, Slope
-from models.stop_logs.measured_log import is_mapped, measure_stops, too_few
-from models.stop_logs.mount_offset import Mount
-from models.stop_logs.sinking_commands import sinking_commands
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable, tabulate
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.thresholds import (
+    FEWEST_STOPS,
+    LARGEST_MOUNT,
+    PLAIN_MOUNT,
+    SURE_MOUNT,
+)
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.models.stop_logs.measure import Measured, Slope
+from slopewise.models.stop_logs.measured_log import is_mapped, measure_stops, too_few
+from slopewise.models.stop_logs.mount_offset import Mount
+from slopewise.models.stop_logs.sinking_commands import sinking_commands
 
 _BY_HEADINGS = "ground driven in several directions"
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Bools, Floats, Ints
-from models.discrepancy.thresholds import (
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.discrepancy.thresholds import (
     ABOVE_NOISE,
     HELD_BEFORE,
     LAST_SHARE,
@@ -26,10 +26,10 @@ from models.discrepancy.thresholds import (
     SMOOTHING,
     STOP_NODES,
 )
-from models.quantity import GRAVITY
-from models.stop_logs.dead_time import DeadTime
-from models.stop_logs.find_stops import StopWindow
-from models.stop_logs.stop_record import StopRecord
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_logs.dead_time import DeadTime
+from slopewise.models.stop_logs.find_stops import StopWindow
+from slopewise.models.stop_logs.stop_record import StopRecord
 
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "vertical_curvature")
 _MEANINGFUL = frozenset(

@@ -12,16 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.arrays import Bools, Floats, Ints
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.findings import Gap
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.noise import Noise, shapes, whitener
-from models.discrepancy.model.prediction import simulate
-from models.discrepancy.search.refine import Fit, fit
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import CLAIM_ABOVE, SIMULATED_NODES, SIMULATED_SPAN
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.findings import Gap
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.noise import Noise, shapes, whitener
+from slopewise.models.discrepancy.model.prediction import simulate
+from slopewise.models.discrepancy.search.refine import Fit, fit
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.thresholds import CLAIM_ABOVE, SIMULATED_NODES, SIMULATED_SPAN
+from slopewise.models.quantity import GRAVITY
 
 
 def speed_errors(table: StopTable, hypothesis: Hypothesis) -> Floats:

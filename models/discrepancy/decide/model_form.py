@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.verdict import Decision
-from models.discrepancy.model.hypothesis import Hypothesis, is_placed
-from models.discrepancy.search.candidates import is_cap
-from models.discrepancy.search.refine import fit_with_scatter
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis, is_placed
+from slopewise.models.discrepancy.search.candidates import is_cap
+from slopewise.models.discrepancy.search.refine import fit_with_scatter
 
 _SLIPPERY = "that place is slippery: friction caps the force there, on any slope"
 _DRIFTS = "wheels that slide drift sideways on cross slopes, and slow less"

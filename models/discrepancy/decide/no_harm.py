@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.gap import Gaps, compared
-from models.discrepancy.decide.verdict import Decision
-from models.discrepancy.findings import Verdict
-from models.discrepancy.search.identify import ScoredExplanation
-from models.discrepancy.search.refine import Fit
-from models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.gap import Gaps, compared
+from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.search.identify import ScoredExplanation
+from slopewise.models.discrepancy.search.refine import Fit
+from slopewise.models.discrepancy.settings import DiscrepancySettings
 
 
 def that_predicts(

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.size import change_between
-from models.discrepancy.model.hypothesis import is_placed
-from models.discrepancy.search.candidates import search_of
-from models.discrepancy.search.identify import ScoredExplanation, holds
-from models.discrepancy.search.locate import WITHIN, Followed, follow
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import (
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.size import change_between
+from slopewise.models.discrepancy.model.hypothesis import is_placed
+from slopewise.models.discrepancy.search.candidates import search_of
+from slopewise.models.discrepancy.search.identify import ScoredExplanation, holds
+from slopewise.models.discrepancy.search.locate import WITHIN, Followed, follow
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.thresholds import (
     BEATS_PART,
     BEATS_SEVERAL,
     BEATS_TRACE,
@@ -26,10 +26,10 @@ from models.discrepancy.thresholds import (
     PLAIN_EVIDENCE,
     TOLD_APART,
 )
-from models.effects.effect_law import Enters, Search
-from models.effects.registry import LAWS
-from models.effects.surface_patch import share_inside
-from models.parameters import Effect
+from slopewise.models.effects.effect_law import Enters, Search
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.effects.surface_patch import share_inside
+from slopewise.models.parameters import Effect
 
 
 def weak(

@@ -11,17 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.margins import offset_for
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.gap import distances
-from models.discrepancy.decide.verdict import Decision
-from models.discrepancy.findings import Verdict
-from models.discrepancy.model.hypothesis import BASE, Hypothesis, free_parameters
-from models.discrepancy.search.refine import Fit
-from models.discrepancy.thresholds import OFFSET_COVERAGE, RANGE_PAD, RIVAL_COVERAGE
-from models.effects.registry import LAWS
-from models.parameters import Braking, Effect, Model
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.margins import offset_for
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.gap import distances
+from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.model.hypothesis import BASE, Hypothesis, free_parameters
+from slopewise.models.discrepancy.search.refine import Fit
+from slopewise.models.discrepancy.thresholds import OFFSET_COVERAGE, RANGE_PAD, RIVAL_COVERAGE
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Braking, Effect, Model
 
 
 def revised(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.search.identify import Identified, ScoredExplanation, score
-from models.discrepancy.search.refine import fit_either_way
-from models.effects.effect_law import Enters
-from models.effects.registry import LAWS
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.search.identify import Identified, ScoredExplanation, score
+from slopewise.models.discrepancy.search.refine import fit_either_way
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.effects.registry import LAWS
 
 
 def weighed_again(table: StopTable, found: Identified, doubt: float) -> Identified | None:

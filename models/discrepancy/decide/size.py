@@ -10,22 +10,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.gap import distances
-from models.discrepancy.model.brakes import lag_of
-from models.discrepancy.model.hypothesis import Hypothesis, builds_up
-from models.discrepancy.search.refine import Fit, as_output, fit_either_way
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import (
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.gap import distances
+from slopewise.models.discrepancy.model.brakes import lag_of
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis, builds_up
+from slopewise.models.discrepancy.search.refine import Fit, as_output, fit_either_way
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.thresholds import (
     CHANGED_STOPS,
     LAG_BLURS,
     LEAST_LAG,
     MOTION_BEYOND_DOUBT,
     PLAIN_EVIDENCE,
 )
-from models.effects.effect_law import Enters
-from models.effects.registry import LAWS
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.effects.registry import LAWS
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,29 +15,29 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.stats import chi2
 
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.restraint import (
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.restraint import (
     along_one_axis,
     build_up_under_a_cap,
     plainer_one,
     told_apart,
     weak,
 )
-from models.discrepancy.decide.second_look import weighed_again
-from models.discrepancy.decide.size import (
+from slopewise.models.discrepancy.decide.second_look import weighed_again
+from slopewise.models.discrepancy.decide.size import (
     ChangeOfStops,
     change_between,
     practical_lengths,
     sizes_of,
 )
-from models.discrepancy.findings import Verdict
-from models.discrepancy.model.hypothesis import Hypothesis, builds_up
-from models.discrepancy.search.absorbed import Absorbed, absorbed_explanations
-from models.discrepancy.search.identify import Identified, ScoredExplanation, holds
-from models.discrepancy.search.locate import WITHIN, Followed
-from models.discrepancy.search.refine import Fit, as_output, fit, fit_either_way, residual
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import (
+from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis, builds_up
+from slopewise.models.discrepancy.search.absorbed import Absorbed, absorbed_explanations
+from slopewise.models.discrepancy.search.identify import Identified, ScoredExplanation, holds
+from slopewise.models.discrepancy.search.locate import WITHIN, Followed
+from slopewise.models.discrepancy.search.refine import Fit, as_output, fit, fit_either_way, residual
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.thresholds import (
     AT_BOUND,
     BELIEVED_NAMES,
     BELIEVED_SHARE,
@@ -46,7 +46,7 @@ from models.discrepancy.thresholds import (
     PLAIN_BUILD_UP,
     STABLE_SHARE,
 )
-from models.effects.registry import LAWS
+from slopewise.models.effects.registry import LAWS
 
 
 @dataclass(frozen=True, slots=True)

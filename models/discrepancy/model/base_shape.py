@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.quantity import GRAVITY
 
 
 def shape_column(table: StopTable, dead_time: float) -> Floats:

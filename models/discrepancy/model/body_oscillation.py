@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.thresholds import (
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.thresholds import (
     LEAST_LAG,
     OSCILLATION_KNOTS,
     OTHER_SHAPE,

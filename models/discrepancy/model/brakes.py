@@ -1,7 +1,7 @@
 """What brakes bring of the force that is wanted: build-up, heat, friction, crests.
 
 Source: Braking Sec. 5.2 names heat and friction; the laws are those of
-:mod:`models.effects`.
+:mod:`slopewise.models.effects`.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_ground import StopGround
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.slippery import given_under
-from models.discrepancy.thresholds import HEATINGS, LEAST_COOLING, LEAST_MEAN_FORCE
-from models.effects import registry
-from models.effects.brake_fade import kept_share
-from models.effects.brake_lag import missing_share
-from models.laws import crest, wheel_lockup
-from models.parameters import Effect
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_ground import StopGround
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.slippery import given_under
+from slopewise.models.discrepancy.thresholds import HEATINGS, LEAST_COOLING, LEAST_MEAN_FORCE
+from slopewise.models.effects import registry
+from slopewise.models.effects.brake_fade import kept_share
+from slopewise.models.effects.brake_lag import missing_share
+from slopewise.models.laws import crest, wheel_lockup
+from slopewise.models.parameters import Effect
+from slopewise.models.quantity import GRAVITY
 
 
 def motion_of(hypothesis: Hypothesis) -> registry.MotionTerms:

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.calibration.force_fit import NAMES
-from models.discrepancy.model.body_oscillation import OSCILLATION
-from models.effects.effect_law import Enters
-from models.effects.registry import LAWS
-from models.parameters import Effect, Model
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.discrepancy.model.body_oscillation import OSCILLATION
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Effect, Model
 
 LAWFUL = len(NAMES) + 1
 """Numbers of the model's own law: four shifts and the dead time."""
@@ -54,9 +54,10 @@ class Hypothesis:
         shift: (4,) added to m_m, b_m, m_b, b_b on every surface. dead_time: [s].
         added: effects beyond those of the model. A lasting change holds from its run on.
         oscillation: (OSCILLATION,) of the body at the onset, see
-            :mod:`models.discrepancy.model.body_oscillation` [m/s].
+            :mod:`slopewise.models.discrepancy.model.body_oscillation` [m/s].
         oscillates: whether it may be anything but zero.
-        bend: of the base's shape, see :mod:`models.discrepancy.model.base_shape`, as a share of the
+        bend: of the base's shape, see :mod:`slopewise.models.discrepancy.model.base_shape`, as a
+        share of the
             weight. bends: whether it may be anything but zero.
         slips: where another surface is, friction caps the force, at δ more than it is on the level;
             without it the force is δ more or less there on any slope.

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from models.arrays import Bools, Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import NUISANCES, Hypothesis
-from models.discrepancy.model.prediction import predict
-from models.discrepancy.thresholds import (
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.hypothesis import NUISANCES, Hypothesis
+from slopewise.models.discrepancy.model.prediction import predict
+from slopewise.models.discrepancy.thresholds import (
     FORCE_STEP,
     LEAST_NOISE,
     LEVEL_STD,
@@ -26,8 +26,8 @@ from models.discrepancy.thresholds import (
     ONSET_STEP,
     RIDGE,
 )
-from models.effects.effect_law import Enters
-from models.effects.registry import LAWS
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.effects.registry import LAWS
 
 
 @dataclass(frozen=True, slots=True)

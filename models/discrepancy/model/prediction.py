@@ -4,7 +4,7 @@ Nothing is differentiated: v(t) = v_i − ∫ a dt from the onset on. In integra
 terms of motion is the measured one, so that what is linear stays linear; as output the speed is the
 prediction's own, found by repeating the integral until it stays (:func:`simulate`).
 
-Source: Braking (2), (7), (8) with the effects of :mod:`models.effects.registry`.
+Source: Braking (2), (7), (8) with the effects of :mod:`slopewise.models.effects.registry`.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ import math
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.discrepancy.data.stop_ground import StopGround, ground_of, session_time
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.brakes import brought_force, crest_of, lagged, motion_of
-from models.discrepancy.model.hypothesis import Hypothesis, is_placed
-from models.discrepancy.model.slippery import taken_by_sliding
-from models.discrepancy.thresholds import (
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.discrepancy.data.stop_ground import StopGround, ground_of, session_time
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.brakes import brought_force, crest_of, lagged, motion_of
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis, is_placed
+from slopewise.models.discrepancy.model.slippery import taken_by_sliding
+from slopewise.models.discrepancy.thresholds import (
     LEAST_TURNING_SPEED,
     OUTPUT_SWEEPS,
     SAME_SPEED,
 )
-from models.effects import registry
-from models.effects.effect_law import Enters, Place
-from models.effects.registry import LAWS
-from models.laws import braking
-from models.parameters import Effect
-from models.quantity import GRAVITY
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Enters, Place
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.laws import braking
+from slopewise.models.parameters import Effect
+from slopewise.models.quantity import GRAVITY
 
 
 def predict(

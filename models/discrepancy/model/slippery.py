@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.discrepancy.data.stop_ground import StopGround
-from models.discrepancy.thresholds import LEAST_FRICTION
-from models.effects.surface_patch import share_inside
-from models.laws.sideways_slide import share_along
-from models.laws.wheel_lockup import friction_cap
-from models.parameters import Effect
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.discrepancy.data.stop_ground import StopGround
+from slopewise.models.discrepancy.thresholds import LEAST_FRICTION
+from slopewise.models.effects.surface_patch import share_inside
+from slopewise.models.laws.sideways_slide import share_along
+from slopewise.models.laws.wheel_lockup import friction_cap
+from slopewise.models.parameters import Effect
 
 
 def given_under(

@@ -7,14 +7,18 @@ from dataclasses import fields
 
 import numpy as np
 
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.gap import distances
-from models.discrepancy.findings import PlannedStop, StopCost
-from models.discrepancy.model.hypothesis import Hypothesis, is_placed
-from models.discrepancy.report.experiment import sheet_of
-from models.discrepancy.search.refine import Fit
-from models.discrepancy.thresholds import PICTURED_GRADE, PICTURED_HEADINGS, PICTURED_SPEED
-from models.parameters import Braking, Model
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.gap import distances
+from slopewise.models.discrepancy.findings import PlannedStop, StopCost
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis, is_placed
+from slopewise.models.discrepancy.report.experiment import sheet_of
+from slopewise.models.discrepancy.search.refine import Fit
+from slopewise.models.discrepancy.thresholds import (
+    PICTURED_GRADE,
+    PICTURED_HEADINGS,
+    PICTURED_SPEED,
+)
+from slopewise.models.parameters import Braking, Model
 
 _TOLD = ("m_m", "b_m", "m_b", "b_b", "dead_time", "distance_offset", "force_std", "dead_time_std")
 _UNITS = {"dead_time": " s", "dead_time_std": " s", "distance_offset": " m"}

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.gap import distances
-from models.discrepancy.decide.verdict import Decision
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import simulate
-from models.discrepancy.search.locate import Followed
-from models.discrepancy.search.refine import Fit, residual
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.gap import distances
+from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.prediction import simulate
+from slopewise.models.discrepancy.search.locate import Followed
+from slopewise.models.discrepancy.search.refine import Fit, residual
+from slopewise.models.quantity import GRAVITY
 
 
 @dataclass(frozen=True, slots=True)

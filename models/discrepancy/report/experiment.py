@@ -16,15 +16,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.findings import Experiment, PlannedStop
-from models.discrepancy.model.hypothesis import BASE, is_placed
-from models.discrepancy.model.noise import Whitener, whitener
-from models.discrepancy.model.prediction import predict
-from models.discrepancy.search.candidates import search_of
-from models.discrepancy.search.refine import Fit, jacobian
-from models.discrepancy.thresholds import (
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.findings import Experiment, PlannedStop
+from slopewise.models.discrepancy.model.hypothesis import BASE, is_placed
+from slopewise.models.discrepancy.model.noise import Whitener, whitener
+from slopewise.models.discrepancy.model.prediction import predict
+from slopewise.models.discrepancy.search.candidates import search_of
+from slopewise.models.discrepancy.search.refine import Fit, jacobian
+from slopewise.models.discrepancy.thresholds import (
     MOST_REPEATS,
     PROPOSED_PAUSES,
     PROPOSED_STOPS,
@@ -34,8 +34,8 @@ from models.discrepancy.thresholds import (
     WARMING_STOPS,
     WORTH_DRIVING,
 )
-from models.effects.registry import LAWS
-from models.quantity import GRAVITY
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.quantity import GRAVITY
 
 
 def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:

@@ -6,20 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.decide.verdict import Decision
-from models.discrepancy.findings import (
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.findings import (
     Estimate,
     Gap,
     LocatedAxis,
     NamedEffect,
     Verdict,
 )
-from models.discrepancy.model.hypothesis import BASE, free_parameters
-from models.discrepancy.search.locate import Followed, part_of_axis
-from models.discrepancy.thresholds import LOCATED
-from models.effects.registry import LAWS
-from models.parameters import Effect
+from slopewise.models.discrepancy.model.hypothesis import BASE, free_parameters
+from slopewise.models.discrepancy.search.locate import Followed, part_of_axis
+from slopewise.models.discrepancy.thresholds import LOCATED
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Effect
 
 
 def named_effects(
@@ -29,7 +29,7 @@ def named_effects(
 
     Args:
         decision: explanation and rivals. located: axes. widths: standard deviations of places and
-            times of change, see :func:`models.discrepancy.search.extent.extents`.
+            times of change, see :func:`slopewise.models.discrepancy.search.extent.extents`.
     """
     if decision.verdict not in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS):
         return ()

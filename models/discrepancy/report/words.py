@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.discrepancy.findings import Findings, Gap, StopCost, Verdict
-from models.discrepancy.thresholds import MOST_SURE
-from models.effects.registry import LAWS
+from slopewise.models.discrepancy.findings import Findings, Gap, StopCost, Verdict
+from slopewise.models.discrepancy.thresholds import MOST_SURE
+from slopewise.models.effects.registry import LAWS
 
 
 def sure_words(confidence: float) -> str:

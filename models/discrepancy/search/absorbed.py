@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.search.candidates import candidates
-from models.discrepancy.search.patches import left_of
-from models.discrepancy.search.refine import Fit, fit, residual
-from models.discrepancy.search.screening import reduced, scores
-from models.discrepancy.thresholds import ABSORBED_SHARE, P_ABSORBED, USUAL_GRADE_BIAS
-from models.effects.registry import LAWS
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.search.candidates import candidates
+from slopewise.models.discrepancy.search.patches import left_of
+from slopewise.models.discrepancy.search.refine import Fit, fit, residual
+from slopewise.models.discrepancy.search.screening import reduced, scores
+from slopewise.models.discrepancy.thresholds import ABSORBED_SHARE, P_ABSORBED, USUAL_GRADE_BIAS
+from slopewise.models.effects.registry import LAWS
 
 GRADE_BIAS = "grade_bias"
 """A pitch sensor or a map that is off by the same angle everywhere."""

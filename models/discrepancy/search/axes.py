@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_ground import session_time
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.brakes import heat
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.thresholds import (
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_ground import session_time
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.brakes import heat
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.thresholds import (
     AXIS_COOLING,
     COARSE_BUMPS,
     FINE_BUMPS,

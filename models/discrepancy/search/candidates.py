@@ -11,18 +11,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_ground import ground_of, session_time
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.brakes import brought_force, heat
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import integral, wanted_force
-from models.discrepancy.thresholds import PATCH_TRIES
-from models.effects.effect_law import Enters, Search
-from models.effects.registry import LAWS
-from models.effects.stops_seen import StopsSeen
-from models.effects.surface_patch import holds_stops, share_inside
-from models.parameters import Effect
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_ground import ground_of, session_time
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.brakes import brought_force, heat
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.prediction import integral, wanted_force
+from slopewise.models.discrepancy.thresholds import PATCH_TRIES
+from slopewise.models.effects.effect_law import Enters, Search
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.effects.stops_seen import StopsSeen
+from slopewise.models.effects.surface_patch import holds_stops, share_inside
+from slopewise.models.parameters import Effect
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import is_placed
-from models.discrepancy.search import screening
-from models.discrepancy.search.candidates import (
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.hypothesis import is_placed
+from slopewise.models.discrepancy.search import screening
+from slopewise.models.discrepancy.search.candidates import (
     EffectColumn,
     candidates,
     finer_patches,
     share_of,
 )
-from models.discrepancy.search.patches import WeighedPatches, left_of, without_effect
-from models.discrepancy.search.refine import Fit, prior_precision
-from models.discrepancy.thresholds import (
+from slopewise.models.discrepancy.search.patches import WeighedPatches, left_of, without_effect
+from slopewise.models.discrepancy.search.refine import Fit, prior_precision
+from slopewise.models.discrepancy.thresholds import (
     CHI2_95,
     EDGE_SIDES,
     EXTENT_MOVES,
@@ -30,9 +30,9 @@ from models.discrepancy.thresholds import (
     NORMAL_95,
     UNFITTED_SHARE,
 )
-from models.effects.effect_law import Enters
-from models.effects.registry import LAWS
-from models.parameters import Effect
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Effect
 
 
 def extents(table: StopTable, found: Fit) -> list[dict[str, float]]:

@@ -17,25 +17,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.noise import Noise
-from models.discrepancy.progress import Progress
-from models.discrepancy.search import screening
-from models.discrepancy.search.candidates import (
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.noise import Noise
+from slopewise.models.discrepancy.progress import Progress
+from slopewise.models.discrepancy.search import screening
+from slopewise.models.discrepancy.search.candidates import (
     EffectColumn,
     candidates,
     is_cap,
     patch_column,
     search_of,
 )
-from models.discrepancy.search.patches import (
+from slopewise.models.discrepancy.search.patches import (
     left_of,
     moved_patch,
     placed_patch,
     settled_patches,
 )
-from models.discrepancy.search.refine import (
+from slopewise.models.discrepancy.search.refine import (
     Fit,
     as_output,
     fit_either_way,
@@ -45,8 +45,8 @@ from models.discrepancy.search.refine import (
     prior_precision,
     with_build_up,
 )
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.thresholds import (
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.thresholds import (
     BEAM,
     BEAM_WIDTH,
     FURTHER_PRICE,
@@ -57,8 +57,8 @@ from models.discrepancy.thresholds import (
     WORTH_MOVING,
     WORTH_REFITTING,
 )
-from models.effects.registry import LAWS
-from models.parameters import Effect
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Effect
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Identified:
         best: none or several effects. others: further explanations, best first.
         absorbed: share of each effect's column that the base takes up, by name.
         visible: change of a stop beyond new coefficients from which each effect would have been
-            seen in this log [m], see :func:`models.discrepancy.search.screening.visible`.
+            seen in this log [m], see :func:`slopewise.models.discrepancy.search.screening.visible`.
     """
 
     best: ScoredExplanation

@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2, gumbel_r
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.prediction import integral
-from models.discrepancy.search.axes import Axis, axes_of, shapes_of
-from models.discrepancy.search.refine import Fit, prior_precision, residual
-from models.discrepancy.thresholds import LEAST_DIRECTION, PERMUTATIONS
-from models.quantity import GRAVITY
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.prediction import integral
+from slopewise.models.discrepancy.search.axes import Axis, axes_of, shapes_of
+from slopewise.models.discrepancy.search.refine import Fit, prior_precision, residual
+from slopewise.models.discrepancy.thresholds import LEAST_DIRECTION, PERMUTATIONS
+from slopewise.models.quantity import GRAVITY
 
 WITHIN = ("speed", "time_since_onset", "brake_heat")
 """Axes that run through each stop; all others tell stops apart."""

@@ -11,14 +11,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import BASE, free_parameters, is_placed
-from models.discrepancy.model.prediction import integral
-from models.discrepancy.search import screening
-from models.discrepancy.search.candidates import EffectColumn, finer_patches
-from models.discrepancy.search.refine import Fit, fit_with_scatter, prior_precision, residual
-from models.discrepancy.thresholds import (
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.hypothesis import BASE, free_parameters, is_placed
+from slopewise.models.discrepancy.model.prediction import integral
+from slopewise.models.discrepancy.search import screening
+from slopewise.models.discrepancy.search.candidates import EffectColumn, finer_patches
+from slopewise.models.discrepancy.search.refine import (
+    Fit,
+    fit_with_scatter,
+    prior_precision,
+    residual,
+)
+from slopewise.models.discrepancy.thresholds import (
     CIRCLE_MOVES,
     CIRCLE_TRIES,
     CIRCLES,

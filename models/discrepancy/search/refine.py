@@ -1,7 +1,7 @@
 """Fitting a hypothesis to all stops: Gauss and Newton in whitened residuals, bounds kept.
 
 Generalised least squares: every stop has a friction of its own, see
-:mod:`models.discrepancy.model.noise`, so that stops count and not samples.
+:mod:`slopewise.models.discrepancy.model.noise`, so that stops count and not samples.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from models.arrays import Floats
-from models.calibration.force_fit import WEAK_PRIOR
-from models.discrepancy.data.stop_ground import ground_of
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.base_shape import shape_column
-from models.discrepancy.model.body_oscillation import (
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import WEAK_PRIOR
+from slopewise.models.discrepancy.data.stop_ground import ground_of
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.base_shape import shape_column
+from slopewise.models.discrepancy.model.body_oscillation import (
     OSCILLATION,
     oscillation_columns,
     oscillation_size,
 )
-from models.discrepancy.model.brakes import lag_of
-from models.discrepancy.model.hypothesis import (
+from slopewise.models.discrepancy.model.brakes import lag_of
+from slopewise.models.discrepancy.model.hypothesis import (
     BASE,
     LAWFUL,
     NUISANCES,
@@ -30,16 +30,16 @@ from models.discrepancy.model.hypothesis import (
     free_parameters,
     is_placed,
 )
-from models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
-from models.discrepancy.model.prediction import (
+from slopewise.models.discrepancy.model.noise import Noise, Whitener, estimate, whitener
+from slopewise.models.discrepancy.model.prediction import (
     force_of,
     integral,
     predict,
     simulate,
     wanted_force,
 )
-from models.discrepancy.search.candidates import is_cap
-from models.discrepancy.thresholds import (
+from slopewise.models.discrepancy.search.candidates import is_cap
+from slopewise.models.discrepancy.thresholds import (
     BUILD_UP_SEEN,
     DERIVATIVE_STEP,
     FIRST_BUILD_UP,
@@ -54,9 +54,9 @@ from models.discrepancy.thresholds import (
     QUICK_BUILD_UP,
     USUAL_BEND,
 )
-from models.effects.effect_law import Enters
-from models.effects.registry import LAWS
-from models.parameters import Effect, Model
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Effect, Model
 
 
 @dataclass(frozen=True, slots=True)

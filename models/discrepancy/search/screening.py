@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.arrays import Bools, Floats
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.noise import Whitener
-from models.discrepancy.search.refine import Fit
-from models.discrepancy.thresholds import (
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.noise import Whitener
+from slopewise.models.discrepancy.search.refine import Fit
+from slopewise.models.discrepancy.thresholds import (
     CHANCE_SCATTERS,
     CHANGED_STOPS,
     LEAST_COLUMN,

@@ -62,7 +62,7 @@ def bench(
     Times depend on the machine, so ratios are the result. Peers that are not installed are said to
     be missing; pip install '.\[bench]' in a clone brings them.
     """
-    from services.cli.commands import bench as command
+    from slopewise.services.cli.commands import bench as command
 
     if what == "closed-loop":
         command.closed_loop(quick=quick, json_file=json_file, out=out)

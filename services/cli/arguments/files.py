@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from services.cli.arguments.grouped import takes
-from services.cli.arguments.options import (
+from slopewise.services.cli.arguments.grouped import takes
+from slopewise.services.cli.arguments.options import (
     NO_ADMISSIBLE,
     OF_NO_USE,
     VIOLATIONS,
@@ -102,9 +102,9 @@ def plan(options: PlanOptions) -> None:
 
     [bold]Example[/]  slopewise plan hill.tif paths.csv --model atv --speed 2 --report plan.html
     """
-    from services.cli.commands import plan as command
-    from services.cli.commands import plan_view as view
-    from services.io.maps.no_data import nodata_of
+    from slopewise.services.cli.commands import plan as command
+    from slopewise.services.cli.commands import plan_view as view
+    from slopewise.services.io.maps.no_data import nodata_of
 
     settings = command.settings_of(
         options.smooth,
@@ -172,9 +172,9 @@ def check(options: CheckOptions) -> None:
 
     [bold]Example[/]  slopewise check plan.csv --map hill.tif --model atv --clear 20
     """
-    from services.cli.commands import check as command
-    from services.cli.commands import check_view as view
-    from services.io.maps.no_data import nodata_of
+    from slopewise.services.cli.commands import check as command
+    from slopewise.services.cli.commands import check_view as view
+    from slopewise.services.io.maps.no_data import nodata_of
 
     clear = math.inf if options.clear is None else options.clear
     job = command.CheckJob(
@@ -239,10 +239,10 @@ def calibrate(options: CalibrateOptions) -> None:
 
     [bold]Example[/]  slopewise calibrate drive.csv --model atv --out mine.toml --report stops.html
     """
-    from services.cli.commands import calibrate as command
+    from slopewise.services.cli.commands import calibrate as command
 
     if options.sheet is not None:
-        from services.cli.commands import calibrate_sheet as sheet
+        from slopewise.services.cli.commands import calibrate_sheet as sheet
 
         sheet.check_sheet(options.sheet)
     result = command.run(options, quiet=options.as_json)
@@ -279,7 +279,7 @@ def coverage(
 
     [bold]Example[/]  slopewise coverage today.csv --model mine.toml
     """
-    from services.cli.commands import coverage as command
+    from slopewise.services.cli.commands import coverage as command
 
     job = command.CoverageJob(logs, model, map_file, topics, quantile, columns, nodata)
     result = command.run(job, quiet=as_json)
@@ -329,9 +329,9 @@ def terrain(options: TerrainOptions) -> None:
 
     [bold]Example[/]  slopewise terrain drive.csv --model husky --out terrain.csv --update mine.toml
     """
-    from services.cli.commands import terrain as command
-    from services.cli.commands import terrain_result as results
-    from services.cli.commands import terrain_view as view
+    from slopewise.services.cli.commands import terrain as command
+    from slopewise.services.cli.commands import terrain_result as results
+    from slopewise.services.cli.commands import terrain_view as view
 
     job = command.TerrainJob(
         options.logs,
@@ -373,7 +373,7 @@ def simulate(
 
     [bold]Example[/]  slopewise simulate drive.csv --model atv --out sim.csv
     """
-    from services.cli.commands import simulate as command
+    from slopewise.services.cli.commands import simulate as command
 
     result = command.run(logs, model, topics, columns, quiet=as_json)
     if out is not None:
@@ -415,7 +415,7 @@ def discrepancy(
 
     [bold]Example[/]  slopewise discrepancy drive.csv --model mine.toml --out out/discrepancy
     """
-    from services.cli.commands import discrepancy as command
+    from slopewise.services.cli.commands import discrepancy as command
 
     settings = command.with_settings(
         false_alarm=false_alarm,
@@ -437,6 +437,6 @@ def demo(
     as_json: AsJson = False,
 ) -> None:
     """Plan a dozen candidates over a generated hill, and write a page to look at."""
-    from services.cli.commands import demo as command
+    from slopewise.services.cli.commands import demo as command
 
     say(as_json, command, command.run(out))

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from services.cli.arguments.grouped import takes
-from services.cli.arguments.options import (
+from slopewise.services.cli.arguments.grouped import takes
+from slopewise.services.cli.arguments.options import (
     NO_ADMISSIBLE,
     AsJson,
     ClearDistance,
@@ -87,9 +87,9 @@ def fleet_plan(options: FleetPlanOptions) -> None:
     """
     import math
 
-    from services.cli.commands import fleet_plan as command
-    from services.cli.commands import plan as one
-    from services.io.maps.no_data import nodata_of
+    from slopewise.services.cli.commands import fleet_plan as command
+    from slopewise.services.cli.commands import plan as one
+    from slopewise.services.io.maps.no_data import nodata_of
 
     job = command.FleetPlanJob(
         options.map_file,
@@ -136,7 +136,7 @@ def fleet_calibrate(options: FleetCalibrateOptions) -> None:
 
     [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
     """
-    from services.cli.commands import fleet_calibrate as command
+    from slopewise.services.cli.commands import fleet_calibrate as command
 
     result = command.run(options, quiet=options.as_json)
     say(options.as_json, command, result)
@@ -187,9 +187,9 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
     [bold]Examples[/]  slopewise fleet discrepancy logs/*.csv --models atv --out out/fleet
               slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may
     """
-    from services.cli.commands import discrepancy as one
-    from services.cli.commands import fleet_discrepancy as command
-    from services.io.maps.no_data import nodata_of
+    from slopewise.services.cli.commands import discrepancy as one
+    from slopewise.services.cli.commands import fleet_discrepancy as command
+    from slopewise.services.io.maps.no_data import nodata_of
 
     job = command.FleetDiscrepancyJob(
         options.logs,

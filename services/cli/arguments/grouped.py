@@ -24,8 +24,8 @@ def takes(kind: type[T]) -> Callable[[Callable[[T], None]], Callable[..., None]]
 
         called.__name__, called.__doc__ = command.__name__, command.__doc__
         called.__annotations__ = hints
-        called.__signature__ = inspect.Signature(
-            [  # type: ignore[attr-defined]
+        signature = inspect.Signature(
+            [
                 inspect.Parameter(
                     field.name,
                     inspect.Parameter.KEYWORD_ONLY,
@@ -35,6 +35,7 @@ def takes(kind: type[T]) -> Callable[[Callable[[T], None]], Callable[..., None]]
                 for field in fields(kind)  # type: ignore[arg-type]
             ]
         )
+        called.__signature__ = signature  # type: ignore[attr-defined]
         return called
 
     return decorate

@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from services.cli.arguments.grouped import takes
-from services.cli.arguments.options import (
+from slopewise.services.cli.arguments.grouped import takes
+from slopewise.services.cli.arguments.options import (
     NO_ADMISSIBLE,
     VIOLATIONS,
     AsJson,
@@ -44,7 +44,7 @@ def serve(
 
     [bold]Example[/]  slopewise serve --config configs/service.toml
     """
-    from services.cli.commands import serve as command
+    from slopewise.services.cli.commands import serve as command
 
     command.run(config, as_json=as_json)
 
@@ -55,7 +55,7 @@ def warm_up(as_json: AsJson = False) -> None:
 
     [bold]Example[/]  slopewise warm-up
     """
-    from services.cli.commands import warm_up as command
+    from slopewise.services.cli.commands import warm_up as command
 
     say(as_json, command, command.run())
 
@@ -73,7 +73,7 @@ def ros(
 
     [bold]Example[/]  slopewise ros --config configs/ros.toml
     """
-    from services.cli.commands import ros as command
+    from slopewise.services.cli.commands import ros as command
 
     command.run(config, as_json=as_json)
 
@@ -92,7 +92,7 @@ def guard(
 
     [bold]Example[/]  slopewise guard --config configs/guard.toml
     """
-    from services.cli.commands import guard as command
+    from slopewise.services.cli.commands import guard as command
 
     command.run(config, as_json=as_json)
 
@@ -131,7 +131,7 @@ def doctor(options: DoctorOptions) -> None:
 
     [bold]Example[/]  slopewise doctor --nav2 nav2_params.yaml --model mine.toml --bag drive.mcap
     """
-    from services.cli.commands import doctor as command
+    from slopewise.services.cli.commands import doctor as command
 
     result = command.run(
         options.model, options.nav2 or [], options.bag, options.config, options.live
@@ -161,7 +161,7 @@ def export(
 
     [bold]Example[/]  slopewise export mine.toml --c generated
     """
-    from services.cli.commands import export as command
+    from slopewise.services.cli.commands import export as command
 
     if json_schema:
         typer.echo(command.schema())
@@ -198,7 +198,7 @@ def query(options: QueryOptions) -> None:
 
     [bold]Example[/]  slopewise query paths.csv --map hill.tif --speed 2
     """
-    from services.cli.commands import query as command
+    from slopewise.services.cli.commands import query as command
 
     outcome = command.run(options)
     say(options.as_json, command, outcome)
@@ -265,12 +265,12 @@ def params(options: ParamsOptions) -> None:
               slopewise params diff configs/vehicles/atv.toml learned.toml
     """
     if options.group == "diff" or options.files:
-        from services.cli.commands import params_diff
+        from slopewise.services.cli.commands import params_diff
 
         words = options.files or []
         say(options.as_json, params_diff, params_diff.run(words))
         return
-    from services.cli.commands import params as command
+    from slopewise.services.cli.commands import params as command
 
     reply = command.run(options)
     say(options.as_json, command.ReplyView(options), reply)
@@ -304,7 +304,7 @@ def replay(options: ReplayOptions) -> None:
 
     [bold]Example[/]  slopewise replay drive.csv --speed-up 20
     """
-    from services.cli.commands import replay as command
+    from slopewise.services.cli.commands import replay as command
 
     result = command.run(options, quiet=options.as_json)
     say(options.as_json, command, result)

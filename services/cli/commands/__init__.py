@@ -1,1 +1,3 @@
-"""What each command does, imported when it is run; `services.cli.arguments` reads its words."""
+"""What each command does, imported when it is run; `slopewise.services.cli.arguments` reads its
+words.
+"""

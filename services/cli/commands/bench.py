@@ -13,8 +13,8 @@ from typing import Any
 
 from rich.console import Console
 
-from models.errors import InputError
-from services.cli.screen import progress_bar
+from slopewise.models.errors import InputError
+from slopewise.services.cli.screen import progress_bar
 
 _WIDE = 150  # columns of the widest table
 
@@ -68,7 +68,7 @@ def fleet(*, quick: bool, json_file: Path | None, out: Path | None) -> None:
     """
     from tempfile import TemporaryDirectory
 
-    from services.fleet.scheduler import check_installed
+    from slopewise.services.fleet.scheduler import check_installed
 
     check_installed()
     benchmark = _benchmark("fleet.fleet")
@@ -168,7 +168,7 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
 def _write_closed_loop(driven: Any, folder: Path, console: Console) -> None:
     pictures = _benchmark("closed_loop.pictures")
     tables = _benchmark("closed_loop.tables")
-    from services.report.closed_loop_page import write_report
+    from slopewise.services.report.closed_loop_page import write_report
 
     frames = []
     try:

@@ -15,27 +15,32 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from models.calibration.learn import Calibration, learn, with_learned
-from models.calibration.surface_fit import CalibrationSettings
-from models.errors import InputError, ParameterError
-from models.parameters import Model
-from models.stop_logs.find_stops import StopSettings
-from models.stop_logs.stop_record import StopRecord
-from services.cli.arguments.files import CalibrateOptions
-from services.cli.commands.calibration_refused import leave
-from services.cli.commands.calibration_rows import ROWS, speed_words, surface_json
-from services.cli.screen import progress_bar
-from services.io.access import fault
-from services.io.logs.drive_log import DriveLog
-from services.io.logs.log_source import grade_by_map, names_of, read_logs, refuse_wrong_units
-from services.io.logs.speed_unit import refuse_too_fast, refuse_unit
-from services.io.logs.unseen_channels import unseen_channels
-from services.io.maps.no_data import nodata_of
-from services.io.model_file import find_model, read_model, write_model
-from services.io.table import write_csv
-from services.report.brake_numbers import BrakeNumbers
-from services.report.brake_words import as_json as sheet_json
-from services.report.words import plural
+from slopewise.models.calibration.learn import Calibration, learn, with_learned
+from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.parameters import Model
+from slopewise.models.stop_logs.find_stops import StopSettings
+from slopewise.models.stop_logs.stop_record import StopRecord
+from slopewise.services.cli.arguments.files import CalibrateOptions
+from slopewise.services.cli.commands.calibration_refused import leave
+from slopewise.services.cli.commands.calibration_rows import ROWS, speed_words, surface_json
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.io.access import fault
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.logs.log_source import (
+    grade_by_map,
+    names_of,
+    read_logs,
+    refuse_wrong_units,
+)
+from slopewise.services.io.logs.speed_unit import refuse_too_fast, refuse_unit
+from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.maps.no_data import nodata_of
+from slopewise.services.io.model_file import find_model, read_model, write_model
+from slopewise.services.io.table import write_csv
+from slopewise.services.report.brake_numbers import BrakeNumbers
+from slopewise.services.report.brake_words import as_json as sheet_json
+from slopewise.services.report.words import plural
 
 _LISTED = 20
 
@@ -147,7 +152,7 @@ def write_stops(result: CalibrateResult, path: Path) -> None:
 
 def write_page(result: CalibrateResult, job: CalibrateOptions, path: Path) -> None:
     """The report page."""
-    from services.report.calibration_page import write_report
+    from slopewise.services.report.calibration_page import write_report
 
     c = result.calibration
     rows = {label: [cell(s) for s in c.surfaces] for label, cell in ROWS.items()}

@@ -8,14 +8,14 @@ from datetime import datetime
 from importlib import metadata
 from pathlib import Path
 
-from planner.ground.uncertainty import Uncertainty
-from services.cli.arguments.files import CalibrateOptions
-from services.cli.commands.calibrate import CalibrateResult
-from services.cli.commands.calibration_rows import ROWS, coverage
-from services.io.digest import sha256_of
-from services.io.model_file import find_model, model_sha256
-from services.report.brake_numbers import BrakeNumbers
-from services.report.brake_sheet import check_name, write_sheet
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.services.cli.arguments.files import CalibrateOptions
+from slopewise.services.cli.commands.calibrate import CalibrateResult
+from slopewise.services.cli.commands.calibration_rows import ROWS, coverage
+from slopewise.services.io.digest import sha256_of
+from slopewise.services.io.model_file import find_model, model_sha256
+from slopewise.services.report.brake_numbers import BrakeNumbers
+from slopewise.services.report.brake_sheet import check_name, write_sheet
 
 _TRACED = 6
 """Logs that the sheet has a line for."""

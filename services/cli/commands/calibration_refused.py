@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import InputError
-from models.stop_logs.drive_quality import Suspect, find_suspects, usable
-from models.stop_logs.find_stops import StopSettings, StopWindow, find_stops
-from services.cli.arguments.files import CalibrateOptions
-from services.io.logs.drive_log import DriveLog
-from services.io.table import write_csv
+from slopewise.models.errors import InputError
+from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
+from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, find_stops
+from slopewise.services.cli.arguments.files import CalibrateOptions
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.table import write_csv
 
 
 def leave(log: DriveLog, stops: StopSettings, job: CalibrateOptions, error: InputError) -> None:
@@ -50,7 +50,7 @@ def _write_page(
     job: CalibrateOptions,
     error: InputError,
 ) -> None:
-    from services.report.refused_page import RefusedLog, write_refused
+    from slopewise.services.report.refused_page import RefusedLog, write_refused
 
     assert job.report is not None
     run, t = log.columns["run"], log.columns["t"]

@@ -9,21 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
-from models.errors import InputError, ParameterError
-from models.parameters import Model
-from planner.ground.uncertainty import QUANTILE
-from planner.path import CandidatePath
-from services.check.check import check
-from services.check.given_plan import GivenPlan
-from services.check.heights import Heights
-from services.check.report import CheckReport, Violation
-from services.cli.screen import progress_bar
-from services.io.bags.recording import is_bag
-from services.io.given_plan_file import read_given_plans
-from services.io.maps.grid import Around, footprint_margin
-from services.io.maps.map_file import NoData, map_info, read_map
-from services.io.model_file import find_model, read_model
-from services.io.path_file import check_paths_on_map
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.uncertainty import QUANTILE
+from slopewise.planner.path import CandidatePath
+from slopewise.services.check.check import check
+from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.heights import Heights
+from slopewise.services.check.report import CheckReport, Violation
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.io.bags.recording import is_bag
+from slopewise.services.io.given_plan_file import read_given_plans
+from slopewise.services.io.maps.grid import Around, footprint_margin
+from slopewise.services.io.maps.map_file import NoData, map_info, read_map
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.path_file import check_paths_on_map
 
 
 @dataclass(frozen=True, slots=True)

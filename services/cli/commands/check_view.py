@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from services.check.report import CheckReport, Violation
-from services.check.tolerances import TOLERANCES
-from services.cli.commands.check import CheckResult
-from services.report.words import plural
+from slopewise.services.check.report import CheckReport, Violation
+from slopewise.services.check.tolerances import TOLERANCES
+from slopewise.services.cli.commands.check import CheckResult
+from slopewise.services.report.words import plural
 
 
 def as_json(result: CheckResult) -> dict[str, Any]:

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich.console import Console
 
-from models.arrays import Floats
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath
-from planner.settings import PlannerSettings
-from services.cli.commands import plan as planning
-from services.cli.commands import plan_view
-from services.io.maps.map_file import write_map_npz
-from services.io.path_file import write_paths_csv
+from slopewise.models.arrays import Floats
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.cli.commands import plan as planning
+from slopewise.services.cli.commands import plan_view
+from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.path_file import write_paths_csv
 
 RESOLUTION = 0.2
 _SIZE = (60.0, 48.0)  # [m] east, north

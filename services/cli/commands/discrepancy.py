@@ -11,20 +11,20 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from models.discrepancy.findings import Findings, Gap
-from models.discrepancy.progress import Stage
-from models.discrepancy.report.evidence import Evidence
-from models.discrepancy.report.words import answers, closed_words, sure_words
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.workflow import investigate_with_evidence
-from models.errors import ParameterError
-from services.cli.screen import progress_bar
-from services.io.access import fault
-from services.io.findings_file import PAGE, findings_as_json, source_of, write_findings
-from services.io.logs.drive_log import DriveLog
-from services.io.logs.log_source import grade_by_map, names_of, read_logs
-from services.io.maps.no_data import nodata_of
-from services.io.model_file import find_model, read_model
+from slopewise.models.discrepancy.findings import Findings, Gap
+from slopewise.models.discrepancy.progress import Stage
+from slopewise.models.discrepancy.report.evidence import Evidence
+from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.workflow import investigate_with_evidence
+from slopewise.models.errors import ParameterError
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.io.access import fault
+from slopewise.services.io.findings_file import PAGE, findings_as_json, source_of, write_findings
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.logs.log_source import grade_by_map, names_of, read_logs
+from slopewise.services.io.maps.no_data import nodata_of
+from slopewise.services.io.model_file import find_model, read_model
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
 
 def write(result: DiscrepancyResult, job: DiscrepancyJob, folder: Path) -> list[Path]:
     """DIR/discrepancy.json, DIR/model.toml, DIR/report.html; each all or nothing."""
-    from services.report.discrepancy_page import write_report
+    from slopewise.services.report.discrepancy_page import write_report
 
     files = write_findings(result.findings, folder)
     page = folder / PAGE

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from models.errors import InputError
-from services.doctor.examine import CHECKS, examine
-from services.doctor.facts import Facts, Misfit, MisfitSeverity
-from services.doctor.nav2_file import read_nav2
-from services.doctor.sources import seen_in, seen_live
-from services.io.model_file import find_model, read_model
-from services.ros.settings import read_settings
+from slopewise.models.errors import InputError
+from slopewise.services.doctor.examine import CHECKS, examine
+from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity
+from slopewise.services.doctor.nav2_file import read_nav2
+from slopewise.services.doctor.sources import seen_in, seen_live
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.ros.settings import read_settings
 
 
 class DoctorResult(NamedTuple):

@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
-from planner.explain.explain import Explanation
-from services.report.words import word
+from slopewise.planner.explain.explain import Explanation
+from slopewise.services.report.words import word
 
 
 def as_json(found: Explanation) -> dict[str, Any]:

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from models.errors import InputError
-from services.io.model_file import find_model, read_model
+from slopewise.models.errors import InputError
+from slopewise.services.io.model_file import find_model, read_model
 
 
 class ExportResult(NamedTuple):
@@ -20,7 +20,7 @@ class ExportResult(NamedTuple):
 
 def schema() -> str:
     """The JSON schema of model files."""
-    from services.export.schema import model_schema
+    from slopewise.services.export.schema import model_schema
 
     return json.dumps(model_schema(), indent=1)
 
@@ -34,8 +34,8 @@ def run(model_file: str, casadi: Path | None, c_folder: Path | None) -> ExportRe
     if not model_file:
         raise InputError("export", "M.toml", "expected a model file, or --json-schema")
     model = read_model(find_model(model_file))
-    from services.export.c_code import write_c
-    from services.export.functions import functions_of, write_functions
+    from slopewise.services.export.c_code import write_c
+    from slopewise.services.export.functions import functions_of, write_functions
 
     made, files = functions_of(model), []
     if casadi is not None:

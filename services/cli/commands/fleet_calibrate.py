@@ -12,18 +12,18 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from models.calibration.fleet import FleetCalibration, VehicleStops, learn_fleet
-from models.calibration.force_fit import NAMES
-from models.calibration.surface_fit import CalibrationSettings
-from models.errors import ParameterError
-from models.parameters import Model
-from services.cli.arguments.fleet import FleetCalibrateOptions
-from services.cli.screen import progress_bar
-from services.fleet.scheduler import Task, Workers, check_installed, each_done
-from services.fleet.vehicles import LogTask, measure_vehicle, vehicles_of
-from services.io.access import fault, reason
-from services.io.maps.no_data import nodata_of
-from services.io.model_file import find_model, model_to_dict, read_model, write_model
+from slopewise.models.calibration.fleet import FleetCalibration, VehicleStops, learn_fleet
+from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.cli.arguments.fleet import FleetCalibrateOptions
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
+from slopewise.services.fleet.vehicles import LogTask, measure_vehicle, vehicles_of
+from slopewise.services.io.access import fault, reason
+from slopewise.services.io.maps.no_data import nodata_of
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model, write_model
 
 _LISTED = 30
 

@@ -16,22 +16,34 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from models.discrepancy.settings import DiscrepancySettings
-from services.cli.screen import progress_bar
-from services.fleet import finding
-from services.fleet.census import Census, Lacked, census
-from services.fleet.finding import DONE, Row
-from services.fleet.folder import open_folder, sweep
-from services.fleet.investigating import VehicleTask, finished, given_up, investigate_vehicle
-from services.fleet.parts import map_digest
-from services.fleet.scheduler import Task, Workers, check_installed, each_done
-from services.fleet.vehicles import vehicles_of
-from services.fleet.words import by_surprise, chance_words, counted, effect_words, left_out, numbers
-from services.io.access import check_file, fault, read_text, write_atomic
-from services.io.findings_file import FINDINGS, source_of
-from services.io.maps.no_data import NoData
-from services.io.model_file import find_model, model_to_dict, read_model
-from services.report.words import plural
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.fleet import finding
+from slopewise.services.fleet.census import Census, Lacked, census
+from slopewise.services.fleet.finding import DONE, Row
+from slopewise.services.fleet.folder import open_folder, sweep
+from slopewise.services.fleet.investigating import (
+    VehicleTask,
+    finished,
+    given_up,
+    investigate_vehicle,
+)
+from slopewise.services.fleet.parts import map_digest
+from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
+from slopewise.services.fleet.vehicles import vehicles_of
+from slopewise.services.fleet.words import (
+    by_surprise,
+    chance_words,
+    counted,
+    effect_words,
+    left_out,
+    numbers,
+)
+from slopewise.services.io.access import check_file, fault, read_text, write_atomic
+from slopewise.services.io.findings_file import FINDINGS, source_of
+from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.report.words import plural
 
 LINES, PAGE = "findings.jsonl", "report.html"
 """A line a vehicle, and the page of the fleet."""
@@ -124,7 +136,7 @@ def run(job: FleetDiscrepancyJob, *, quiet: bool = False) -> FleetDiscrepancyRes
         words = f"expected at least one vehicle that can be looked at, got none; {name}: {why}"
         raise fault("fleet", "", words)
     if job.pages:
-        from services.fleet.page import write_report
+        from slopewise.services.fleet.page import write_report
 
         write_report(job.out / PAGE, rows, result.census)
     return result

@@ -11,21 +11,21 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from models.errors import InputError
-from planner.ground.uncertainty import Uncertainty
-from planner.settings import PlannerSettings
-from services.cli.screen import progress_bar
-from services.fleet import results
-from services.fleet.folder import open_folder, sweep
-from services.fleet.parts import FleetQuestion, PartName, parts_of
-from services.fleet.planning import PlanTask, plan_part
-from services.fleet.scheduler import Task, Workers, check_installed, each_done
-from services.fleet.windows import opened
-from services.io.access import fault
-from services.io.maps.grid import MapInfo
-from services.io.maps.no_data import NoData
-from services.io.model_file import find_model, model_to_dict, read_model
-from services.report.words import plural
+from slopewise.models.errors import InputError
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.fleet import results
+from slopewise.services.fleet.folder import open_folder, sweep
+from slopewise.services.fleet.parts import FleetQuestion, PartName, parts_of
+from slopewise.services.fleet.planning import PlanTask, plan_part
+from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
+from slopewise.services.fleet.windows import opened
+from slopewise.services.io.access import fault
+from slopewise.services.io.maps.grid import MapInfo
+from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.report.words import plural
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
-from models.errors import InputError
-from services.cli.screen import say_ready
+from slopewise.models.errors import InputError
+from slopewise.services.cli.screen import say_ready
 
 
 def run(config_file: Path, seconds: float | None = None, as_json: bool = False) -> None:
@@ -18,6 +18,6 @@ def run(config_file: Path, seconds: float | None = None, as_json: bool = False) 
     """
     if find_spec("zenoh") is None:
         raise InputError("guard", "", "needs zenoh: pip install eclipse-zenoh")
-    from services.guard.watch import serve
+    from slopewise.services.guard.watch import serve
 
     serve(config_file, seconds, partial(say_ready, as_json))

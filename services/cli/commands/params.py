@@ -15,14 +15,14 @@ import zenoh
 from rich.console import Console
 from rich.table import Table
 
-from models.errors import InputError
-from services.cli.arguments.robot import ParamsOptions
-from services.report.words import plural
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.connect import client_session
-from services.wire.offer import Offer
-from services.wire.parameter_messages import (
+from slopewise.models.errors import InputError
+from slopewise.services.cli.arguments.robot import ParamsOptions
+from slopewise.services.report.words import plural
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.connect import client_session
+from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
     HistoryEntry,

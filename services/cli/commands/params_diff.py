@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from models.errors import InputError
-from models.laws import braking
-from models.parameters import Braking, Model
-from services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.models.errors import InputError
+from slopewise.models.laws import braking
+from slopewise.models.parameters import Braking, Model
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 
 _STEPS = 9
 

@@ -11,28 +11,28 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import InputError, ParameterError
-from models.parameters import Model
-from planner.explain.explain import Explanation, explain
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.path import CandidatePath, EvenPath
-from planner.pipeline.candidates import CandidatePlanner
-from planner.pipeline.ranking import rank
-from planner.plan import SpeedPlan
-from planner.settings import PlannerSettings
-from planner.swept.sentences import notes
-from services.check.given_plan import plan_of_columns
-from services.cli.commands.check import CheckResult, check_all
-from services.cli.screen import progress_bar
-from services.io.bags.recording import is_bag
-from services.io.given_plan_file import read_given_plans
-from services.io.maps.grid import footprint_margin
-from services.io.maps.map_file import NoData, frame_of, map_info, read_map
-from services.io.model_file import find_model, read_model
-from services.io.path_file import check_paths_on_map, read_paths
-from services.io.plan_file import driven, write_plan_csv
-from services.planning.cold_start import sooner, stations_of
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.parameters import Model
+from slopewise.planner.explain.explain import Explanation, explain
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.path import CandidatePath, EvenPath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.pipeline.ranking import rank
+from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.settings import PlannerSettings
+from slopewise.planner.swept.sentences import notes
+from slopewise.services.check.given_plan import plan_of_columns
+from slopewise.services.cli.commands.check import CheckResult, check_all
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.io.bags.recording import is_bag
+from slopewise.services.io.given_plan_file import read_given_plans
+from slopewise.services.io.maps.grid import footprint_margin
+from slopewise.services.io.maps.map_file import NoData, frame_of, map_info, read_map
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.path_file import check_paths_on_map, read_paths
+from slopewise.services.io.plan_file import driven, write_plan_csv
+from slopewise.services.planning.cold_start import sooner, stations_of
 
 _SCENES = (".mcap", ".rrd")
 """Files to look at; all else is CSV."""
@@ -202,11 +202,11 @@ def write(result: PlanResult, path: Path) -> None:
     """All plans, best first, in the format that the name asks for: .mcap, .rrd, else CSV."""
     suffix = path.suffix.lower()
     if suffix == ".mcap":
-        from services.scene.foxglove_file import write_mcap
+        from slopewise.services.scene.foxglove_file import write_mcap
 
         write_mcap(path, result.elevation_map, result.plans, result.model.vehicle)
     elif suffix == ".rrd":
-        from services.scene.rerun_file import write_rrd
+        from slopewise.services.scene.rerun_file import write_rrd
 
         write_rrd(path, result.elevation_map, result.plans, result.model.vehicle)
     else:

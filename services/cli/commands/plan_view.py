@@ -14,17 +14,17 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from models.parameters import Braking, Model
-from models.surface_braking import SurfaceBraking
-from planner.ground.uncertainty import Uncertainty
-from planner.kernels.interpreted import is_interpreting
-from planner.limiting import Limiting
-from planner.plan import SpeedPlan, Status
-from services.cli.commands import check_view, explain_view
-from services.cli.commands.plan import MadeFrom, PlanJob, PlanResult
-from services.io.digest import sha256_of
-from services.io.plan_file import driven, summary
-from services.report.words import plural
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.kernels.interpreted import is_interpreting
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.services.cli.commands import check_view, explain_view
+from slopewise.services.cli.commands.plan import MadeFrom, PlanJob, PlanResult
+from slopewise.services.io.digest import sha256_of
+from slopewise.services.io.plan_file import driven, summary
+from slopewise.services.report.words import plural
 
 _SHOWN_SHARE = 0.25
 """Deviations from the given path above this share of their limit get a line."""
@@ -39,7 +39,7 @@ STATUS_STYLE = {
 
 def write_page(result: PlanResult, job: PlanJob, path: Path) -> None:
     """A page that shows map, plans and bounds; works without a network."""
-    from services.report.plan_page import write_report
+    from slopewise.services.report.plan_page import write_report
 
     clear = "whole path" if np.isinf(job.clear) else f"{job.clear:g} m"
     facts = {

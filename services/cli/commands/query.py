@@ -13,16 +13,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from models.errors import InputError, ParameterError
-from planner.path import CandidatePath
-from services.cli.arguments.robot import QueryOptions
-from services.client import ClientAnswer, PlanClient
-from services.io.maps.map_file import read_map
-from services.io.maps.no_data import NoData, nodata_of
-from services.io.path_file import read_paths
-from services.wire import messages
-from services.wire.connect import client_session
-from services.wire.messages import MapUpdate
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.planner.path import CandidatePath
+from slopewise.services.cli.arguments.robot import QueryOptions
+from slopewise.services.client import ClientAnswer, PlanClient
+from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.maps.no_data import NoData, nodata_of
+from slopewise.services.io.path_file import read_paths
+from slopewise.services.wire import messages
+from slopewise.services.wire.connect import client_session
+from slopewise.services.wire.messages import MapUpdate
 
 _log = logging.getLogger("slopewise")
 _PAUSE = 0.01

@@ -14,17 +14,17 @@ import zenoh
 from rich.console import Console
 from rich.table import Table
 
-from models.errors import InputError
-from services.cli.arguments.robot import ReplayOptions
-from services.cli.screen import progress_bar
-from services.io.logs.drive_log import DriveLog
-from services.io.logs.log_source import read_logs
-from services.report.words import plural
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.connect import client_session
-from services.wire.observations import DRIVE_COLUMNS, MORE_COLUMNS, DriveSamples, Receipt
-from services.wire.parameter_messages import ParameterGroup, ParameterReply
+from slopewise.models.errors import InputError
+from slopewise.services.cli.arguments.robot import ReplayOptions
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.logs.log_source import read_logs
+from slopewise.services.report.words import plural
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.connect import client_session
+from slopewise.services.wire.observations import DRIVE_COLUMNS, MORE_COLUMNS, DriveSamples, Receipt
+from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
 
 _Answer = TypeVar("_Answer", Receipt, ParameterReply)
 

@@ -7,8 +7,8 @@ import signal
 from importlib.util import find_spec
 from pathlib import Path
 
-from models.errors import InputError
-from services.cli.screen import say_ready
+from slopewise.models.errors import InputError
+from slopewise.services.cli.screen import say_ready
 
 
 def run(config_file: Path, seconds: float | None = None, as_json: bool = False) -> None:
@@ -22,10 +22,10 @@ def run(config_file: Path, seconds: float | None = None, as_json: bool = False) 
             raise InputError("ros", "", f"expected {module}, got none: pip install {extra}")
     import zenoh
 
-    from services.ros.edge import Edge
-    from services.ros.settings import read_settings
-    from services.settings.service import ZenohSettings
-    from services.settings.session import zenoh_config
+    from slopewise.services.ros.edge import Edge
+    from slopewise.services.ros.settings import read_settings
+    from slopewise.services.settings.service import ZenohSettings
+    from slopewise.services.settings.session import zenoh_config
 
     settings = read_settings(config_file)
     meets = ZenohSettings(mode="client", connect=settings.ros.connect, config=settings.ros.config)

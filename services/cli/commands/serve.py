@@ -6,9 +6,9 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
-from models.errors import InputError
-from services.cli.screen import say_ready
-from services.settings.service import read_config
+from slopewise.models.errors import InputError
+from slopewise.services.cli.screen import say_ready
+from slopewise.services.settings.service import read_config
 
 
 def run(config_file: Path, seconds: float | None = None, as_json: bool = False) -> None:
@@ -23,6 +23,6 @@ def run(config_file: Path, seconds: float | None = None, as_json: bool = False) 
     if config.page.enabled and not all(map(find_spec, ("waitress", "prometheus_client"))):
         words = "expected what serves the page: pip install '.[service]' in a clone"
         raise InputError(str(config_file), "page.enabled", words)
-    from services.daemon.daemon import serve
+    from slopewise.services.daemon.daemon import serve
 
     serve(config, seconds, partial(say_ready, as_json))

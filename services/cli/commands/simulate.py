@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from models.effects import registry
-from models.parameters import Model
-from models.stops.simulation import RunChannels, replay, stop_commands
-from services.cli.screen import progress_bar
-from services.io.logs.drive_log import DriveLog
-from services.io.logs.log_source import read_logs
-from services.io.logs.unseen_channels import unseen_channels
-from services.io.model_file import find_model, read_model
-from services.io.table import write_csv
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Model
+from slopewise.models.stops.simulation import RunChannels, replay, stop_commands
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.logs.log_source import read_logs
+from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.table import write_csv
 
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "brake", "vertical_curvature")
 

@@ -8,23 +8,29 @@ from pathlib import Path
 
 import numpy as np
 
-from models.errors import ParameterError
-from models.parameters import Model
-from models.stop_logs.drive_quality import find_suspects, usable
-from models.terrain.adaptation import AdaptiveClassifier
-from models.terrain.log_checks import implausible
-from models.terrain.monitor import MonitorSettings, TerrainMonitor
-from models.terrain.resistances import Drivetrain
-from models.terrain.signature_model import SignatureModel
-from models.terrain.trace import TerrainTrace, trace
-from services.cli.commands.terrain_result import RunEvents, TerrainResult
-from services.cli.commands.terrain_run import CHANNELS, NEEDED, rates_of, rows_of, run_events
-from services.cli.screen import progress_bar
-from services.io.access import fault
-from services.io.logs.drive_log import DriveLog
-from services.io.logs.log_source import read_logs
-from services.io.model_file import find_model, read_model
-from services.io.terrain_file import (
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.models.stop_logs.drive_quality import find_suspects, usable
+from slopewise.models.terrain.adaptation import AdaptiveClassifier
+from slopewise.models.terrain.log_checks import implausible
+from slopewise.models.terrain.monitor import MonitorSettings, TerrainMonitor
+from slopewise.models.terrain.resistances import Drivetrain
+from slopewise.models.terrain.signature_model import SignatureModel
+from slopewise.models.terrain.trace import TerrainTrace, trace
+from slopewise.services.cli.commands.terrain_result import RunEvents, TerrainResult
+from slopewise.services.cli.commands.terrain_run import (
+    CHANNELS,
+    NEEDED,
+    rates_of,
+    rows_of,
+    run_events,
+)
+from slopewise.services.cli.screen import progress_bar
+from slopewise.services.io.access import fault
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.logs.log_source import read_logs
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.terrain_file import (
     TerrainFile,
     find_terrains,
     read_signatures_of,

@@ -9,27 +9,27 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.errors import ParameterError
-from models.parameters import Model
-from models.stop_logs.drive_quality import Suspect
-from models.terrain.adaptation import classes_of
-from models.terrain.classes import TerrainClasses
-from models.terrain.classifier import NONE
-from models.terrain.monitor import SURE, Classified, GroundChange
-from models.terrain.observation import Features
-from models.terrain.phases import Phase
-from models.terrain.reliability import ReliabilityBin, reliability_curve
-from models.terrain.resistances import TerrainEstimate
-from models.terrain.signature import Signature
-from models.terrain.signature_fit import fit
-from models.terrain.signature_model import SignatureModel
-from models.terrain.surfaces import model_on, with_surface
-from services.io.access import fault
-from services.io.logs.drive_log import DriveLog
-from services.io.model_file import write_model
-from services.io.signature_file import write_signatures
-from services.io.terrain_file import TerrainFile, write_terrains
-from services.report.words import plural
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.models.stop_logs.drive_quality import Suspect
+from slopewise.models.terrain.adaptation import classes_of
+from slopewise.models.terrain.classes import TerrainClasses
+from slopewise.models.terrain.classifier import NONE
+from slopewise.models.terrain.monitor import SURE, Classified, GroundChange
+from slopewise.models.terrain.observation import Features
+from slopewise.models.terrain.phases import Phase
+from slopewise.models.terrain.reliability import ReliabilityBin, reliability_curve
+from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.signature import Signature
+from slopewise.models.terrain.signature_fit import fit
+from slopewise.models.terrain.signature_model import SignatureModel
+from slopewise.models.terrain.surfaces import model_on, with_surface
+from slopewise.services.io.access import fault
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.model_file import write_model
+from slopewise.services.io.signature_file import write_signatures
+from slopewise.services.io.terrain_file import TerrainFile, write_terrains
+from slopewise.services.report.words import plural
 
 _LASTS = 6  # stretches of unknown ground that are offered as a class
 

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from models.stop_logs.drive_quality import Suspect
-from models.terrain.estimator import DriveSample
-from models.terrain.monitor import Classified, GroundChange, TerrainMonitor
-from models.terrain.phases import Phase
-from models.terrain.rotation_centres import rotation_centres
-from models.terrain.signature import Signature
-from services.cli.commands.terrain_result import RunEvents
-from services.io.logs.drive_log import DriveLog
+from slopewise.models.stop_logs.drive_quality import Suspect
+from slopewise.models.terrain.estimator import DriveSample
+from slopewise.models.terrain.monitor import Classified, GroundChange, TerrainMonitor
+from slopewise.models.terrain.phases import Phase
+from slopewise.models.terrain.rotation_centres import rotation_centres
+from slopewise.models.terrain.signature import Signature
+from slopewise.services.cli.commands.terrain_result import RunEvents
+from slopewise.services.io.logs.drive_log import DriveLog
 
 NEEDED = ("v_left", "v_right", "yaw_rate", "current_left", "current_right")
 RATES = ("roll_rate", "pitch_rate")

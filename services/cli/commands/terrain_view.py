@@ -13,10 +13,10 @@ from rich.console import Console, JustifyMethod
 from rich.markup import escape
 from rich.table import Table
 
-from models.terrain.observation import Features
-from models.terrain.phases import Phase
-from services.cli.commands.terrain import TerrainJob, trace_of
-from services.cli.commands.terrain_result import (
+from slopewise.models.terrain.observation import Features
+from slopewise.models.terrain.phases import Phase
+from slopewise.services.cli.commands.terrain import TerrainJob, trace_of
+from slopewise.services.cli.commands.terrain_result import (
     RunEvents,
     TerrainResult,
     agreement,
@@ -27,8 +27,8 @@ from services.cli.commands.terrain_result import (
     unknown_ground,
     usual_class,
 )
-from services.io.terrain_table import event_row, excluded_row, write_terrain_table
-from services.report.words import plural
+from slopewise.services.io.terrain_table import event_row, excluded_row, write_terrain_table
+from slopewise.services.report.words import plural
 
 _LISTED = 30
 _TITLES = ("run", "f_r", "μ_t", "B_s\nm", "class", "p", "parts", "changed", "stuck\ns", "left\nout")
@@ -173,7 +173,7 @@ def _cells(one: RunEvents, spread: str = "") -> list[str]:
 
 def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
     """A page with the run that shows most in detail; works without a network."""
-    from services.report.terrain_page import TerrainPage, write_report
+    from slopewise.services.report.terrain_page import TerrainPage, write_report
 
     one = max(result.runs, key=_variety)
     points = [

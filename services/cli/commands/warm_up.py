@@ -20,12 +20,12 @@ class WarmUpResult:
 def run() -> WarmUpResult:
     """Plan on all kinds of ground, then once more to see how long that takes."""
     begun = time.perf_counter()
-    from services.daemon import warm_up
-    from services.io.model_file import find_model, read_model
-    from services.parameters.in_use import ParametersInUse
-    from services.planning.cold_start import compile_first
-    from services.planning.plan_service import PlanService
-    from services.settings.service import ServiceConfig
+    from slopewise.services.daemon import warm_up
+    from slopewise.services.io.model_file import find_model, read_model
+    from slopewise.services.parameters.in_use import ParametersInUse
+    from slopewise.services.planning.cold_start import compile_first
+    from slopewise.services.planning.plan_service import PlanService
+    from slopewise.services.settings.service import ServiceConfig
 
     compile_first("on all cores")
     plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from services.io.access import fault, reason
-from services.io.bags.ros_types import read_cdr, typestore
+from slopewise.services.io.access import fault, reason
+from slopewise.services.io.bags.ros_types import read_cdr, typestore
 
 SUFFIXES = (".mcap", ".db3")
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from models.errors import InputError
-from services.io.access import fault
+from slopewise.models.errors import InputError
+from slopewise.services.io.access import fault
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

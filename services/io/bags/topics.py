@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from models.errors import ParameterError
-from models.quantity import quantity, validate_quantities
-from services.io.access import fault
-from services.io.decode import decode_table, dotted
-from services.io.logs.drive_log import REQUIRED
-from services.io.shipped import shipped_folder
-from services.io.toml_file import read_toml
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.services.io.access import fault
+from slopewise.services.io.decode import decode_table, dotted
+from slopewise.services.io.logs.drive_log import REQUIRED
+from slopewise.services.io.shipped import shipped_folder
+from slopewise.services.io.toml_file import read_toml
 
 ATTITUDE = ("roll", "pitch", "yaw")
 _NO_COLUMN = ("run", "t")

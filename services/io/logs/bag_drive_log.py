@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
-from services.io.access import fault
-from services.io.bags.recording import Bag, folder_of, opened
-from services.io.bags.topics import Channel, read_topics
-from services.io.logs.bag_guess import guessed
-from services.io.logs.drive_log import DriveLog, log_of_tables
-from services.io.table import Table
+from slopewise.models.arrays import Floats
+from slopewise.services.io.access import fault
+from slopewise.services.io.bags.recording import Bag, folder_of, opened
+from slopewise.services.io.bags.topics import Channel, read_topics
+from slopewise.services.io.logs.bag_guess import guessed
+from slopewise.services.io.logs.drive_log import DriveLog, log_of_tables
+from slopewise.services.io.table import Table
 
 _FEWEST = 2
 
@@ -25,7 +25,7 @@ def read_bags(paths: Sequence[Path], topics: Path | None = None) -> DriveLog:
     Args:
         paths: folders of recordings, or files in them.
         topics: mapping; if left out, topics are guessed by their types, see
-            :mod:`services.io.logs.bag_guess`.
+            :mod:`slopewise.services.io.logs.bag_guess`.
 
     Raises:
         InputError: names the recording and the topic or field.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from services.io.bags.topics import Channel
+from slopewise.services.io.bags.topics import Channel
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _IMU = "sensor_msgs/msg/Imu"

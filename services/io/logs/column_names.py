@@ -16,10 +16,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import InputError
-from services.io.access import fault
-from services.io.table import Table
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import InputError
+from slopewise.services.io.access import fault
+from slopewise.services.io.table import Table
 
 OPTION = "--columns"
 _TEXT = ("run", "terrain")

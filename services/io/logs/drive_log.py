@@ -3,7 +3,7 @@
 `t` [s] on one clock over the whole log, `v` and `v_cmd` [m/s], angles [rad] after REP-103 (pitch
 nose-down positive), `yaw_rate` [rad/s], `x`, `y` [m], `v_left`, `v_right` [m/s] at the rims,
 currents [A], `brake` 0..1. Further numeric columns are kept. Without a column `run` a file is one.
-Other names and units: :mod:`services.io.logs.column_names`.
+Other names and units: :mod:`slopewise.services.io.logs.column_names`.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.io.access import fault
-from services.io.logs.column_names import Naming, renamed, text_columns
-from services.io.parquet_table import read_parquet
-from services.io.table import Table, read_csv
+from slopewise.services.io.access import fault
+from slopewise.services.io.logs.column_names import Naming, renamed, text_columns
+from slopewise.services.io.parquet_table import read_parquet
+from slopewise.services.io.table import Table, read_csv
 
 REQUIRED = {"t": "s", "v": "m/s", "v_cmd": "m/s", "pitch": "rad"}
 OPTIONAL = {

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from models.arrays import Floats
-from models.stop_logs import unit_suspects
-from models.vehicle import Vehicle
-from services.io.access import fault
-from services.io.bags.recording import is_bag
-from services.io.logs.column_names import OPTION, parse_names
-from services.io.logs.drive_log import DriveLog, read_drive_log
-from services.io.maps.no_data import NoData
+from slopewise.models.arrays import Floats
+from slopewise.models.stop_logs import unit_suspects
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.io.access import fault
+from slopewise.services.io.bags.recording import is_bag
+from slopewise.services.io.logs.column_names import OPTION, parse_names
+from slopewise.services.io.logs.drive_log import DriveLog, read_drive_log
+from slopewise.services.io.maps.no_data import NoData
 
 _NEEDED = ("v", "v_cmd", "pitch")
 _FEW = 0.25
@@ -28,7 +28,7 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
     Args:
         paths: all tables, or all recordings.
         topics: topic mapping of the recordings. names: of columns in tables, see
-            :mod:`services.io.logs.column_names`.
+            :mod:`slopewise.services.io.logs.column_names`.
 
     Raises:
         InputError: names file and field; also if tables and recordings are mixed.
@@ -43,7 +43,7 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
     if len(bags) < len(paths):
         other = next(path for path in paths if path not in bags)
         raise fault(other, "", "expected recordings only, got a table among them")
-    from services.io.logs.bag_drive_log import read_bags
+    from slopewise.services.io.logs.bag_drive_log import read_bags
 
     return read_bags(bags, topics)
 
@@ -51,10 +51,12 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
 def grade_by_map(
     log: DriveLog, map_file: Path | None, vehicle: Vehicle, nodata: NoData = None
 ) -> Floats | None:
-    """As :func:`services.io.logs.track_grade.ground_grade`; None where there is no map."""
+    """As :func:`slopewise.services.io.logs.track_grade.ground_grade`; None where there is no
+    map.
+    """
     if map_file is None:
         return None
-    from services.io.logs.track_grade import ground_grade
+    from slopewise.services.io.logs.track_grade import ground_grade
 
     return ground_grade(log, map_file, vehicle, nodata)
 

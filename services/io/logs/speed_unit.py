@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.errors import InputError
-from models.parameters import Braking, Model
-from services.io.access import fault
-from services.io.logs.drive_log import DriveLog
+from slopewise.models.errors import InputError
+from slopewise.models.parameters import Braking, Model
+from slopewise.services.io.access import fault
+from slopewise.services.io.logs.drive_log import DriveLog
 
 _FACTORS = {"km/h": 3.6, "miles per hour": 1.0 / 0.44704, "knots": 1.0 / 0.514444}
 _TOO_FAST = 1.5

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Floats
-from models.vehicle import Vehicle
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import terrain_profile
-from services.io.access import fault
-from services.io.logs.drive_log import DriveLog
-from services.io.maps.grid import footprint_margin
-from services.io.maps.map_file import NoData, map_info, read_map
+from slopewise.models.arrays import Floats
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import terrain_profile
+from slopewise.services.io.access import fault
+from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.maps.grid import footprint_margin
+from slopewise.services.io.maps.map_file import NoData, map_info, read_map
 
 _log = logging.getLogger("slopewise")
 _SPACING = 0.3  # [m] positions nearer than that are mostly noise

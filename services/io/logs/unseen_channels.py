@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.effects import registry
-from models.parameters import Effect
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Effect
 
 
 def unseen_channels(

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import ParameterError
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath
-from services.io.access import fault
-from services.io.bags.recording import Bag, Recorded, opened, state_of
-from services.io.bags.ros_types import GRID_MAP, PATH
-from services.io.bags.topics import MapSource, read_sources
-from services.io.maps.grid_map_message import elevation_map_of
-from services.io.maps.no_data import NoData
+from slopewise.models.errors import ParameterError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath
+from slopewise.services.io.access import fault
+from slopewise.services.io.bags.recording import Bag, Recorded, opened, state_of
+from slopewise.services.io.bags.ros_types import GRID_MAP, PATH
+from slopewise.services.io.bags.topics import MapSource, read_sources
+from slopewise.services.io.maps.grid_map_message import elevation_map_of
+from slopewise.services.io.maps.no_data import NoData
 
 _MOST_PATHS = 100_000
 

@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
-from services.io.access import check_file, fault
-from services.io.maps import height_error, no_data
-from services.io.maps.grid import MapInfo
-from services.io.maps.no_data import NoData
+from slopewise.models.arrays import Floats
+from slopewise.services.io.access import check_file, fault
+from slopewise.services.io.maps import height_error, no_data
+from slopewise.services.io.maps.grid import MapInfo
+from slopewise.services.io.maps.no_data import NoData
 
 _SQUARE = 1e-6  # relative difference of edges, and share of shear, that is still rounding
 _METRES = ("metre", "meter", "metres", "meters", "m", "")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from models.errors import ParameterError
-from models.vehicle import Vehicle
+from slopewise.models.errors import ParameterError
+from slopewise.models.vehicle import Vehicle
 
 Around = tuple[float, float, float, float]
 """(x_min, x_max, y_min, y_max) [m] in map coordinates."""

@@ -3,7 +3,7 @@
 A layer is a matrix whose rows run towards -x and whose columns run towards -y, from the corner of
 highest x and y, written column by column. It is a circular buffer: the first row is that of
 ``outer_start_index``, the first column that of ``inner_start_index``. Layers of a variance or of
-bounds tell how far the heights are off (:mod:`services.io.maps.height_error`).
+bounds tell how far the heights are off (:mod:`slopewise.services.io.maps.height_error`).
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import ParameterError
-from planner.ground.elevation_map import ElevationMap
-from services.io.maps import height_error, no_data
-from services.io.maps.no_data import NoData
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.io.maps import height_error, no_data
+from slopewise.services.io.maps.no_data import NoData
 
 HEIGHTS = ("elevation", "height")
 """Layers that are taken for heights where nobody names one, in this order."""

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from models.arrays import Floats
+from slopewise.models.arrays import Floats
 
 MOST = 0.95
 """Share of the cells whose height is no farther off."""

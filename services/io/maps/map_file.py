@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from models.arrays import Ints
-from models.errors import ParameterError
-from planner.ground.elevation_map import ElevationMap
-from services.io.access import fault, write_atomic
-from services.io.bags.recording import is_bag
-from services.io.maps import geotiff_file, height_error, no_data, npz_map_file
-from services.io.maps.grid import MAX_CELLS, Around, MapInfo, check_physical, in_words
-from services.io.maps.no_data import NoData
+from slopewise.models.arrays import Ints
+from slopewise.models.errors import ParameterError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.io.access import fault, write_atomic
+from slopewise.services.io.bags.recording import is_bag
+from slopewise.services.io.maps import geotiff_file, height_error, no_data, npz_map_file
+from slopewise.services.io.maps.grid import MAX_CELLS, Around, MapInfo, check_physical, in_words
+from slopewise.services.io.maps.no_data import NoData
 
 __all__ = ["MapInfo", "NoData", "frame_of", "map_info", "read_map", "write_map_npz"]
 
@@ -123,13 +123,13 @@ def frame_of(path: Path, topics: Path | None = None) -> str:
     """The frame that a recorded map is in; empty for other maps, and where it says none."""
     if not is_bag(path):
         return ""
-    from services.io.maps.bag_map import map_and_frame
+    from slopewise.services.io.maps.bag_map import map_and_frame
 
     return map_and_frame(path, topics)[1]
 
 
 def _recorded(path: Path, topics: Path | None, nodata: NoData = None) -> ElevationMap:
-    from services.io.maps.bag_map import read_bag_map
+    from slopewise.services.io.maps.bag_map import read_bag_map
 
     return read_bag_map(path, topics, nodata)
 

@@ -14,8 +14,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from models.arrays import Floats
-from models.errors import InputError
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import InputError
 
 NoData: TypeAlias = float | Literal["none"] | None
 """A height that is unknown ground [m]; "none": the map has no marker but those that it declares;

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.io.access import check_file, fault, reason
-from services.io.decode import unknown
-from services.io.maps.grid import MAX_CELLS, MapInfo
+from slopewise.services.io.access import check_file, fault, reason
+from slopewise.services.io.decode import unknown
+from slopewise.services.io.maps.grid import MAX_CELLS, MapInfo
 
 _REQUIRED = ("elevation", "resolution", "origin")
 _OPTIONAL = ("known", "terrain_class", "terrain_names", "height_std")

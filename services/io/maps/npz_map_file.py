@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import Bools, Floats, Ints
-from models.surface_names import MAX_CLASSES, number_names
-from services.io.access import fault
-from services.io.maps import height_error
-from services.io.maps.grid import MapInfo
-from services.io.maps.npz_archive import Archive
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.surface_names import MAX_CLASSES, number_names
+from slopewise.services.io.access import fault
+from slopewise.services.io.maps import height_error
+from slopewise.services.io.maps.grid import MapInfo
+from slopewise.services.io.maps.npz_archive import Archive
 
 
 def read_info(path: Path) -> MapInfo:

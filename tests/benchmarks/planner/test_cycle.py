@@ -13,8 +13,8 @@ import pytest
 from benchmarks.common import load
 from benchmarks.planner import cycle
 from benchmarks.planner.driving import CANDIDATES, STATIONS, EndlessDrive
-from planner.horizon.answer import FULL_STOP, CycleAnswer, Ranked
-from planner.plan import Status
+from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, Ranked
+from slopewise.planner.plan import Status
 
 
 def test_the_vehicle_drives_and_fans_begin_at_it() -> None:

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from benchmarks.common.judge import smooth_excess
 from benchmarks.planner import optimality
-from planner.profile.reference import JerkLimitedReference
+from slopewise.planner.profile.reference import JerkLimitedReference
 
 
 @pytest.fixture(scope="module")

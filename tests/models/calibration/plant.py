@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from models.parameters import Braking
+from slopewise.models.parameters import Braking
 
 G = 9.80665
 STEP = 0.002  # [s]

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.calibration.asymmetry import Asymmetry, asymmetry
-from models.calibration.force_fit import WEAK_PRIOR
+from slopewise.models.calibration.asymmetry import Asymmetry, asymmetry
+from slopewise.models.calibration.force_fit import WEAK_PRIOR
 
 
 def stops(k: float, n: int = 80, seed: int = 0, low: float = -0.25) -> Asymmetry | None:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from benchmarks.calibration.plant import PlantVehicle, drive_log
-from models.calibration.learn import Calibration, learn, with_learned
-from models.errors import ParameterError
-from models.parameters import Braking
-from models.stop_logs.find_stops import StopSettings, find_stops
+from slopewise.models.calibration.learn import Calibration, learn, with_learned
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
+from slopewise.models.stop_logs.find_stops import StopSettings, find_stops
 from tests.models.models_for_tests import BASE
 
 BAND, FULL, ROLLING = 0.08, 0.7, 0.05

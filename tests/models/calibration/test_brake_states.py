@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.calibration.margins import bound, hold
 from benchmarks.calibration.plant import PlantVehicle, conditions, distances, drive_log
-from models.calibration.brake_states import weaker_members, weaker_state
-from models.calibration.learn import learn
-from services.io.model_file import model_from_dict, model_to_dict
+from slopewise.models.calibration.brake_states import weaker_members, weaker_state
+from slopewise.models.calibration.learn import learn
+from slopewise.services.io.model_file import model_from_dict, model_to_dict
 from tests.models.models_for_tests import BASE
 
 

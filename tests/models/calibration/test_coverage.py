@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.calibration.plant import PlantVehicle, drive_log
-from models.calibration.coverage import covered
-from models.calibration.learn import learn
-from models.errors import ParameterError
+from slopewise.models.calibration.coverage import covered
+from slopewise.models.calibration.learn import learn
+from slopewise.models.errors import ParameterError
 from tests.models.models_for_tests import BASE
 
 VEHICLE = PlantVehicle(name="v", stops=40, scatter=0.03, late=0.02)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from models.calibration.coverage import covered
-from models.calibration.force_fit import NAMES
-from models.calibration.learn import learn
-from models.calibration.surface_fit import CalibrationSettings
-from models.discrepancy.workflow import investigate
-from models.parameters import Effect, Model
-from models.stop_logs.find_stops import StopSettings
-from models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.models.calibration.coverage import covered
+from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.calibration.learn import learn
+from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.discrepancy.workflow import investigate
+from slopewise.models.parameters import Effect, Model
+from slopewise.models.stop_logs.find_stops import StopSettings
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.models_for_tests import BASE
 
 G = 9.80665

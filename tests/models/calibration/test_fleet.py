@@ -5,11 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from models.calibration.fleet import FleetCalibration, VehicleStops, learn_fleet, vehicle_stops
-from models.calibration.force_fit import fit_force
-from models.calibration.learn import measure_log
-from models.errors import ParameterError
-from models.parameters import Braking
+from slopewise.models.calibration.fleet import (
+    FleetCalibration,
+    VehicleStops,
+    learn_fleet,
+    vehicle_stops,
+)
+from slopewise.models.calibration.force_fit import fit_force
+from slopewise.models.calibration.learn import measure_log
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
 from tests.models.calibration.plant import Plant, Truth, allowed, drive, predicted
 
 KNOWN = Braking(

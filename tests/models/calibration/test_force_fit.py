@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.calibration.force_fit import design, fit_force, fit_two_stages, with_mount
+from slopewise.models.calibration.force_fit import design, fit_force, fit_two_stages, with_mount
 
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
 

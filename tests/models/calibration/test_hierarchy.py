@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.calibration import hierarchy
-from models.calibration.force_fit import design, fit_force
-from models.errors import ParameterError
+from slopewise.models.calibration import hierarchy
+from slopewise.models.calibration.force_fit import design, fit_force
+from slopewise.models.errors import ParameterError
 
 MEAN = np.array([-0.03, -0.35, 0.015, 0.40])
 SPREAD = np.array([0.015, 0.10, 0.008, 0.035])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from models.calibration.force_fit import ForceFit, fit_force
-from models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
-from models.calibration.learn import learn
+from slopewise.models.calibration.force_fit import ForceFit, fit_force
+from slopewise.models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
+from slopewise.models.calibration.learn import learn
 from tests.models.calibration.plant import Plant, drive
 from tests.models.driven_hull import highest_speed
 from tests.models.models_for_tests import BASE

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.calibration.coverage import covered
-from models.calibration.learn import Calibration, learn
-from models.calibration.surface_fit import CalibrationSettings
-from models.errors import ParameterError
+from slopewise.models.calibration.coverage import covered
+from slopewise.models.calibration.learn import Calibration, learn
+from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.errors import ParameterError
 from tests.models.calibration.cramer_rao import least_covariance
 from tests.models.calibration.plant import Plant, Truth, allowed, drive
 from tests.models.models_for_tests import BASE
@@ -207,7 +207,7 @@ def test_other_brakes_uphill_get_coefficients_of_their_own(
     assert up.m_m == learned.braking.m_m
     assert up.b_m - learned.braking.b_m == pytest.approx(change, abs=0.08)
     assert learned.braking.b_m == pytest.approx(plant.b_m, abs=0.1)
-    monkeypatch.setattr("models.calibration.learn.clear_asymmetry", lambda *_: None)
+    monkeypatch.setattr("slopewise.models.calibration.learn.clear_asymmetry", lambda *_: None)
     alike = learn(log, runs, KNOWN)
     assert alike.braking.uphill is None
     own, one = (covered(*fresh, replace(BASE, braking=c.braking)) for c in (learned, alike))

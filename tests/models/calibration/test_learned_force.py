@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.calibration.learned_force import LearnedForce, braking_in_use
-from models.calibration.online import OnlineBraking
-from models.calibration.published import PublishSettings
-from models.calibration.recursive import Acceptance, RecursiveSettings, at_least_both
-from models.errors import ParameterError
-from models.parameters import Braking
-from models.stop_logs.stop_stream import StreamedStop
-from models.surface_braking import SurfaceBraking
+from slopewise.models.calibration.learned_force import LearnedForce, braking_in_use
+from slopewise.models.calibration.online import OnlineBraking
+from slopewise.models.calibration.published import PublishSettings
+from slopewise.models.calibration.recursive import Acceptance, RecursiveSettings, at_least_both
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
+from slopewise.models.stop_logs.stop_stream import StreamedStop
+from slopewise.models.surface_braking import SurfaceBraking
 
 TIGHT = ((1e-4, 0.0, 0.0, 0.0), (0.0, 9e-4, 0.0, 0.0), (0.0, 0.0, 4e-6, 0.0), (0.0, 0.0, 0.0, 4e-5))
 PRIOR = Braking(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from models.calibration.margins import normal_bound, offset_for
+from slopewise.models.calibration.margins import normal_bound, offset_for
 
 
 @pytest.mark.parametrize("n", [12, 40, 150])

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.calibration.online import FifoForce, OnlineBraking
-from models.calibration.recursive import Acceptance
-from models.stop_logs.stop_stream import StreamedStop
-from models.surface_braking import SurfaceBraking
+from slopewise.models.calibration.online import FifoForce, OnlineBraking
+from slopewise.models.calibration.recursive import Acceptance
+from slopewise.models.stop_logs.stop_stream import StreamedStop
+from slopewise.models.surface_braking import SurfaceBraking
 from tests.models.calibration.plant import Plant, drive
 from tests.models.models_for_tests import BASE
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.calibration.published import PublishedForce, PublishSettings
-from models.errors import ParameterError
+from slopewise.models.calibration.published import PublishedForce, PublishSettings
+from slopewise.models.errors import ParameterError
 
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
 SPEEDS, GRADES = (1.0, 4.0), (-0.25, 0.25)

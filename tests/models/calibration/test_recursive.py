@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.calibration.force_fit import WEAK_PRIOR
-from models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
+from slopewise.models.calibration.force_fit import WEAK_PRIOR
+from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
 
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
 START = np.array([0.0, -0.1, 0.0, 0.5])

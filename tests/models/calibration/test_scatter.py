@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from models.calibration.scatter import QUANTILES, scatter_of
+from slopewise.models.calibration.scatter import QUANTILES, scatter_of
 
 
 @pytest.mark.parametrize("freedom", [0.0, 4.0])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.calibration.speed_error import SpeedError, speed_error
+from slopewise.models.calibration.speed_error import SpeedError, speed_error
 
 HZ = 50.0
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from models.calibration.stopping import stopping_distance, stopping_time
+from slopewise.models.calibration.stopping import stopping_distance, stopping_time
 
 G = 9.80665
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])

@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from models.discrepancy.data.prepare import prepare
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.data.prepare import prepare
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.settings import DiscrepancySettings
 from tests.models.discrepancy.plant import World, drive
 from tests.models.models_for_tests import BASE
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from models.discrepancy.progress import Progress, Stage
-from models.discrepancy.workflow import investigate
+from slopewise.models.discrepancy.progress import Progress, Stage
+from slopewise.models.discrepancy.workflow import investigate
 from tests.models.discrepancy.logs import log
 from tests.models.models_for_tests import BASE
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.noise import Noise, shapes, whitener
-from models.discrepancy.model.prediction import predict
-from models.discrepancy.search import screening
-from models.discrepancy.search.locate import follow, part_of_axis
-from models.discrepancy.search.refine import fit_with_noise, likely_scatter
-from models.parameters import Effect
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.noise import Noise, shapes, whitener
+from slopewise.models.discrepancy.model.prediction import predict
+from slopewise.models.discrepancy.search import screening
+from slopewise.models.discrepancy.search.locate import follow, part_of_axis
+from slopewise.models.discrepancy.search.refine import fit_with_noise, likely_scatter
+from slopewise.models.parameters import Effect
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE
 

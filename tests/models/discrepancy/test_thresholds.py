@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-import models.discrepancy
-from models.discrepancy import thresholds
-from models.discrepancy.thresholds import Basis
+from slopewise.models import discrepancy
+from slopewise.models.discrepancy import thresholds
+from slopewise.models.discrepancy.thresholds import Basis
 
-ROOM = Path(models.discrepancy.__file__).parent
+ROOM = Path(discrepancy.__file__).parent
 MODULES = sorted(p for p in ROOM.rglob("*.py") if p.name not in ("thresholds.py", "settings.py"))
 OF_SINGLE_EFFECTS = {
     "USUAL",

@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from models.discrepancy.findings import Findings, Verdict
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.workflow import investigate
-from models.errors import ParameterError
-from models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.models.discrepancy.findings import Findings, Verdict
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.workflow import investigate
+from slopewise.models.errors import ParameterError
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.discrepancy.logs import WORLDS, log
 from tests.models.models_for_tests import BASE
 

@@ -10,19 +10,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import models.effects
 from docs.site import laws
-from models.discrepancy.data.stop_ground import ground_of
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import predict
-from models.discrepancy.search.axes import axes_of
-from models.discrepancy.search.candidates import EffectColumn, candidates
-from models.discrepancy.search.refine import fit_base, start_of, with_build_up
-from models.effects.effect_law import CHANNELS, EffectLaw, Enters, Place
-from models.effects.registry import LAWS, MOTION_LAWS, motion, motion_deceleration, validate
-from models.parameters import Effect
-from models.stops.simulation import GroundTrack, simulate_stop
-from planner.kernels.motion_laws import motion_deceleration as compiled_deceleration
+from slopewise.models import effects
+from slopewise.models.discrepancy.data.stop_ground import ground_of
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.prediction import predict
+from slopewise.models.discrepancy.search.axes import axes_of
+from slopewise.models.discrepancy.search.candidates import EffectColumn, candidates
+from slopewise.models.discrepancy.search.refine import fit_base, start_of, with_build_up
+from slopewise.models.effects.effect_law import CHANNELS, EffectLaw, Enters, Place
+from slopewise.models.effects.registry import (
+    LAWS,
+    MOTION_LAWS,
+    motion,
+    motion_deceleration,
+    validate,
+)
+from slopewise.models.parameters import Effect
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.planner.kernels.motion_laws import motion_deceleration as compiled_deceleration
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE, with_effect
 
@@ -184,7 +190,7 @@ def test_the_documentation_lists_it(name: str, law: EffectLaw) -> None:
 
 
 def test_every_file_of_the_folder_is_registered() -> None:
-    folder = Path(models.effects.__file__).parent
+    folder = Path(effects.__file__).parent
     helpers = {"__init__", "registry", "effect_law", "stops_seen"}
     assert {file.stem for file in folder.glob("*.py")} - helpers == set(LAWS)
 

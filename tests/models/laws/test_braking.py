@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import braking
+from slopewise.models.laws import braking
 from tests.models.parity import G, check_outside, check_parity
 
 speeds = st.floats(0.0, 8.0)

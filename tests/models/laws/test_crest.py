@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from models.laws.crest import crest_speed_sq, dip_speed_sq, kept_force, load_loss
-from models.parameters import Effect
-from models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.models.laws.crest import crest_speed_sq, dip_speed_sq, kept_force, load_loss
+from slopewise.models.parameters import Effect
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.models_for_tests import BASE
 from tests.models.parity import G, check_parity
 

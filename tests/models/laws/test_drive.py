@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import drive
+from slopewise.models.laws import drive
 from tests.models.parity import G, check_outside, check_parity
 
 grades = st.floats(-0.6, 0.6)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import friction_ellipse as ellipse
+from slopewise.models.laws import friction_ellipse as ellipse
 from tests.models.parity import G, check_outside, check_parity
 
 GRADE, ROLL, MU = (-0.3, 0.3), (-0.25, 0.25), (0.4, 0.9)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import holding
+from slopewise.models.laws import holding
 from tests.models.parity import check_parity
 
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import motion_resistance as resistance
-from models.laws.wheel_loads import wheel_loads
+from slopewise.models.laws import motion_resistance as resistance
+from slopewise.models.laws.wheel_loads import wheel_loads
 from tests.models.parity import check_outside, check_parity
 
 # Slip, Table 1: k_t = 0.044 N m/A, gear 78.71, wheel diameter 0.26 m, W = 294.3 N

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import braking
-from models.laws.responsibility_sensitive_safety import rule_distance
+from slopewise.models.laws import braking
+from slopewise.models.laws.responsibility_sensitive_safety import rule_distance
 from tests.models.parity import check_outside, check_parity
 
 # PyPI ad-rss 5.0.0 (Intel), rss.structured.calculateLongitudinalDistanceOffsetAfterStatedBraking-

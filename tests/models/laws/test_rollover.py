@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import rollover
-from models.laws.wheel_loads import left_load_share, right_load_share
+from slopewise.models.laws import rollover
+from slopewise.models.laws.wheel_loads import left_load_share, right_load_share
 from tests.models.parity import G, check_outside, check_parity
 
 angles = st.floats(-0.6, 0.6)

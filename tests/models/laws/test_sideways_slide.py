@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from models.laws.sideways_slide import share_along
-from models.quantity import GRAVITY as G
+from slopewise.models.laws.sideways_slide import share_along
+from slopewise.models.quantity import GRAVITY as G
 
 
 def sliding(v: float, grade: float, roll: float, mu: float) -> tuple[np.ndarray, np.ndarray]:

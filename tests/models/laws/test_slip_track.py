@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import slip_track as slip
+from slopewise.models.laws import slip_track as slip
 from tests.models.parity import check_parity
 
 curvatures = st.floats(-2.0, 2.0)

@@ -6,8 +6,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
 
-from models.laws import braking, tip_over
-from models.laws.wheel_loads import front_load_share, rear_load_share
+from slopewise.models.laws import braking, tip_over
+from slopewise.models.laws.wheel_loads import front_load_share, rear_load_share
 from tests.models.parity import G, check_outside, check_parity
 
 wheelbases = st.floats(0.3, 4.0)

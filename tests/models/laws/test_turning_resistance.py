@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import turning_resistance as turning
+from slopewise.models.laws import turning_resistance as turning
 from tests.models.parity import check_parity
 
 # Slip, Table 1: B = 0.6 m, L = 0.55 m, W = 294.3 N; Table 2, asphalt: f_r = 0.03, μ_t = 0.26

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import wheel_loads as loads
+from slopewise.models.laws import wheel_loads as loads
 from tests.models.parity import G, check_outside, check_parity
 
 angles = st.floats(-0.7, 0.7)

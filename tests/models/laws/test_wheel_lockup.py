@@ -4,8 +4,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from models.laws import braking, wheel_lockup
-from models.laws.wheel_loads import front_load_share, rear_load_share
+from slopewise.models.laws import braking, wheel_lockup
+from slopewise.models.laws.wheel_loads import front_load_share, rear_load_share
 from tests.models.parity import check_outside, check_parity
 
 LEVEL = {"grade": 0.0, "roll": 0.0}

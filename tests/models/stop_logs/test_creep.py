@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs.creep import held_weights
-from models.stop_logs.onset import HELD, Knee, fit_knee
+from slopewise.models.stop_logs.creep import held_weights
+from slopewise.models.stop_logs.onset import HELD, Knee, fit_knee
 
 G = 9.80665
 NOISE = 0.04

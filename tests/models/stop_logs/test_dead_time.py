@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs.dead_time import dead_time, sharpen
-from models.stop_logs.onset import fit_knee
+from slopewise.models.stop_logs.dead_time import dead_time, sharpen
+from slopewise.models.stop_logs.onset import fit_knee
 
 G = 9.80665
 

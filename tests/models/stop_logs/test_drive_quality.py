@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs.drive_quality import SuspectKind, find_suspects, stretches_of, usable
+from slopewise.models.stop_logs.drive_quality import (
+    SuspectKind,
+    find_suspects,
+    stretches_of,
+    usable,
+)
 
 HZ = 50
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs.find_stops import StopSettings, StopWindow, Usability, find_stops
+from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, Usability, find_stops
 
 HZ = 50.0
 T = np.arange(-2.0, 5.0, 1.0 / HZ)

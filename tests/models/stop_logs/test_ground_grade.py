@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs.ground_grade import (
+from slopewise.models.stop_logs.ground_grade import (
     Dive,
     StopPitch,
     estimate_dive,

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs import mount_offset
+from slopewise.models.stop_logs import mount_offset
 
 MOUNT = np.deg2rad(1.0)
 

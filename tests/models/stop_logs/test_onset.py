@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from models.stop_logs.onset import fit_knee
+from slopewise.models.stop_logs.onset import fit_knee
 
 G = 9.80665
 

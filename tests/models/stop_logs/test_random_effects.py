@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs import random_effects
+from slopewise.models.stop_logs import random_effects
 
 WIDE = np.diag([1e4, 1e4])
 NONE = np.zeros(2)

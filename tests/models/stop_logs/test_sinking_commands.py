@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.calibration.learn import learn
-from models.stop_logs.find_stops import find_stops
-from models.stop_logs.sinking_commands import sinking_commands
+from slopewise.models.calibration.learn import learn
+from slopewise.models.stop_logs.find_stops import find_stops
+from slopewise.models.stop_logs.sinking_commands import sinking_commands
 from tests.models.discrepancy.logs import log
 from tests.models.models_for_tests import BASE
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.stop_logs.stop_stream import StopStream, StreamedStop
+from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 from tests.models.calibration.plant import Plant, drive
 
 

@@ -8,8 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.parameters import Effect
-from models.stops.simulation import GroundTrack, RunChannels, replay, simulate_stop, stop_commands
+from slopewise.models.parameters import Effect
+from slopewise.models.stops.simulation import (
+    GroundTrack,
+    RunChannels,
+    replay,
+    simulate_stop,
+    stop_commands,
+)
 from tests.models.models_for_tests import BASE, with_braking, with_effect
 
 G = 9.80665

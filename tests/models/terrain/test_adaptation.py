@@ -5,11 +5,16 @@ import sys
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from models.terrain.adaptation import AdaptationSettings, AdaptiveClassifier, class_of, classes_of
-from models.terrain.classes import TerrainClasses
-from models.terrain.classifier import NONE, TerrainClassifier
-from services.io.terrain_file import find_terrains, read_terrains
+from slopewise.models.errors import ParameterError
+from slopewise.models.terrain.adaptation import (
+    AdaptationSettings,
+    AdaptiveClassifier,
+    class_of,
+    classes_of,
+)
+from slopewise.models.terrain.classes import TerrainClasses
+from slopewise.models.terrain.classifier import NONE, TerrainClassifier
+from slopewise.services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain.paper import MEANS, STDS
 
 HUSKY = read_terrains(find_terrains("husky")).classes

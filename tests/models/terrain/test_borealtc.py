@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.terrain.monitor import Classified, GroundChange
-from models.terrain.phases import Phase
+from slopewise.models.terrain.monitor import Classified, GroundChange
+from slopewise.models.terrain.phases import Phase
 from tests.services.faults import real_data
 
 _EXAMPLES = Path(__file__).parents[3] / "examples"

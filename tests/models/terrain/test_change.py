@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.terrain.change import ChangeDetector, ChangeSettings
-from models.terrain.windows import SteadySecond, summarise, usual_spread
+from slopewise.models.terrain.change import ChangeDetector, ChangeSettings
+from slopewise.models.terrain.windows import SteadySecond, summarise, usual_spread
 
 STRAIGHT = ("straight", -2)
 LEVEL = (-0.9, 0.0, 0.0)  # logarithm of the speed, share of turning, slope

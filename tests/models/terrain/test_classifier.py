@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from models.errors import ParameterError
-from models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses, by_rules
-from models.terrain.classifier import NONE, ClassifierSettings, TerrainClassifier
-from services.io.terrain_file import find_terrains, read_terrains
+from slopewise.models.errors import ParameterError
+from slopewise.models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses, by_rules
+from slopewise.models.terrain.classifier import NONE, ClassifierSettings, TerrainClassifier
+from slopewise.services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain.paper import MEANS, OBSERVATIONS, STDS
 
 NAN = math.nan

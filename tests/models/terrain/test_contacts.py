@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import ParameterError
-from models.laws.slip_track import slip_track
-from models.terrain.classes import by_rules
-from models.terrain.classifier import TerrainClassifier
-from models.terrain.force_distribution import contact_forces, weight_in_vehicle_frame
-from models.terrain.rotation_centres import rotation_centres
-from services.io.terrain_file import find_terrains, read_terrains
+from slopewise.models.errors import ParameterError
+from slopewise.models.laws.slip_track import slip_track
+from slopewise.models.terrain.classes import by_rules
+from slopewise.models.terrain.classifier import TerrainClassifier
+from slopewise.models.terrain.force_distribution import contact_forces, weight_in_vehicle_frame
+from slopewise.models.terrain.rotation_centres import rotation_centres
+from slopewise.services.io.terrain_file import find_terrains, read_terrains
 
 HUSKY = read_terrains(find_terrains("husky")).classes
 

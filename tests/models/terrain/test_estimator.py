@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import ParameterError
-from models.terrain.estimator import DriveSample, TerrainEstimator
-from models.terrain.phases import Phase
-from models.terrain.resistances import TerrainEstimate
-from models.terrain.settings import EstimatorSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.terrain.estimator import DriveSample, TerrainEstimator
+from slopewise.models.terrain.phases import Phase
+from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.settings import EstimatorSettings
 from tests.models.terrain import plant
 from tests.models.terrain.vehicles import estimator_of, observe, samples_of, vehicle_of
 

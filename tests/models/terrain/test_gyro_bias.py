@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.terrain.gyro_bias import GyroBias
+from slopewise.models.terrain.gyro_bias import GyroBias
 
 
 def test_first_samples_give_their_mean_and_its_standard_error():

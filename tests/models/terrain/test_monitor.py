@@ -3,14 +3,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.parameters import Braking, Limits, Model, Terrain
-from models.stop_logs.drive_quality import SuspectKind
-from models.terrain.adaptation import AdaptiveClassifier
-from models.terrain.log_checks import implausible
-from models.terrain.monitor import Classified, GroundChange, MonitorSettings, TerrainMonitor
-from models.terrain.phases import Phase
-from models.terrain.trace import trace
-from services.io.terrain_file import find_terrains, read_terrains
+from slopewise.models.parameters import Braking, Limits, Model, Terrain
+from slopewise.models.stop_logs.drive_quality import SuspectKind
+from slopewise.models.terrain.adaptation import AdaptiveClassifier
+from slopewise.models.terrain.log_checks import implausible
+from slopewise.models.terrain.monitor import (
+    Classified,
+    GroundChange,
+    MonitorSettings,
+    TerrainMonitor,
+)
+from slopewise.models.terrain.phases import Phase
+from slopewise.models.terrain.trace import trace
+from slopewise.services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain import plant
 from tests.models.terrain.vehicles import QUIET, estimator_of, samples_of, vehicle_of
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from models.terrain.phases import MotionPhases, Phase
-from models.terrain.settings import MotionSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.terrain.phases import MotionPhases, Phase
+from slopewise.models.terrain.settings import MotionSettings
 
 B = 0.6
 

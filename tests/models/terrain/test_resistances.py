@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from models.laws.motion_resistance import current_of_motion_resistance
-from models.terrain.resistances import (
+from slopewise.models.laws.motion_resistance import current_of_motion_resistance
+from slopewise.models.terrain.resistances import (
     Drivetrain,
     SteadyStretch,
     TerrainEstimate,
@@ -15,7 +15,7 @@ from models.terrain.resistances import (
     motion_resistance_of,
     standard_error,
 )
-from models.terrain.settings import ResistanceSettings
+from slopewise.models.terrain.settings import ResistanceSettings
 from tests.models.terrain.vehicles import vehicle_of
 
 EXACT = ResistanceSettings(pitch_std=0.0, current_std=0.0)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.errors import InputError, ParameterError
-from models.terrain.class_change import ClassChange
-from models.terrain.classifier import NONE
-from models.terrain.reliability import expected_calibration_error, reliability_curve
-from models.terrain.resistances import Drivetrain
-from models.terrain.signature import (
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.terrain.class_change import ClassChange
+from slopewise.models.terrain.classifier import NONE
+from slopewise.models.terrain.reliability import expected_calibration_error, reliability_curve
+from slopewise.models.terrain.resistances import Drivetrain
+from slopewise.models.terrain.signature import (
     BANDS,
     DRIVING_FEATURES,
     FEATURE_NAMES,
@@ -21,9 +21,9 @@ from models.terrain.signature import (
     second_of,
     signature_of,
 )
-from models.terrain.signature_fit import fit, running_mean
-from models.terrain.signature_memory import SignatureMemory
-from services.io.signature_file import read_signatures, write_signatures
+from slopewise.models.terrain.signature_fit import fit, running_mean
+from slopewise.models.terrain.signature_memory import SignatureMemory
+from slopewise.services.io.signature_file import read_signatures, write_signatures
 
 SETTINGS = SecondSettings(Drivetrain(20.0, 0.5, 700.0), 0.6, 0.03, 0.04)
 

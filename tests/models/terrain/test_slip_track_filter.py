@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
-from models.terrain.settings import FilterSettings
-from models.terrain.slip_track_filter import SlipTrackFilter, steady_state_variance
+from slopewise.models.terrain.settings import FilterSettings
+from slopewise.models.terrain.slip_track_filter import SlipTrackFilter, steady_state_variance
 
 PRINT = FilterSettings()
 

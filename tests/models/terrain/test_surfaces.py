@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import ParameterError
-from models.parameters import Model
-from models.stops.simulation import GroundTrack, force_ratio, simulate_stop
-from models.surface_braking import SurfaceBraking
-from models.terrain.observation import Features
-from models.terrain.resistances import TerrainEstimate
-from models.terrain.surfaces import model_on, with_surface
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.models.stops.simulation import GroundTrack, force_ratio, simulate_stop
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.terrain.observation import Features
+from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.surfaces import model_on, with_surface
 from tests.models.models_for_tests import BASE
 from tests.models.terrain.test_monitor import MODEL
 

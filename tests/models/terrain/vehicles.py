@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-from models.terrain.estimator import DriveSample, TerrainEstimator
-from models.terrain.observation import GroundObservation
-from models.terrain.resistances import TerrainEstimate
-from models.terrain.settings import EstimatorSettings, FilterSettings
-from models.vehicle import Vehicle
+from slopewise.models.terrain.estimator import DriveSample, TerrainEstimator
+from slopewise.models.terrain.observation import GroundObservation
+from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.settings import EstimatorSettings, FilterSettings
+from slopewise.models.vehicle import Vehicle
 from tests.models.terrain.plant import Body
 
 HUSKY = Body()

@@ -11,14 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.arrays import Floats
-from models.laws import braking, crest, friction_ellipse, holding, wheel_loads, wheel_lockup
-from models.parameters import Model
-from planner.bounds.contact import HOLDING
-from planner.bounds.speed_bounds import SpeedBounds, speed_bounds
-from planner.ground.braking_ground import BrakingGround, ground_along
-from planner.ground.terrain_profile import TerrainProfile
-from planner.limiting import Limiting
+from slopewise.models.arrays import Floats
+from slopewise.models.laws import (
+    braking,
+    crest,
+    friction_ellipse,
+    holding,
+    wheel_loads,
+    wheel_lockup,
+)
+from slopewise.models.parameters import Model
+from slopewise.planner.bounds.contact import HOLDING
+from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
+from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.limiting import Limiting
 from tests.planner.scenes import G, model_of, tables_with
 
 SCENES, STATIONS, STEP = 800, 8, 500.0

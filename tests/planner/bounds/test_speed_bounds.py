@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from models.laws import (
+from slopewise.models.laws import (
     braking,
     drive,
     rollover,
@@ -19,14 +19,14 @@ from models.laws import (
     turning_resistance,
     wheel_loads,
 )
-from models.parameters import Model
-from planner.bounds.pointwise import HOLDING
-from planner.bounds.speed_bounds import STOP_GUARD, SpeedBounds, speed_bounds
-from planner.ground.braking_ground import BrakingGround, ground_along
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from planner.limiting import Limiting
-from planner.path import CandidatePath, batch
+from slopewise.models.parameters import Model
+from slopewise.planner.bounds.pointwise import HOLDING
+from slopewise.planner.bounds.speed_bounds import STOP_GUARD, SpeedBounds, speed_bounds
+from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath, batch
 from tests.planner.scenes import G, Tables, ground_map, model_of, plane, straight, tables_with
 
 FAR = 80.0

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.explain.bound_curves import bound_curves
-from planner.limiting import Limiting
-from planner.path import CandidatePath, batch
-from planner.pipeline.time_optimal_batch import time_optimal_batch
-from planner.settings import PlannerSettings
+from slopewise.planner.explain.bound_curves import bound_curves
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
+from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import (
     ATV,
     Tables,

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from models.parameters import Effect, Model
-from models.surface_braking import SurfaceBraking
-from planner.explain.explain import Explanation, explain, stretches
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.limiting import Limiting
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import Status
-from planner.settings import PlannerSettings
+from slopewise.models.parameters import Effect, Model
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.planner.explain.explain import Explanation, explain, stretches
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import Status
+from slopewise.planner.settings import PlannerSettings
 from tests.planner import generated
 from tests.planner.scenes import arc, ground_map, model_of, plane, straight, tables_with
 

@@ -6,14 +6,14 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.grade_between import grade_between
-from planner.path import CandidatePath
-from planner.plan import Status
-from planner.settings import PlannerSettings
-from services.check.check import check
-from services.check.given_plan import plan_of_columns
-from services.io.plan_file import driven
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.grade_between import grade_between
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.plan import Status
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.check.check import check
+from slopewise.services.check.given_plan import plan_of_columns
+from slopewise.services.io.plan_file import driven
 from tests.planner.scenes import SMALL, Tables, model_of, plan_one, tables_with
 
 slopes = st.floats(-0.5, 0.5)

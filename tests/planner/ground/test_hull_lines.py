@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from models.parameters import Braking
-from models.quantity import Matrix
-from models.surface_braking import SurfaceBraking
-from planner.ground.hull_speed import lines
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
+from slopewise.models.quantity import Matrix
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.planner.ground.hull_speed import lines
 from tests.models.driven_hull import highest_speed
 from tests.models.models_for_tests import BASE
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.ground.hull_speed import hold_below, hull_lines
-from planner.limiting import Limiting
+from slopewise.planner.ground.hull_speed import hold_below, hull_lines
+from slopewise.planner.limiting import Limiting
 from tests.models.driven_hull import highest_speed
 from tests.planner.scenes import (
     assert_sound,

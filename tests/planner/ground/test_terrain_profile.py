@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from planner.path import CandidatePath, batch
-from planner.settings import PlannerSettings
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
+from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import arc, ground_map, plane, straight
 
 WHEELBASE, TRACK = 1.2, 1.0

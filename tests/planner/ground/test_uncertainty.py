@@ -12,16 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from models.errors import ParameterError
-from models.parameters import Effect, Model
-from planner.ground.braking_ground import ground_along
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import terrain_profile
-from planner.ground.uncertainty import HOUR, Uncertainty
-from planner.path import batch
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan, Status
-from planner.settings import PlannerSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Effect, Model
+from slopewise.planner.ground.braking_ground import ground_along
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import terrain_profile
+from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
+from slopewise.planner.path import batch
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
 from tests.planner import generated
 from tests.planner.generated import between
 from tests.planner.scenes import (

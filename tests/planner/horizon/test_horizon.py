@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.errors import ParameterError
-from planner.ground.elevation_map import ElevationMap
-from planner.horizon.answer import FULL_STOP, CycleAnswer
-from planner.horizon.horizon import HorizonSettings
-from planner.path import PathBatch, batch
-from planner.pipeline import plan_finalizer
-from planner.plan import SpeedPlan, Status
-from planner.profile.smoothing import Smoothed
+from slopewise.models.errors import ParameterError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer
+from slopewise.planner.horizon.horizon import HorizonSettings
+from slopewise.planner.path import PathBatch, batch
+from slopewise.planner.pipeline import plan_finalizer
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.profile.smoothing import Smoothed
 from tests import oracle
 from tests.planner.driving import (
     SAFE,

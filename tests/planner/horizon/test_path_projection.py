@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.horizon.path_cut import cut, passed_stations
-from planner.horizon.path_projection import locate
-from planner.path import CandidatePath, batch
+from slopewise.planner.horizon.path_cut import cut, passed_stations
+from slopewise.planner.horizon.path_projection import locate
+from slopewise.planner.path import CandidatePath, batch
 from tests.planner.scenes import arc, plane, straight
 
 

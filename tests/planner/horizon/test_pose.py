@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from planner.horizon.answer import FULL_STOP, MAX_HEADING_ERROR, CycleAnswer, HorizonSettings
-from planner.path import CandidatePath
-from planner.plan import Status
+from slopewise.models.errors import ParameterError
+from slopewise.planner.horizon.answer import (
+    FULL_STOP,
+    MAX_HEADING_ERROR,
+    CycleAnswer,
+    HorizonSettings,
+)
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.plan import Status
 from tests.planner.driving import Drive
 from tests.planner.scenes import plane, straight, tables_with
 

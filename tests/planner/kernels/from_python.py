@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 import slopewise
-from models.parameters import Effect
-from planner.kernels.ahead import described, written_down
-from planner.kernels.borrowing import Borrowing
-from planner.settings import PlannerSettings
+from slopewise.models.parameters import Effect
+from slopewise.planner.kernels.ahead import described, written_down
+from slopewise.planner.kernels.borrowing import Borrowing
+from slopewise.planner.settings import PlannerSettings
 from tests.planner.kernels.signatures_now import called_by_python, name_of
 
 EFFECTS = (

@@ -15,13 +15,13 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from planner.kernels.ahead import described
-from planner.kernels.borrowing import Borrowing
-from services.daemon import warm_up
-from services.io.model_file import find_model, read_model
-from services.parameters.in_use import ParametersInUse
-from services.planning.plan_service import PlanService
-from services.settings.service import ServiceConfig
+from slopewise.planner.kernels.ahead import described
+from slopewise.planner.kernels.borrowing import Borrowing
+from slopewise.services.daemon import warm_up
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.settings.service import ServiceConfig
 
 
 class Seconds(event.Listener):
@@ -47,7 +47,7 @@ def name_of(kernel: Dispatcher) -> str:
 
 def called_by_python() -> Iterator[Dispatcher]:
     for name, module in sorted(sys.modules.items()):
-        if name.startswith("planner."):
+        if name.startswith("slopewise.planner."):
             for found in vars(module).values():
                 if isinstance(found, Dispatcher) and found.py_func.__module__ == name:
                     yield found

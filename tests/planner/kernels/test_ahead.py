@@ -12,8 +12,8 @@ import numba
 import numpy as np
 import pytest
 
-from planner.kernels.ahead import compile_ahead, described, meant, written_down
-from planner.kernels.limits import PlanningLimits
+from slopewise.planner.kernels.ahead import compile_ahead, described, meant, written_down
+from slopewise.planner.kernels.limits import PlanningLimits
 
 
 def test_what_is_written_down_is_what_a_service_calls() -> None:
@@ -44,9 +44,15 @@ def test_compiled_kernels_are_in_the_cache_and_strange_ones_are_told(
 ) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(cores))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    motion = "planner.plan:_motion"
-    strange = {"planner.plan:not_there": [["d"]], "planner.nowhere:kernel": [["d"]]}
-    wrong = {"planner.horizon.polyline:_arc": [["d"]], "planner.horizon.polyline:_foot": [["d"]]}
+    motion = "slopewise.planner.plan:_motion"
+    strange = {
+        "slopewise.planner.plan:not_there": [["d"]],
+        "slopewise.planner.nowhere:kernel": [["d"]],
+    }
+    wrong = {
+        "slopewise.planner.horizon.polyline:_arc": [["d"]],
+        "slopewise.planner.horizon.polyline:_foot": [["d"]],
+    }
     done: list[int] = []
     left = compile_ahead({motion: written_down()[motion], **strange, **wrong}, done.append)
     assert left == [*strange, *wrong]

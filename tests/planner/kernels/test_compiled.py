@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.kernels.compiled import inlined, kernel, read_only
+from slopewise.planner.kernels.compiled import inlined, kernel, read_only
 
 
 @inlined

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from models.laws import slip_track, tip_over, turning_resistance, wheel_loads
-from planner.kernels.limits import planning_limits
+from slopewise.models.laws import slip_track, tip_over, turning_resistance, wheel_loads
+from slopewise.planner.kernels.limits import planning_limits
 from tests.planner.scenes import ATV, G, model_of, tables_with
 
 

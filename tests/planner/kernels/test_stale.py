@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.kernels.stale import forget_stale_kernels
+from slopewise.planner.kernels.stale import forget_stale_kernels
 
 
 @pytest.fixture

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from planner.ground.braking_ground import GroundConditions
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.limiting import Limiting
-from planner.path import CandidatePath, batch
-from planner.pipeline import plan_finalizer
-from planner.pipeline.candidates import CandidatePlanner
-from planner.pipeline.time_optimal_batch import time_optimal_batch
-from planner.plan import SpeedPlan, Status, motion_of
-from planner.profile.smoothing import Smoothed, smooth
-from planner.profile.smoothing_problem import SmoothingProblem
-from planner.profile.time_optimal import travel_cost
-from planner.settings import PlannerSettings
+from slopewise.models.errors import ParameterError
+from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.pipeline import plan_finalizer
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
+from slopewise.planner.plan import SpeedPlan, Status, motion_of
+from slopewise.planner.profile.smoothing import Smoothed, smooth
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.time_optimal import travel_cost
+from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import (
     ATV,
     G,

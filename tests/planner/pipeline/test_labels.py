@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.kernels.limits import PlanningLimits, planning_limits
-from planner.limiting import Limiting
-from planner.pipeline.labels import labels, segment_limits
-from planner.verify.track import Track
+from slopewise.planner.kernels.limits import PlanningLimits, planning_limits
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.pipeline.labels import labels, segment_limits
+from slopewise.planner.verify.track import Track
 from tests.planner.scenes import G, model_of, tables_with
 
 N = 40

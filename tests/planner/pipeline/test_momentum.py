@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from planner.plan import Momentum, SpeedPlan, Status
-from services.cli.commands import plan_view
-from services.cli.commands.plan import PlanResult
+from slopewise.planner.plan import Momentum, SpeedPlan, Status
+from slopewise.services.cli.commands import plan_view
+from slopewise.services.cli.commands.plan import PlanResult
 from tests.planner.scenes import G, Tables, ground_map, model_of, plan_one, straight, tables_with
 
 FOOT, TOP, RISE = 12.0, 16.0, 0.24

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.horizon.answer import HorizonSettings, PlanarState
-from planner.horizon.horizon import Horizon
-from planner.pipeline.candidates import CandidatePlanner
-from planner.pipeline.ranking import rank, ranking_cost, travel_cost
-from planner.plan import SpeedPlan
-from planner.settings import PlannerSettings
+from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
+from slopewise.planner.horizon.horizon import Horizon
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.pipeline.ranking import rank, ranking_cost, travel_cost
+from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import model_of, plane, straight, tables_with
 
 PATHS = [straight(11.9, name="short"), straight(12.0, name="wide")]

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, linprog, minimize
 
-from planner.profile.banded_nearest import keeps_none, nearest, room
-from planner.profile.osqp_nearest import matrix_of, nearest_by_osqp
+from slopewise.planner.profile.banded_nearest import keeps_none, nearest, room
+from slopewise.planner.profile.osqp_nearest import matrix_of, nearest_by_osqp
 
 Solver = Callable[..., int]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]

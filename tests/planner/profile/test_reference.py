@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.kernels.limits import planning_limits
-from planner.path import batch
-from planner.pipeline.candidates import CandidatePlanner
-from planner.pipeline.time_optimal_batch import time_optimal_batch
-from planner.profile.reference import (
+from slopewise.planner.kernels.limits import planning_limits
+from slopewise.planner.path import batch
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
+from slopewise.planner.profile.reference import (
     JerkLimitedReference,
     TimeOptimalProblem,
     TimeOptimalReference,
     time_optimal_problem,
 )
-from planner.profile.smoothing import smooth
-from planner.profile.smoothing_problem import SmoothingProblem
-from planner.profile.time_optimal import profile_problem
+from slopewise.planner.profile.smoothing import smooth
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.time_optimal import profile_problem
 from tests.planner.profile.test_smoothing import assert_exact, problem_of, travel_time, wavy
 from tests.planner.profile.test_smoothing import optimum as jerk_optimum
 from tests.planner.profile.test_time_optimal import Road, road

@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from planner.profile import smoothing
-from planner.profile.smoothing import smooth
-from planner.profile.smoothing_problem import SmoothingProblem
-from planner.settings import Solver
+from slopewise.planner.profile import smoothing
+from slopewise.planner.profile.smoothing import smooth
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.settings import Solver
 from tests.planner.profile.test_time_optimal import Road, road
 
 TOLERANCE = 1e-6

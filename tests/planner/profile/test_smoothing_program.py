@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.profile.osqp_nearest import matrix_of
-from planner.profile.smoothing_program import SLOWEST, TIGHTER, mid_time, program
+from slopewise.planner.profile.osqp_nearest import matrix_of
+from slopewise.planner.profile.smoothing_program import SLOWEST, TIGHTER, mid_time, program
 
 speeds_sq = st.floats(SLOWEST**2, 25.0)
 lengths = st.floats(0.05, 1.0)

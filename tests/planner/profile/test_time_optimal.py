@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.laws import drive
-from planner.kernels.limits import PlanningLimits, planning_limits
-from planner.profile.time_optimal import ProfileProblem, time_optimal_profile
+from slopewise.models.laws import drive
+from slopewise.planner.kernels.limits import PlanningLimits, planning_limits
+from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from tests.planner.scenes import G, model_of, tables_with
 
 BIG = 1e9

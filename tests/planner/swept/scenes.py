@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from planner.path import CandidatePath, batch
-from planner.settings import PlannerSettings
-from planner.swept.hazards import Hazards, swept_hazards
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
+from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.settings import PlannerSettings
+from slopewise.planner.swept.hazards import Hazards, swept_hazards
 from tests.planner.scenes import ground_map, model_of, tables_with
 
 Height = Callable[[np.ndarray, np.ndarray], Any]

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.ground.elevation_map import ElevationMap
-from planner.swept.around import Around, around
-from planner.swept.screen import Judged, Screen, screen_of
-from planner.swept.sizes import SweptSizes, swept_sizes
-from planner.swept.verdicts import BODY, UNSEEN
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.swept.around import Around, around
+from slopewise.planner.swept.screen import Judged, Screen, screen_of
+from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
+from slopewise.planner.swept.verdicts import BODY, UNSEEN
 from tests.planner.swept.test_screen import MODELS, rough_ground
 
 PARTS = ("bits", "relief", "lift", "east", "north", "seen")

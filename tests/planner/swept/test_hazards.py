@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from planner.limiting import Limiting
-from planner.path import CandidatePath
-from planner.plan import Status
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.plan import Status
 from tests.planner.scenes import ATV, arc, assert_sound, plan_one, plane, straight, tables_with
 from tests.planner.swept.scenes import FINE, Height, ground, met
 
@@ -184,9 +184,9 @@ def test_a_pose_is_barred_with_all_poses_since_the_one_before() -> None:
 
 def test_two_candidates_do_not_touch_each_other() -> None:
     """The same candidate alone and beside others meets the same."""
-    from planner.ground.terrain_profile import terrain_profile
-    from planner.path import batch
-    from planner.swept.hazards import swept_hazards
+    from slopewise.planner.ground.terrain_profile import terrain_profile
+    from slopewise.planner.path import batch
+    from slopewise.planner.swept.hazards import swept_hazards
     from tests.planner.scenes import model_of
 
     rock, model = ground(CASES["low rock under one wheel"][0]), model_of(ATV)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.ground.terrain_profile import terrain_profile
-from planner.limiting import Limiting
-from planner.plan import Status
-from planner.swept.hazards import swept_hazards
+from slopewise.planner.ground.terrain_profile import terrain_profile
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.plan import Status
+from slopewise.planner.swept.hazards import swept_hazards
 from tests.planner.scenes import (
     ATV,
     assert_sound,

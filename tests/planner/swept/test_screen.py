@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.parameters import Model
-from models.vehicle import Vehicle
-from planner.ground.elevation_map import ElevationMap
-from planner.path import CandidatePath
-from planner.swept import hazards
-from planner.swept.screen import Screen
-from planner.swept.screen_cache import screen_for
-from planner.swept.sizes import SweptSizes, swept_sizes
-from planner.swept.verdicts import BODY, UNSEEN
-from planner.swept.wheel_sweep import SLOPE_OPEN
+from slopewise.models.parameters import Model
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.swept import hazards
+from slopewise.planner.swept.screen import Screen
+from slopewise.planner.swept.screen_cache import screen_for
+from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
+from slopewise.planner.swept.verdicts import BODY, UNSEEN
+from slopewise.planner.swept.wheel_sweep import SLOPE_OPEN
 from tests.planner.scenes import ATV, SMALL, model_of, tables_with
 from tests.planner.swept.scenes import Met, ground, met_by
 

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.path import PathBatch, batch
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from planner.verify.batch_judge import screen
-from planner.verify.judge import Violations, check
-from planner.verify.track import track_of
+from slopewise.planner.path import PathBatch, batch
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.planner.verify.batch_judge import screen
+from slopewise.planner.verify.judge import Violations, check
+from slopewise.planner.verify.track import track_of
 from tests.planner import generated
 from tests.planner.generated import between
 from tests.planner.scenes import arc, ground_map, model_of, plane, straight, tables_with

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.ground.elevation_map import ElevationMap
-from planner.limiting import Limiting
-from planner.path import CandidatePath, batch
-from planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from planner.verify.judge import VIOLATION_LIMITING, Judgement, Violations, check
-from planner.verify.track import Track, track_of
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.planner.verify.judge import VIOLATION_LIMITING, Judgement, Violations, check
+from slopewise.planner.verify.track import Track, track_of
 from tests import oracle
 from tests.planner.scenes import (
     Tables,

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from services.check.given_plan import GivenPlan
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.check.given_plan import GivenPlan
 from tests.planner.scenes import model_of, tables_with
 
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]

@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from planner.limiting import Limiting
-from planner.path import CandidatePath
-from planner.pipeline import time_optimal_batch
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan, motion_of
-from services.check.given_plan import GivenPlan
-from services.io.model_file import model_to_dict, read_model, shipped_models
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline import time_optimal_batch
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan, motion_of
+from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.io.model_file import model_to_dict, read_model, shipped_models
 from tests import oracle
 from tests.planner.scenes import columns_of
 from tests.planner.test_real_terrain import PLACES, candidates, ground_of

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from services.check.check import check
-from services.check.given_plan import GivenPlan
-from services.check.tolerances import TOLERANCES
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.check.check import check
+from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.tolerances import TOLERANCES
 from tests.services.check.drives import (
     ground,
     model_with,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from hypothesis import Phase, given, settings
 
-from planner.plan import Status
-from services.check.check import check
-from services.check.given_plan import plan_of_columns
-from services.check.report import Violation
-from services.io.plan_file import driven
+from slopewise.planner.plan import Status
+from slopewise.services.check.check import check
+from slopewise.services.check.given_plan import plan_of_columns
+from slopewise.services.check.report import Violation
+from slopewise.services.io.plan_file import driven
 from tests.planner import generated
 from tests.planner.scenes import model_of
 

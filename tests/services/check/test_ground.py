@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.terrain_profile import terrain_profile
-from services.check.brakes import brakes_along
-from services.check.given_plan import GivenPlan
-from services.check.ground import ground_under
-from services.check.heights import classes_around, height_of
-from services.check.line import line_of
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.terrain_profile import terrain_profile
+from slopewise.services.check.brakes import brakes_along
+from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.ground import ground_under
+from slopewise.services.check.heights import classes_around, height_of
+from slopewise.services.check.line import line_of
 from tests.services.check.drives import ground, model_with, round_turn, slope, straight
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.laws import wheel_loads, wheel_lockup
-from services.check.friction import braking_cap, utilisation
-from services.check.loads import pose_of, shares_of
+from slopewise.models.laws import wheel_loads, wheel_lockup
+from slopewise.services.check.friction import braking_cap, utilisation
+from slopewise.services.check.loads import pose_of, shares_of
 from tests.services.check.drives import model_with
 
 G = 9.80665

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from services.check.check import check
+from slopewise.services.check.check import check
 from tests.planner.test_real_terrain import CASES
 from tests.services.check.mutants import MUTATIONS, Question, matters, questions, stripped
 

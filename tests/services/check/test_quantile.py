@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from benchmarks.planner.stops_at_quantile import hills, scattering_model
-from models.parameters import Model
-from models.surface_braking import SurfaceBraking
-from planner.ground.uncertainty import Uncertainty
-from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan
-from services.check.check import check
-from services.check.given_plan import GivenPlan, plan_of_columns
-from services.io.plan_file import driven
+from slopewise.models.parameters import Model
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan
+from slopewise.services.check.check import check
+from slopewise.services.check.given_plan import GivenPlan, plan_of_columns
+from slopewise.services.io.plan_file import driven
 
 RNG = np.random.default_rng(4)
 GROUND = hills(RNG)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from planner.plan import SpeedPlan
-from services.check.check import check
-from services.check.given_plan import plan_of_columns
-from services.check.report import Violation
-from services.io.model_file import read_model, shipped_models
-from services.io.plan_file import driven
+from slopewise.planner.plan import SpeedPlan
+from slopewise.services.check.check import check
+from slopewise.services.check.given_plan import plan_of_columns
+from slopewise.services.check.report import Violation
+from slopewise.services.io.model_file import read_model, shipped_models
+from slopewise.services.io.plan_file import driven
 from tests.planner.test_real_terrain import CASES, SHARE, ground_of, plans_on
 
 

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.parameters import Model
-from models.stops.simulation import GroundTrack, simulate_stop
-from services.check import stop_lanes
-from services.check.brakes import brakes_along
-from services.check.ground import ground_under
-from services.check.line import line_of
-from services.check.loads import Stance
-from services.check.stop_field import StopField
-from services.check.stops import StopEnds, stops_as_told, stops_from
+from slopewise.models.parameters import Model
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.services.check import stop_lanes
+from slopewise.services.check.brakes import brakes_along
+from slopewise.services.check.ground import ground_under
+from slopewise.services.check.line import line_of
+from slopewise.services.check.loads import Stance
+from slopewise.services.check.stop_field import StopField
+from slopewise.services.check.stops import StopEnds, stops_as_told, stops_from
 from tests.services.check.drives import Surface, ground, model_with, slope, straight
 
 G = 9.80665

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 import typer
 
-from services.cli import app
-from services.cli.commands import demo
-from services.io.maps.map_file import write_map_npz
-from services.io.path_file import write_paths_csv
+from slopewise.services.cli import app
+from slopewise.services.cli.commands import demo
+from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.path_file import write_paths_csv
 from tests import oracle
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import real_data
@@ -74,7 +74,7 @@ def test_a_command_that_runs_on_says_when_it_is_ready(tmp_path: Path) -> None:
 
 def test_help_imports_nothing_heavy() -> None:
     code = (
-        "import sys, services.cli.app; "
+        "import sys, slopewise.services.cli.app; "
         "print([m for m in ('numba', 'scipy', 'casadi', 'osqp', 'rasterio', 'numpy', 'plotly') "
         "if m in sys.modules])"
     )
@@ -251,8 +251,8 @@ def test_simulate_writes_every_sample(tmp_path: Path) -> None:
 
 
 def test_a_fault_of_the_program_is_status_1(monkeypatch: pytest.MonkeyPatch) -> None:
-    from services.cli import app
-    from services.cli.commands import demo as command
+    from slopewise.services.cli import app
+    from slopewise.services.cli.commands import demo as command
 
     def broken(_: Path) -> Path:
         raise RuntimeError("planted")

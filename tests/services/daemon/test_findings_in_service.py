@@ -14,9 +14,9 @@ import pytest
 import zenoh
 from rich.console import Console
 
-from models.errors import InputError
-from services.cli.arguments.robot import ParamsOptions
-from services.cli.commands.params import run, show
+from slopewise.models.errors import InputError
+from slopewise.services.cli.arguments.robot import ParamsOptions
+from slopewise.services.cli.commands.params import run, show
 from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import Running, running

@@ -14,22 +14,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.errors import InputError
-from planner.ground.elevation_map import ElevationMap
-from services.client import PlanClient
-from services.io.model_file import find_model, read_model
-from services.parameters import replies
-from services.parameters.in_use import ParametersInUse
-from services.parameters.service import ParameterService
-from services.planning.map_store import KnownGround, MapStore
-from services.planning.plan_service import PlanService
-from services.settings.learning import StoreSettings
-from services.settings.service import Planning, ServiceConfig, Sizes
-from services.wire import codec
-from services.wire.messages import Path as Candidate
-from services.wire.messages import PlanRequest, ServiceStatus
-from services.wire.observations import DriveSamples, StopObservation, TerrainLabel
-from services.wire.parameter_messages import ParameterQuestion, RollBack, SetParameters
+from slopewise.models.errors import InputError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.client import PlanClient
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters import replies
+from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.planning.map_store import KnownGround, MapStore
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.settings.learning import StoreSettings
+from slopewise.services.settings.service import Planning, ServiceConfig, Sizes
+from slopewise.services.wire import codec
+from slopewise.services.wire.messages import Path as Candidate
+from slopewise.services.wire.messages import PlanRequest, ServiceStatus
+from slopewise.services.wire.observations import DriveSamples, StopObservation, TerrainLabel
+from slopewise.services.wire.parameter_messages import ParameterQuestion, RollBack, SetParameters
 from tests.services.malformed import Malformed
 from tests.services.service_process import fan, flat, running
 

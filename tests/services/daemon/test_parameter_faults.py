@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 import zenoh
 
-from services.io.model_file import find_model, read_model
-from services.parameters.service import ParameterService
-from services.settings.learning import StoreSettings
-from services.settings.service import ServiceConfig, ZenohSettings
-from services.settings.session import zenoh_config
-from services.wire.observations import StopObservation
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.settings.learning import StoreSettings
+from slopewise.services.settings.service import ServiceConfig, ZenohSettings
+from slopewise.services.settings.session import zenoh_config
+from slopewise.services.wire.observations import StopObservation
 from tests.services.parameter_client import Robot, block, send_ground, speeds_of
 from tests.services.service_process import Running, free_port, running
 
@@ -184,7 +184,7 @@ def test_two_services_with_one_id_flag_each_other_and_one_keeps(tmp_path: Path) 
         text = text.replace(first.endpoint, f"tcp/127.0.0.1:{own}")
         text = text.replace("[zenoh]\n", f'[zenoh]\nconnect = ["{first.endpoint}"]\n')
         second.write_text(text.replace('"p.sqlite"', '"../p.sqlite"'))
-        command = [sys.executable, "-m", "services.cli", "serve", "--config", str(second)]
+        command = [sys.executable, "-m", "slopewise.services.cli", "serve", "--config", str(second)]
         twin = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
             assert twin.stdout is not None
@@ -288,8 +288,8 @@ def test_more_observations_than_can_be_learned_from_are_flagged(tmp_path: Path) 
 def test_learning_that_hangs_makes_plans_slower(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from services.daemon import daemon
-    from services.settings.service import read_config
+    from slopewise.services.daemon import daemon
+    from slopewise.services.settings.service import read_config
 
     port = free_port()
     file = tmp_path / "service.toml"

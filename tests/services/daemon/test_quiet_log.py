@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import logging
 
-from services.daemon.quiet_log import NowAndThen
+from slopewise.services.daemon.quiet_log import NowAndThen
 
 
 def said(log: NowAndThen, line: int, words: str) -> str | None:

@@ -10,11 +10,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from services.client import PlanClient
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.connect import client_session
-from services.wire.messages import PlanReply, PlanRequest
+from slopewise.services.client import PlanClient
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.connect import client_session
+from slopewise.services.wire.messages import PlanReply, PlanRequest
 from tests.services.service_process import fan, flat, free_port, running
 
 _ROUTER = """

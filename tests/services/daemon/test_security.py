@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 import zenoh
 
-from models.errors import InputError
-from services.client import PlanClient
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.connect import client_session
-from services.wire.messages import PlanReply, ServiceStatus
-from services.wire.observations import Receipt, StopObservation, TerrainLabel
-from services.wire.parameter_messages import (
+from slopewise.models.errors import InputError
+from slopewise.services.client import PlanClient
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.connect import client_session
+from slopewise.services.wire.messages import PlanReply, ServiceStatus
+from slopewise.services.wire.observations import Receipt, StopObservation, TerrainLabel
+from slopewise.services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
     ParameterReply,

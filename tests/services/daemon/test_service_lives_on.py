@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 import zenoh
 
-from services.daemon.daemon import Service
-from services.parameters import replies
-from services.parameters.learner import Learner
-from services.settings.service import Planning, ServiceConfig, ZenohSettings
-from services.settings.session import zenoh_config
+from slopewise.services.daemon.daemon import Service
+from slopewise.services.parameters import replies
+from slopewise.services.parameters.learner import Learner
+from slopewise.services.settings.service import Planning, ServiceConfig, ZenohSettings
+from slopewise.services.settings.session import zenoh_config
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import Running, free_port, running
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from services.daemon import systemd
+from slopewise.services.daemon import systemd
 from tests.services.service_process import running
 
 UNIT = Path(__file__).parents[3] / "configs" / "systemd" / "slopewise.service"

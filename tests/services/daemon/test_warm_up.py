@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from services.daemon import warm_up
-from services.io.model_file import find_model, read_model
-from services.parameters.in_use import ParametersInUse
-from services.planning.plan_service import PlanService
-from services.settings.service import ServiceConfig
-from services.wire import codec
+from slopewise.services.daemon import warm_up
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire import codec
 
 
 def test_answers_on_all_kinds_of_ground_have_a_wire_form() -> None:

@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from models.errors import ParameterError
-from models.parameters import Effect, Model
-from services.dashboard.board import Board, FindingSeen
-from services.dashboard.parameter_board import ParameterBoard
-from services.io.model_file import find_model, model_to_dict, read_model
-from services.parameters.service import ParameterService
-from services.settings.learning import StoreSettings
-from services.settings.service import ServiceConfig
-from services.wire.offer import Offer, Shift
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Effect, Model
+from slopewise.services.dashboard.board import Board, FindingSeen
+from slopewise.services.dashboard.parameter_board import ParameterBoard
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.settings.learning import StoreSettings
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire.offer import Offer, Shift
 
 FILE = read_model(find_model("atv"))
 LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))

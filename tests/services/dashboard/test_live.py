@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from planner.ground.elevation_map import ElevationMap
-from services.client import PlanClient
-from services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
-from services.dashboard.server import PageServer, own_names
-from services.dashboard.site import Site, Source
-from services.planning.map_store import KnownGround
-from services.settings.service import PageSettings
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.messages import Parameters, ServiceStatus
-from services.wire.messages import Path as Candidate
-from services.wire.observations import Receipt, StopObservation
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.client import PlanClient
+from slopewise.services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
+from slopewise.services.dashboard.server import PageServer, own_names
+from slopewise.services.dashboard.site import Site, Source
+from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.settings.service import PageSettings
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.messages import Parameters, ServiceStatus
+from slopewise.services.wire.messages import Path as Candidate
+from slopewise.services.wire.observations import Receipt, StopObservation
 from tests.services import browser
 from tests.services.service_process import Running, fan, flat, free_port, running
 

@@ -15,11 +15,11 @@ from typing import Any
 
 import pytest
 
-from services.dashboard.board import Board, FindingSeen
-from services.dashboard.server import PageServer, own_names
-from services.dashboard.site import Site, Source
-from services.settings.service import PageSettings
-from services.wire.messages import Parameters, ServiceStatus
+from slopewise.services.dashboard.board import Board, FindingSeen
+from slopewise.services.dashboard.server import PageServer, own_names
+from slopewise.services.dashboard.site import Site, Source
+from slopewise.services.settings.service import PageSettings
+from slopewise.services.wire.messages import Parameters, ServiceStatus
 from tests.services import browser
 from tests.services.command_line import slopewise
 from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, look

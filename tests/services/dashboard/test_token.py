@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from services.dashboard.token import cookie, knows
+from slopewise.services.dashboard.token import cookie, knows
 from tests.services.service_process import free_port, running
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "prometheus"

@@ -13,14 +13,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from services.discovery import investigate, investigator
-from services.discovery.finding import InvestigationOutcome
-from services.discovery.investigate import as_log
-from services.discovery.investigator import Investigator
-from services.discovery.stop_store import StoredStop
-from services.io.model_file import find_model, read_model, write_model
-from services.settings.investigation import Investigation
+from slopewise.models.errors import ParameterError
+from slopewise.services.discovery import investigate, investigator
+from slopewise.services.discovery.finding import InvestigationOutcome
+from slopewise.services.discovery.investigate import as_log
+from slopewise.services.discovery.investigator import Investigator
+from slopewise.services.discovery.stop_store import StoredStop
+from slopewise.services.io.model_file import find_model, read_model, write_model
+from slopewise.services.settings.investigation import Investigation
 from tests.services.robot_plant import ASPHALT, Vehicle
 
 FILE = read_model(find_model("atv"))
@@ -155,7 +155,7 @@ def test_the_process_is_humble_and_leaves_with_the_service(tmp_path: Path) -> No
     (folder / investigate.JOB).write_bytes(msgspec.json.encode(job))
     waits = (
         "import sys, time; from pathlib import Path\n"
-        "from services.discovery import investigate as i\n"
+        "from slopewise.services.discovery import investigate as i\n"
         "i._look = lambda *_: (print('here', flush=True), time.sleep(20))\n"
         f"i.main(Path({str(folder)!r}))"
     )

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from services.discovery.stop_cutter import CutStop, StopCutter
-from services.discovery.stop_store import StopStore, StoredStop, read_stop, read_stops
+from slopewise.models.errors import InputError
+from slopewise.services.discovery.stop_cutter import CutStop, StopCutter
+from slopewise.services.discovery.stop_store import StopStore, StoredStop, read_stop, read_stops
 from tests.services.robot_plant import ASPHALT, Vehicle
 
 

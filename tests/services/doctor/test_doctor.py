@@ -13,14 +13,14 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from models.errors import InputError
-from services.doctor.collect import Collector
-from services.doctor.examine import examine
-from services.doctor.facts import Facts, Misfit, MisfitSeverity, Seen
-from services.doctor.nav2_file import read_nav2
-from services.io.bags.ros_types import typestore
-from services.io.model_file import find_model, read_model
-from services.ros.settings import EdgeSettings, OwnStop, Timing, Wheels
+from slopewise.models.errors import InputError
+from slopewise.services.doctor.collect import Collector
+from slopewise.services.doctor.examine import examine
+from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity, Seen
+from slopewise.services.doctor.nav2_file import read_nav2
+from slopewise.services.io.bags.ros_types import typestore
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.ros.settings import EdgeSettings, OwnStop, Timing, Wheels
 from tests.services.command_line import here
 
 MODEL = read_model(find_model("atv"))

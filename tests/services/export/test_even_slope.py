@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.effects import registry
-from models.parameters import Braking, Effect, Model
-from models.quantity import GRAVITY
-from models.stops.simulation import GroundTrack, simulate_stop
-from models.surface_braking import SurfaceBraking, UphillBraking
-from planner.path import CandidatePath
-from services.export.c_code import write_c
-from services.export.functions import ModelFunction, functions_of
-from services.io.model_file import find_model, read_model
 from slopewise import plan
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Braking, Effect, Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
+from slopewise.planner.path import CandidatePath
+from slopewise.services.export.c_code import write_c
+from slopewise.services.export.functions import ModelFunction, functions_of
+from slopewise.services.io.model_file import find_model, read_model
 from tests.planner.scenes import ground_map
 
 SHIPPED = [read_model(find_model(name)) for name in ("atv", "husky", "ugv")]

@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.parameters import Model
-from services.export.c_code import sample_inputs, write_c
-from services.export.functions import (
+from slopewise.models.parameters import Model
+from slopewise.services.export.c_code import sample_inputs, write_c
+from slopewise.services.export.functions import (
     ModelFunction,
     derivative_of,
     functions_of,
     read_functions,
     write_functions,
 )
-from services.export.schema import model_schema
-from services.io.model_file import find_model, model_from_dict, read_model, shipped_models
+from slopewise.services.export.schema import model_schema
+from slopewise.services.io.model_file import find_model, model_from_dict, read_model, shipped_models
 from tests.services.command_line import here, one_line_of
 
 POINTS = 10_000

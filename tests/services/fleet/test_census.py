@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from services.fleet.census import census
-from services.fleet.finding import DONE, REFUSED, Row, without_answer
-from services.fleet.words import by_surprise, counted, effect_words, left_out, numbers
+from slopewise.services.fleet.census import census
+from slopewise.services.fleet.finding import DONE, REFUSED, Row, without_answer
+from slopewise.services.fleet.words import by_surprise, counted, effect_words, left_out, numbers
 
 
 def row(vehicle: str, verdict: str, *effects: Row, before: float = 0.1) -> Row:

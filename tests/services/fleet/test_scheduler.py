@@ -7,7 +7,7 @@ import pytest
 import threadpoolctl
 from distributed import KilledWorker
 
-from services.fleet.scheduler import Workers, each_done
+from slopewise.services.fleet.scheduler import Workers, each_done
 
 
 def doubled(number: int) -> int:

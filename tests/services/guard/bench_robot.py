@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from services.guard.messages import GuardCommand, GuardMotion
-from services.settings.service import ZenohSettings
-from services.settings.session import zenoh_config
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.messages import MapUpdate
+from slopewise.services.guard.messages import GuardCommand, GuardMotion
+from slopewise.services.settings.service import ZenohSettings
+from slopewise.services.settings.session import zenoh_config
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.messages import MapUpdate
 from tests.services.service_process import free_port
 
 SPACE = "test/guard"
@@ -114,7 +114,7 @@ class GuardProcess:
             f'model = "atv"\n[zenoh]\nconnect = ["{self.endpoint}"]\nnamespace = "{SPACE}"\n'
             + settings
         )
-        command = [sys.executable, "-m", "services.cli", "guard", "--config", str(file)]
+        command = [sys.executable, "-m", "slopewise.services.cli", "guard", "--config", str(file)]
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )

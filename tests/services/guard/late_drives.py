@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from services.guard.arc import PlanarPose
-from services.guard.core import Guard
-from services.guard.decide import BaseCommand, VehicleMotion
-from services.guard.ground import GuardGround
-from services.guard.model_reader import read_guard_model
-from services.guard.settings import GuardJudgement, GuardSettings, GuardTiming
-from services.io.model_file import find_model
+from slopewise.services.guard.arc import PlanarPose
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.decide import BaseCommand, VehicleMotion
+from slopewise.services.guard.ground import GuardGround
+from slopewise.services.guard.model_reader import read_guard_model
+from slopewise.services.guard.settings import GuardJudgement, GuardSettings, GuardTiming
+from slopewise.services.io.model_file import find_model
 
 MODEL = read_guard_model(find_model("atv"))
 BOUND = 0.2  # [s] declared longest delay, the default
@@ -177,7 +177,7 @@ def _guard(scene: Scene, now: Callable[[], float]) -> Guard:
     if not _HAS_STAMPS:
         settings = GuardSettings(model="atv", timing=GuardTiming(**timing), judgement=strictness)
         return Guard(settings, MODEL, ground)
-    from services.wire.lateness import WallClock
+    from slopewise.services.wire.lateness import WallClock
 
     timing |= {
         "clock": "shared" if scene.clock == "shared" else "unknown",

@@ -7,16 +7,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.guard.arc import PlanarPose
-from services.guard.core import Guard
-from services.guard.decide import BaseCommand, GuardDecision, GuardScene, VehicleMotion, decide
-from services.guard.ground import GuardGround, ground_of
-from services.guard.model_reader import read_guard_model, rows_of
-from services.guard.obedience import Obedience
-from services.guard.settings import GuardJudgement, GuardSettings, GuardTiming, read_guard_settings
-from services.io.model_file import find_model
-from services.wire.messages import MapUpdate
-from services.wire.parameter_messages import ParameterGroup
+from slopewise.services.guard.arc import PlanarPose
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.decide import (
+    BaseCommand,
+    GuardDecision,
+    GuardScene,
+    VehicleMotion,
+    decide,
+)
+from slopewise.services.guard.ground import GuardGround, ground_of
+from slopewise.services.guard.model_reader import read_guard_model, rows_of
+from slopewise.services.guard.obedience import Obedience
+from slopewise.services.guard.settings import (
+    GuardJudgement,
+    GuardSettings,
+    GuardTiming,
+    read_guard_settings,
+)
+from slopewise.services.io.model_file import find_model
+from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.parameter_messages import ParameterGroup
 from tests.services.faults import fault_in
 
 MODEL = read_guard_model(find_model("atv"))
@@ -241,7 +252,7 @@ def test_maps_and_patches() -> None:
     )
     assert patched.elevation[1:3, 2:4].tolist() == [[1.0, 1.0], [1.0, 1.0]]
     assert patched.elevation.sum() == 4.0
-    from models.errors import ParameterError
+    from slopewise.models.errors import ParameterError
 
     for bad, known in (
         ({"patch": True}, None),

@@ -7,15 +7,15 @@ from collections import Counter
 
 import pytest
 
-from services.guard.arc import PlanarPose
-from services.guard.core import Guard
-from services.guard.decide import BaseCommand, GuardScene, VehicleMotion, decide
-from services.guard.messages import GuardCommand, GuardMotion
-from services.guard.model_reader import rows_of
-from services.guard.settings import GuardJudgement, GuardSettings, GuardTiming
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.lateness import WallClock
+from slopewise.services.guard.arc import PlanarPose
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.decide import BaseCommand, GuardScene, VehicleMotion, decide
+from slopewise.services.guard.messages import GuardCommand, GuardMotion
+from slopewise.services.guard.model_reader import rows_of
+from slopewise.services.guard.settings import GuardJudgement, GuardSettings, GuardTiming
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.lateness import WallClock
 from tests.services.guard.late_drives import CONTACT, MODEL, Outcome, Scene, drive, scenes
 from tests.services.guard.test_decide import FLAT
 

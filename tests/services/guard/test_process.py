@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from services.wire.codec import Format
+from slopewise.services.wire.codec import Format
 from tests.services.command_line import slopewise
 from tests.services.guard.bench_robot import SPACE, GuardProcess, Robot, flat
 

@@ -7,20 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from planner.ground.elevation_map import ElevationMap
-from services.check.brakes import brakes_along
-from services.check.given_plan import GivenPlan
-from services.check.ground import ground_under
-from services.check.line import line_of
-from services.check.stop_field import StopField
-from services.check.stops import stops_from
-from services.guard.arc import ArcAhead, PlanarPose, arc_ahead
-from services.guard.ground import GuardGround
-from services.guard.model_reader import GuardModel, read_guard_model, rows_of
-from services.guard.plain import plainly_fine
-from services.guard.stops import stops_along
-from services.io.model_file import find_model, read_model
+from slopewise.models.errors import InputError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.check.brakes import brakes_along
+from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.ground import ground_under
+from slopewise.services.check.line import line_of
+from slopewise.services.check.stop_field import StopField
+from slopewise.services.check.stops import stops_from
+from slopewise.services.guard.arc import ArcAhead, PlanarPose, arc_ahead
+from slopewise.services.guard.ground import GuardGround
+from slopewise.services.guard.model_reader import GuardModel, read_guard_model, rows_of
+from slopewise.services.guard.plain import plainly_fine
+from slopewise.services.guard.stops import stops_along
+from slopewise.services.io.model_file import find_model, read_model
 
 G = 9.80665
 ATV = find_model("atv")

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import zenoh
 
-from services.guard.core import Guard
-from services.guard.settings import GuardSettings
-from services.guard.updates import LOST, MAX_WAITING, KnownMap, Updates
-from services.settings.service import ZenohSettings
-from services.settings.session import zenoh_config
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.messages import MapUpdate
-from services.wire.parameter_messages import ParameterGroup
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.settings import GuardSettings
+from slopewise.services.guard.updates import LOST, MAX_WAITING, KnownMap, Updates
+from slopewise.services.settings.service import ZenohSettings
+from slopewise.services.settings.session import zenoh_config
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.parameter_messages import ParameterGroup
 from tests.services.guard.test_decide import MODEL, group
 
 SPACE = "test/updates"

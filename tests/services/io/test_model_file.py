@@ -18,14 +18,14 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.effects.registry import LAWS
-from models.errors import InputError
-from models.parameters import Braking, Effect, Limits, Model, Terrain
-from models.surface_braking import SurfaceBraking, UphillBraking
-from models.vehicle import Vehicle
-from services.io.decode import decode_table
-from services.io.digest import sha256_of
-from services.io.model_file import (
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.errors import InputError
+from slopewise.models.parameters import Braking, Effect, Limits, Model, Terrain
+from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.io.decode import decode_table
+from slopewise.services.io.digest import sha256_of
+from slopewise.services.io.model_file import (
     find_model,
     model_from_dict,
     model_sha256,
@@ -350,7 +350,7 @@ def test_shipped_vehicles_are_found_after_an_installation(tmp_path: Path) -> Non
         shutil.copytree(ROOT / package, tmp_path / package, ignore=ignore)
     shutil.copytree(ROOT / "configs", tmp_path / "slopewise" / "configs", ignore=ignore)
     script = (
-        "import sys; from services.io import model_file as m;"
+        "import sys; from slopewise.services.io import model_file as m;"
         "heavy = {'rasterio', 'polars', 'numba', 'scipy', 'msgspec'} & set(sys.modules);"
         "print(m.read_model(m.find_model('ugv')).name, m.find_model('ugv'), heavy or 'light')"
     )
@@ -403,7 +403,7 @@ def test_writing_is_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("services.io.access.os.fsync", full)
+        patch.setattr("slopewise.services.io.access.os.fsync", full)
         with fault_in(path, "", "expected a writable file, got: No space left on device"):
             write_model(model, path)
     assert path.read_text() == "old"

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 import tomli_w
 
-from models.errors import InputError
-from models.plausibility import check_plausible
-from services.guard.model_reader import read_guard_model
-from services.io.model_file import find_model, model_to_dict, read_model, write_model
-from services.io.shipped import shipped_files
+from slopewise.models.errors import InputError
+from slopewise.models.plausibility import check_plausible
+from slopewise.services.guard.model_reader import read_guard_model
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model, write_model
+from slopewise.services.io.shipped import shipped_files
 
 ATV = tomllib.loads(find_model("atv").read_text())
 ATV["braking"]["sliding_friction"] = 0.6

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.errors import InputError
-from planner.path import CandidatePath
-from services.io.maps.map_file import map_info
-from services.io.path_file import check_paths_on_map, read_paths, write_paths_csv
+from slopewise.models.errors import InputError
+from slopewise.planner.path import CandidatePath
+from slopewise.services.io.maps.map_file import map_info
+from slopewise.services.io.path_file import check_paths_on_map, read_paths, write_paths_csv
 from tests.services.faults import fault_in, real_data
 
 LINE = [[0.0, 1.0], [2.0, 3.0], [4.0, 5.5]]

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from services.io import table
-from services.io.plain_csv import plain_columns
+from slopewise.services.io import table
+from slopewise.services.io.plain_csv import plain_columns
 
 pytest.importorskip("polars", reason="polars is not installed")
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.io.plan_file import COLUMNS, TEXT, read_plan_csv, write_plan_csv
+from slopewise.services.io.plan_file import COLUMNS, TEXT, read_plan_csv, write_plan_csv
 from tests.services.faults import fault_in
 
 RNG = np.random.default_rng(3)

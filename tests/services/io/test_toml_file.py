@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from services.io.toml_file import beside, read_toml
+from slopewise.services.io.toml_file import beside, read_toml
 from tests.services.faults import fault_in
 
 

@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from models.parameters import Effect, Model
-from services.discovery.finding import InvestigationOutcome, is_valid
-from services.discovery.stops_compared import cautious, compared
-from services.io.model_file import find_model, model_to_dict, read_model
-from services.parameters.service import ParameterService
-from services.settings.investigation import Investigation
-from services.settings.learning import StoreSettings
-from services.settings.service import ServiceConfig
-from services.wire.observations import StopObservation
-from services.wire.offer import Offer, Shift
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Effect, Model
+from slopewise.services.discovery.finding import InvestigationOutcome, is_valid
+from slopewise.services.discovery.stops_compared import cautious, compared
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.settings.investigation import Investigation
+from slopewise.services.settings.learning import StoreSettings
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire.observations import StopObservation
+from slopewise.services.wire.offer import Offer, Shift
 
 G = 9.80665
 FILE = read_model(find_model("atv"))

@@ -15,14 +15,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from models.parameters import Model
-from services.io.model_file import find_model, read_model
-from services.parameters.endpoint import KINDS
-from services.parameters.service import ParameterService
-from services.settings.service import ServiceConfig
-from services.wire import codec
-from services.wire.codec import Format
+from slopewise.models.errors import InputError
+from slopewise.models.parameters import Model
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.endpoint import KINDS
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
 
 EXTREMES = (
     0.0,

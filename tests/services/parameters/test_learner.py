@@ -13,14 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.errors import InputError, ParameterError
-from models.parameters import Effect, Model
-from models.surface_braking import UphillBraking
-from services.io.model_file import find_model, read_model
-from services.parameters.intake import Intake, columns_of
-from services.parameters.learner import Learner
-from services.settings.learning import Learning
-from services.wire.observations import DriveSamples, StopObservation, TerrainLabel
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.parameters import Effect, Model
+from slopewise.models.surface_braking import UphillBraking
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.intake import Intake, columns_of
+from slopewise.services.parameters.learner import Learner
+from slopewise.services.settings.learning import Learning
+from slopewise.services.wire.observations import DriveSamples, StopObservation, TerrainLabel
 from tests.models.terrain import plant
 from tests.services.robot_plant import G, Surface, Vehicle
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from models.parameters import Model
-from services.io.model_file import find_model, read_model
-from services.parameters.learner import Learner
-from services.settings.learning import Learning
-from services.wire.observations import StopObservation
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.learner import Learner
+from slopewise.services.settings.learning import Learning
+from slopewise.services.wire.observations import StopObservation
 
 G = 9.80665
 SEQUENCE = itertools.count(1)

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.ground.uncertainty import HOUR, Uncertainty
-from services.parameters.service import ParameterService
-from services.parameters.store_copy import copy_path
+from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.store_copy import copy_path
 from tests.services.parameters.test_service import level_force, started, stopped
 
 HURT: dict[str, Callable[[Path], object]] = {

@@ -10,18 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from models.parameters import Model
-from services.io.model_file import find_model, read_model
-from services.parameters import learner, replies
-from services.parameters.group import Description, DriveNews, ParameterGroups, State
-from services.parameters.learner import Learner
-from services.parameters.registry import GROUPS
-from services.parameters.service import ParameterService
-from services.settings.learning import Learning, StoreSettings
-from services.settings.service import ServiceConfig
-from services.wire.observations import DriveSamples
-from services.wire.parameter_messages import ParameterQuestion
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters import learner, replies
+from slopewise.services.parameters.group import Description, DriveNews, ParameterGroups, State
+from slopewise.services.parameters.learner import Learner
+from slopewise.services.parameters.registry import GROUPS
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.settings.learning import Learning, StoreSettings
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire.observations import DriveSamples
+from slopewise.services.wire.parameter_messages import ParameterQuestion
 
 
 class Wheels(ParameterGroups):

@@ -14,15 +14,15 @@ from typing import Any
 
 import pytest
 
-from models.errors import ParameterError
-from models.parameters import Model
-from services.io.model_file import find_model, read_model
-from services.parameters.in_use import ParametersInUse
-from services.parameters.service import ParameterService
-from services.parameters.store import Store, StoreError
-from services.settings.learning import Learning, StoreSettings
-from services.settings.service import ServiceConfig
-from services.wire.observations import Receipt, StopObservation
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.store import Store, StoreError
+from slopewise.services.settings.learning import Learning, StoreSettings
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire.observations import Receipt, StopObservation
 from tests.services.robot_plant import G
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from services.parameters.change import Moment, StoredChange
-from services.parameters.store import Store, StoreError
+from slopewise.services.parameters.change import Moment, StoredChange
+from slopewise.services.parameters.store import Store, StoreError
 
 ANY_TIME = Moment(1e9, "boot", 50.0)
 
@@ -67,7 +67,8 @@ def test_a_change_is_kept_whole_or_not_at_all(path: Path) -> None:
 def test_a_second_process_is_refused_and_a_killed_one_lets_go(path: Path) -> None:
     Store(path).close()
     code = (
-        "import sys, time; from pathlib import Path; from services.parameters.store import Store;"
+        "import sys, time; from pathlib import Path;"
+        "from slopewise.services.parameters.store import Store;"
         f"s = Store(Path({str(path)!r})); print('open', flush=True); time.sleep(60)"
     )
     other = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)

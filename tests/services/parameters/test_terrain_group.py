@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from services.parameters.terrain_group import TerrainGroup
-from services.settings.learning import Learning
+from slopewise.services.parameters.terrain_group import TerrainGroup
+from slopewise.services.settings.learning import Learning
 from tests.models.terrain.test_monitor import MODEL
 
 

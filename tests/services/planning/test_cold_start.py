@@ -18,13 +18,13 @@ import numpy as np
 import pytest
 from numba.core import config
 
-from models.errors import ParameterError
-from planner.kernels import kept
-from planner.kernels.ahead import written_down
-from planner.kernels.interpreted import interpret, is_interpreting
-from planner.kernels.kept import compiling, is_compiling
-from planner.path import CandidatePath, batch
-from services.planning import cold_start
+from slopewise.models.errors import ParameterError
+from slopewise.planner.kernels import kept
+from slopewise.planner.kernels.ahead import written_down
+from slopewise.planner.kernels.interpreted import interpret, is_interpreting
+from slopewise.planner.kernels.kept import compiling, is_compiling
+from slopewise.planner.path import CandidatePath, batch
+from slopewise.services.planning import cold_start
 
 ROOT = Path(__file__).parents[3]
 

@@ -11,19 +11,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from planner.path import CandidatePath
-from services.cli.commands import demo
-from services.io.maps.map_file import write_map_npz
-from services.io.model_file import find_model, read_model
-from services.io.path_file import write_paths_csv
-from services.io.plan_file import read_plan_csv
-from services.parameters.limits_group import LimitsGroup
-from services.planning.map_store import KnownGround, MapStore
-from services.settings.learning import Learning
-from services.wire import codec, messages
-from services.wire.codec import Format
-from services.wire.messages import PlanReply, PlanRequest
+from slopewise.models.errors import ParameterError
+from slopewise.planner.path import CandidatePath
+from slopewise.services.cli.commands import demo
+from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.path_file import write_paths_csv
+from slopewise.services.io.plan_file import read_plan_csv
+from slopewise.services.parameters.limits_group import LimitsGroup
+from slopewise.services.planning.map_store import KnownGround, MapStore
+from slopewise.services.settings.learning import Learning
+from slopewise.services.wire import codec, messages
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.messages import PlanReply, PlanRequest
 from tests.services.command_line import here, one_line_of
 from tests.services.planning.test_one_batch import service_with
 from tests.services.service_process import flat

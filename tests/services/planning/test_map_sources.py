@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.ground.elevation_map import ElevationMap
-from services.planning.map_store import MapStore
-from services.wire.messages import MapUpdate
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.planning.map_store import MapStore
+from slopewise.services.wire.messages import MapUpdate
 
 
 def update(sequence: int, height: float = 0.0, **more: object) -> MapUpdate:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.pipeline import candidates
-from services.io.model_file import find_model, read_model
-from services.parameters.in_use import ParametersInUse
-from services.planning import plan_questions
-from services.planning.map_store import KnownGround, MapStore
-from services.planning.plan_service import PlanService
-from services.settings.service import Planning, ServiceConfig
-from services.wire.messages import Path, PlanReply, PlanRequest
+from slopewise.planner.pipeline import candidates
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.planning import plan_questions
+from slopewise.services.planning.map_store import KnownGround, MapStore
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.settings.service import Planning, ServiceConfig
+from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
 from tests.services.service_process import fan, flat
 
 

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from services.planning.plan_questions import check, resampled, usable_of
-from services.settings.service import Sizes
-from services.wire.messages import Path, PlanRequest
+from slopewise.models.errors import InputError
+from slopewise.services.planning.plan_questions import check, resampled, usable_of
+from slopewise.services.settings.service import Sizes
+from slopewise.services.wire.messages import Path, PlanRequest
 
 SIZES = Sizes(candidates=3, points=50, stations=200)
 

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 import zenoh
 
-from models.errors import InputError
-from services.client import PlanClient
-from services.io.model_file import find_model, model_sha256, read_model
-from services.planning.map_store import MapStore
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.messages import Path as Candidate
-from services.wire.messages import PlanReply, PlanRequest, ServiceStatus
+from slopewise.models.errors import InputError
+from slopewise.services.client import PlanClient
+from slopewise.services.io.model_file import find_model, model_sha256, read_model
+from slopewise.services.planning.map_store import MapStore
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.messages import Path as Candidate
+from slopewise.services.wire.messages import PlanReply, PlanRequest, ServiceStatus
 from tests.services.service_process import Running, fan, flat, running
 
 LARGEST = 10**8

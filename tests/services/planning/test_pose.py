@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import zenoh
 
-from services.client import PlanClient
-from services.wire.messages import Path, PlanReply
+from slopewise.services.client import PlanClient
+from slopewise.services.wire.messages import Path, PlanReply
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import Running, running
 

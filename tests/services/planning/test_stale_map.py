@@ -10,14 +10,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from planner.ground.elevation_map import ElevationMap
-from services.io.model_file import find_model, read_model
-from services.parameters.in_use import ParametersInUse
-from services.planning.map_store import KnownGround
-from services.planning.plan_service import PlanService
-from services.settings.service import Planning, ServiceConfig
-from services.wire.messages import Path as Candidate
-from services.wire.messages import PlanReply, PlanRequest
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.settings.service import Planning, ServiceConfig
+from slopewise.services.wire.messages import Path as Candidate
+from slopewise.services.wire.messages import PlanReply, PlanRequest
 from tests.services.daemon.test_parameter_faults import until
 from tests.services.parameter_client import Robot, block, ground, send_ground
 from tests.services.service_process import running

@@ -7,16 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from models.laws import braking
-from models.parameters import Effect, Model
-from planner.ground.elevation_map import ElevationMap
-from planner.ground.uncertainty import Uncertainty
-from planner.path import CandidatePath
-from planner.pipeline.candidates import CandidatePlanner
-from services.io.model_file import find_model, read_model
-from services.report.brake_numbers import BrakeNumbers
-from services.report.brake_rules import plain_distance, rule_distance, short_from
-from services.report.brake_table import distance_table, shown_grades, shown_speeds
+from slopewise.models.laws import braking
+from slopewise.models.parameters import Effect, Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.path import CandidatePath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.report.brake_numbers import BrakeNumbers
+from slopewise.services.report.brake_rules import plain_distance, rule_distance, short_from
+from slopewise.services.report.brake_table import distance_table, shown_grades, shown_speeds
 
 GRADES = np.deg2rad([-14.0, -5.0, 0.0, 5.0, 14.0])
 

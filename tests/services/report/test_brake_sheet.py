@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from models.parameters import Effect, Model
-from models.surface_braking import SurfaceBraking
-from planner.ground.uncertainty import Uncertainty
-from services.io.model_file import find_model, read_model
-from services.report.brake_numbers import BrakeNumbers
-from services.report.brake_sheet import write_sheet
-from services.report.brake_table import shown_distances
-from services.report.brake_words import as_json, brake_rows, danger, explained, slope_rows
+from slopewise.models.errors import InputError
+from slopewise.models.parameters import Effect, Model
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.report.brake_numbers import BrakeNumbers
+from slopewise.services.report.brake_sheet import write_sheet
+from slopewise.services.report.brake_table import shown_distances
+from slopewise.services.report.brake_words import as_json, brake_rows, danger, explained, slope_rows
 
 
 def of(**of_braking: object) -> BrakeNumbers:

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.parameters import Effect
-from models.stops.simulation import GroundTrack, simulate_stop
-from services.io.model_file import find_model, read_model
-from services.report.even_stop import even_stop
+from slopewise.models.parameters import Effect
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.report.even_stop import even_stop
 
 MODEL = read_model(find_model("atv"))
 

@@ -13,16 +13,16 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes, typestore
-from services.ros import conversions as ros
-from services.ros.connections import ConnectionWatch
-from services.ros.graph import Speech
-from services.ros.inbox import decoded
-from services.ros.naming import NO_HASH
-from services.ros.node import Node
-from services.ros.speed_limit import SpeedAdvice
-from services.settings.service import ZenohSettings
-from services.settings.session import zenoh_config
+from slopewise.services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes, typestore
+from slopewise.services.ros import conversions as ros
+from slopewise.services.ros.connections import ConnectionWatch
+from slopewise.services.ros.graph import Speech
+from slopewise.services.ros.inbox import decoded
+from slopewise.services.ros.naming import NO_HASH
+from slopewise.services.ros.node import Node
+from slopewise.services.ros.speed_limit import SpeedAdvice
+from slopewise.services.settings.service import ZenohSettings
+from slopewise.services.settings.session import zenoh_config
 from tests.services import grid_maps
 from tests.services.service_process import free_port
 

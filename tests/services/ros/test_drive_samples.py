@@ -9,13 +9,13 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from services.io.bags.ros_types import typestore
-from services.ros import conversions as ros
-from services.ros.inbox import Inbox, Received
-from services.ros.settings import EdgeSettings, Topics, Wheels
-from services.ros.vehicle_state import VehicleState
-from services.wire import codec
-from services.wire.observations import DriveSamples
+from slopewise.services.io.bags.ros_types import typestore
+from slopewise.services.ros import conversions as ros
+from slopewise.services.ros.inbox import Inbox, Received
+from slopewise.services.ros.settings import EdgeSettings, Topics, Wheels
+from slopewise.services.ros.vehicle_state import VehicleState
+from slopewise.services.wire import codec
+from slopewise.services.wire.observations import DriveSamples
 from tests.services import grid_maps
 
 TYPES = typestore().types

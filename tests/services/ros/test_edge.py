@@ -21,8 +21,8 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from services.settings.service import ZenohSettings
-from services.settings.session import zenoh_config
+from slopewise.services.settings.service import ZenohSettings
+from slopewise.services.settings.session import zenoh_config
 from tests.services.service_process import free_port, running
 from tests.services.warm_process import WarmProcess
 
@@ -140,8 +140,8 @@ def test_what_is_no_path_is_refused(endpoint: str) -> None:
 
 @pytest.mark.nightly
 def test_limits_go_on_when_the_router_comes_back(tmp_path: Path) -> None:
-    from services.ros.edge import Edge
-    from services.ros.settings import Asked, EdgeSettings, RosSettings
+    from slopewise.services.ros.edge import Edge
+    from slopewise.services.ros.settings import Asked, EdgeSettings, RosSettings
     from tests.services.ros import ros_peer
 
     endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -175,9 +175,9 @@ def test_limits_go_on_when_the_router_comes_back(tmp_path: Path) -> None:
 def test_a_map_that_was_published_once_before_we_came() -> None:
     from zenoh.ext import CacheConfig, declare_advanced_publisher
 
-    from services.io.bags.ros_types import GRID_MAP
-    from services.ros.inbox import decoded
-    from services.ros.node import Node
+    from slopewise.services.io.bags.ros_types import GRID_MAP
+    from slopewise.services.ros.inbox import decoded
+    from slopewise.services.ros.node import Node
     from tests.services.ros import ros_peer
 
     with router() as endpoint:
@@ -215,8 +215,8 @@ def test_a_silent_hour_makes_the_limit_expire(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All clocks are put forward by an hour while nothing comes; then paths come again."""
-    from services.ros.edge import Edge
-    from services.ros.settings import Asked, EdgeSettings, RosSettings
+    from slopewise.services.ros.edge import Edge
+    from slopewise.services.ros.settings import Asked, EdgeSettings, RosSettings
     from tests.services.ros import ros_peer
 
     ahead = [0.0]

@@ -8,10 +8,17 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes
-from services.ros.audience import OwnTopic, audience_of
-from services.ros.graph import Endpoint, Speech, endpoint_of
-from services.ros.naming import NO_HASH, NODE, NULL_HASH, PUBLISHER, SUBSCRIPTION, Identity
+from slopewise.services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes
+from slopewise.services.ros.audience import OwnTopic, audience_of
+from slopewise.services.ros.graph import Endpoint, Speech, endpoint_of
+from slopewise.services.ros.naming import (
+    NO_HASH,
+    NODE,
+    NULL_HASH,
+    PUBLISHER,
+    SUBSCRIPTION,
+    Identity,
+)
 
 HASH = type_hashes(SPEED_LIMIT)[0]
 TYPE = "nav2_msgs::msg::dds_::SpeedLimit_"

@@ -77,7 +77,7 @@ def test_a_node_of_others(
             f'connect = "{service.endpoint}"\nnamespace = "{service.namespace}"\ntimeout = 0.5\n'
         )
         edge = subprocess.Popen(
-            [sys.executable, "-m", "services.cli", "ros", "--config", str(file)],
+            [sys.executable, "-m", "slopewise.services.cli", "ros", "--config", str(file)],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,

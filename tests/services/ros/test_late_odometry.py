@@ -8,12 +8,12 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from services.planning.map_store import KnownGround
-from services.planning.plan_service import PlanService
-from services.ros.settings import EdgeSettings, Timing
-from services.ros.speed_limit import told_by
-from services.ros.vehicle_state import VehicleState
-from services.wire.lateness import SYNCHRONY
+from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.ros.settings import EdgeSettings, Timing
+from slopewise.services.ros.speed_limit import told_by
+from slopewise.services.ros.vehicle_state import VehicleState
+from slopewise.services.wire.lateness import SYNCHRONY
 from tests.services import grid_maps
 from tests.services.ros.test_drive_samples import Wire, give, odometry
 from tests.services.ros.test_speed_limit import (

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from models.errors import ParameterError
-from services.ros import naming
-from services.ros.settings import EdgeSettings, read_settings
+from slopewise.models.errors import ParameterError
+from slopewise.services.ros import naming
+from slopewise.services.ros.settings import EdgeSettings, read_settings
 from tests.services.faults import fault_in
 
 SHIPPED = Path(__file__).parents[3] / "configs" / "ros.toml"
@@ -41,7 +41,7 @@ def test_the_tokens_of_the_design_document() -> None:
 
 def test_the_hash_of_a_string_is_that_of_the_design_document() -> None:
     pytest.importorskip("rosbags", reason="the ros extra is not installed")
-    from services.io.bags.ros_types import type_hashes
+    from slopewise.services.io.bags.ros_types import type_hashes
 
     assert type_hashes("std_msgs/msg/String") == (STRING,)
 

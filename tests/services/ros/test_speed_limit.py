@@ -10,18 +10,18 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from models.errors import ParameterError
-from planner.ground.elevation_map import ElevationMap
-from services.io.bags.ros_types import SPEED_LIMIT, typestore
-from services.io.model_file import find_model, read_model
-from services.parameters.in_use import ParametersInUse
-from services.planning.map_store import KnownGround
-from services.planning.plan_service import PlanService
-from services.ros import conversions as ros
-from services.ros.settings import Timing
-from services.ros.speed_limit import SpeedAdvice, place_on, stop, told_by
-from services.settings.service import ServiceConfig
-from services.wire.messages import Path, PlanReply, PlanRequest
+from slopewise.models.errors import ParameterError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.io.bags.ros_types import SPEED_LIMIT, typestore
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.ros import conversions as ros
+from slopewise.services.ros.settings import Timing
+from slopewise.services.ros.speed_limit import SpeedAdvice, place_on, stop, told_by
+from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 
 TIMING = Timing()

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.parameters import Model
-from planner.ground.elevation_map import ElevationMap
-from planner.pipeline.candidates import CandidatePlanner
-from planner.plan import SpeedPlan
-from services.scene import drawing
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan
+from slopewise.services.scene import drawing
 from tests.planner import scenes
 
 BEGIN = 1_800_000_000_123_456_789
@@ -98,7 +98,7 @@ def messages_in(path: Path) -> dict[str, list[tuple[int, Any]]]:
 
 def test_mcap_holds_what_was_planned(planned: Any, tmp_path: Path) -> None:
     pytest.importorskip("foxglove", reason="the viz extra is not installed")
-    from services.scene.foxglove_file import write_mcap
+    from slopewise.services.scene.foxglove_file import write_mcap
 
     ground, plans, model = planned
     file = tmp_path / "plan.mcap"
@@ -129,7 +129,7 @@ def test_mcap_holds_what_was_planned(planned: Any, tmp_path: Path) -> None:
 
 def test_rerun_takes_its_file(planned: Any, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the viz extra is not installed")
-    from services.scene.rerun_file import write_rrd
+    from slopewise.services.scene.rerun_file import write_rrd
 
     ground, plans, model = planned
     file = tmp_path / "plan.rrd"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from services.settings.service import ServiceConfig, Sizes, ZenohSettings, read_config
-from services.settings.session import zenoh_config
+from slopewise.services.settings.service import ServiceConfig, Sizes, ZenohSettings, read_config
+from slopewise.services.settings.session import zenoh_config
 from tests.services.faults import fault_in
 
 SHIPPED = Path(__file__).parents[3] / "configs" / "service.toml"

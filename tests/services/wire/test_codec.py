@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.errors import InputError
-from services.wire import codec
-from services.wire.codec import Format
-from services.wire.messages import MapUpdate, Path, PlanRequest
+from slopewise.models.errors import InputError
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.messages import MapUpdate, Path, PlanRequest
 from tests.services.faults import fault_in
 
 KEY = "robot/v1/plan"

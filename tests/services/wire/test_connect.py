@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 import zenoh
 
-from models.errors import InputError
-from services.settings.service import ServiceConfig, ZenohSettings
-from services.wire.connect import client_session, options, words_of
+from slopewise.models.errors import InputError
+from slopewise.services.settings.service import ServiceConfig, ZenohSettings
+from slopewise.services.wire.connect import client_session, options, words_of
 from tests.services.service_process import free_port, running
 
 
@@ -29,7 +29,7 @@ def test_an_address_in_use_is_one_line(tmp_path: Path) -> None:
         settings = tmp_path / "second.toml"
         settings.write_text(f'model = "atv"\n[zenoh]\nlisten = ["{started.endpoint}"]\n')
         done = subprocess.run(
-            [sys.executable, "-m", "services.cli", "serve", "--config", str(settings)],
+            [sys.executable, "-m", "slopewise.services.cli", "serve", "--config", str(settings)],
             capture_output=True,
             text=True,
             timeout=120,

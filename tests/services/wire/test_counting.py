@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.wire.counting import Count, MessageOrder
+from slopewise.services.wire.counting import Count, MessageOrder
 
 FAR = 2**53
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.errors import ParameterError
-from services.wire.lateness import ARRIVAL, GROWTH, SHARED, SYNCHRONY, Lateness, WallClock
-from services.wire.sender_clock import DRIFT, RECOVERY, SenderClock
+from slopewise.models.errors import ParameterError
+from slopewise.services.wire.lateness import ARRIVAL, GROWTH, SHARED, SYNCHRONY, Lateness, WallClock
+from slopewise.services.wire.sender_clock import DRIFT, RECOVERY, SenderClock
 
 PERIOD = 0.02
 DELAY = 0.15

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from services.wire import codec, neighbours
-from services.wire.codec import Format
-from services.wire.neighbours import Connections, Neighbours, peer_flags
+from slopewise.services.wire import codec, neighbours
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.neighbours import Connections, Neighbours, peer_flags
 
 
 class Sample:

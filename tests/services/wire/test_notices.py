@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.wire.notices import Notices
+from slopewise.services.wire.notices import Notices
 
 
 def test_what_happens_again_keeps_its_place() -> None:

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.discrepancy.decide.model_form import as_in_the_model
-from models.discrepancy.decide.verdict import Decision
-from models.discrepancy.findings import Verdict
-from models.discrepancy.model.prediction import predict
-from models.discrepancy.search.identify import ScoredExplanation
-from models.discrepancy.search.refine import fit_base, fit_with_scatter, start_of
-from models.parameters import Effect
+from slopewise.models.discrepancy.decide.model_form import as_in_the_model
+from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.model.prediction import predict
+from slopewise.models.discrepancy.search.identify import ScoredExplanation
+from slopewise.models.discrepancy.search.refine import fit_base, fit_with_scatter, start_of
+from slopewise.models.parameters import Effect
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.discrepancy.decide import restraint
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.search.extent import _edges
-from models.discrepancy.search.identify import ScoredExplanation
-from models.discrepancy.search.refine import Fit, fit, fit_base, start_of
-from models.parameters import Effect
+from slopewise.models.discrepancy.decide import restraint
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.search.extent import _edges
+from slopewise.models.discrepancy.search.identify import ScoredExplanation
+from slopewise.models.discrepancy.search.refine import Fit, fit, fit_base, start_of
+from slopewise.models.parameters import Effect
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE
 

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.discrepancy.decide.gap import distances
-from models.discrepancy.decide.revised import revised
-from models.discrepancy.decide.verdict import Decision
-from models.discrepancy.findings import Verdict
-from models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.search.extent import extents
-from models.discrepancy.search.identify import ScoredExplanation
-from models.discrepancy.search.refine import fit_with_noise
-from models.parameters import Effect
+from slopewise.models.discrepancy.decide.gap import distances
+from slopewise.models.discrepancy.decide.revised import revised
+from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.search.extent import extents
+from slopewise.models.discrepancy.search.identify import ScoredExplanation
+from slopewise.models.discrepancy.search.refine import fit_with_noise
+from slopewise.models.parameters import Effect
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE
 

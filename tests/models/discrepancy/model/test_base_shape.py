@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.discrepancy.data.prepare import prepare
-from models.discrepancy.findings import Verdict
-from models.discrepancy.model.base_shape import shape_column
-from models.discrepancy.model.hypothesis import BASE as FIRST_OF_EFFECTS
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.search.refine import fit_base, jacobian, residual, start_of
-from models.discrepancy.settings import DiscrepancySettings
-from models.discrepancy.workflow import investigate
+from slopewise.models.discrepancy.data.prepare import prepare
+from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.model.base_shape import shape_column
+from slopewise.models.discrepancy.model.hypothesis import BASE as FIRST_OF_EFFECTS
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.search.refine import fit_base, jacobian, residual, start_of
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.workflow import investigate
 from tests.models.discrepancy.logs import table
 from tests.models.discrepancy.plant import World, drive
 from tests.models.models_for_tests import BASE

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.discrepancy.findings import Findings, Verdict
-from models.discrepancy.workflow import investigate
+from slopewise.models.discrepancy.findings import Findings, Verdict
+from slopewise.models.discrepancy.workflow import investigate
 from tests.models.discrepancy.logs import WORLDS, log
 from tests.models.models_for_tests import BASE
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from models.discrepancy.data.stop_ground import ground_of as place_of
-from models.discrepancy.model.brakes import brought_force
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import predict, wanted_force
-from models.discrepancy.search.candidates import candidates
-from models.parameters import Effect
-from models.quantity import GRAVITY
+from slopewise.models.discrepancy.data.stop_ground import ground_of as place_of
+from slopewise.models.discrepancy.model.brakes import brought_force
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.prediction import predict, wanted_force
+from slopewise.models.discrepancy.search.candidates import candidates
+from slopewise.models.parameters import Effect
+from slopewise.models.quantity import GRAVITY
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE
 

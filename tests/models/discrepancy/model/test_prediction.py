@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.discrepancy.data.prepare import prepare
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import predict, simulate
-from models.discrepancy.settings import DiscrepancySettings
-from models.effects.surface_patch import share_inside
-from models.parameters import Effect
-from models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.models.discrepancy.data.prepare import prepare
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.prediction import predict, simulate
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.effects.surface_patch import share_inside
+from slopewise.models.parameters import Effect
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.discrepancy.logs import log, table
 from tests.models.models_for_tests import BASE
 

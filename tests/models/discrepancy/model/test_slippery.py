@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from models.arrays import Floats
-from models.discrepancy.data.stop_ground import ground_of
-from models.discrepancy.data.stop_table import StopTable
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.prediction import simulate, wanted_force
-from models.discrepancy.search.refine import fit_base, fit_either_way, fit_other_forms
-from models.parameters import Effect
-from models.quantity import GRAVITY as G
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_ground import ground_of
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.prediction import simulate, wanted_force
+from slopewise.models.discrepancy.search.refine import fit_base, fit_either_way, fit_other_forms
+from slopewise.models.parameters import Effect
+from slopewise.models.quantity import GRAVITY as G
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.discrepancy.findings import Verdict
-from models.discrepancy.report.evidence import Evidence
-from models.discrepancy.workflow import investigate_with_evidence
+from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.report.evidence import Evidence
+from slopewise.models.discrepancy.workflow import investigate_with_evidence
 from tests.models.discrepancy.logs import log
 from tests.models.models_for_tests import BASE
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.report import experiment
-from models.discrepancy.search.refine import fit_with_noise
-from models.parameters import Effect
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.report import experiment
+from slopewise.models.discrepancy.search.refine import fit_with_noise
+from slopewise.models.parameters import Effect
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from models.discrepancy.search.candidates import EffectColumn
-from models.effects.registry import validate
+from slopewise.models.discrepancy.search.candidates import EffectColumn
+from slopewise.models.effects.registry import validate
 
 
 @pytest.mark.parametrize(("strength", "scale"), [(-0.3, 0.7), (-1.1, 0.0), (0.2, 1.2)])

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.discrepancy.model.hypothesis import Hypothesis
-from models.discrepancy.model.noise import Noise, whitener
-from models.discrepancy.model.prediction import predict, simulate
-from models.discrepancy.search.refine import as_output, fit, jacobian, own_friction
-from models.parameters import Effect
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.noise import Noise, whitener
+from slopewise.models.discrepancy.model.prediction import predict, simulate
+from slopewise.models.discrepancy.search.refine import as_output, fit, jacobian, own_friction
+from slopewise.models.parameters import Effect
 from tests.models.discrepancy.logs import table
 from tests.models.models_for_tests import BASE
 

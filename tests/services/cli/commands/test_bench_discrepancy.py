@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.discovery import campaign
-from services.cli.commands import bench
+from slopewise.services.cli.commands import bench
 
 
 @pytest.mark.nightly

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from planner.ground.elevation_map import ElevationMap
-from services.cli.arguments.files import CalibrateOptions
-from services.cli.commands import calibrate, calibrate_sheet
-from services.io.maps.map_file import write_map_npz
-from services.io.model_file import find_model, read_model
-from services.io.table import write_csv
+from slopewise.models.errors import InputError
+from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.services.cli.arguments.files import CalibrateOptions
+from slopewise.services.cli.commands import calibrate, calibrate_sheet
+from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.table import write_csv
 from tests.models.calibration.plant import Plant, drive
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import fault_in

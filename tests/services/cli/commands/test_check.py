@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.parameters import Model
-from services.io.maps.map_file import write_map_npz
-from services.io.model_file import write_model
+from slopewise.models.parameters import Model
+from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.model_file import write_model
 from tests.services.check.drives import ground, model_with, trapezoid
 from tests.services.command_line import here, one_line_of
 
@@ -130,7 +130,7 @@ def test_plans_are_checked_as_they_are_written(scene: Path) -> None:
 def test_a_plan_that_is_found_wrong_ends_with_status_3(
     scene: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from services.cli.commands import plan as command
+    from slopewise.services.cli.commands import plan as command
 
     def faster(result: command.PlanResult, path: Path) -> None:
         write_plan(path, share=1.5)

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from services.cli.arguments.files import CalibrateOptions
-from services.cli.commands import calibrate, coverage
-from services.io.model_file import read_model
-from services.io.table import write_csv
+from slopewise.models.errors import InputError
+from slopewise.services.cli.arguments.files import CalibrateOptions
+from slopewise.services.cli.commands import calibrate, coverage
+from slopewise.services.io.model_file import read_model
+from slopewise.services.io.table import write_csv
 from tests.models.calibration.plant import Plant, drive
 from tests.services.command_line import slopewise
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from examples.recordings import f1tenth, husky_drive
-from services.cli import app
-from services.io.model_file import read_model
-from services.io.table import write_csv
+from slopewise.services.cli import app
+from slopewise.services.io.model_file import read_model
+from slopewise.services.io.table import write_csv
 from tests.models.discrepancy.logs import log
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from services.cli.arguments.fleet import FleetCalibrateOptions
-from services.cli.commands import fleet_calibrate
-from services.io.model_file import find_model, read_model
-from services.io.table import write_csv
+from slopewise.models.errors import InputError
+from slopewise.services.cli.arguments.fleet import FleetCalibrateOptions
+from slopewise.services.cli.commands import fleet_calibrate
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.table import write_csv
 from tests.models.calibration.plant import Plant, drive
 
 

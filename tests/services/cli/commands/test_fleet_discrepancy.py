@@ -15,12 +15,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from benchmarks.fleet.fleet import cluster, workers_of
-from models.discrepancy.settings import DiscrepancySettings
-from models.errors import InputError
-from services.cli.commands import fleet_discrepancy
-from services.fleet import finding, investigating
-from services.io.model_file import find_model, read_model, write_model
-from services.io.table import write_csv
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.errors import InputError
+from slopewise.services.cli.commands import fleet_discrepancy
+from slopewise.services.fleet import finding, investigating
+from slopewise.services.io.model_file import find_model, read_model, write_model
+from slopewise.services.io.table import write_csv
 from tests.models.discrepancy.logs import WORLDS
 from tests.models.discrepancy.plant import drive
 

@@ -12,14 +12,14 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 
-from models.errors import InputError
-from planner.ground.uncertainty import Uncertainty
-from planner.pipeline.candidates import CandidatePlanner
-from services.cli.commands import fleet_plan
-from services.fleet import parts, planning, windows
-from services.io.maps.map_file import map_info, read_map
-from services.io.model_file import find_model, read_model
-from services.io.path_file import read_paths
+from slopewise.models.errors import InputError
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.services.cli.commands import fleet_plan
+from slopewise.services.fleet import parts, planning, windows
+from slopewise.services.io.maps.map_file import map_info, read_map
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.path_file import read_paths
 from tests.services.fleet_inputs import RESOLUTION, paths_file, slow_part, tiled_map
 
 

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from models.errors import InputError
-from services.cli.arguments.robot import ParamsOptions
-from services.cli.commands.params import as_json, run, show
+from slopewise.models.errors import InputError
+from slopewise.services.cli.arguments.robot import ParamsOptions
+from slopewise.services.cli.commands.params import as_json, run, show
 from tests.services.parameter_client import Robot
 from tests.services.service_process import Running, running
 from tests.services.warm_process import WarmProcess

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from models.errors import InputError
-from services.cli.commands import params_diff
-from services.io.model_file import find_model
+from slopewise.models.errors import InputError
+from slopewise.services.cli.commands import params_diff
+from slopewise.services.io.model_file import find_model
 
 ATV = find_model("atv").read_text()
 

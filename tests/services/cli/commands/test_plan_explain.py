@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from models.errors import InputError
-from planner.ground.uncertainty import Uncertainty
-from planner.limiting import Limiting
-from services.cli.commands import demo, explain_view, plan_view
-from services.cli.commands import plan as command
-from services.io.maps.map_file import write_map_npz
-from services.io.model_file import find_model, read_model
-from services.io.path_file import write_paths_csv
+from slopewise.models.errors import InputError
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.limiting import Limiting
+from slopewise.services.cli.commands import demo, explain_view, plan_view
+from slopewise.services.cli.commands import plan as command
+from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.path_file import write_paths_csv
 
 
 @pytest.fixture(scope="module")

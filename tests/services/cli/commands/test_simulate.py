@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from models.parameters import Effect
-from services.cli.commands import coverage, simulate
-from services.io.logs.unseen_channels import unseen_channels
-from services.io.model_file import write_model
-from services.io.table import write_csv
+from slopewise.models.parameters import Effect
+from slopewise.services.cli.commands import coverage, simulate
+from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.model_file import write_model
+from slopewise.services.io.table import write_csv
 from tests.models.discrepancy.logs import log
 from tests.models.models_for_tests import BASE
 

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from services.cli.app import main
-from services.cli.commands import terrain as command
-from services.cli.commands import terrain_result as results
-from services.cli.commands import terrain_view as view
-from services.io.model_file import find_model, read_model, write_model
-from services.io.table import write_csv
-from services.io.terrain_file import find_terrains, read_terrains, write_terrains
-from services.io.terrain_table import COLUMNS
+from slopewise.models.errors import InputError
+from slopewise.services.cli.app import main
+from slopewise.services.cli.commands import terrain as command
+from slopewise.services.cli.commands import terrain_result as results
+from slopewise.services.cli.commands import terrain_view as view
+from slopewise.services.io.model_file import find_model, read_model, write_model
+from slopewise.services.io.table import write_csv
+from slopewise.services.io.terrain_file import find_terrains, read_terrains, write_terrains
+from slopewise.services.io.terrain_table import COLUMNS
 from tests.models.terrain import plant
 from tests.services.faults import fault_in
 

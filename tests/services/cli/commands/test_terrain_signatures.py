@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from services.io.table import write_csv
-from services.io.terrain_file import read_terrains
+from slopewise.services.io.table import write_csv
+from slopewise.services.io.terrain_file import read_terrains
 from tests.models.terrain import plant
 from tests.models.terrain.test_borealtc import example
 from tests.services.cli.commands.test_terrain import model, status_of, written

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.errors import InputError
-from services.io.logs.log_source import read_logs
+from slopewise.models.errors import InputError
+from slopewise.services.io.logs.log_source import read_logs
 from tests.services.faults import fault_in
 
 rosbags = pytest.importorskip("rosbags", reason="the ros extra is not installed")

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.io.logs.column_names import parse_names
-from services.io.logs.drive_log import DriveLog, read_drive_log
-from services.io.logs.log_source import read_logs
+from slopewise.services.io.logs.column_names import parse_names
+from slopewise.services.io.logs.drive_log import DriveLog, read_drive_log
+from slopewise.services.io.logs.log_source import read_logs
 from tests.services.faults import fault_in
 
 LOG = """stamp,segment,speed,told,slope,left,ground

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.errors import InputError
-from services.io.logs.drive_log import read_drive_log
-from services.io.logs.log_source import names_of
+from slopewise.models.errors import InputError
+from slopewise.services.io.logs.drive_log import read_drive_log
+from slopewise.services.io.logs.log_source import names_of
 from tests.services.faults import fault_in
 
 HEADER = "run,t,v,v_cmd,pitch"

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from examples.recordings import cuadriga, f1tenth, husky_drive
-from models.calibration.held_out import leave_sessions_out
-from models.calibration.learn import learn
-from models.calibration.speed_error import speed_error
-from models.stop_logs.drive_quality import find_suspects, usable
-from services.io.logs.drive_log import DriveLog, read_drive_log
-from services.io.model_file import find_model, read_model
-from services.io.table import write_csv
+from slopewise.models.calibration.held_out import leave_sessions_out
+from slopewise.models.calibration.learn import learn
+from slopewise.models.calibration.speed_error import speed_error
+from slopewise.models.stop_logs.drive_quality import find_suspects, usable
+from slopewise.services.io.logs.drive_log import DriveLog, read_drive_log
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.table import write_csv
 from tests.services.faults import real_data
 
 KNOWN = read_model(find_model("ugv")).braking

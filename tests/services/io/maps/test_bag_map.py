@@ -16,14 +16,14 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from models.errors import InputError, ParameterError
-from services.cli.app import app
-from services.io.bags.ros_types import GRID_MAP, PATH, read_cdr, type_hashes, typestore
-from services.io.maps import bag_map
-from services.io.maps.bag_map import read_bag_map, read_bag_paths
-from services.io.maps.grid_map_message import elevation_map_of
-from services.io.maps.map_file import frame_of, map_info, read_map
-from services.io.path_file import read_paths
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.services.cli.app import app
+from slopewise.services.io.bags.ros_types import GRID_MAP, PATH, read_cdr, type_hashes, typestore
+from slopewise.services.io.maps import bag_map
+from slopewise.services.io.maps.bag_map import read_bag_map, read_bag_paths
+from slopewise.services.io.maps.grid_map_message import elevation_map_of
+from slopewise.services.io.maps.map_file import frame_of, map_info, read_map
+from slopewise.services.io.path_file import read_paths
 from tests.services import grid_maps
 from tests.services.faults import fault_in
 

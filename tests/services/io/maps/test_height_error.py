@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import rasterio
 
-from services.io.maps import height_error
-from services.io.maps.geotiff_file import opened
-from services.io.maps.map_file import read_map
+from slopewise.services.io.maps import height_error
+from slopewise.services.io.maps.geotiff_file import opened
+from slopewise.services.io.maps.map_file import read_map
 from tests.services.faults import fault_in
 from tests.services.io.maps.test_map_file import HEIGHTS, UTM, geotiff, npz
 

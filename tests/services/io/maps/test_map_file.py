@@ -12,13 +12,13 @@ import pytest
 import rasterio
 from affine import Affine
 
-from models.errors import InputError
-from models.parameters import Braking
-from models.surface_braking import SurfaceBraking
-from models.surface_names import resolve_class
-from planner.ground.elevation_map import ElevationMap, height_at
-from services.io.maps.grid import MapInfo
-from services.io.maps.map_file import map_info, read_map, write_map_npz
+from slopewise.models.errors import InputError
+from slopewise.models.parameters import Braking
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.surface_names import resolve_class
+from slopewise.planner.ground.elevation_map import ElevationMap, height_at
+from slopewise.services.io.maps.grid import MapInfo
+from slopewise.services.io.maps.map_file import map_info, read_map, write_map_npz
 from tests.services.faults import fault_in, real_data
 
 ROOT = Path(__file__).parents[4]
@@ -300,7 +300,8 @@ def test_a_broken_geotiff_says_one_line_and_nothing_else(tmp_path: Path) -> None
     path = geotiff(tmp_path / "m.tif", RNG.normal(size=(64, 64)), compress="deflate")
     content = path.read_bytes()
     script = (
-        "import sys; from pathlib import Path; from services.io.maps.map_file import read_map\n"
+        "import sys; from pathlib import Path\n"
+        "from slopewise.services.io.maps.map_file import read_map\n"
         "try: read_map(Path(sys.argv[1]))\n"
         "except Exception as e: print(type(e).__name__, e)"
     )

@@ -14,18 +14,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from typer.testing import CliRunner
 
-from models.errors import InputError
-from models.vehicle import Vehicle
-from planner.path import CandidatePath
-from services.cli.app import app
-from services.fleet import windows
-from services.guard.ground import ground_of
-from services.io.maps.grid import footprint_margin
-from services.io.maps.map_file import read_map
-from services.io.maps.no_data import known_heights, nodata_of
-from services.io.model_file import find_model, read_model
-from services.planning.map_store import MapStore
-from services.wire.messages import MapUpdate
+from slopewise.models.errors import InputError
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.path import CandidatePath
+from slopewise.services.cli.app import app
+from slopewise.services.fleet import windows
+from slopewise.services.guard.ground import ground_of
+from slopewise.services.io.maps.grid import footprint_margin
+from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.maps.no_data import known_heights, nodata_of
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.planning.map_store import MapStore
+from slopewise.services.wire.messages import MapUpdate
 from tests.services.faults import real_data
 from tests.services.io.maps.test_map_file import geotiff, npz
 
@@ -253,7 +253,7 @@ def test_npz(tmp_path: Path, marker: float) -> None:
 
 def test_a_grid_map_in_a_recording(tmp_path: Path) -> None:
     pytest.importorskip("rosbags", reason="the ros extra is not installed")
-    from services.io.bags.ros_types import GRID_MAP
+    from slopewise.services.io.bags.ros_types import GRID_MAP
     from tests.services import grid_maps
     from tests.services.io.maps.test_bag_map import bag
 
