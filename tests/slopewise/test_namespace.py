@@ -30,8 +30,10 @@ def run(folder: Path, *words: str) -> str:
 def test_it_plans_in_a_folder_with_foreign_packages(workspace: Path) -> None:
     script = (
         "import numpy as np, slopewise\n"
-        "ground = slopewise.ElevationMap(np.zeros((40, 80)), resolution=0.5, origin=(0.0, 0.0))\n"
-        "path = slopewise.CandidatePath('east', np.array([[5.0, 10.0], [30.0, 10.0]]))\n"
+        "level = np.zeros((40, 80))\n"
+        "ground = slopewise.ElevationMap(elevation=level, resolution=0.5, origin=(0.0, 0.0))\n"
+        "east = np.array([[5.0, 10.0], [30.0, 10.0]])\n"
+        "path = slopewise.CandidatePath(name='east', points=east)\n"
         "(plan,) = slopewise.plan(slopewise.read_model('atv'), ground, [path])\n"
         "print(plan.status.value, slopewise.Model.__module__)"
     )

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -73,6 +74,16 @@ def test_it_holds_one_package_with_all_its_files(wheel: Path) -> None:
             if file.is_file() and "__pycache__" not in file.parts:
                 place = part if part == "slopewise" else f"slopewise/{part}"
                 assert f"{place}/{file.relative_to(ROOT / part).as_posix()}" in names
+
+
+def test_a_source_archive_holds_the_linked_rooms_as_folders(wheel: Path, tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)]
+    subprocess.run(words, cwd=wheel.parent / "source", check=True, capture_output=True, timeout=120)
+    with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
+        names = {name.split("/", 1)[1] for name in archive.getnames()}
+    inside = {"slopewise/models/laws/braking.py", "slopewise/configs/vehicles/atv.toml"}
+    assert inside <= names
+    assert not any(name.startswith(("models/", "planner/", "services/")) for name in names)
 
 
 def test_shipped_vehicles_and_benchmarks_are_inside(installed: Path, tmp_path: Path) -> None:

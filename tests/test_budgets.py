@@ -1,0 +1,99 @@
+"""Every room keeps to its budget of lines, and gives back what it no longer needs.
+
+Budgets stand in `pyproject.toml`, `[tool.slopewise.budgets]`. Lines are counted as the formatter
+leaves them, docstrings and page scripts included. Who raises a budget says why in that commit; who
+needs less lowers it there.
+"""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+BUDGETS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["slopewise"]["budgets"]
+ROOMS: dict[str, int] = BUDGETS["rooms"]
+COUNTED = {".py", ".js"}
+SLACK = 60
+"""Lines that a room may stay below its budget: less work than a budget for each small commit."""
+
+MAX_FILE, MAX_FUNCTION = 350, 40
+"""Lines of a file, and lines of code of a function, docstring and blank lines left out."""
+
+
+def files_of(room: str) -> list[Path]:
+    folder = ROOT / room
+    return sorted(
+        file
+        for file in folder.rglob("*")
+        if file.suffix in COUNTED
+        and "__pycache__" not in file.parts
+        # Links of the one package to its rooms are counted there.
+        and not any((ROOT / room / part).is_symlink() for part in file.relative_to(folder).parts)
+    )
+
+
+def lines_of(file: Path) -> int:
+    return len(file.read_text(encoding="utf-8").splitlines())
+
+
+def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef, text: list[str]) -> int:
+    body = node.body
+    has_docstring = (
+        isinstance(body[0], ast.Expr)
+        and isinstance(body[0].value, ast.Constant)
+        and isinstance(body[0].value.value, str)
+    )
+    if has_docstring:
+        body = body[1:]
+    if not body:
+        return 0
+    last = body[-1].end_lineno
+    assert last is not None
+    return sum(1 for line in text[body[0].lineno - 1 : last] if line.strip())
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_keeps_to_its_budget(room: str) -> None:
+    used = sum(lines_of(file) for file in files_of(room))
+    assert used <= ROOMS[room], f"{room} has {used} lines: delete, or raise its budget and say why"
+    assert used >= ROOMS[room] - SLACK, f"{room} has {used} lines only: lower its budget to that"
+
+
+def test_every_room_has_a_budget() -> None:
+    services = {f"services/{f.name}" for f in (ROOT / "services").iterdir() if f.is_dir()}
+    services -= {"services/__pycache__"}
+    rooms = {"planner", "models", "slopewise", "benchmarks", "tests"}
+    assert set(ROOMS) == rooms | services
+
+
+def test_files_and_functions_stay_short() -> None:
+    long_files, long_functions = 0, 0
+    for room in ROOMS:
+        for file in files_of(room):
+            text = file.read_text(encoding="utf-8")
+            long_files += len(text.splitlines()) > MAX_FILE
+            if file.suffix == ".py":
+                lines = text.splitlines()
+                long_functions += sum(
+                    code_lines(node, lines) > MAX_FUNCTION
+                    for node in ast.walk(ast.parse(text))
+                    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+                )
+    assert long_files == BUDGETS["files_over_350_lines"]
+    assert long_functions == BUDGETS["functions_over_40_lines"]
+
+
+def test_no_line_is_hidden_from_the_formatter() -> None:
+    marks = ("fmt: " + "skip", "fmt: " + "off")
+    hidden = [
+        f"{file.relative_to(ROOT)}: {mark}"
+        for room in ROOMS
+        for file in files_of(room)
+        for mark in marks
+        if mark in file.read_text(encoding="utf-8")
+    ]
+    assert not hidden
