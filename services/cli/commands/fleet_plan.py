@@ -25,6 +25,7 @@ from slopewise.services.io.access import fault
 from slopewise.services.io.maps.grid import MapInfo
 from slopewise.services.io.maps.no_data import NoData
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.planning.cold_start import compile_first
 from slopewise.services.report.words import plural
 
 
@@ -105,6 +106,8 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
     missing = [name for name in names if not results.finished(job.out, name.file)]
     candidates = sum(name.count for name in names)
     resumed = candidates - sum(name.count for name in missing)
+    if missing and not job.scheduler:
+        compile_first("plans come after that")
     with progress_bar("planning", candidates, quiet=quiet) as advance:
         advance(resumed)
         tasks = _tasks(job, question, digest, info, missing)
