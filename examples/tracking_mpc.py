@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -26,7 +27,6 @@ from benchmarks.closed_loop.scenes import scene
 from benchmarks.closed_loop.tracking import DriveCommand
 from slopewise.models.parameters import Model
 from slopewise.services.export.functions import functions_of
-from slopewise.services.io.shipped import shipped_folder
 
 STEPS, STEP = 12, 0.2  # [s]
 PASSES = 3
@@ -148,7 +148,7 @@ class TrackingMpc:
 
 def drive(number: int, reference: float = 3.5) -> DrivenScene:
     """One drive over generated hills."""
-    folder = shipped_folder().parent / "docs" / "results" / "closed-loop.json"
+    folder = Path(__file__).resolve().parents[1] / "docs" / "results" / "closed-loop.json"
     terrain, route, course = scene(number, None)
     return run_drive(terrain, route, course, TrackingMpc(learned_model(folder), reference), number)
 

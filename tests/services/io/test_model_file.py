@@ -346,9 +346,7 @@ def test_find_model(tmp_path: Path) -> None:
 
 def test_shipped_vehicles_are_found_after_an_installation(tmp_path: Path) -> None:
     ignore = shutil.ignore_patterns("__pycache__")
-    for package in ("models", "services"):
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=ignore)
-    shutil.copytree(ROOT / "configs", tmp_path / "slopewise" / "configs", ignore=ignore)
+    shutil.copytree(ROOT / "slopewise", tmp_path / "slopewise", ignore=ignore)
     script = (
         "import sys; from slopewise.services.io import model_file as m;"
         "heavy = {'rasterio', 'polars', 'numba', 'scipy', 'msgspec'} & set(sys.modules);"
