@@ -36,3 +36,9 @@ which are 1 within the domain and change no digit of it:
 
 Constants of a vehicle are checked where a model file is read, and not again in a law.
 """
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array, closed for writing: value objects share it without fear."""
+    array.flags.writeable = False
+    return array

@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from slopewise.files import read_drive_log, read_map, read_model, read_paths, write_model
     from slopewise.learning import calibrate, find_discrepancies
+    from slopewise.models.candidate_path import CandidatePath
+    from slopewise.models.elevation_map import ElevationMap
     from slopewise.models.errors import SlopewiseError
     from slopewise.models.parameters import Model
-    from slopewise.planner.ground.elevation_map import ElevationMap
     from slopewise.planner.horizon.answer import PlanarState
-    from slopewise.planner.path import CandidatePath
     from slopewise.planner.plan import SpeedPlan
     from slopewise.planning import Horizon, check_plan, plan
     from slopewise.services.check.given_plan import GivenPlan
@@ -55,10 +55,10 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CandidatePath": "slopewise.planner.path",
+    "CandidatePath": "slopewise.models.candidate_path",
     "CheckReport": "slopewise.services.check.report",
     "DriveLog": "slopewise.services.io.logs.drive_log",
-    "ElevationMap": "slopewise.planner.ground.elevation_map",
+    "ElevationMap": "slopewise.models.elevation_map",
     "GivenPlan": "slopewise.services.check.given_plan",
     "Horizon": "slopewise.planning",
     "Model": "slopewise.models.parameters",

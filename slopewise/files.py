@@ -6,9 +6,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
-from slopewise.planner.path import CandidatePath
 from slopewise.services.io import model_file, path_file
 from slopewise.services.io.logs.drive_log import DriveLog
 from slopewise.services.io.logs.log_source import read_logs

@@ -8,15 +8,16 @@ from contextlib import nullcontext
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.braking_ground import GroundConditions
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
 from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
 from slopewise.planner.horizon.horizon import Horizon as PlannersHorizon
 from slopewise.planner.kernels.interpreted import is_interpreting
-from slopewise.planner.path import CandidatePath, EvenPath, PathBatch
+from slopewise.planner.path import EvenPath, PathBatch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture.providers import Constants, HypothesisProvider
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.planning.cold_start import compile_first
 from tests.planner import scenes
 

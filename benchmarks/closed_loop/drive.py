@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.quantity import GRAVITY
-from slopewise.planner.ground.elevation_map import ElevationMap
 
 from .course import Course
 from .policies import CYCLE, Policy, View

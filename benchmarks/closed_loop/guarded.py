@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.surface_braking import SurfaceBraking
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.guard.arc import PlanarPose
 from slopewise.services.guard.decide import (
     BaseCommand,

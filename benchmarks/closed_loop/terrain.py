@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
 from slopewise.models.arrays import Floats, Ints
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.elevation_map import ElevationMap
 
 SURFACES = ("firm", "gravel", "grass")
 """Names that the planner's map and the learned model share."""

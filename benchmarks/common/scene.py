@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Braking, Limits, Model, Terrain
 from slopewise.models.vehicle import Vehicle
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 

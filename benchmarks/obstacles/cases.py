@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
-from slopewise.planner.ground.elevation_map import ElevationMap
-from slopewise.planner.path import CandidatePath
 
 from .shapes import FAR, Block, Slope, height_of
 from .truth import Size, size_of

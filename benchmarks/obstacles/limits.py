@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 

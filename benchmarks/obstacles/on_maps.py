@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.limiting import BOUNDS, Limiting
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.services.io.maps.map_file import read_map

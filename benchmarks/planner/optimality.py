@@ -16,8 +16,8 @@ import numpy as np
 from rich.console import Console
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch

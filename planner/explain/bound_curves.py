@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.laws import drive, rollover, slip_track, turning_resistance
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
 from slopewise.planner.explain.contact_curves import contact_curves
 from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import SpeedPlan

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.laws.crest import crest_speed_sq, dip_speed_sq
 from slopewise.models.laws.friction_ellipse import lateral_speed_sq
 from slopewise.models.laws.wheel_loads import (
@@ -17,7 +18,6 @@ from slopewise.models.parameters import Model
 from slopewise.planner.bounds.contact import HOLDING, SPENT
 from slopewise.planner.bounds.speed_excess import speed_excess
 from slopewise.planner.ground.braking_ground import BrakingGround
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.kernels.limits import planning_limits
 from slopewise.planner.limiting import Limiting

@@ -16,15 +16,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.explain.measurements import MEASURABLE
 from slopewise.planner.explain.relaxed import without
 from slopewise.planner.explain.what_if import Assumptions, WhatIf
 from slopewise.planner.ground.braking_ground import GroundConditions
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath, EvenPath
+from slopewise.planner.path import EvenPath
 from slopewise.planner.pipeline.ranking import travel_cost
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings

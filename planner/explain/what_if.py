@@ -13,14 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.surface_names import resolve_class
 from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath, EvenPath, batch, behind_the_front
+from slopewise.planner.path import EvenPath, batch, behind_the_front
 from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import solve
 from slopewise.planner.plan import SpeedPlan

@@ -10,14 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Floats, Ints, read_only
 from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.force_margins import margins
 from slopewise.planner.ground.hull_speed import hull_lines
 from slopewise.planner.ground.surface_table import FRICTION, SLOWEST, surface_table
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.kernels.compiled import read_only
 
 _KEPT = 4
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints, Singles
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.ground.footprint import POINTS, CellFrame, CellPoses, offset, on_grid
 from slopewise.planner.ground.surface_bits import surfaces_under_wheels
 from slopewise.planner.ground.vertical_curvature import vertical_curvature

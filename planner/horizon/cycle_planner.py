@@ -9,9 +9,9 @@ from time import perf_counter
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.braking_ground import GroundConditions
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import stations_along
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import HorizonSettings

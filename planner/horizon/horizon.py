@@ -14,17 +14,18 @@ from time import perf_counter
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.braking_ground import GroundConditions
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
 from slopewise.planner.horizon.answer import HorizonSettings as HorizonSettings
 from slopewise.planner.horizon.cycle import Cycle
 from slopewise.planner.horizon.cycle_planner import CyclePlanner, Equipment
 from slopewise.planner.horizon.previous_plan import PreviousPlan
-from slopewise.planner.path import CandidatePath, EvenPath, PathBatch, batch, behind_the_front
+from slopewise.planner.path import EvenPath, PathBatch, batch, behind_the_front
 from slopewise.planner.settings import PlannerSettings
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import stations_along
 from slopewise.planner.horizon.path_projection import PathProjection
 from slopewise.planner.kernels.compiled import kernel

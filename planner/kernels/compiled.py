@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 from numba.core import config
-from numpy.typing import NDArray
 
 from slopewise.planner.kernels.borrowing import Borrowing
 from slopewise.planner.kernels.interpreted import Kernel
@@ -73,9 +72,3 @@ def row_pass(function: Callable[P, R]) -> Callable[P, R]:
     rounding; NaN keeps its meaning.
     """
     return cast(Callable[P, R], Borrowing(function, fastmath={"contract"}))
-
-
-def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, closed for writing: value objects share it without fear."""
-    array.flags.writeable = False
-    return array

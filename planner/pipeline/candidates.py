@@ -12,18 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.braking_ground import GroundConditions
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.path import (
-    CandidatePath,
-    EvenPath,
-    behind_the_front,
-    resample,
-    side_by_side,
-)
+from slopewise.planner.path import EvenPath, behind_the_front, resample, side_by_side
 from slopewise.planner.path_deviation import path_deviation
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch

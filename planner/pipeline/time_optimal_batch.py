@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
 from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.kernels.limits import PlanningLimits, planning_limits

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.kernels.compiled import kernel
 from slopewise.planner.swept.screen_reach import cells_of
 from slopewise.planner.swept.sizes import SweptSizes

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bytes, Ints, Singles
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.kernels.compiled import kernel
 from slopewise.planner.swept.around import Around
 from slopewise.planner.swept.blocks import Blocks, blocks_of, smoothed

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.swept.around import around
 from slopewise.planner.swept.screen import Judged, Screen, screen_of
 from slopewise.planner.swept.sizes import SweptSizes

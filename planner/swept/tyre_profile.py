@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Floats, Singles
-from slopewise.planner.ground.elevation_map import height_at
+from slopewise.planner.ground.bilinear import height_at
 from slopewise.planner.kernels.compiled import inlined
 from slopewise.planner.swept.sizes import SweptSizes
 from slopewise.planner.swept.wheel_path import NO_GROUND, Ground, Pose, place

@@ -15,9 +15,9 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.effects.registry import LAWS, MOTION_LAWS
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Effect
 from slopewise.models.surface_braking import SurfaceBraking
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.planning.map_store import KnownGround
 from slopewise.services.planning.plan_service import PlanService

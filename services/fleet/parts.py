@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.access import check_file
 from slopewise.services.io.maps.grid import Around

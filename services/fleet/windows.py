@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.planner.ground.elevation_map import ElevationMap
-from slopewise.planner.path import CandidatePath
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.io.maps import geotiff_file
 from slopewise.services.io.maps.geotiff_file import GeotiffWindows
 from slopewise.services.io.maps.grid import Around, MapInfo

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
-from slopewise.planner.path import CandidatePath
 from slopewise.services.io.access import fault, read_text, reason, shown
 
 _DEGREES = ("CRS84", "4326", "4258", "4269")

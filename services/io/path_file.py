@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
-from slopewise.planner.path import CandidatePath
 from slopewise.services.io.access import fault
 from slopewise.services.io.bags.recording import is_bag
 from slopewise.services.io.geojson_file import read_geojson_paths

@@ -17,11 +17,12 @@ from typing import TypeVar
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
 from slopewise.planner.kernels import kept
 from slopewise.planner.kernels.ahead import compile_ahead, written_down
 from slopewise.planner.kernels.interpreted import interpret, is_interpreting
-from slopewise.planner.path import CandidatePath, EvenPath, PathBatch
+from slopewise.planner.path import EvenPath, PathBatch
 from slopewise.services.planning.progress import progress_bar
 
 FEW = 3000

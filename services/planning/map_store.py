@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.io.maps import height_error, no_data
 from slopewise.services.io.maps.grid import check_physical
 from slopewise.services.wire.counting import Count, MessageOrder

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.planner.horizon.answer import HorizonSettings
 from slopewise.planner.horizon.path_projection import locate
 from slopewise.planner.horizon.refusals import out_of_reach
-from slopewise.planner.path import CandidatePath, EvenPath, batch, resample
+from slopewise.planner.path import EvenPath, batch, resample
 from slopewise.services.planning.pace import Pace, unhurried
 from slopewise.services.settings.service import Sizes
 from slopewise.services.wire.messages import Path, PlanRequest, RankedCandidate

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.explain.bound_curves import bound_curves
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.limiting import BOUNDS, Limiting
 from slopewise.planner.plan import Obstacle, SpeedPlan
 from slopewise.services.report.contours import (

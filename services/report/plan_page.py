@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.explain.explain import Explanation
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.services.io.access import write_atomic
 from slopewise.services.report.limit_colours import limit_colours

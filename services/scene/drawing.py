@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.report.hillshade import shade
 

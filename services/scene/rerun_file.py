@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.models.vehicle import Vehicle
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.io.access import write_atomic
 from slopewise.services.scene import drawing

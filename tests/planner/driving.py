@@ -12,11 +12,12 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
 from slopewise.planner.horizon.horizon import Horizon, HorizonSettings
-from slopewise.planner.path import CandidatePath, PathBatch, batch
+from slopewise.planner.path import PathBatch, batch
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
 from tests.planner import generated

@@ -8,13 +8,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.terrain.observation import Features
 from slopewise.models.terrain.resistances import TerrainEstimate
 from slopewise.models.terrain.surfaces import model_on
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from tests.planner import generated
 from tests.planner.generated import between

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.explain.relaxed import without
 from slopewise.planner.explain.what_if import Assumptions
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.limiting import BOUNDS, Limiting
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import (

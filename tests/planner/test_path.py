@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
-from slopewise.planner.path import MAX_STATIONS, CandidatePath, batch, joined, resample
+from slopewise.planner.path import MAX_STATIONS, batch, joined, resample
 from slopewise.planner.raw_polyline import clean, noise
 from tests.planner.scenes import arc, straight
 

@@ -8,11 +8,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.horizon.answer import PlanarState
 from slopewise.planner.horizon.horizon import Horizon
-from slopewise.planner.path import CandidatePath, EvenPath, batch, resample
+from slopewise.planner.path import EvenPath, batch, resample
 from slopewise.planner.path_deviation import path_deviation
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan, Status

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.models.surface_braking import SurfaceBraking
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.surface_table import surface_table
 from slopewise.services.check.brakes import brakes_along
 from slopewise.services.check.given_plan import GivenPlan

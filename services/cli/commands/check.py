@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.uncertainty import QUANTILE
-from slopewise.planner.path import CandidatePath
 from slopewise.services.check.check import check
 from slopewise.services.check.given_plan import GivenPlan
 from slopewise.services.check.heights import Heights

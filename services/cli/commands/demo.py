@@ -9,8 +9,8 @@ import numpy as np
 from rich.console import Console
 
 from slopewise.models.arrays import Floats
-from slopewise.planner.ground.elevation_map import ElevationMap
-from slopewise.planner.path import CandidatePath
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.cli.commands import plan as planning
 from slopewise.services.cli.commands import plan_view

@@ -13,8 +13,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.planner.path import CandidatePath
 from slopewise.services.cli.arguments.robot import QueryOptions
 from slopewise.services.client import ClientAnswer, PlanClient
 from slopewise.services.io.maps.map_file import read_map

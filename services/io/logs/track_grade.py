@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.services.io.access import fault
 from slopewise.services.io.logs.drive_log import DriveLog

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.ground.elevation_map import ElevationMap
-from slopewise.planner.path import CandidatePath
 from slopewise.services.io.access import fault
 from slopewise.services.io.bags.recording import Bag, Recorded, opened, state_of
 from slopewise.services.io.bags.ros_types import GRID_MAP, PATH

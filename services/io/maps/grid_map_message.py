@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.io.maps import height_error, no_data
 from slopewise.services.io.maps.no_data import NoData
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.arrays import Ints
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.io.access import fault, write_atomic
 from slopewise.services.io.bags.recording import is_bag
 from slopewise.services.io.maps import geotiff_file, height_error, no_data, npz_map_file

@@ -10,6 +10,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.laws import (
     braking,
     drive,
@@ -23,10 +25,9 @@ from slopewise.models.parameters import Model
 from slopewise.planner.bounds.pointwise import HOLDING
 from slopewise.planner.bounds.speed_bounds import STOP_GUARD, SpeedBounds, speed_bounds
 from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from tests.planner.scenes import G, Tables, ground_map, model_of, plane, straight, tables_with
 
 FAR = 80.0

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.bounds.speed_bounds import STOP_GUARD, SpeedBounds, speed_bounds
 from slopewise.planner.bounds.stopping_path import onset_speed
 from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from tests.planner.scenes import G, Tables, ground_map, model_of, plane, straight, tables_with
 
 NO_LIMITS = {"speed": 8.0, "min_load": 0.01}

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.explain.bound_curves import bound_curves
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import (

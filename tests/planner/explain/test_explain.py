@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Effect, Model
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.explain.explain import Explanation, explain, stretches
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.laws import braking as law
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from tests.planner.scenes import ground_map, model_of, plane, straight, tables_with
 
 ICE = {"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.1}

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.ground.elevation_map import ElevationMap, height_at
+from slopewise.planner.ground.bilinear import height_at
 from tests.planner.scenes import ground_map
 
 slopes = st.floats(-1.0, 1.0)

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.ground.grade_between import grade_between
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.plan import Status
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.check.check import check

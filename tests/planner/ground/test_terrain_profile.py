@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import arc, ground_map, plane, straight
 

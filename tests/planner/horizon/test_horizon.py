@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer
 from slopewise.planner.horizon.horizon import HorizonSettings
 from slopewise.planner.path import PathBatch, batch

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.horizon.path_cut import cut, passed_stations
 from slopewise.planner.horizon.path_projection import locate
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from tests.planner.scenes import arc, plane, straight
 
 

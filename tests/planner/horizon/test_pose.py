@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
 from slopewise.planner.horizon.answer import (
     FULL_STOP,
@@ -12,7 +13,6 @@ from slopewise.planner.horizon.answer import (
     CycleAnswer,
     HorizonSettings,
 )
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.plan import Status
 from tests.planner.driving import Drive
 from tests.planner.scenes import plane, straight, tables_with

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.horizon.polyline import Polyline, station_of
 from slopewise.planner.horizon.previous_plan import BEHIND, OfferedStations, PreviousPlan
-from slopewise.planner.path import CandidatePath, PathBatch, batch
+from slopewise.planner.path import PathBatch, batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from tests.planner.scenes import arc, ground_map, model_of, plane, straight, tables_with

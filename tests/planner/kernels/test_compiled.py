@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slopewise.planner.kernels.compiled import inlined, kernel, read_only
+from slopewise.models.arrays import read_only
+from slopewise.planner.kernels.compiled import inlined, kernel
 
 
 @inlined

@@ -9,11 +9,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.kernels.interpreted import interpret, is_interpreting
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings

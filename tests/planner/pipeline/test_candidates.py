@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.planner.ground.braking_ground import GroundConditions
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from slopewise.planner.pipeline import plan_finalizer
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.swept.around import Around, around
 from slopewise.planner.swept.screen import Judged, Screen, screen_of
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes

@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.plan import Status
 from tests.planner.scenes import ATV, arc, assert_sound, plan_one, plane, straight, tables_with
 from tests.planner.swept.scenes import FINE, Height, ground, met

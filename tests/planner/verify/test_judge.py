@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.verify.judge import VIOLATION_LIMITING, Judgement, Violations, check
 from slopewise.planner.verify.track import Track, track_of

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.check.given_plan import GivenPlan
 from tests.planner.scenes import model_of, tables_with
 

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.pipeline import time_optimal_batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, motion_of

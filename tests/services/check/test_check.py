@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.check.check import check
 from slopewise.services.check.given_plan import GivenPlan
 from slopewise.services.check.tolerances import TOLERANCES

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.services.check.brakes import brakes_along
 from slopewise.services.check.given_plan import GivenPlan

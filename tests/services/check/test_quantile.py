@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.planner.stops_at_quantile import hills, scattering_model
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.parameters import Model
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.check.check import check

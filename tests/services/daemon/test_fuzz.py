@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.client import PlanClient
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters import replies

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.client import PlanClient
 from slopewise.services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
 from slopewise.services.dashboard.server import PageServer, own_names

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from slopewise import plan
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.effects import registry
 from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
-from slopewise.planner.path import CandidatePath
 from slopewise.services.export.c_code import write_c
 from slopewise.services.export.functions import ModelFunction, functions_of
 from slopewise.services.io.model_file import find_model, read_model

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.check.brakes import brakes_along
 from slopewise.services.check.given_plan import GivenPlan
 from slopewise.services.check.ground import ground_under

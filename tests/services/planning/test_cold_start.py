@@ -18,12 +18,13 @@ import numpy as np
 import pytest
 from numba.core import config
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
 from slopewise.planner.kernels import kept
 from slopewise.planner.kernels.ahead import written_down
 from slopewise.planner.kernels.interpreted import interpret, is_interpreting
 from slopewise.planner.kernels.kept import compiling, is_compiling
-from slopewise.planner.path import CandidatePath, batch
+from slopewise.planner.path import batch
 from slopewise.services.planning import cold_start
 
 ROOT = Path(__file__).parents[3]

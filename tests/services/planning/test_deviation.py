@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
-from slopewise.planner.path import CandidatePath
 from slopewise.services.cli.commands import demo
 from slopewise.services.io.maps.map_file import write_map_npz
 from slopewise.services.io.model_file import find_model, read_model

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from slopewise.planner.ground.elevation_map import ElevationMap
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.planning.map_store import KnownGround

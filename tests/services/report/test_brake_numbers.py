@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.laws import braking
 from slopewise.models.parameters import Effect, Model
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.path import CandidatePath
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.report.brake_numbers import BrakeNumbers

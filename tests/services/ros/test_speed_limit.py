@@ -10,8 +10,8 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.io.bags.ros_types import SPEED_LIMIT, typestore
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.in_use import ParametersInUse

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
-from slopewise.planner.ground.elevation_map import ElevationMap
 from slopewise.services.cli.arguments.files import CalibrateOptions
 from slopewise.services.cli.commands import calibrate, calibrate_sheet
 from slopewise.services.io.maps.map_file import write_map_npz

@@ -12,11 +12,12 @@ import pytest
 import rasterio
 from affine import Affine
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.models.parameters import Braking
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.models.surface_names import resolve_class
-from slopewise.planner.ground.elevation_map import ElevationMap, height_at
+from slopewise.planner.ground.bilinear import height_at
 from slopewise.services.io.maps.grid import MapInfo
 from slopewise.services.io.maps.map_file import map_info, read_map, write_map_npz
 from tests.services.faults import fault_in, real_data

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from typer.testing import CliRunner
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError
 from slopewise.models.vehicle import Vehicle
-from slopewise.planner.path import CandidatePath
 from slopewise.services.cli.app import app
 from slopewise.services.fleet import windows
 from slopewise.services.guard.ground import ground_of

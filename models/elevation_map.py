@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Floats, Ints, read_only
 from slopewise.models.errors import ParameterError
-from slopewise.planner.kernels.compiled import inlined, read_only
 
 _FEWEST_CELLS = 2
 
@@ -85,23 +84,3 @@ class ElevationMap:
         x_min, x_max, y_min, y_max = self.extent
         inside: np.ndarray = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
         return inside
-
-
-@inlined
-def height_at(elevation: Floats, column: float, row: float) -> float:
-    """Bilinear height [m] at fractional grid coordinates; NaN off the map or beside unknown cells.
-
-    Args:
-        elevation: (rows, cols) [m].
-        column, row: in cells, from the centre of cell [0, 0].
-    """
-    rows, columns = elevation.shape
-    if not (column >= 0.0 and row >= 0.0 and column <= columns - 1 and row <= rows - 1):
-        return np.nan
-    j = min(int(column), columns - 2)
-    i = min(int(row), rows - 2)
-    u = column - j
-    v = row - i
-    lower = elevation[i, j] + u * (elevation[i, j + 1] - elevation[i, j])
-    upper = elevation[i + 1, j] + u * (elevation[i + 1, j + 1] - elevation[i + 1, j])
-    return float(lower + v * (upper - lower))
