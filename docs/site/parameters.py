@@ -15,7 +15,7 @@ from slopewise.models.quantity import describe_plausible, describe_range
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.discovery import finding
-from slopewise.services.io.bags.topics import Channel, MapSource, PathSource
+from slopewise.services.io.topics import Channel, MapSource, PathSource
 from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.settings.service import ServiceConfig
 from slopewise.services.wire import messages, observations, parameter_messages

@@ -28,8 +28,8 @@ from slopewise.services.daemon import allocator, systemd, warm_up
 from slopewise.services.daemon.quiet_log import NowAndThen
 from slopewise.services.dashboard.board import Board
 from slopewise.services.dashboard.parameter_board import ParameterBoard
-from slopewise.services.io.access import read_text
-from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.files import read_text
+from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.endpoint import ParameterEndpoint
 from slopewise.services.parameters.in_use import ParametersInUse, slowed

@@ -54,7 +54,7 @@ def main(folder: Path) -> None:
     """Do the job in a folder."""
     job = msgspec.json.decode((folder / JOB).read_bytes(), type=InvestigationJob)
     _be_humble(job.limit)
-    from slopewise.services.io.access import write_atomic
+    from slopewise.services.io.files import write_atomic
 
     write_atomic(folder / OUTCOME, msgspec.json.encode(_look(job, folder)))
 

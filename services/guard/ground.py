@@ -9,8 +9,8 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.io.maps import npz_map_file
-from slopewise.services.io.maps.no_data import known_heights
+from slopewise.services.io import npz_map
+from slopewise.services.io.no_data import known_heights
 from slopewise.services.wire.messages import MapUpdate
 
 _OFF_GRID = 1e-3
@@ -66,8 +66,8 @@ def read_ground(path: Path) -> GuardGround:
     Raises:
         InputError: names the file and the array.
     """
-    info = npz_map_file.read_info(path)
-    heights, classes, names, _ = npz_map_file.read_layers(path)
+    info = npz_map.read_info(path)
+    heights, classes, names, _ = npz_map.read_layers(path)
     update = MapUpdate(
         source=str(path),
         sequence=1,

@@ -15,7 +15,7 @@ from slopewise.services.guard.arc import PlanarPose
 from slopewise.services.guard.core import BaseWord, Guard
 from slopewise.services.guard.decide import BaseCommand, VehicleMotion
 from slopewise.services.guard.settings import GuardRos
-from slopewise.services.io.bags.ros_types import typestore
+from slopewise.services.io.bags import typestore
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.ros.inbox import decoded as decoded_cdr
 from slopewise.services.ros.naming import read_attachment

@@ -15,8 +15,8 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.io.maps import height_error, no_data
-from slopewise.services.io.maps.grid import check_physical
+from slopewise.services.io import height_error, no_data
+from slopewise.services.io.map_grid import check_physical
 from slopewise.services.wire.counting import Count, MessageOrder
 from slopewise.services.wire.messages import MapUpdate
 from slopewise.services.wire.notices import Notices

@@ -14,7 +14,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
-from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import read_model, shipped_models
 from tests import oracle
 from tests.planner.scenes import columns_of

@@ -27,7 +27,7 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline import time_optimal_batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, motion_of
-from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.io.model_file import model_to_dict, read_model, shipped_models
 from tests import oracle
 from tests.planner.scenes import columns_of
@@ -85,9 +85,9 @@ def questions(place: str, vehicle: str, data: Path, seed: int) -> Iterator[Quest
         yield Question(place, model_of(vehicle), ground, path, clear)
 
 
-def stripped(plan: SpeedPlan, name: str) -> GivenPlan:
+def stripped(plan: SpeedPlan, name: str) -> ExternalPlan:
     """What the checker gets of a plan."""
-    return GivenPlan(name=name, x=plan.x, y=plan.y, speed=plan.speed)
+    return ExternalPlan(name=name, x=plan.x, y=plan.y, speed=plan.speed)
 
 
 def faster(question: Question) -> SpeedPlan:
@@ -117,7 +117,7 @@ def shifted(question: Question) -> SpeedPlan:
 
 
 def stronger(question: Question) -> SpeedPlan:
-    """Brakes taken to be a tenth stronger than they are."""
+    """PathForce taken to be a tenth stronger than they are."""
     braking = question.model.braking
     names = ("m_m", "b_m", "m_b", "b_b")
     more = {name: 1.1 * getattr(braking, name) for name in names}

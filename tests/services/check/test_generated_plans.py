@@ -6,9 +6,9 @@ import pytest
 from hypothesis import Phase, given, settings
 
 from slopewise.planner.plan import Status
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import plan_of_columns
-from slopewise.services.check.report import Violation
+from slopewise.services.check.check_report import Violation
+from slopewise.services.check.external_plan import plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.io.plan_file import driven
 from tests.planner import generated
 from tests.planner.scenes import model_of
@@ -16,7 +16,7 @@ from tests.planner.scenes import model_of
 
 def violations(scene: generated.Scene) -> list[Violation]:
     plan = scene.plan()
-    found = check(
+    found = check_plan_on_map(
         plan_of_columns(driven(plan)),
         model_of(scene.tables),
         scene.ground,

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import plan_of_columns
-from slopewise.services.check.report import Violation
+from slopewise.services.check.check_report import Violation
+from slopewise.services.check.external_plan import plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.io.model_file import read_model, shipped_models
 from slopewise.services.io.plan_file import driven
 from tests.planner.test_real_terrain import CASES, SHARE, ground_of, plans_on
@@ -21,7 +21,7 @@ def violations_of(plans: list[SpeedPlan], place: str, vehicle: str, data: Path) 
     found: list[Violation] = []
     stops = 0
     for plan in plans:
-        report = check(plan_of_columns(driven(plan)), model, ground)
+        report = check_plan_on_map(plan_of_columns(driven(plan)), model, ground)
         stops += report.stops
         found += report.violations
     kinds = Counter(violation.kind for violation in found)

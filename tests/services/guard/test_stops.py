@@ -9,12 +9,12 @@ import pytest
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
-from slopewise.services.check.brakes import brakes_along
-from slopewise.services.check.given_plan import GivenPlan
-from slopewise.services.check.ground import ground_under
-from slopewise.services.check.line import line_of
-from slopewise.services.check.stop_field import StopField
-from slopewise.services.check.stops import stops_from
+from slopewise.services.check.external_plan import ExternalPlan
+from slopewise.services.check.path_force import path_force
+from slopewise.services.check.path_ground import ground_under
+from slopewise.services.check.plan_line import line_of
+from slopewise.services.check.stop_dynamics import StopDynamics
+from slopewise.services.check.stop_integration import worst_case_stops
 from slopewise.services.guard.arc import ArcAhead, PlanarPose, arc_ahead
 from slopewise.services.guard.ground import GuardGround
 from slopewise.services.guard.model_reader import GuardModel, read_guard_model, rows_of
@@ -85,7 +85,7 @@ def test_no_stop_is_shorter_than_the_checkers(model: GuardModel, seed: int) -> N
     if way.ends < 48:
         pytest.skip("steeper than trained")
     along = np.linspace(0.0, 14.0, 120)
-    plan = GivenPlan(
+    plan = ExternalPlan(
         name="p",
         x=30.0 + along * np.cos(heading),
         y=30.0 + along * np.sin(heading),
@@ -95,9 +95,9 @@ def test_no_stop_is_shorter_than_the_checkers(model: GuardModel, seed: int) -> N
     heights = ElevationMap(elevation=ground.elevation, resolution=CELL, origin=(0.0, 0.0))
     line = line_of(plan, 0.3)
     under = ground_under(heights, line, whole.vehicle)
-    brakes = brakes_along(whole, under, line, heights.class_names)
-    field = StopField.along(whole, line, under, brakes)
-    judged = stops_from(field, np.zeros(1), np.array([speed]), np.array([0.30]), 14.0)
+    brakes = path_force(whole, under, line, heights.class_names)
+    field = StopDynamics.along(whole, line, under, brakes)
+    judged = worst_case_stops(field, np.zeros(1), np.array([speed]), np.array([0.30]), 14.0)
     theirs, ours = float(judged.end[0]) + 0.20, stop(model, way, speed)
     # Stations of the checker lie along the slope, those of the guard on the map.
     assert theirs / 1.04 - 0.02 <= ours <= theirs * 1.15 + 0.15

@@ -12,7 +12,7 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.services.io.bags.ros_types import SPEED_LIMIT, typestore
+from slopewise.services.io.bags import SPEED_LIMIT, typestore
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.planning.map_store import KnownGround
