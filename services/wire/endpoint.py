@@ -81,19 +81,22 @@ class Endpoint:
         Args:
             item: query or sample. key: for errors, and for the reply.
         """
+        written = codec.format_of(str(item.encoding or ""), handler.reply_format)
         what = f"a request on {key}"
         try:
             request = self.decode(item, key, handler)
             what = handler.describe(request) if handler.describe is not None else what
             reply = handler.handle(request)
+            payload = codec.encode(reply, written)
         except InputError as error:
             self._counters[f"{handler.name}_malformed"] += 1
             reply = handler.failure(str(error))
+            payload = codec.encode(reply, written)
         except Exception:  # noqa: BLE001 - reported and answered; the process has to live
             reply = handler.failure(self._report_fault(what))
+            payload = codec.encode(reply, written)
         if isinstance(item, zenoh.Query):
-            written = codec.format_of(str(item.encoding or ""), handler.reply_format)
-            self.send(item, key, reply, written)
+            self._send(item, key, payload, codec.encoding_of(type(reply), written))
         return reply
 
     def decode(
@@ -111,10 +114,13 @@ class Endpoint:
         return codec.decode(handler.kind, payload or b"", encoding, key, self._max_bytes)
 
     def send(self, query: zenoh.Query, key: str, reply: msgspec.Struct, written: Format) -> None:
-        """Send one reply; a reply that cannot be sent is counted."""
+        """Send a reply that no handler made; one that cannot be sent is counted."""
         encoding = codec.encoding_of(type(reply), written)
+        self._send(query, key, codec.encode(reply, written), encoding)
+
+    def _send(self, query: zenoh.Query, key: str, payload: bytes, encoding: str) -> None:
         try:
-            query.reply(key, codec.encode(reply, written), encoding=encoding)
+            query.reply(key, payload, encoding=encoding)
         except zenoh.ZError as error:
             self._counters["replies_lost"] += 1
             _log.warning("a reply on %s could not be sent: %s", key, error)
