@@ -9,7 +9,7 @@ from slopewise.planner.pipeline import candidates
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.planning import plan_questions
-from slopewise.services.planning.map_store import KnownGround, MapStore
+from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.service import Planning, ServiceConfig
 from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
@@ -20,7 +20,7 @@ def asked(service: PlanService, *paths: Path) -> PlanReply:
     store = MapStore()
     store.take(flat(), "map")
     ground = store.ground
-    assert isinstance(ground, KnownGround)
+    assert isinstance(ground, MapSnapshot)
     return service.answer(PlanRequest(speed=1.0, paths=list(paths)), ground, "plan")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from slopewise.services.planning.pace import Costs, TooLateError
+from slopewise.services.planning.deadline_check import Costs, TooLateError
 
 
 def test_what_takes_longer_than_is_left_is_given_up() -> None:

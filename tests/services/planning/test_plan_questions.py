@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.errors import InputError
-from slopewise.services.planning.plan_questions import check, resampled, usable_of
+from slopewise.services.planning.request_validation import check, resampled, usable_of
 from slopewise.services.settings.service import Sizes
 from slopewise.services.wire.messages import Path, PlanRequest
 

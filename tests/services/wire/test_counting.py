@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-
 from slopewise.services.wire.counting import Count, MessageOrder
 
 FAR = 2**53
