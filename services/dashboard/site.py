@@ -18,7 +18,7 @@ from prometheus_client import make_wsgi_app
 from slopewise.services.dashboard import metrics, view
 from slopewise.services.dashboard.board import Board
 from slopewise.services.dashboard.token import cookie, knows
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.report.limit_colours import limit_colours
 from slopewise.services.report.page import asset, page
 from slopewise.services.report.plan_data import relief
@@ -54,7 +54,7 @@ class Source:
     """Where the site takes things from; all may be asked from any thread."""
 
     status: Callable[[], ServiceStatus]
-    ground: Callable[[], KnownGround | None]
+    ground: Callable[[], MapSnapshot | None]
     board: Board
 
 

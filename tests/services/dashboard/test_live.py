@@ -19,8 +19,8 @@ from slopewise.services.client import PlanClient
 from slopewise.services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
 from slopewise.services.dashboard.server import PageServer, own_names
 from slopewise.services.dashboard.site import Site, Source
-from slopewise.services.planning.map_store import KnownGround
-from slopewise.services.settings.service import PageSettings
+from slopewise.services.planning.map_store import MapSnapshot
+from slopewise.services.settings.service_settings import PageSettings
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.messages import Parameters, ServiceStatus
@@ -257,7 +257,7 @@ def test_what_was_learned_is_shown(board: Board) -> None:
     site = Site(
         Source(
             status=lambda: status,
-            ground=lambda: KnownGround(ground, 1, time.monotonic()),
+            ground=lambda: MapSnapshot(ground, 1, time.monotonic()),
             board=board,
         ),
         own_names("127.0.0.1"),
