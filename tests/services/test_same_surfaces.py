@@ -120,9 +120,9 @@ def test_each_cell_of_a_map_is_of_the_same_class_to_all(
             class_names=list(ours.class_names),
         )
         store = MapStore()
-        assert store.take(update, "map")
-        assert store.ground is not None
-        np.testing.assert_array_equal(class_names_of(store.ground.elevation_map), theirs)
+        assert store.apply(update, "map")
+        assert store.snapshot is not None
+        np.testing.assert_array_equal(class_names_of(store.snapshot.elevation_map), theirs)
         np.testing.assert_array_equal(class_names_of(ground_of(update, None)), theirs)
 
 

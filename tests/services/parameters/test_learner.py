@@ -463,7 +463,7 @@ def test_a_source_that_counts_from_one_again_is_heard_after_a_few_messages_and_f
         "",
         "",
     ]
-    assert intake.notices.told() == ["terrain observations of a: the source counts anew"]
+    assert intake.notices.told() == ["terrain observations of a: the source restarted its count"]
 
 
 def test_a_sender_whose_machine_was_started_anew_is_heard_with_its_new_clock() -> None:
