@@ -23,12 +23,12 @@ from slopewise.models.errors import InputError
 from slopewise.services.planning.deadline_check import DeadlineError
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.planning.request_header import read_deadline, read_header
 from slopewise.services.planning.usage_meter import UsageMeter
 from slopewise.services.settings.service import ServiceConfig
 from slopewise.services.wire import codec, messages
 from slopewise.services.wire.endpoint import Endpoint
 from slopewise.services.wire.fair_queue import FULL, FairQueue, Waiting
+from slopewise.services.wire.message_header import read_deadline, read_header
 from slopewise.services.wire.messages import PlanReply, PlanRequest
 
 _log = logging.getLogger("slopewise")
