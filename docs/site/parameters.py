@@ -17,7 +17,7 @@ from slopewise.models.vehicle import Vehicle
 from slopewise.services.discovery import finding
 from slopewise.services.io.bags.topics import Channel, MapSource, PathSource
 from slopewise.services.ros.settings import EdgeSettings
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import messages, observations, parameter_messages
 from slopewise.services.wire.codec import schema_of
 

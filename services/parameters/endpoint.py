@@ -21,7 +21,7 @@ import zenoh
 
 from slopewise.services.parameters import replies
 from slopewise.services.parameters.service import REFUSED, ParameterService
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.endpoint import Endpoint, Handler

@@ -24,7 +24,7 @@ from slopewise.services.planning.deadline_check import DeadlineError
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.planning.usage_meter import UsageMeter
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec, messages
 from slopewise.services.wire.endpoint import Endpoint
 from slopewise.services.wire.fair_queue import FULL, FairQueue, Waiting

@@ -42,8 +42,12 @@ from slopewise.services.planning.request_validation import (
     validate_candidates,
     validate_request,
 )
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire.messages import PlanReply, PlanRequest, RankedCandidate
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.messages import (
+    PlanReply,
+    PlanRequest,
+    RankedCandidate,
+)
 
 _BATCH_SIZE = 64
 """Candidates planned together [1]; a request can be interrupted between batches only."""

@@ -19,7 +19,7 @@ from slopewise.planner.horizon.path_projection import locate
 from slopewise.planner.horizon.refusals import out_of_reach
 from slopewise.planner.path import EvenPath, batch, resample
 from slopewise.services.planning.deadline_check import DeadlineCheck, no_deadline
-from slopewise.services.settings.service import Sizes
+from slopewise.services.settings.service_settings import SizeLimits
 from slopewise.services.wire.messages import Path, PlanRequest, RankedCandidate
 
 _MIN_POINTS = 3
@@ -53,7 +53,7 @@ def rejection(name: str, reason: str) -> RankedCandidate:
     return RankedCandidate(name=name, usable=False, reason=reason)
 
 
-def validate_request(request: PlanRequest, sizes: Sizes, key: str) -> None:
+def validate_request(request: PlanRequest, sizes: SizeLimits, key: str) -> None:
     """Check a request as a whole.
 
     Raises:
@@ -75,7 +75,9 @@ def validate_request(request: PlanRequest, sizes: Sizes, key: str) -> None:
         raise InputError(key, "speed", expected)
 
 
-def validate_candidates(request: PlanRequest, sizes: Sizes, spacing: float, key: str) -> Validated:
+def validate_candidates(
+    request: PlanRequest, sizes: SizeLimits, spacing: float, key: str
+) -> Validated:
     """Check all candidates, without resampling them.
 
     Args:
@@ -151,7 +153,7 @@ def select_at_vehicle(
     )
 
 
-def _lengths(paths: Sequence[Path], sizes: Sizes) -> list[float | ParameterError]:
+def _lengths(paths: Sequence[Path], sizes: SizeLimits) -> list[float | ParameterError]:
     """Length of each polyline [m], or what is wrong with it.
 
     All together: separately, the calls of numpy would take longer than their work.

@@ -16,12 +16,12 @@ from slopewise.services.planning.request_validation import (
     validate_candidates,
     validate_request,
 )
-from slopewise.services.settings.service import Sizes
+from slopewise.services.settings.service_settings import SizeLimits
 from slopewise.services.wire.messages import Path, PlanRequest
 from tests.services.planning.plan_requests import answer, plan_service, straight
 from tests.services.service_process import fan
 
-SIZES = Sizes(candidates=3, points=50, stations=200)
+SIZES = SizeLimits(candidates=3, points=50, stations=200)
 POSE = (0.0, 0.0, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""The guard's session of zenoh, and its place among the processes of a machine."""
+"""The guard's zenoh session, and its priority on the machine."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.settings.tls_files import settle
 
 _PRIORITY = 20
+"""Above ordinary processes, below the kernel's own threads at 50 [SCHED_RR, 1 … 99]."""
 
 
-def hurry() -> bool:
-    """Ask for the processor before others; whether it was granted."""
+def request_realtime_priority() -> bool:
+    """Ask for the processor before other processes; return True if it was granted."""
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
     except (OSError, AttributeError):
@@ -25,10 +26,10 @@ def hurry() -> bool:
 
 
 def open_session(settings: GuardSettings) -> zenoh.Session:
-    """Meet others as the settings say.
+    """Connect as the settings require.
 
     Raises:
-        InputError: nobody is there, or zenoh refuses the settings.
+        InputError: no router answers, or zenoh refuses the settings.
     """
     ours = settings.zenoh
     try:

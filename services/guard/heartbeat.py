@@ -1,4 +1,4 @@
-"""Two processes that watch each other: a byte each way, again and again; silence is a fault."""
+"""Liveness of two processes that watch each other: a byte each way, silence is a fault."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import contextlib
 import socket
 import time
 
+_CHUNK = 4096
+"""Bytes that are read in one call [1]."""
 
-class Heart:
+
+class Heartbeat:
     """One end of a pair of sockets.
 
     Attributes:
@@ -15,14 +18,18 @@ class Heart:
     """
 
     def __init__(self, link: socket.socket, stall: float) -> None:
-        """``stall``: silence for so long is a fault [s]."""
+        """Watch a link; silence for longer than ``stall`` is a fault [s]."""
         link.setblocking(False)
         self._link, self._stall = link, stall
-        self._heard = time.monotonic()
         self.gone = False
+        self.reset()
+
+    def reset(self) -> None:
+        """Restart the timeout: the other end has only just begun."""
+        self._received = time.monotonic()
 
     def beat(self) -> None:
-        """Say that this end lives; never waits."""
+        """Send a byte; never blocks."""
         try:
             self._link.send(b".")
         except BlockingIOError:
@@ -30,26 +37,22 @@ class Heart:
         except OSError:
             self.gone = True
 
-    def silent(self) -> bool:
-        """Whether the other end has failed."""
+    def is_silent(self) -> bool:
+        """Return True if the other end has failed."""
         with contextlib.suppress(BlockingIOError):
-            while data := self._receive():
-                self._heard = time.monotonic()
-                if len(data) < 4096:
-                    break
-        return self.gone or time.monotonic() - self._heard > self._stall
+            while len(self._receive()) == _CHUNK:
+                pass
+        return self.gone or time.monotonic() - self._received > self._stall
 
     def _receive(self) -> bytes:
         try:
-            data = self._link.recv(4096)
+            data = self._link.recv(_CHUNK)
         except BlockingIOError:
             raise
         except OSError:
             data = b""
-        if not data:
+        if data:
+            self._received = time.monotonic()
+        else:
             self.gone = True
         return data
-
-    def reset(self) -> None:
-        """Count anew from now: the other end has only just begun."""
-        self._heard = time.monotonic()

@@ -14,55 +14,61 @@ from collections import Counter, OrderedDict, deque
 import zenoh
 
 from slopewise.services.guard.core import Guard
-from slopewise.services.guard.ground import GuardGround, ground_of
-from slopewise.services.guard.zenoh_wire import format_of
+from slopewise.services.guard.guard_map import GuardMap, apply_update
+from slopewise.services.guard.zenoh_transport import format_of
 from slopewise.services.wire import codec
 from slopewise.services.wire.messages import MapUpdate
 from slopewise.services.wire.parameter_messages import ParameterGroup
 
 _log = logging.getLogger("slopewise")
+
 LOST = "a map patch was lost; waiting for a whole map"
+"""Reason why there is no ground after a lost patch."""
+
 MAX_WAITING = 32
-"""Map updates that may wait to be read."""
+"""Map updates that may wait to be read: some seconds of patches [1]."""
 
 _MAX_GROUPS, _MAX_SOURCES = 64, 64
-_LARGEST = 256_000_000
-"""Size of an update [bytes]."""
+"""Parameter groups that may wait, and senders of maps whose numbers are known [1]."""
+
+_MAX_BYTES = 256_000_000
+"""Size of an update: a whole map of 32 million cells [bytes]."""
 
 
 class KnownMap:
-    """The map as its updates leave it.
+    """Map that its updates result in.
 
     Attributes:
-        ground: None before the first whole map, and after a lost update until the next one.
-        reason: why it is missing, as text. counters: of updates.
+        map: None before the first whole map, and after a lost update until the next one.
+        reason: reason why it is missing, as text.
+        counters: of updates.
     """
 
-    def __init__(self, ground: GuardGround | None) -> None:
-        """Begin with a map, or with none."""
-        self.ground, self.reason = ground, ""
+    def __init__(self, known: GuardMap | None) -> None:
+        """Begin with a map, or without one."""
+        self.map, self.reason = known, ""
         self.counters: Counter[str] = Counter()
         self._last: OrderedDict[tuple[str, str], int] = OrderedDict()
 
     def lose(self, count: int = 1, reason: str = LOST) -> None:
-        """Some updates are lost: what they would have changed is not known."""
+        """Discard the map: some updates of it are lost."""
         self.counters["map updates lost"] += count
-        self.ground, self.reason = None, reason
+        self.map, self.reason = None, reason
 
     def take(self, update: MapUpdate) -> None:
-        """Apply an update; a patch before which others may be missing loses the ground.
+        """Apply an update; a patch before which others may be missing discards the map.
 
         Raises:
-            ParameterError: it is no ground, or does not fit what is known.
+            ParameterError: the update is not a map, or does not fit the known one.
         """
         sender = update.source, update.instance
         last = self._last.pop(sender, None)
         is_restarted = last is None and any(source == sender[0] for source, _ in self._last)
         self._last[sender] = update.sequence
-        while len(self._last) > _MAX_SOURCES:
+        if len(self._last) > _MAX_SOURCES:
             self._last.popitem(last=False)
         if not update.patch:
-            self.ground, self.reason = ground_of(update, None), ""
+            self.map, self.reason = apply_update(update, None), ""
         elif update.sequence == last:
             self.counters["map patches repeated"] += 1
         elif last is not None and update.sequence != last + 1:
@@ -72,21 +78,21 @@ class KnownMap:
         elif last is None and (update.sequence > 1 or is_restarted):
             self.lose()  # at least the one before it
         else:
-            self.ground = ground_of(update, self.ground)
+            self.map = apply_update(update, self.map)
 
 
-class Updates:
-    """Subscribes to maps and parameters, and hands them over to the guard."""
+class MapUpdates:
+    """Subscriptions to maps and parameters, and their hand-over to the guard."""
 
-    def __init__(self, session: zenoh.Session, namespace: str, ground: GuardGround | None) -> None:
+    def __init__(self, session: zenoh.Session, namespace: str, known: GuardMap | None) -> None:
         """Subscribe; :meth:`open` begins to read."""
-        self._map, self._key = KnownMap(ground), f"{namespace}/v1/map"
+        self._known, self._key = KnownMap(known), f"{namespace}/v1/map"
         self._maps: deque[zenoh.Sample] = deque()
         self._groups: OrderedDict[str, zenoh.Sample] = OrderedDict()
         self._lost, self._closed = 0, False
         self._news = threading.Condition()
         self._new_groups: list[ParameterGroup] = []
-        self._new_map: tuple[GuardGround | None, str, dict[str, int]] | None = None
+        self._new_map: tuple[GuardMap | None, str, dict[str, int]] | None = None
         self._declared = [
             session.declare_subscriber(self._key, self._on_map),
             session.declare_subscriber(f"{namespace}/v1/params/*", self._on_group),
@@ -98,7 +104,7 @@ class Updates:
         self._reader.start()
 
     def close(self) -> None:
-        """Leave what waits."""
+        """Discard waiting updates."""
         for declared in self._declared:
             declared.undeclare()
         with self._news:
@@ -106,7 +112,7 @@ class Updates:
             self._news.notify_all()
 
     def take(self, guard: Guard) -> None:
-        """Hand over what is new; called by the thread that decides, waits for no reading."""
+        """Hand over what is new; called by the deciding thread, never waits for the reader."""
         with self._news:
             groups, self._new_groups = self._new_groups, []
             new_map, self._new_map = self._new_map, None
@@ -134,7 +140,7 @@ class Updates:
     def _on_group(self, sample: zenoh.Sample) -> None:
         with self._news:
             self._groups[str(sample.key_expr)] = sample
-            while len(self._groups) > _MAX_GROUPS:
+            if len(self._groups) > _MAX_GROUPS:
                 self._groups.popitem(last=False)
             self._news.notify_all()
 
@@ -156,7 +162,7 @@ class Updates:
         raw = sample.payload.to_bytes()
         encoding = codec.encoding_of(ParameterGroup, format_of(raw))
         try:
-            group = codec.decode(ParameterGroup, raw, encoding, key, _LARGEST)
+            group = codec.decode(ParameterGroup, raw, encoding, key, _MAX_BYTES)
         except Exception as error:  # noqa: BLE001 - logged; maps need this thread
             _log.warning("%s: %s", key, error)
             return
@@ -166,13 +172,14 @@ class Updates:
     def _read_map(self, sample: zenoh.Sample, lost: int) -> None:
         if lost:
             _log.warning("%s: %d updates were lost: %s", self._key, lost, LOST)
-            self._map.lose(lost)
+            self._known.lose(lost)
         try:
             raw, encoding = sample.payload.to_bytes(), str(sample.encoding)
-            self._map.take(codec.decode(MapUpdate, raw, encoding, self._key, _LARGEST))
+            self._known.take(codec.decode(MapUpdate, raw, encoding, self._key, _MAX_BYTES))
         except Exception as error:  # noqa: BLE001 - logged, and the ground is unknown
-            # Ground that could not be read may differ from what is known.
+            # Ground that could not be read may differ from the known map.
             _log.warning("%s: %s", self._key, error)
-            self._map.lose(reason=self._map.reason)
+            self._known.lose(reason=self._known.reason)
+        known = self._known
         with self._news:
-            self._new_map = self._map.ground, self._map.reason, dict(self._map.counters)
+            self._new_map = known.map, known.reason, dict(known.counters)

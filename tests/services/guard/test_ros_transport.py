@@ -10,13 +10,14 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
+
 from slopewise.services.guard.core import Guard
-from slopewise.services.guard.ros_wire import RosWire
+from slopewise.services.guard.ros_transport import RosTransport
 from slopewise.services.guard.settings import GuardRos, GuardSettings, GuardTiming
 from slopewise.services.ros.node import Node
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
-from tests.services.guard.test_decide import FLAT, MODEL
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
+from tests.services.guard.guard_fixtures import FLAT, MODEL
 from tests.services.ros.test_drive_samples import command
 from tests.services.ros.test_late_odometry import stamped
 
@@ -29,7 +30,7 @@ def test_header_stamps_are_read(late: float) -> None:
     )
     guard = Guard(settings, MODEL, FLAT)
     with zenoh.open(zenoh_config(ZenohSettings(mode="peer", listen=()))) as session:
-        wire = RosWire(session, settings.ros)
+        transport = RosTransport(session, settings.ros)
         with Node(session, 0, "/", "robot") as node:
             odom = node.publisher("odom", "nav_msgs/msg/Odometry")
             twist = node.publisher("cmd_vel_nav", "geometry_msgs/msg/TwistStamped")
@@ -39,8 +40,9 @@ def test_header_stamps_are_read(late: float) -> None:
             odom.send(stamped(1.0, time.time() - late))
             twist.send(unfilled)
             time.sleep(0.2)
-            wire.take(guard, wire.inbox.take(wire.topics, time.monotonic() + 5.0))
-        wire.close()
+            inbox = transport.inbox
+            transport.take(guard, inbox.take(transport.topics, time.monotonic() + 5.0))
+        transport.close()
     now = time.monotonic()
     assert guard.stamps() == {"command": "none", "odometry": "shared clock"}
     assert late < guard.motions.age(now) < late + 1.0

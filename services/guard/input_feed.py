@@ -1,4 +1,4 @@
-"""One thing that the guard hears: how old it is, and whether it is new at all."""
+"""One input of the guard: its newest value, how old that is, and whether it is new at all."""
 
 from __future__ import annotations
 
@@ -12,20 +12,26 @@ from slopewise.services.wire.lateness import ARRIVAL, Lateness, WallClock
 from slopewise.services.wire.sender_clock import RECOVERY
 
 T = TypeVar("T")
-_MOST_SENDERS = 16
+
+_MAX_SENDERS = 16
+"""Senders of one input whose clocks are followed; beyond, the one silent for longest goes [1]."""
+
 _LATE = 0.5
 """Share of the deadline from which a message that arrives late is reported [1]."""
 
 
 @dataclass(slots=True)
-class Feed(Generic[T]):
-    """The newest of one kind, as long as it is fresh.
+class InputFeed(Generic[T]):
+    """Newest value of one input, while it is fresh.
 
     Attributes:
-        name: for messages. deadline: age beyond which the newest is void [s].
-        counters: of the guard. max_latency, wall, uses_stamps: of :class:`Lateness`.
-        newest: age of the newest message. has_messages: one was taken since the start.
-        refused: why the newest was discarded, as text; empty: it was not, or no reason is known.
+        name: in messages.
+        deadline: age beyond which the newest value is void [s].
+        counters: events, shared with the guard.
+        max_latency, wall, uses_stamps: see :class:`Lateness`.
+        newest: age of the newest message.
+        has_messages: one was accepted since the start.
+        rejection: reason why the newest message was discarded, empty if it was not.
     """
 
     name: str
@@ -36,16 +42,16 @@ class Feed(Generic[T]):
     uses_stamps: bool = True
     newest: Lateness = field(init=False)
     has_messages: bool = False
-    refused: str = ""
+    rejection: str = ""
     _value: T | None = None
     _at: float = -math.inf
     _senders: dict[str, Lateness] = field(default_factory=dict)
     _events: dict[str, tuple[float, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.newest = self._begin()
+        self.newest = self._new_sender()
 
-    def _begin(self, late: float = 0.0) -> Lateness:
+    def _new_sender(self, late: float = 0.0) -> Lateness:
         return Lateness(self.max_latency, self.wall, uses_stamps=self.uses_stamps, late=late)
 
     def take(
@@ -62,35 +68,33 @@ class Feed(Generic[T]):
         again: it may have been restarted, or a message of the past is repeated.
 
         Args:
-            value: of the message. now: its arrival, monotonic [s].
-            sender, sequence: who numbered it, and how. time: its stamp on the sender's clock [s].
+            now: arrival, monotonic [s].
+            time: stamp on the sender's clock [s].
         """
-        lateness = self._senders.pop(sender, None) or self._begin(self.newest.late)
+        lateness = self._senders.pop(sender, None) or self._new_sender(self.newest.late)
         self._senders[sender] = lateness
-        while len(self._senders) > _MOST_SENDERS:
+        if len(self._senders) > _MAX_SENDERS:
             self._senders.pop(next(iter(self._senders)))
         last = lateness.number
         is_old = sequence is not None and last is not None and sequence <= last
+        is_recent = now - self._at <= self.deadline
         try:
-            if (is_old and now - self._at <= self.deadline) or not lateness.take(
-                time, now, sequence
-            ):
+            if (is_old and is_recent) or not lateness.take(time, now, sequence):
                 self.counters[f"{self.name} repeated or late"] += 1
                 return False
         except ParameterError as error:
             self.drop(f"{self.name} rejected: stamp: expected {error.expected}", now)
-            self._record("refused stamp", now, self.refused)
+            self._record("refused stamp", now, self.rejection)
             return False
         if sequence is not None and last is not None and sequence > last + 1:
             self.counters[f"{self.name} lost"] += sequence - last - 1
         self.newest, self._value, self._at = lateness, value, now
-        self.has_messages, self.refused = True, ""
+        self.has_messages, self.rejection = True, ""
         self.counters[self.name] += 1
-        self._notice(lateness, now)
+        self._check_clocks(lateness, now)
         return True
 
-    def _notice(self, lateness: Lateness, now: float) -> None:
-        """Record what the status has to report of the newest message."""
+    def _check_clocks(self, lateness: Lateness, now: float) -> None:
         if lateness.repeated:
             self._record("repeated stamp", now, f"stamps of {self.name} are repeated")
         if lateness.stepped == now:
@@ -104,24 +108,24 @@ class Feed(Generic[T]):
         self._events[kind] = now, text
         self.counters[f"{self.name}: {kind}"] += 1
 
-    def flags(self, now: float) -> list[str]:
-        """What is wrong with stamps and delay, or was within :data:`RECOVERY`."""
-        found = [text for at, text in self._events.values() if now - at <= RECOVERY]
+    def warnings(self, now: float) -> list[str]:
+        """Faults of stamps and delay, now or within :data:`RECOVERY`."""
+        texts = [text for at, text in self._events.values() if now - at <= RECOVERY]
         if self.has_messages and self.newest.stamps == ARRIVAL:
             basis = "has no stamps" if self.uses_stamps else "is used without its stamps"
-            found.append(f"{self.name} {basis}: its delay is taken as {self.max_latency:g} s")
-        return found
+            texts.append(f"{self.name} {basis}: its delay is taken as {self.max_latency:g} s")
+        return texts
 
     def drop(self, reason: str = "", at: float = -math.inf) -> None:
-        """Discard the newest: a message that came ``at`` [s] and is unusable replaces it."""
-        self._value, self.refused, self._at = None, reason, max(self._at, at)
+        """Discard the newest value, because of an unusable message that came ``at`` [s]."""
+        self._value, self.rejection, self._at = None, reason, max(self._at, at)
 
     def age(self, now: float) -> float:
-        """Age of the newest, as far as stamps and arrival show it [s]; inf if none came."""
+        """Age of the newest value as far as stamps and arrival show it; inf without one [s]."""
         return self.newest.age(now)
 
     def bound(self, now: float) -> float:
-        """Age of the newest that is not exceeded, if clocks or delay are as declared [s]."""
+        """Age of the newest value that is not exceeded if clocks or delay are as declared [s]."""
         return self.newest.bound(now)
 
     def is_arriving(self, now: float) -> bool:
@@ -129,12 +133,12 @@ class Feed(Generic[T]):
         return now - self._at <= self.deadline
 
     def fresh(self, now: float) -> T | None:
-        """The newest, unless it is void."""
+        """Newest value, unless it is void."""
         return self._value if self.age(now) <= self.deadline else None
 
     def missing(self, now: float) -> str:
-        """Reason why there is no fresh value, "" where there is."""
+        """Reason why there is no fresh value, "" where there is one."""
         if self._value is None:
-            return self.refused or f"no {self.name}"
-        old = self.newest.objection(now, self.deadline)
-        return old and f"{self.name} is {old}"
+            return self.rejection or f"no {self.name}"
+        age = self.newest.objection(now, self.deadline)
+        return age and f"{self.name} is {age}"
