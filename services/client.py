@@ -1,4 +1,4 @@
-"""What a robot's stack needs to ask for plans: this file, `messages.py`, `codec.py`, `errors.py`.
+"""Client of a robot's stack; it needs this file, `plan_messages.py`, `codec.py`, `errors.py`.
 
 There is always an answer in time. Where none comes from the service, or none that is a plan, it is
 the client's own: brake, as hard as the brakes can, and how the speed will go down meanwhile.
@@ -15,9 +15,9 @@ import numpy as np
 import zenoh
 
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.wire import codec, messages
+from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import MapUpdate, Path, PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import MapUpdate, Path, PlanReply, PlanRequest
 
 _LARGEST_REPLY = 256_000_000
 _SAMPLES = 50
@@ -178,7 +178,7 @@ class PlanClient:
 
 def _objection(reply: PlanReply, request: PlanRequest) -> str:
     """Why a reply is nothing to drive by, empty if it is."""
-    if reply.status in (messages.BUSY, messages.ERROR):
+    if reply.status in (plan_messages.BUSY, plan_messages.ERROR):
         return f"{reply.status}: {reply.reason}"
     if reply.sequence != request.sequence:
         return f"the answer is to question {reply.sequence}, not {request.sequence}"

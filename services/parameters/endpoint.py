@@ -29,7 +29,7 @@ from slopewise.services.wire.fair_queue import FairQueue, Waiting
 from slopewise.services.wire.message_header import read_source
 from slopewise.services.wire.observations import (
     DriveSamples,
-    Receipt,
+    ObservationAck,
     StopObservation,
     TerrainLabel,
 )
@@ -250,9 +250,11 @@ class ParameterEndpoint:
         if receipt.status in (REFUSED, "error"):
             _log.info("%s: %s", key, receipt.reason)
 
-    def _failed(self, reason: str) -> Receipt:
+    def _failed(self, reason: str) -> ObservationAck:
         log = self._service.log
-        return Receipt(status="error", reason=reason, version=log.version, durable=log.durable)
+        return ObservationAck(
+            status="error", reason=reason, version=log.version, durable=log.durable
+        )
 
     def _findings(self, query: zenoh.Query) -> None:
         request = self._handler(DiscrepancyQuestion, replies.findings, DiscrepancyQuestion())

@@ -11,11 +11,11 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.ranking import ranking_cost
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.wire.messages import (
+from slopewise.services.wire.plan_messages import (
     PLAN_COLUMNS,
     Deviation,
     Limit,
-    Met,
+    ObstacleMessage,
     Plan,
     RankedCandidate,
     WireCommand,
@@ -138,10 +138,10 @@ def _deviation(plan: SpeedPlan) -> Deviation | None:
     )
 
 
-def _obstacle(obstacle: Obstacle | None) -> Met | None:
+def _obstacle(obstacle: Obstacle | None) -> ObstacleMessage | None:
     if obstacle is None:
         return None
-    return Met(
+    return ObstacleMessage(
         bound=obstacle.bound.label,
         x=float(obstacle.x),
         y=float(obstacle.y),

@@ -43,7 +43,7 @@ from slopewise.services.planning.request_validation import (
     validate_request,
 )
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.messages import (
+from slopewise.services.wire.plan_messages import (
     PlanReply,
     PlanRequest,
     RankedCandidate,

@@ -31,7 +31,7 @@ from slopewise.services.guard.guard_model import brake_table, read_guard_model
 from slopewise.services.io.maps.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 from tests.services.command_line import here, one_line_of
 
 ATV = read_model(find_model("atv"))

@@ -11,7 +11,7 @@ from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.service_settings import Planning, ServiceConfig
-from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import Path, PlanReply, PlanRequest
 from tests.services.service_process import flat
 
 ATV = read_model(find_model("atv"))

@@ -20,9 +20,9 @@ from slopewise.services.io.path_file import write_paths_csv
 from slopewise.services.io.plan_file import read_plan_csv
 from slopewise.services.parameters.limits_group import LimitsGroup
 from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire import codec, messages
+from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 from tests.services.command_line import here, one_line_of
 from tests.services.planning.plan_requests import flat_snapshot, plan_service
 
@@ -44,7 +44,7 @@ def asked(client: str = "") -> PlanReply:
         speed=0.0,
         client=client,
         pose=(0.0, 0.0, 0.4) if client else None,
-        paths=[messages.Path(name=name, points=points) for name, points in paths],
+        paths=[plan_messages.Path(name=name, points=points) for name, points in paths],
     )
     return plan_service().answer(request, flat_snapshot(), "plan")
 

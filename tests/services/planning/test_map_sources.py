@@ -7,7 +7,7 @@ import pytest
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 
 
 def update(sequence: int, height: float = 0.0, **more: object) -> MapUpdate:

@@ -17,8 +17,8 @@ from slopewise.services.io.model_file import find_model, model_sha256, read_mode
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.messages import PlanReply, PlanRequest, ServiceStatus
+from slopewise.services.wire.plan_messages import Path as Candidate
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest, ServiceStatus
 from tests.services.service_process import Running, fan, flat, running
 
 LARGEST = 10**8

@@ -17,7 +17,7 @@ from slopewise.services.planning.request_validation import (
     validate_request,
 )
 from slopewise.services.settings.service_settings import SizeLimits
-from slopewise.services.wire.messages import Path, PlanRequest
+from slopewise.services.wire.plan_messages import Path, PlanRequest
 from tests.services.planning.plan_requests import answer, plan_service, straight
 from tests.services.service_process import fan
 

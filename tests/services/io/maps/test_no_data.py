@@ -25,7 +25,7 @@ from slopewise.services.io.maps.map_file import read_map
 from slopewise.services.io.maps.no_data import known_heights, nodata_of
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 from tests.services.faults import real_data
 from tests.services.io.maps.test_map_file import geotiff, npz
 
