@@ -18,7 +18,7 @@ from slopewise.services.discovery import finding
 from slopewise.services.io.bags.topics import Channel, MapSource, PathSource
 from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire import observations, parameter_messages
+from slopewise.services.wire import observations, parameter_messages, plan_messages
 from slopewise.services.wire.codec import schema_of
 
 _HEAD = "| key | unit and range | default | what |\n|---|---|---|---|\n"

@@ -95,7 +95,7 @@ class ModelProposal(Message, frozen=True):
 
     @property
     def obstacle(self) -> str:
-        """Reason for which no operator can adopt it; "" where there is none."""
+        """Reason for which no operator can adopt it, empty without one."""
         if not self.changes:
             return "nothing to adopt"
         able = self.slower or self.valid
