@@ -26,14 +26,14 @@ import zenoh
 from slopewise.models.errors import InputError
 from slopewise.services.daemon import allocator, systemd, warm_up
 from slopewise.services.daemon.quiet_log import NowAndThen
-from slopewise.services.dashboard.board import Board
-from slopewise.services.dashboard.parameter_board import ParameterBoard
+from slopewise.services.dashboard.live_state import LiveState
+from slopewise.services.dashboard.parameter_state import ParameterFeed
 from slopewise.services.io.access import read_text
 from slopewise.services.io.maps.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.active_parameters import ActiveParameters, with_max_speed
 from slopewise.services.parameters.endpoint import ParameterEndpoint
-from slopewise.services.parameters.in_use import ParametersInUse, slowed
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.planning.cold_start import compile_first
 from slopewise.services.planning.map_endpoint import MapEndpoint
 from slopewise.services.planning.map_store import MapStore
@@ -70,15 +70,15 @@ class Service:
             read_map(Path(config.map)) if config.map else None, Path(config.map).name
         )
         prior = read_model(find_model(config.model))
-        self.plans = PlanService(config, ParametersInUse(prior))
+        self.plans = PlanService(config, ActiveParameters(prior))
         self.parameters = ParameterService(
             config, prior, self._map_names_surfaces, self.plans.learn, self._surfaces_on_the_map
         )
         self.counters: Counter[str] = Counter()
-        self.board = Board()
+        self.board = LiveState()
         self._neighbours = Neighbours()
         self._questions = PlanEndpoint(
-            config, self.plans, self.maps, self.counters, self.board.planned
+            config, self.plans, self.maps, self.counters, self.board.set_plan
         )
         self._updates = MapEndpoint(config, self.maps, self.counters)
         self._stopped = threading.Event()
@@ -106,7 +106,7 @@ class Service:
             config,
             self.parameters,
             self.counters,
-            ParameterBoard(self.parameters, self.board, config),
+            ParameterFeed(self.parameters, self.board, config),
         )
         self._page = self._open_page()
         self._questions.open()
@@ -168,7 +168,7 @@ class Service:
             ],
             degraded=[*self.parameters.degraded(), *self.plans.degraded(ground)],
             instance=self._instance,
-            counters=dict(self.counters + self.parameters.told()),
+            counters=dict(self.counters + self.parameters.all_counters()),
             seconds=self._questions.seconds(),
         )
 
@@ -245,7 +245,7 @@ class Service:
         words = "learning hangs"
         if f"degraded: {words}" not in self.plans.parameters.flags:
             speed = self.config.learning.degraded_speed
-            self.plans.learn(slowed(self.plans.parameters, speed, words))
+            self.plans.learn(with_max_speed(self.plans.parameters, speed, words))
 
 
 def serve(

@@ -19,7 +19,7 @@ import zenoh
 
 from slopewise.models.errors import InputError
 from slopewise.services.parameters import replies
-from slopewise.services.parameters.service import REFUSED, ParameterService
+from slopewise.services.parameters.parameter_service import REFUSED, ParameterService
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
@@ -218,7 +218,7 @@ class ParameterEndpoint:
                 self._reply(item, key, receipt, codec.format_of(encoding))
 
     def _failed(self, reason: str) -> Receipt:
-        log = self._service.log
+        log = self._service.history
         return Receipt(status="error", reason=reason, version=log.version, durable=log.durable)
 
     def _findings(self, query: zenoh.Query) -> None:
@@ -248,7 +248,7 @@ class ParameterEndpoint:
             self._reply(query, base, self._read(query, "", encoding, base), written)
         else:
             # A pattern of groups: each answers with its own key.
-            for group in self._service.learner.names():
+            for group in self._service.learner.state.names():
                 if query.key_expr.intersects(f"{base}/{group}"):
                     reply = self._read(query, group, encoding, asked)
                     self._reply(query, f"{base}/{group}", reply, written)

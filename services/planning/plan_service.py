@@ -22,7 +22,7 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank, ranking_cost
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import KnownGround
 from slopewise.services.planning.pace import Costs, Pace, unhurried
 from slopewise.services.planning.plan_questions import (
@@ -55,7 +55,7 @@ _GONE_AFTER = 10.0
 class _Client:
     """A client's horizon; one question at a time."""
 
-    def __init__(self, horizon: Horizon, parameters: ParametersInUse) -> None:
+    def __init__(self, horizon: Horizon, parameters: ActiveParameters) -> None:
         self.lock = threading.Lock()
         self.asked, self.heard = 0, time.monotonic()
         self.horizon = horizon
@@ -65,7 +65,7 @@ class _Client:
 class PlanService:
     """Plans for many clients with one model; may be asked from several threads."""
 
-    def __init__(self, config: ServiceConfig, parameters: ParametersInUse) -> None:
+    def __init__(self, config: ServiceConfig, parameters: ActiveParameters) -> None:
         """Plan with these parameters until :meth:`learn` brings others."""
         self.config = config
         self.parameters = parameters
@@ -75,7 +75,7 @@ class PlanService:
         self._costs = Costs()
         self._newest: tuple[tuple[int, int], CandidatePlanner] | None = None
 
-    def learn(self, parameters: ParametersInUse) -> None:
+    def learn(self, parameters: ActiveParameters) -> None:
         """Plan with other parameters from the next question on."""
         self.parameters = parameters
 
@@ -150,7 +150,7 @@ class PlanService:
     def _go_on(
         self,
         request: PlanRequest,
-        parameters: ParametersInUse,
+        parameters: ActiveParameters,
         ground: KnownGround,
         usable: list[Usable],
     ) -> PlanReply:
@@ -186,7 +186,7 @@ class PlanService:
         stages = {f"planner.{stage}": s for stage, s in answer.seconds.items()}
         return _with(reply, ranking=ranking, kept=answer.kept, seconds=stages)
 
-    def _client(self, name: str, parameters: ParametersInUse) -> _Client:
+    def _client(self, name: str, parameters: ActiveParameters) -> _Client:
         with self._lock:
             known = self._clients.pop(name, None)
             if known is None:
@@ -217,7 +217,7 @@ class PlanService:
     def _stand_alone(
         self,
         request: PlanRequest,
-        parameters: ParametersInUse,
+        parameters: ActiveParameters,
         ground: KnownGround,
         usable: list[Usable],
         pace: Pace,
@@ -263,7 +263,7 @@ class PlanService:
         )
         return _with(reply, ranking=[*ranking, *refused])
 
-    def _planner(self, parameters: ParametersInUse) -> CandidatePlanner:
+    def _planner(self, parameters: ActiveParameters) -> CandidatePlanner:
         """The planner with these parameters; replaced as a whole, so that threads need no lock."""
         newest = self._newest
         if newest is None or newest[0] != parameters.identity:
@@ -272,7 +272,7 @@ class PlanService:
             newest = self._newest = (parameters.identity, planner)
         return newest[1]
 
-    def _survives(self, parameters: ParametersInUse) -> Uncertainty:
+    def _survives(self, parameters: ActiveParameters) -> Uncertainty:
         return parameters.uncertainty or self._uncertainty
 
     # ------------------------------------------------------------------ answers
@@ -280,7 +280,7 @@ class PlanService:
     def _reply(
         self,
         request: PlanRequest,
-        parameters: ParametersInUse,
+        parameters: ActiveParameters,
         ground: KnownGround | None,
         reason: str,
         status: Status = Status.DEGRADED,

@@ -7,7 +7,7 @@ import pytest
 
 from slopewise.planner.pipeline import candidates
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning import plan_questions
 from slopewise.services.planning.map_store import KnownGround, MapStore
 from slopewise.services.planning.plan_service import PlanService
@@ -26,7 +26,7 @@ def asked(service: PlanService, *paths: Path) -> PlanReply:
 
 def service_with(**planning: float) -> PlanService:
     config = ServiceConfig(model="atv", planning=Planning(**planning))  # type: ignore[arg-type]
-    return PlanService(config, ParametersInUse(read_model(find_model("atv"))))
+    return PlanService(config, ActiveParameters(read_model(find_model("atv"))))
 
 
 def with_clear(*clear: float | None) -> list[Path]:
