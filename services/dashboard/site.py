@@ -18,7 +18,7 @@ from prometheus_client import make_wsgi_app
 from slopewise.services.dashboard import prometheus_metrics, view
 from slopewise.services.dashboard.live_state import LiveState
 from slopewise.services.dashboard.token import cookie, has_valid_token
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.report.limit_colours import limit_colours
 from slopewise.services.report.page import asset, page
 from slopewise.services.report.plan_data import relief
@@ -58,7 +58,7 @@ class Source:
     """Content of the site; all may be called from any thread."""
 
     status: Callable[[], ServiceStatus]
-    ground: Callable[[], KnownGround | None]
+    ground: Callable[[], MapSnapshot | None]
     board: LiveState
 
 

@@ -28,7 +28,6 @@ from slopewise.services.parameters.stop_plausibility import (
 )
 from slopewise.services.parameters.stop_streams import StopStreams
 from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire.notices import Notices
 from slopewise.services.wire.observations import (
     DriveSamples,
     RobotObservation,
@@ -36,6 +35,7 @@ from slopewise.services.wire.observations import (
     TerrainLabel,
 )
 from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _REMEMBERED_STOPS = 200
 """Last stops that are compared with their predictions [1]; the live page shows 400."""
@@ -75,7 +75,7 @@ class Learner:
         self.stops: deque[LearnedStop] = deque(maxlen=_REMEMBERED_STOPS)
         self.counters: Counter[str] = Counter()
         self._rate = StopRateLimiter(file.vehicle, settings.stops_at_once)
-        self._notices = Notices()
+        self._warnings = RecentWarnings()
         self._streams = StopStreams(settings)
         self._last_surface = ""
 
@@ -110,7 +110,7 @@ class Learner:
     ) -> tuple[set[str], str]:
         if reason := contradiction(stop):
             self.counters["stops_contradictory"] += 1
-            self._notices.say(f"stops of {stop.source} contradict themselves")
+            self._warnings.add(f"stops of {stop.source} contradict themselves")
             return set(), NOT_LEARNED + reason
         measured = StreamedStop(
             now,
@@ -163,7 +163,7 @@ class Learner:
             surface, stop.onset_speed, stop.grade
         ):
             self.counters["stops_too_many"] += 1
-            self._notices.say("more stops came than the vehicle can make")
+            self._warnings.add("more stops came than the vehicle can make")
             return set(), f"{NOT_LEARNED}more stops than the vehicle can make"
         learned = forces.learn(stop, surface, source, distance)
         self.stops.append(learned)
@@ -217,7 +217,7 @@ class Learner:
 
     def flags(self) -> list[str]:
         """Warnings about learned parameters and about the senders of stops."""
-        return [*self.state.braking.forces.flags(), *self._notices.told()]
+        return [*self.state.braking.forces.flags(), *self._warnings.active()]
 
     def active(self) -> tuple[Model, float, float]:
         """The model to plan with, the age common to all of it, and the greatest age [s]."""

@@ -6,15 +6,19 @@ Duplicates and late ones change nothing, and everything that is excluded is coun
 from __future__ import annotations
 
 import zlib
-from collections import OrderedDict
 
 import msgspec
 import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.errors import InputError
-from slopewise.services.wire.counting import Count, MessageOrder
-from slopewise.services.wire.notices import Notices
+from slopewise.services.wire.arrival import (
+    SenderTable,
+    SequenceTracker,
+    StampCheck,
+    StampVerdict,
+    warn_of_order,
+)
 from slopewise.services.wire.observations import (
     DRIVE_COLUMNS,
     MORE_COLUMNS,
@@ -22,7 +26,7 @@ from slopewise.services.wire.observations import (
     RobotObservation,
     TerrainLabel,
 )
-from slopewise.services.wire.sender_clock import SenderClock
+from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _MAX_SOURCES = 1000
 """Sources whose numbers and clocks are remembered [1]; bounds memory."""
@@ -73,11 +77,12 @@ class ObservationFilter:
             seen: last sequence number of each source before this start.
         """
         self._early = early
-        self._counts = OrderedDict((name, Count(last)) for name, last in (seen or {}).items())
-        self._clocks: OrderedDict[str, SenderClock] = OrderedDict()
+        self._sequences = SenderTable[str, SequenceTracker](SequenceTracker, _MAX_SOURCES)
+        self._stamps = SenderTable[str, StampCheck](StampCheck, _MAX_SOURCES)
         self._last_digest: tuple[RobotObservation, int] | None = None
         self.jumped: dict[str, float] = {}
-        self.notices = Notices()
+        self.notices = RecentWarnings()
+        self.restore(seen or {})
 
     def check(self, kind: str, observation: RobotObservation, now: float) -> str:
         """Reason to exclude an observation: `duplicate`, `out_of_order`, `future`, `late`; or "".
@@ -85,58 +90,40 @@ class ObservationFilter:
         Args:
             kind: of observation. now: monotonic clock at its arrival [s].
         """
-        count = self._count(_name(kind, observation))
-        lead, source = observation.time - now, observation.source
-        order = count.judge(observation.sequence, self._digest(observation), lead)
-        backwards = f"{kind} observations of {source} count backwards: not learned from"
-        if not order.taken:
-            if order is MessageOrder.OLDER:
-                self.notices.say(backwards)
+        source, lead = observation.source, observation.time - now
+        what = f"{kind} observations of {source}"
+        sequence = self._sequences.of(_name(kind, observation))
+        order = sequence.classify(observation.sequence, self._digest(observation), lead)
+        if not order.is_accepted:
+            warn_of_order(self.notices, what, order, is_used=False)
             return order.value.replace(" ", "_")
-        reason = self._check_clock(source, lead, now)
-        if not reason and order is not MessageOrder.NEW:
-            self.notices.take_back(backwards)
-            self.notices.say(f"{kind} observations of {source}: the source {order.value}")
-        return reason
-
-    def _check_clock(self, source: str, lead: float, now: float) -> str:
-        clock = self._clocks.pop(source, None) or SenderClock()
-        self._clocks[source] = clock
-        while len(self._clocks) > _MAX_SOURCES:
-            self._clocks.popitem(last=False)
-        reason = clock.judge(lead, self._early)
-        if reason != "jumped":
-            return reason
-        self.jumped[source] = now
-        while len(self.jumped) > _MAX_JUMPED:
-            self.jumped.pop(next(iter(self.jumped)))
-        return ""
+        verdict = self._stamps.of(source).check(lead, self._early)
+        if verdict is StampVerdict.CLOCK_SET:
+            self.jumped[source] = now
+            while len(self.jumped) > _MAX_JUMPED:
+                self.jumped.pop(next(iter(self.jumped)))
+        is_used = verdict in (StampVerdict.PLAUSIBLE, StampVerdict.CLOCK_SET)
+        warn_of_order(self.notices, what, order, is_used=is_used)
+        return "" if is_used else verdict.value
 
     def accept(self, kind: str, observation: RobotObservation) -> dict[str, int]:
         """Record that it was processed; the numbers to store with its result."""
         name = _name(kind, observation)
-        self._count(name).take(observation.sequence, self._digest(observation))
+        self._sequences.of(name).accept(observation.sequence, self._digest(observation))
         return {name: observation.sequence}
 
     def restore(self, seen: dict[str, int]) -> None:
         """Continue from stored sequence numbers, where they are ahead."""
         for name, sequence in seen.items():
-            count = self._count(name)
-            if sequence > count.last:
-                count.take(sequence, 0)
+            known = self._sequences.of(name)
+            if sequence > known.last:
+                known.accept(sequence, 0)
 
     def _digest(self, observation: RobotObservation) -> int:
         """Digest of its content; one that is checked and then accepted is encoded once."""
         if self._last_digest is None or self._last_digest[0] is not observation:
             self._last_digest = (observation, _content(observation))
         return self._last_digest[1]
-
-    def _count(self, name: str) -> Count:
-        count = self._counts.pop(name, None) or Count()
-        self._counts[name] = count
-        while len(self._counts) > _MAX_SOURCES:
-            self._counts.popitem(last=False)
-        return count
 
 
 def _name(kind: str, observation: RobotObservation) -> str:

@@ -25,8 +25,8 @@ from slopewise.services.parameters.restore import ParameterRestorer
 from slopewise.services.parameters.store import StoreError
 from slopewise.services.parameters.stored_change import BootTime
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.notices import Notices
 from slopewise.services.wire.observations import DriveSamples, Receipt, RobotObservation
+from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _log = logging.getLogger("slopewise")
 
@@ -71,7 +71,7 @@ class ParameterService:
         self.investigator = Investigator(config.discrepancy, fingerprint(prior))
         self._missing: dict[str, str] = dict.fromkeys(settings.estimators, "is not alive")
         self._faults: list[str] = []
-        self.notices = Notices()
+        self.notices = RecentWarnings()
         self._refreshed = -math.inf
         self.counters: Counter[str] = Counter()
         self.changed: set[str] = set()
@@ -224,7 +224,7 @@ class ParameterService:
 
     def note_fault(self, what: str) -> None:
         """Flag for a while that one message failed; plans are unchanged."""
-        self.notices.say(f"{what} could not be treated: fault of the service, see its log")
+        self.notices.add(f"{what} could not be treated: fault of the service, see its log")
         self._update_flags()
 
     def fault(self, what: str) -> None:
@@ -268,7 +268,7 @@ class ParameterService:
         late = time.monotonic() - _FLAGGED_FOR
         clocks = [name for name, noticed in self._filter.jumped.items() if noticed > late]
         flags += [f"the clock of {name} was set" for name in clocks]
-        flags += [*self._filter.notices.told(), *self.notices.told()]
+        flags += [*self._filter.notices.active(), *self.notices.active()]
         learner = self.learner
         reasons = (learner.state.unsupported_reason, learner.ground.unsupported_reason)
         flags += [reason for reason in reasons if reason]

@@ -21,7 +21,7 @@ from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters import replies
 from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.parameters.parameter_service import ParameterService
-from slopewise.services.planning.map_store import KnownGround, MapStore
+from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.learning_settings import StoreSettings
 from slopewise.services.settings.service_settings import Planning, ServiceConfig, SizeLimits
@@ -109,7 +109,7 @@ class Desk:
         self.plans = PlanService(config, ActiveParameters(prior))
         self.parameters = ParameterService(config, prior, apply=self.plans.learn)
         heights = np.zeros((12, 16))
-        self.ground = KnownGround(
+        self.ground = MapSnapshot(
             ElevationMap(elevation=heights, resolution=0.5, origin=(-3.0, -3.0)),
             1,
             time.monotonic(),

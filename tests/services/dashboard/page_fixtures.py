@@ -11,7 +11,7 @@ from typing import Any
 from slopewise.services.dashboard.live_state import LiveState
 from slopewise.services.dashboard.server import PageServer, own_names
 from slopewise.services.dashboard.site import Site, Source
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.settings.service_settings import PageSettings
 from slopewise.services.wire.messages import Parameters, ServiceStatus
 from tests.services.service_process import free_port
@@ -35,7 +35,7 @@ def status(**changes: Any) -> ServiceStatus:
 
 @contextmanager
 def served(
-    page: LiveState, ground: KnownGround | None = None, token: str = "", **changes: Any
+    page: LiveState, ground: MapSnapshot | None = None, token: str = "", **changes: Any
 ) -> Iterator[str]:
     port = free_port()
     source = Source(status=lambda: status(**changes), ground=lambda: ground, board=page)

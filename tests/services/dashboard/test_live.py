@@ -17,7 +17,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.client import PlanClient
 from slopewise.services.dashboard.live_state import LiveState
 from slopewise.services.parameters.learned_stop import LearnedStop
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.messages import Path as Candidate
@@ -219,7 +219,7 @@ def stop_of(predicted: float, actual: float) -> LearnedStop:
 
 def test_parameters_stops_and_terrain_are_shown(page: LiveState) -> None:
     ground = ElevationMap(elevation=np.zeros((8, 9)), resolution=0.5, origin=(0.0, 0.0))
-    known = KnownGround(ground, 1, time.monotonic())
+    known = MapSnapshot(ground, 1, time.monotonic())
     with served(page, known, service=HOSTILE, flags=[HOSTILE], map_version=1, map_age=0.5) as url:
         shown = browser.text_of(url)
         stops = json.loads(get(f"{url}/learned")[2])["stops"]

@@ -19,7 +19,7 @@ from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.path_file import write_paths_csv
 from slopewise.services.io.plan_file import read_plan_csv
 from slopewise.services.parameters.limits_group import LimitsGroup
-from slopewise.services.planning.map_store import KnownGround, MapStore
+from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire import codec, messages
 from slopewise.services.wire.codec import Format
@@ -43,7 +43,7 @@ def slalom(amplitude: float, turn: float = 0.4) -> np.ndarray:
 def asked(client: str = "") -> PlanReply:
     store = MapStore()
     store.take(flat(), "map")
-    assert isinstance(store.ground, KnownGround)
+    assert isinstance(store.ground, MapSnapshot)
     paths = [("slalom", slalom(0.8)), ("gentle", slalom(0.05)), ("back", BACK)]
     request = PlanRequest(
         speed=0.0,

@@ -13,7 +13,7 @@ import pytest
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.active_parameters import ActiveParameters
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.service_settings import Planning, ServiceConfig
 from slopewise.services.wire.messages import Path as Candidate
@@ -33,12 +33,12 @@ def service(**planning: float) -> PlanService:
     return PlanService(config, ActiveParameters(ATV))
 
 
-def of_age(seconds: float, *, fixed: bool = False) -> KnownGround:
-    return KnownGround(FLAT, 1, time.monotonic() - seconds, fixed=fixed)
+def of_age(seconds: float, *, fixed: bool = False) -> MapSnapshot:
+    return MapSnapshot(FLAT, 1, time.monotonic() - seconds, fixed=fixed)
 
 
 def ask(
-    plans: PlanService, known: KnownGround, speed: float = 0.0, x: float = 0.0, client: str = ""
+    plans: PlanService, known: MapSnapshot, speed: float = 0.0, x: float = 0.0, client: str = ""
 ) -> PlanReply:
     along = np.linspace(0.0, 150.0, 300)
     path = Candidate(name="a", points=np.stack([along, 0.0 * along], axis=1))

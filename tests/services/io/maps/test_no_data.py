@@ -19,7 +19,7 @@ from slopewise.models.errors import InputError
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.cli.app import app
 from slopewise.services.fleet import windows
-from slopewise.services.guard.ground import ground_of
+from slopewise.services.guard.guard_map import apply_update
 from slopewise.services.io.maps.grid import footprint_margin
 from slopewise.services.io.maps.map_file import read_map
 from slopewise.services.io.maps.no_data import known_heights, nodata_of
@@ -290,7 +290,7 @@ def test_service_and_guard_know_the_same_of_whole_maps_and_patches(marker: float
     assert f"{marker:g}" in flag
     assert store.take(patch, "map")
     assert np.isnan(store.ground.elevation_map.elevation[:6, :6]).all()
-    guarded = ground_of(patch, ground_of(full, None))
+    guarded = apply_update(patch, apply_update(full, None))
     np.testing.assert_array_equal(guarded.elevation, store.ground.elevation_map.elevation)
 
 
