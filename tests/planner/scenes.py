@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from slopewise.services.check.plan_checker import check_plan_on_map
-from slopewise.services.check.external_plan import plan_of_columns
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
@@ -27,6 +25,8 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
+from slopewise.services.check.external_plan import plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
 from slopewise.services.io.plan_file import driven
 
@@ -224,7 +224,9 @@ def violations(
         jerk = smoothed and int(Limiting.JERK) in plan.limiting
     model = model_of(tables)
     out: dict[str, list[str]] = {}
-    for v in check_plan_on_map(plan_of_columns(driven(plan)), model, ground, clear=clear).violations:
+    for v in check_plan_on_map(
+        plan_of_columns(driven(plan)), model, ground, clear=clear
+    ).violations:
         # Under drive the front axle is bounded, and each side; a wheel that is on both is not.
         wheel = v.sentence.startswith("the lightest wheel")
         if not wheel and v.size > slack * TOLERANCES[v.kind].value:

@@ -19,7 +19,7 @@ from slopewise.planner.kernels.ahead import described
 from slopewise.planner.kernels.borrowing import Borrowing
 from slopewise.services.daemon import warm_up_requests
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.service_settings import ServiceConfig
 
@@ -57,7 +57,7 @@ def signatures_now() -> dict[str, list[Any]]:
     """Of a process that has planned nothing yet."""
     seconds = Seconds()
     event.register("numba:compile", seconds)
-    parameters = ParametersInUse(read_model(find_model("atv")))
+    parameters = ActiveParameters(read_model(find_model("atv")))
     warm_up_requests.run(PlanService(ServiceConfig(model="atv"), parameters))
     found = {
         name_of(kernel): _each_once(

@@ -17,7 +17,7 @@ import pytest
 import zenoh
 
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.learning_settings import StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config

@@ -10,10 +10,10 @@ import pytest
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Effect, Model
-from slopewise.services.dashboard.board import Board, FindingSeen
-from slopewise.services.dashboard.parameter_board import ParameterBoard
+from slopewise.services.dashboard.live_state import LiveState, ProposalEntry
+from slopewise.services.dashboard.parameter_state import ParameterFeed
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.learning_settings import StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
@@ -60,22 +60,22 @@ class Seen:
     def __init__(self, folder: Path | None, model: Model = FILE) -> None:
         store = StoreSettings(path="" if folder is None else str(folder / "p.sqlite"))
         config = ServiceConfig(model="atv", store=store)
-        self.service, self.board = ParameterService(config, model), Board()
-        self.shown = ParameterBoard(self.service, self.board, config)
+        self.service, self.board = ParameterService(config, model), LiveState()
+        self.shown = ParameterFeed(self.service, self.board, config)
 
     def offer(self, offer: ModelProposal) -> None:
-        self.service.learner.effects.offered(offer)
+        self.service.learner.propose(offer)
         self.service._commit({"effects"}, f"offered {offer.id}", offer.cause)
 
     @property
-    def finding(self) -> FindingSeen:
+    def finding(self) -> ProposalEntry:
         self.shown.show()
-        assert self.board.finding is not None
-        return self.board.finding
+        assert self.board.proposal is not None
+        return self.board.proposal
 
     def told(self) -> tuple[str, str, str, str]:
         one = self.finding
-        return one.state, one.words, one.purpose, one.command
+        return one.state, one.message, one.purpose, one.command
 
 
 def test_what_becomes_of_a_finding_is_told_with_the_command_for_what_comes_next(
@@ -83,7 +83,7 @@ def test_what_becomes_of_a_finding_is_told_with_the_command_for_what_comes_next(
 ) -> None:
     one = Seen(tmp_path)
     one.shown.show()
-    assert one.board.finding is None
+    assert one.board.proposal is None
     one.offer(made())
     adopts = "slopewise params --adopt offer1"
     assert one.told() == ("offered", "waits for an operator", "adopt it", adopts)
@@ -111,7 +111,7 @@ def test_what_becomes_of_a_finding_is_told_with_the_command_for_what_comes_next(
     other = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.38))
     one = Seen(tmp_path, other)
     one.shown.show()
-    assert one.board.finding is None
+    assert one.board.proposal is None
 
 
 def test_a_newer_finding_is_told_beside_the_one_in_use(tmp_path: Path) -> None:

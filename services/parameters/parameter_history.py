@@ -1,8 +1,8 @@
-"""Versions of parameters: each change gets the next one and goes to the store before it is told.
+"""Versions of parameters: each change gets the next one and is stored before it is published.
 
-Without a store, or while it cannot be written, everything goes on and is said not to be durable;
-what could not be written is written once that is possible again. The newest state is kept a second
-time, for the day on which the store is lost.
+Without a store, or while it cannot be written, learning continues and is reported as not durable;
+missing rows are written once that is possible again. The newest state is stored a second time, for
+the case that the store is lost.
 """
 
 from __future__ import annotations
@@ -15,60 +15,61 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 
-from slopewise.services.parameters.change import Moment, StoredChange
-from slopewise.services.parameters.group import State
+from slopewise.services.parameters.parameter_group import State
 from slopewise.services.parameters.store import Store, StoreError
 from slopewise.services.parameters.store_copy import StoreCopy, copy_path, read_copy, write_copy
+from slopewise.services.parameters.stored_change import BootTime, StoredChange
 from slopewise.services.settings.learning_settings import StoreSettings
 
 _log = logging.getLogger("slopewise")
 
-_COPY_EVERY = 1.0
-"""Shortest time between two writes of the second copy, which may lack what came since [s]."""
+_COPY_INTERVAL = 1.0
+"""Shortest time between two writes of the second copy [s], so that bursts of stops do not double
+the work of the disk; the copy may lack the changes of that time."""
 
 
 class Memory(Enum):
-    """Source of what is known from before this start."""
+    """Source of the parameters from before this start."""
 
     STORE = "the store, whole"
     COPY = "its second copy, with the newest state"
-    LOST = "nothing, although a store was there"
+    LOST = "nothing, although there was a store"
 
 
 @dataclass(frozen=True, slots=True)
-class Last:
-    """The last change of a group, as people are told of it."""
+class LastChange:
+    """The last change of a group."""
 
     version: int
     cause: str
     who: str
 
 
-class ParameterLog:
-    """Versions and history of one vehicle's parameters; one thread.
+class ParameterHistory:
+    """Versions and stored changes of one vehicle's parameters; one thread.
 
     Attributes:
-        version: of all parameters; 1 is the model file.
-        last: last change of each group.
-        memory: what is known of what was learned before.
+        version: version of all parameters; 1 is the model file.
+        last: last change of each group. notes: warnings about the store.
+        memory: source of the parameters from before this start.
     """
 
     def __init__(self, settings: StoreSettings, fingerprint: str) -> None:
-        """Open the store, if there is to be one."""
+        """Open the store, if the settings name one."""
         self._settings, self._fingerprint = settings, fingerprint
         self.version = 1
-        self.last: dict[str, Last] = {}
+        self.last: dict[str, LastChange] = {}
         self.notes: list[str] = []
         self.memory = Memory.STORE
-        self._store: Store | None = None
         self._path = Path(settings.path)
-        self._instead: StoreCopy | None = None
+        self._store: Store | None = None
+        self._substitute: StoreCopy | None = None
         self._newest_of: dict[tuple[str, str], StoredChange] = {}
-        self._copied = -_COPY_EVERY
+        self._copied = -_COPY_INTERVAL
         self._copy_due = False
         self._fault = self._copy_fault = ""
         self._unsaved: dict[str, StoredChange] = {}
-        self._unheard: dict[str, int] = {}
+        self._unsaved_sources: dict[str, int] = {}
         self._tried = time.monotonic()
         if settings.path:
             self._open()
@@ -78,13 +79,13 @@ class ParameterLog:
         was_there, copy = path.exists(), read_copy(path)
         store: Store | None = None
         try:
-            store = Store(path, most_bytes=int(1e6 * s.megabytes), most_changes=int(s.changes))
-            self._take_over(store, copy)
+            store = Store(path, max_bytes=int(1e6 * s.megabytes), max_changes=int(s.changes))
+            self._recover(store, copy)
         except StoreError as error:
             if store is not None:
                 store.close()
             # Until it can be opened, its copy is used.
-            self._instead = copy
+            self._substitute = copy
             if copy is not None:
                 self.memory = Memory.COPY
                 self.version = max([self.version, *(c.version for c in copy.changes)])
@@ -92,15 +93,15 @@ class ParameterLog:
                 self.memory = Memory.LOST
             self._fail(error)
             return
-        self._store, self._instead, self._fault, self._copy_due = store, None, "", True
+        self._store, self._substitute, self._fault, self._copy_due = store, None, "", True
         self._newest_of = {(c.fingerprint, c.group): c for c in store.latest()}
         self.version = max(self.version, store.last_version())
-        strangers = store.fingerprints() - {self._fingerprint}
-        if strangers and not store.groups(self._fingerprint):
+        strange = store.fingerprints() - {self._fingerprint}
+        if strange and not store.groups(self._fingerprint):
             self.notes.append("the stored parameters are of another vehicle: not used")
 
-    def _take_over(self, store: Store, copy: StoreCopy | None) -> None:
-        """Bring what only the copy holds into a store that was lost, or lost its last changes."""
+    def _recover(self, store: Store, copy: StoreCopy | None) -> None:
+        """Write the changes that only the copy holds to a store that lost them."""
         last = store.last_version()
         missing = [] if copy is None else [c for c in copy.changes if c.version > last]
         self.memory = Memory.STORE
@@ -122,28 +123,28 @@ class ParameterLog:
 
     @property
     def durable(self) -> bool:
-        """Everything up to now is on disk."""
-        return self._store is not None and not self._unsaved and not self._unheard
+        """True if all changes are on disk."""
+        return self._store is not None and not self._unsaved and not self._unsaved_sources
 
     @property
     def is_open(self) -> bool:
-        """There is a store to write to."""
+        """True if there is a store to write to."""
         return self._store is not None
 
     def flags(self) -> list[str]:
-        """What is not as it should be."""
+        """Warnings about the store."""
         flags = list(self.notes)
-        if self._fault or self._unsaved or self._unheard:
+        if self._fault or self._unsaved or self._unsaved_sources:
             flags.append(f"parameters are not kept: {self._fault or 'there is no store'}")
         if self._copy_fault:
             flags.append(f"parameters are kept once only: {self._copy_fault}")
         return flags
 
     def seen(self) -> dict[str, int]:
-        """Up to which sequence sources were heard, as far as that can be read."""
+        """Last stored sequence number of each source, empty if it cannot be read."""
         try:
             if self._store is None:
-                return {} if self._instead is None else dict(self._instead.seen)
+                return {} if self._substitute is None else dict(self._substitute.seen)
             return self._store.seen()
         except StoreError as error:
             self._fail(error)
@@ -164,52 +165,52 @@ class ParameterLog:
         *,
         seen: Mapping[str, int] | None = None,
         learned: bool = True,
-        moments: Mapping[str, Moment] | None = None,
+        moments: Mapping[str, BootTime] | None = None,
     ) -> None:
-        """Groups have changed together: the next version.
+        """Store groups that changed together as the next version.
 
         Args:
-            states: of the groups that changed. cause, who: in words.
-            seen: up to which sequence sources were heard with it.
-            learned: came by itself.
-            moments: when what the states hold was learned, if not now.
+            states: state of each group that changed. cause, who: reason, and source or operator.
+            seen: sequence numbers of sources that are stored with it.
+            learned: True if no operator made the change.
+            moments: times at which the states were learned, if not now.
         """
         self.version += 1
-        now = Moment.now()
+        now = BootTime.now()
         for group, state in states.items():
             data = json.dumps(state, allow_nan=False).encode()
             moment = (moments or {}).get(group, now)
             self._unsaved[group] = StoredChange(
                 self.version, group, self._fingerprint, cause, who, moment, data, learned
             )
-            self.last[group] = Last(self.version, cause, who)
-        self._unheard.update(seen or {})
-        self.save()
+            self.last[group] = LastChange(self.version, cause, who)
+        self._unsaved_sources.update(seen or {})
+        self._save()
 
-    def save(self) -> None:
+    def _save(self) -> None:
         """Write what is not on disk yet."""
         if not self._settings.path:
             self._unsaved.clear()
-            self._unheard.clear()
+            self._unsaved_sources.clear()
             return
         self._tried = time.monotonic()
         if self._store is None:
             return
         try:
-            self._store.write(list(self._unsaved.values()), self._unheard)
+            self._store.write(list(self._unsaved.values()), self._unsaved_sources)
         except StoreError as error:
             self._fail(error)
             return
         self._fault = ""
         self._newest_of.update({(c.fingerprint, c.group): c for c in self._unsaved.values()})
         self._unsaved.clear()
-        self._unheard.clear()
+        self._unsaved_sources.clear()
         self._copy_due = True
-        self._copy()
+        self._write_copy()
 
-    def _copy(self, *, at_once: bool = False) -> None:
-        """Write the second copy, if it is time to."""
-        late = at_once or time.monotonic() - self._copied >= _COPY_EVERY
+    def _write_copy(self, *, force: bool = False) -> None:
+        """Write the second copy, if it is due."""
+        late = force or time.monotonic() - self._copied >= _COPY_INTERVAL
         if self._store is None or not self._copy_due or not late:
             return
         self._copied = time.monotonic()
@@ -222,8 +223,8 @@ class ParameterLog:
         self._copy_due, self._copy_fault = False, ""
 
     def retry(self) -> bool:
-        """Try again what failed, if it is time to; True if a store is there that was not before."""
-        self._copy()
+        """Repeat what failed, if it is due; True if the store could be opened only now."""
+        self._write_copy()
         if time.monotonic() - self._tried < self._settings.retry or not self._settings.path:
             return False
         opened = False
@@ -233,20 +234,20 @@ class ParameterLog:
             if self._store is None:
                 return False
             opened = True
-            # What another process wrote meanwhile keeps its numbers.
+            # Versions that another process wrote meanwhile stay unique.
             self.version += 1
             self._unsaved = {
                 group: replace(change, version=self.version)
                 for group, change in self._unsaved.items()
             }
-        if self._unsaved or self._unheard or self._fault:
-            self.save()
+        if self._unsaved or self._unsaved_sources or self._fault:
+            self._save()
         return opened
 
     def close(self) -> None:
-        """Let the store go."""
+        """Write the copy and close the store."""
         if self._store is not None:
-            self._copy(at_once=True)
+            self._write_copy(force=True)
             try:
                 self._store.close()
             except StoreError as error:
@@ -255,15 +256,15 @@ class ParameterLog:
     # ------------------------------------------------------------------ reading
 
     def groups(self) -> list[str]:
-        """Groups of this vehicle that changed at some time.
+        """Groups of this vehicle that were ever changed.
 
         Raises:
             StoreError: there is no store, or it cannot be read.
         """
-        if self._instead is not None:
-            changes = self._instead.changes
+        if self._substitute is not None:
+            changes = self._substitute.changes
             return sorted({c.group for c in changes if c.fingerprint == self._fingerprint})
-        return self._there().groups(self._fingerprint)
+        return self._opened().groups(self._fingerprint)
 
     @property
     def damaged(self) -> set[str]:
@@ -273,8 +274,8 @@ class ParameterLog:
     def newest(
         self, group: str, up_to: int | None = None
     ) -> Iterator[tuple[StoredChange, State | None]]:
-        """Changes of a group from the newest back with their states, those that can be read."""
-        for change in self._newest(group, up_to):
+        """Changes of a group with their states, newest first; unreadable ones are skipped."""
+        for change in self._changes(group, up_to):
             try:
                 state = json.loads(change.state)
             except ValueError:
@@ -282,21 +283,21 @@ class ParameterLog:
             if state is None or isinstance(state, dict):
                 yield change, state
 
-    def _newest(self, group: str, up_to: int | None) -> Iterator[StoredChange]:
-        if self._instead is None:
-            return self._there().newest(self._fingerprint, group, up_to)
+    def _changes(self, group: str, up_to: int | None) -> Iterator[StoredChange]:
+        if self._substitute is None:
+            return self._opened().newest(self._fingerprint, group, up_to)
         known = (group, self._fingerprint)
-        return iter([c for c in self._instead.changes if (c.group, c.fingerprint) == known])
+        return iter([c for c in self._substitute.changes if (c.group, c.fingerprint) == known])
 
     def knows(self, version: int) -> bool:
-        """Whether there is a change of this vehicle with that version, or it is the model file."""
-        return self._there().has(self._fingerprint, version) or version == 1
+        """Return True if the version is a stored change of this vehicle, or the model file."""
+        return self._opened().has(self._fingerprint, version) or version == 1
 
-    def _there(self) -> Store:
+    def _opened(self) -> Store:
         if self._store is None:
             raise StoreError(self._fault or "there is no store")
         return self._store
 
-    def history(self, group: str, most: int) -> list[StoredChange]:
-        """Changes of a group, or of all, newest first."""
-        return self._there().history(group, most)
+    def entries(self, group: str, count: int) -> list[StoredChange]:
+        """Last changes of a group, or of all, newest first."""
+        return self._opened().history(group, count)

@@ -1,4 +1,4 @@
-"""What one look at the stored stops comes to, and the model that an offer stands for."""
+"""Result of one investigation of the stored stops, and the model of a proposal."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from slopewise.services.io.model_file import model_from_dict
 from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.plan_messages import Message
 
-_SURE = ("missing_effect", "parameter_drift")
+_CONCLUSIVE = ("missing_effect", "parameter_drift")
 
 
 class InvestigationOutcome(Message, frozen=True):
-    """What one look came to; ``offer`` is None where it failed, and ``reason`` says why."""
+    """Result of one investigation; ``offer`` is None where it failed, with its ``reason``."""
 
     reason: str
     damaged: list[str]
@@ -23,19 +23,19 @@ class InvestigationOutcome(Message, frozen=True):
 
 
 def is_valid(findings: dict[str, Any]) -> bool:
-    """Whether findings may be trusted with more than making plans slower."""
+    """Return True if findings may be used for more than slower plans."""
     interval = findings["gap"]["ci95"]
-    return findings["verdict"] in _SURE and interval is not None and interval[0] > 0.0
+    return findings["verdict"] in _CONCLUSIVE and interval is not None and interval[0] > 0.0
 
 
 def model_of(tables: dict[str, Any], file: Model) -> Model:
-    """The model of an offer; vehicle, terrain and limits are those of the model file.
+    """Model of a proposal; vehicle, terrain and limits are those of the model file.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the tables are not those of a model.
     """
     try:
-        found = model_from_dict(tables, "offer")
+        finding = model_from_dict(tables, "offer")
     except InputError as error:
         raise ValueError(str(error)) from None
-    return dataclasses.replace(file, braking=found.braking, effect=found.effect)
+    return dataclasses.replace(file, braking=finding.braking, effect=finding.effect)

@@ -15,68 +15,62 @@ from prometheus_client.registry import Collector
 
 from slopewise.services.wire.plan_messages import ServiceStatus
 
+_MAX_FLAGS = 32
+"""Warnings with a time series each [1]; their number is a series as well."""
+
+_QUANTILES = {"median": "0.5", "p99": "0.99"}
+
 
 class StatusCollector(Collector):
-    """Metrics out of the status, made when somebody asks."""
+    """Metrics from the status, made on request."""
 
     def __init__(self, status: Callable[[], ServiceStatus]) -> None:
-        """Ask for the status there."""
         self._status = status
 
     def describe(self) -> Iterable[Metric]:
-        """Nothing ahead: names do not depend on what is asked."""
+        """Nothing in advance: the names are fixed."""
         return []
 
     def collect(self) -> Iterable[Metric]:
         """All metrics of now."""
         status = self._status()
-        events = CounterMetricFamily(
-            "slopewise_events", "What happened since the start, by kind.", labels=["kind"]
-        )
+        parameters = status.parameters
+        events = CounterMetricFamily("slopewise_events", "Events since the start.", labels=["kind"])
         for kind, count in sorted(status.counters.items()):
             events.add_metric([kind], count)
-        yield events
         seconds = GaugeMetricFamily(
             "slopewise_answer_seconds",
-            "From arrival to answer, of late answers.",
+            "From arrival to reply, of recent replies.",
             labels=["quantile"],
         )
         for quantile, value in status.seconds.items():
             seconds.add_metric([_QUANTILES.get(quantile, quantile)], value)
-        yield seconds
-        flags = GaugeMetricFamily(
-            "slopewise_flag", "1 for each thing that is not as it should be.", labels=["reason"]
-        )
-        for reason in status.flags[:_MOST_FLAGS]:
+        flags = GaugeMetricFamily("slopewise_flag", "1 for each warning.", labels=["reason"])
+        for reason in status.flags[:_MAX_FLAGS]:
             flags.add_metric([reason], 1.0)
-        yield flags
-        parameters = status.parameters
+        yield from (events, seconds, flags)
         gauges: tuple[tuple[str, str, float | None], ...] = (
-            ("slopewise_flags", "How many things are not as they should be.", len(status.flags)),
+            ("slopewise_flags", "Number of warnings.", len(status.flags)),
             ("slopewise_uptime_seconds", "Since the start.", status.uptime),
             ("slopewise_parameters_version", "Grows with every change.", parameters.version),
-            ("slopewise_parameters_age_seconds", "Since they were taken up.", parameters.age),
+            ("slopewise_parameters_age_seconds", "Since the last update.", parameters.age),
             ("slopewise_map_version", "Grows with every update; 0 without.", status.map_version),
             ("slopewise_map_age_seconds", "Since the last update.", status.map_age),
         )
-        for name, words, number in gauges:
+        for name, meaning, number in gauges:
             if number is not None:
-                yield GaugeMetricFamily(name, words, value=number)
-        told = {
+                yield GaugeMetricFamily(name, meaning, value=number)
+        identity = {
             "service": status.service,
             "model": parameters.name,
             "vehicle": parameters.fingerprint,
         }
-        yield InfoMetricFamily("slopewise_service", "Who this is.", value=told)
-
-
-_MOST_FLAGS = 32
-_QUANTILES = {"median": "0.5", "p99": "0.99"}
+        yield InfoMetricFamily("slopewise_service", "Identity of the service.", value=identity)
 
 
 def registry(status: Callable[[], ServiceStatus]) -> CollectorRegistry:
     """Metrics of the service and of its process: processor time, memory, open files."""
-    made = CollectorRegistry()
-    made.register(StatusCollector(status))
-    ProcessCollector(registry=made)
-    return made
+    metrics = CollectorRegistry()
+    metrics.register(StatusCollector(status))
+    ProcessCollector(registry=metrics)
+    return metrics

@@ -1,4 +1,4 @@
-"""The model that plans are made with, and which one it is."""
+"""The model that plans are made with, and its version."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from slopewise.services.wire import plan_messages
 
 
 @dataclass(frozen=True, slots=True)
-class ParametersInUse:
-    """A model, and which one it is.
+class ActiveParameters:
+    """A model and its version.
 
     Attributes:
-        model: to plan with. version: grows with every change.
-        at: when the oldest of what was learned was learned; monotonic clock [s].
-        serial: grows also when the same version is to be planned with otherwise, as it grows older.
-        uncertainty: that plans have to survive; None: that of the settings.
-        flags: what is not as it should be, in words.
-        model_hash: of the model; worked out here, so that no reply has to wait for it.
+        model: model to plan with. version: grows with every change.
+        at: monotonic clock at the last update of the oldest learned parameters [s].
+        revision: grows also when plans of the same version change, as parameters age.
+        uncertainty: uncertainty that margins cover; None: that of the settings.
+        flags: active warnings.
+        model_hash: digest of the model, computed here, so that no reply has to wait for it.
     """
 
     model: Model
     version: int = 1
     at: float = field(default_factory=time.monotonic)
-    serial: int = 0
+    revision: int = 0
     uncertainty: Uncertainty | None = None
     flags: tuple[str, ...] = ()
     model_hash: str = field(init=False, compare=False)
@@ -42,18 +42,18 @@ class ParametersInUse:
 
     @property
     def identity(self) -> tuple[int, int]:
-        """Differs where plans may."""
-        return self.version, self.serial
+        """Version and revision; equal where plans are."""
+        return self.version, self.revision
 
-    def flagged(self, flags: tuple[str, ...], version: int) -> ParametersInUse:
-        """The same model with other words beside it; nothing is worked out anew."""
+    def with_flags(self, flags: tuple[str, ...], version: int) -> ActiveParameters:
+        """The same model with other warnings; nothing is recomputed."""
         same = copy(self)
         object.__setattr__(same, "flags", flags)
         object.__setattr__(same, "version", version)
         return same
 
     def message(self) -> plan_messages.Parameters:
-        """As replies and status tell it."""
+        """Message for replies and status."""
         age = time.monotonic() - self.at
         return plan_messages.Parameters(
             version=self.version,
@@ -64,24 +64,24 @@ class ParametersInUse:
         )
 
 
-def slowed(parameters: ParametersInUse, speed: float, reason: str) -> ParametersInUse:
-    """The same with a tighter limit of the speed [m/s], for a reason."""
+def with_max_speed(parameters: ActiveParameters, speed: float, reason: str) -> ActiveParameters:
+    """The same with a tighter limit of the speed [m/s], and the reason as a warning."""
     limits = replace(parameters.model.limits, speed=min(parameters.model.limits.speed, speed))
     return replace(
         parameters,
         model=replace(parameters.model, limits=limits),
-        serial=-1 - parameters.serial,
+        revision=-1 - parameters.revision,
         flags=(f"degraded: {reason}", *parameters.flags),
     )
 
 
 def fingerprint(model: Model) -> str:
-    """What tells one vehicle from another: a digest of its data sheet."""
+    """Digest of a vehicle's data sheet, which distinguishes vehicles."""
     return _digest(model.vehicle)
 
 
 @lru_cache(maxsize=64)
 def _digest(vehicle: Vehicle) -> str:
-    # Every reply says it, and working it out takes half a millisecond.
+    # Part of every reply, and computing it takes half a millisecond.
     text = json.dumps(vehicle_to_dict(vehicle), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

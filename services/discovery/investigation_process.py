@@ -1,9 +1,9 @@
-"""A process of its own that holds a model against stored stops.
+"""Separate process that compares a model with stored stops.
 
-Run as `python -m slopewise.services.discovery.investigate`.
+Run as `python -m slopewise.services.discovery.investigation_process`.
 
-It has the lowest priority, ends itself when its time is over or when the service that began it is
-gone, reads a job from a folder and leaves its outcome there.
+It has the lowest priority, ends when its time is over or when the service that started it is gone,
+reads a job from a folder and writes its outcome there.
 """
 
 from __future__ import annotations
@@ -22,25 +22,27 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.services.discovery.finding import InvestigationOutcome, is_valid
+from slopewise.services.discovery.proposal_builder import InvestigationOutcome, is_valid
 from slopewise.services.discovery.stop_store import StoredStop, read_stops
 from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
 from slopewise.services.wire.plan_messages import Message
 
 JOB, OUTCOME = "job.json", "outcome.json"
-FILE, BASE, IN_USE = "file.toml", "base.toml", "in_use.toml"
-"""Models: of the model file, that the stops are held against, and planned with now."""
+FILE, BASIS, ACTIVE = "file.toml", "base.toml", "in_use.toml"
+"""The model file, the model that stops are compared with, and the one planned with now."""
 
-_LOWEST = 19
-_PAUSE = 60.0  # [s] put between stops of which no clock tells how far apart they are
+_LOWEST_PRIORITY = 19
+_PAUSE = 60.0
+"""Assumed time between stops where no clock shows it [s]: longer than any effect of one stop on
+the next, shorter than brakes take to cool."""
 
 
 class InvestigationJob(Message, frozen=True):
-    """What to look at.
+    """Stops to examine.
 
     Attributes:
-        store: folder of the stops. names: of their files, oldest first. vehicle: its fingerprint.
-        cause: who asked. limit: time for it [s].
+        store: folder of the stops. names: their files, oldest first.
+        vehicle: fingerprint of the vehicle. cause: operator or schedule. limit: time limit [s].
     """
 
     store: str
@@ -51,67 +53,66 @@ class InvestigationJob(Message, frozen=True):
 
 
 def main(folder: Path) -> None:
-    """Do the job in a folder."""
+    """Run the job in a folder."""
     job = msgspec.json.decode((folder / JOB).read_bytes(), type=InvestigationJob)
-    _be_humble(job.limit)
+    _lower_priority(job.limit)
     from slopewise.services.io.files import write_atomic
 
-    write_atomic(folder / OUTCOME, msgspec.json.encode(_look(job, folder)))
+    write_atomic(folder / OUTCOME, msgspec.json.encode(_investigate(job, folder)))
 
 
-def _be_humble(limit: float) -> None:
-    # Where a service manager forbids to change priorities, its own shares hold.
+def _lower_priority(limit: float) -> None:
+    # Where a service manager forbids to change priorities, its shares of the processor apply.
     with contextlib.suppress(OSError):
-        os.nice(_LOWEST)
+        os.nice(_LOWEST_PRIORITY)
     signal.setitimer(signal.ITIMER_REAL, limit)
 
-    def leave_with_the_service() -> None:
+    def exit_with_service() -> None:
         os.read(0, 1)
         os._exit(1)
 
-    threading.Thread(target=leave_with_the_service, daemon=True).start()
+    threading.Thread(target=exit_with_service, daemon=True).start()
 
 
-def _look(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
+def _investigate(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
     from slopewise.models.discrepancy.workflow import investigate
     from slopewise.models.errors import ParameterError
-    from slopewise.services.discovery.stops_compared import cautious, compared
+    from slopewise.services.discovery.model_comparison import cautious, compare_stops
     from slopewise.services.io.findings_file import findings_as_json
     from slopewise.services.io.model_file import model_to_dict, read_model
 
-    stops, damaged, data = read_stops(Path(job.store), job.names)
-    own = [stop for stop in stops if stop.vehicle == job.vehicle]
-    if not own:
+    stored, damaged, data = read_stops(Path(job.store), job.names)
+    stops = [stop for stop in stored if stop.vehicle == job.vehicle]
+    if not stops:
         return InvestigationOutcome(
             reason="expected stored stops of this vehicle, got none", damaged=damaged
         )
-    file, base, in_use = (read_model(folder / name) for name in (FILE, BASE, IN_USE))
-    columns, runs, ground = as_log(own)
-    source = f"slopewise service, {len(own)} stops {data}; {job.cause}"
+    file, basis, active = (read_model(folder / name) for name in (FILE, BASIS, ACTIVE))
+    columns, runs, ground = as_log(stops)
+    source = f"slopewise service, {len(stops)} stops {data}; {job.cause}"
     try:
-        findings = investigate(columns, runs, base, ground=ground, source=source)
+        findings = investigate(columns, runs, basis, ground=ground, source=source)
     except ParameterError as error:
         return InvestigationOutcome(reason=str(error), damaged=damaged)
-    told = findings_as_json(findings)
+    report = findings_as_json(findings)
     adopted = cautious(findings.model, file)
-    shifts = [compared(adopted, other) for other in (file, in_use)]
+    changes = [compare_stops(adopted, model) for model in (file, active)]
+    by_file, by_active = (
+        StopDistanceChange(least=c.least, most=c.most, where=c.where) for c in changes
+    )
     offer = ModelProposal(
-        id=hashlib.sha256(f"{data}{base}".encode()).hexdigest()[:12],
+        id=hashlib.sha256(f"{data}{basis}".encode()).hexdigest()[:12],
         at=time.time(),
         cause=job.cause,
-        verdict=told["verdict"],
-        summary=told["summary"],
-        findings=told,
+        verdict=report["verdict"],
+        summary=report["summary"],
+        findings=report,
         data=data,
         stops=findings.stops,
-        beside_file=StopDistanceChange(
-            least=shifts[0].least, most=shifts[0].most, where=shifts[0].where
-        ),
-        beside_use=StopDistanceChange(
-            least=shifts[1].least, most=shifts[1].most, where=shifts[1].where
-        ),
-        valid=is_valid(told),
-        changes=findings.model != base,
+        beside_file=by_file,
+        beside_use=by_active,
+        valid=is_valid(report),
+        changes=findings.model != basis,
         notes=list(findings.notes),
         model=model_to_dict(findings.model),
     )
@@ -121,10 +122,10 @@ def _look(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
 def as_log(
     stops: Sequence[StoredStop],
 ) -> tuple[dict[str, NDArray[np.generic]], list[slice], NDArray[np.float64] | None]:
-    """Stored stops as a drive log, one run a stop: columns, runs, and the grade by a map.
+    """Stored stops as a drive log, one run per stop: columns, runs, and the grade by a map.
 
-    Clocks of senders begin anywhere and begin anew. One that runs on tells how far stops are apart;
-    else the clock of the day does, and where that went back, a minute.
+    Clocks of senders begin anywhere and restart. The time between stops is that of the sender's
+    clock where it continues, else of the wall clock, and a minute where that was set back.
     """
     names = sorted({name for stop in stops for name in stop.columns})
     parts: dict[str, list[NDArray[np.generic]]] = {n: [] for n in (*names, "run", "terrain")}
@@ -137,8 +138,8 @@ def as_log(
         if before is None:
             shift = -float(t[0])
         elif stop.source != before.source or t[0] + shift <= end:
-            apart = stop.at - before.at - float(t[-1] - t[0])
-            shift = end + (apart if apart > 0.0 else _PAUSE) - float(t[0])
+            pause = stop.at - before.at - float(t[-1] - t[0])
+            shift = end + (pause if pause > 0.0 else _PAUSE) - float(t[0])
         for name in names:
             parts[name].append(given.get(name, np.full(size, np.nan)))
         parts["t"][-1] = t + shift
