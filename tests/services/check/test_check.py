@@ -413,7 +413,7 @@ def test_rows_at_one_place_count_once() -> None:
 def test_coarse_maps_show_no_steps_and_that_is_said() -> None:
     s, v = trapezoid(1.0)
     report = check_plan_on_map(straight(s, v), model_with(), ground(resolution=0.5))
-    assert sum("steps were not looked for" in note for note in report.notes) == 1
+    assert sum("steps were not checked" in note for note in report.notes) == 1
 
 
 @pytest.mark.parametrize("decimals", [2, 3])

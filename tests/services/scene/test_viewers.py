@@ -47,7 +47,7 @@ def test_a_surface_has_holes_where_ground_is_unknown() -> None:
 
 def test_large_ground_is_drawn_coarser() -> None:
     ground = ElevationMap(elevation=np.zeros((300, 400)), resolution=0.5, origin=(0.0, 0.0))
-    mesh = drawing.surface(ground, most=1000)
+    mesh = drawing.surface(ground, max_vertices=1000)
     assert len(mesh.vertices) <= 1200
     assert mesh.vertices[:, 0].max() > 0.95 * ground.extent[1]
 
