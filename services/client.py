@@ -1,4 +1,4 @@
-"""Client of the plan service: needs this file, `messages.py`, `codec.py` and `errors.py` only.
+"""Client of the plan service: needs this file, `plan_messages.py`, `codec.py` and `errors.py` only.
 
 Every request has an answer in time. Without a usable reply of the service it is a safe stop of the
 client: brake as hard as the brakes can, with the speed that results.
@@ -15,9 +15,9 @@ import numpy as np
 import zenoh
 
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.wire import codec, messages
+from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import MapUpdate, Path, PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import MapUpdate, Path, PlanReply, PlanRequest
 
 _MAX_REPLY = 256_000_000
 """Bytes of a reply: 64 candidates of 2,000 stations and 20 columns are 20 MB."""
@@ -184,7 +184,7 @@ class PlanClient:
 
 def _objection(reply: PlanReply, request: PlanRequest) -> str:
     """Reason why a reply cannot be driven; empty if it can."""
-    if reply.status in (messages.BUSY, messages.ERROR):
+    if reply.status in (plan_messages.BUSY, plan_messages.ERROR):
         return f"{reply.status}: {reply.reason}"
     if reply.sequence != request.sequence:
         return f"the answer is to request {reply.sequence}, not {request.sequence}"

@@ -190,7 +190,7 @@ class Investigator:
             self.last = f"nothing found, {self._cause}: {outcome.reason}"
             _log.warning("%s", self.last)
         else:
-            self.last = f"done, {self._cause}: {outcome.offer.words()}"
+            self.last = f"done, {self._cause}: {outcome.offer.text()}"
         return outcome
 
     def _ended(self, process: subprocess.Popen[bytes], folder: Path) -> InvestigationOutcome:

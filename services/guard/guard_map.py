@@ -11,7 +11,7 @@ from slopewise.models.arrays import Floats, Ints
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.services.io import npz_map
 from slopewise.services.io.no_data import known_heights
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 
 _GRID_TOLERANCE = 1e-3
 """Part of a cell by which a patch may lie off the grid: rounding of map coordinates [1]."""

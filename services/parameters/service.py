@@ -26,7 +26,7 @@ from slopewise.services.parameters.log import Last, ParameterLog
 from slopewise.services.parameters.past import ParameterPast
 from slopewise.services.parameters.store import StoreError
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.observations import DriveSamples, Receipt, RobotObservation
+from slopewise.services.wire.observations import DriveSamples, ObservationAck, RobotObservation
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _log = logging.getLogger("slopewise")
@@ -85,7 +85,7 @@ class ParameterService:
 
     # ------------------------------------------------------------------ observations
 
-    def observe(self, kind: str, one: RobotObservation, key: str, arrived: float) -> Receipt:
+    def observe(self, kind: str, one: RobotObservation, key: str, arrived: float) -> ObservationAck:
         """Learn from an observation, and keep what it led to.
 
         Args:
@@ -121,8 +121,8 @@ class ParameterService:
         model = hashlib.sha256(repr((base.braking, base.effect)).encode()).hexdigest()[:12]
         self.investigator.hear(one.source, columns_of(one, key), surface, model)
 
-    def _receipt(self, status: str, reason: str) -> Receipt:
-        return Receipt(
+    def _receipt(self, status: str, reason: str) -> ObservationAck:
+        return ObservationAck(
             status=status, reason=reason, version=self._log.version, durable=self._log.durable
         )
 
@@ -197,7 +197,7 @@ class ParameterService:
         offer = outcome.offer
         self.learner.effects.offered(offer)
         self.refused = ("", "")
-        self._commit({EFFECTS}, f"offered {offer.id}, {offer.words()}", offer.cause)
+        self._commit({EFFECTS}, f"offered {offer.id}, {offer.text()}", offer.cause)
         allowed = self._config.discrepancy.adopt_slower
         if allowed and offer.changes and offer.valid and offer.slower_than_now:
             try:

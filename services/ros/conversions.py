@@ -12,7 +12,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.services.io.bag_paths import points_of
 from slopewise.services.io.bags import PATH, SPEED_LIMIT, typestore
 from slopewise.services.ros.speed_limit import PlanPosition, SpeedAdvice
-from slopewise.services.wire.messages import Path, Plan
+from slopewise.services.wire.plan_messages import Path, Plan
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 IMU = "sensor_msgs/msg/Imu"

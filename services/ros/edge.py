@@ -31,7 +31,7 @@ from slopewise.services.ros.node import Node
 from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.ros.speed_limit import SpeedAdvice
 from slopewise.services.ros.vehicle_state import VehicleState
-from slopewise.services.wire.messages import MapUpdate, Path, Plan
+from slopewise.services.wire.plan_messages import MapUpdate, Path, Plan
 
 _log = logging.getLogger("slopewise")
 _DIAGNOSE = 0.5

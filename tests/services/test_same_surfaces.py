@@ -31,7 +31,7 @@ from slopewise.services.guard.guard_model import brake_table, read_guard_model
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 from tests.services.command_line import here, one_line_of
 
 ATV = read_model(find_model("atv"))
@@ -120,9 +120,9 @@ def test_each_cell_of_a_map_is_of_the_same_class_to_all(
             class_names=list(ours.class_names),
         )
         store = MapStore()
-        assert store.take(update, "map")
-        assert store.ground is not None
-        np.testing.assert_array_equal(class_names_of(store.ground.elevation_map), theirs)
+        assert store.apply(update, "map")
+        assert store.snapshot is not None
+        np.testing.assert_array_equal(class_names_of(store.snapshot.elevation_map), theirs)
         np.testing.assert_array_equal(class_names_of(apply_update(update, None)), theirs)
 
 

@@ -22,10 +22,15 @@ from slopewise.services.report.words import plural
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import client_session
-from slopewise.services.wire.observations import DRIVE_COLUMNS, MORE_COLUMNS, DriveSamples, Receipt
+from slopewise.services.wire.observations import (
+    DRIVE_COLUMNS,
+    MORE_COLUMNS,
+    DriveSamples,
+    ObservationAck,
+)
 from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
 
-_Answer = TypeVar("_Answer", Receipt, ParameterReply)
+_Answer = TypeVar("_Answer", ObservationAck, ParameterReply)
 
 _BATCH = 0.25
 """Samples of that long travel together [s]; less than an observation may be late."""
@@ -128,7 +133,7 @@ class _Service:
         self._session, self._namespace, self._timeout = session, namespace, timeout
         self._sequence = 0
 
-    def observe(self, source: str, log: DriveLog, rows: slice) -> Receipt:
+    def observe(self, source: str, log: DriveLog, rows: slice) -> ObservationAck:
         """Send samples, wait until the service took them: nothing is lost by playing too fast."""
         columns = {name: log.columns[name][rows] for name in DRIVE_COLUMNS}
         for name in MORE_COLUMNS:
@@ -144,7 +149,7 @@ class _Service:
             values=np.stack(list(columns.values())),
             surface=_surface(log, rows),
         )
-        return self._ask(Receipt, "obs/drive", sent)
+        return self._ask(ObservationAck, "obs/drive", sent)
 
     def parameters(self) -> ParameterReply:
         """All groups as they are now."""

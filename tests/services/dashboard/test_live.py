@@ -23,9 +23,9 @@ from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.settings.service_settings import PageSettings
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Parameters, ServiceStatus
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.observations import Receipt, StopObservation
+from slopewise.services.wire.observations import ObservationAck, StopObservation
+from slopewise.services.wire.plan_messages import Parameters, ServiceStatus
+from slopewise.services.wire.plan_messages import Path as Candidate
 from tests.services import browser
 from tests.services.service_process import Running, fan, flat, free_port, running
 
@@ -192,7 +192,7 @@ def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> N
             )
         assert reply.ok is not None
         told = str(reply.ok.encoding)
-        version = codec.decode(Receipt, reply.ok.payload, told, "receipt", 10**6).version
+        version = codec.decode(ObservationAck, reply.ok.payload, told, "receipt", 10**6).version
         before = braking(url, version)
         stops = learned(url)["stops"]
         shown = browser.text_of(url)

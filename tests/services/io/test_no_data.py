@@ -25,7 +25,7 @@ from slopewise.services.io.map_grid import footprint_margin
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.no_data import known_heights, nodata_of
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 from tests.services.faults import real_data
 from tests.services.io.test_map_file import geotiff, npz
 
@@ -282,25 +282,25 @@ def update(heights: np.ndarray, sequence: int, **more: Any) -> MapUpdate:
 def test_service_and_guard_know_the_same_of_whole_maps_and_patches(marker: float) -> None:
     store = MapStore()
     full, patch = update(holed(marker), 1), update(np.full((6, 6), marker), 2, patch=True)
-    assert store.take(full, "map")
-    assert store.ground is not None
-    elevation = store.ground.elevation_map.elevation
+    assert store.apply(full, "map")
+    assert store.snapshot is not None
+    elevation = store.snapshot.elevation_map.elevation
     np.testing.assert_array_equal(np.isnan(elevation), holed(marker) == marker)
-    (flag,) = store.ground.flags()
+    (flag,) = store.snapshot.warnings.active()
     assert f"{marker:g}" in flag
-    assert store.take(patch, "map")
-    assert np.isnan(store.ground.elevation_map.elevation[:6, :6]).all()
+    assert store.apply(patch, "map")
+    assert np.isnan(store.snapshot.elevation_map.elevation[:6, :6]).all()
     guarded = apply_update(patch, apply_update(full, None))
-    np.testing.assert_array_equal(guarded.elevation, store.ground.elevation_map.elevation)
+    np.testing.assert_array_equal(guarded.elevation, store.snapshot.elevation_map.elevation)
 
 
 def test_a_patch_of_ground_is_taken() -> None:
     store = MapStore()
-    store.take(update(ROUGH, 1), "map")
-    store.take(update(np.full((6, 6), 421.0), 2, patch=True), "map")
-    assert store.ground is not None
-    assert np.all(store.ground.elevation_map.elevation[:6, :6] == 421.0)
-    assert store.ground.flags() == []
+    store.apply(update(ROUGH, 1), "map")
+    store.apply(update(np.full((6, 6), 421.0), 2, patch=True), "map")
+    assert store.snapshot is not None
+    assert np.all(store.snapshot.elevation_map.elevation[:6, :6] == 421.0)
+    assert store.snapshot.warnings.active() == []
 
 
 # Commands

@@ -21,7 +21,7 @@ from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.settings import Timing
 from slopewise.services.ros.speed_limit import SpeedAdvice, place_on, stop, told_by
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 
 TIMING = Timing()

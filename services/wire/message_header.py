@@ -1,4 +1,4 @@
-"""Facts about a request that are needed before its turn: sender, size and deadline."""
+"""Facts about a message that are needed before its turn: sender, size and deadline."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ def read_header(query: zenoh.Query) -> RequestHeader:
     return RequestHeader(header.client[:_MAX_NAME], len(header.paths), size)
 
 
-def read_source(payload: bytes, encoding: str) -> str:
-    """Sender of a message that is not usable as a whole, "" if it cannot be read."""
+def read_source(payload: zenoh.ZBytes | bytes, encoding: str) -> str:
+    """Sender of a message, also of one that is not usable as a whole; "" if it cannot be read."""
     is_json = codec.format_of(encoding) is codec.Format.JSON
     decode = msgspec.json.decode if is_json else msgspec.msgpack.decode
     try:
-        source = decode(payload, type=_Sender).source[:_MAX_NAME]
+        source = decode(bytes(payload), type=_Sender).source[:_MAX_NAME]
     except _UNREADABLE:
         return ""
     return source if source.isprintable() else ""
