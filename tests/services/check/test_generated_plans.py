@@ -16,7 +16,7 @@ from tests.planner.scenes import model_of
 
 def violations(scene: generated.Scene) -> list[Violation]:
     plan = scene.plan()
-    found = check_plan_on_map(
+    report = check_plan_on_map(
         plan_of_columns(driven(plan)),
         model_of(scene.tables),
         scene.ground,
@@ -24,9 +24,9 @@ def violations(scene: generated.Scene) -> list[Violation]:
     ).violations
     if plan.status is Status.DEGRADED and plan.reason.startswith("starts at"):
         # What a turn takes of friction is counted up to the highest planned speed, not beyond it.
-        found = tuple(v for v in found if v.kind not in ("decel", "friction"))
+        report = tuple(v for v in report if v.kind not in ("decel", "friction"))
     # Under drive the front axle is bounded, and each side; a wheel that is on both is not.
-    return [v for v in found if not v.sentence.startswith("the lightest wheel")]
+    return [v for v in report if not v.sentence.startswith("the lightest wheel")]
 
 
 @settings(max_examples=60)

@@ -18,27 +18,27 @@ from tests.planner.test_real_terrain import CASES, SHARE, ground_of, plans_on
 
 def violations_of(plans: list[SpeedPlan], place: str, vehicle: str, data: Path) -> list[Violation]:
     model, ground = read_model(shipped_models()[vehicle]), ground_of(place, data)
-    found: list[Violation] = []
+    violations: list[Violation] = []
     stops = 0
     for plan in plans:
         report = check_plan_on_map(plan_of_columns(driven(plan)), model, ground)
         stops += report.stops
-        found += report.violations
-    kinds = Counter(violation.kind for violation in found)
+        violations += report.violations
+    kinds = Counter(violation.kind for violation in violations)
     print(f"{vehicle} on {place}: {len(plans)} plans, {stops} stops, {dict(kinds)}")
-    return found
+    return violations
 
 
 @pytest.mark.parametrize(("place", "vehicle"), CASES)
 def test_a_share_of_plans_is_sound(place: str, vehicle: str, data: Path) -> None:
     plans = plans_on(place, vehicle, data)[:: 2 * SHARE]
-    found = violations_of(plans, place, vehicle, data)
-    assert not found, found[:5]
+    violations = violations_of(plans, place, vehicle, data)
+    assert not violations, violations[:5]
 
 
 @pytest.mark.nightly
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize(("place", "vehicle"), CASES)
 def test_every_plan_is_sound(place: str, vehicle: str, data: Path) -> None:
-    found = violations_of(plans_on(place, vehicle, data), place, vehicle, data)
-    assert not found, found[:5]
+    violations = violations_of(plans_on(place, vehicle, data), place, vehicle, data)
+    assert not violations, violations[:5]
