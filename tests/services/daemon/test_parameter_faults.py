@@ -298,7 +298,7 @@ def test_learning_that_hangs_makes_plans_slower(
         "[status]\nperiod = 0.05\n[learning]\ndegraded_speed = 0.7\nrefresh = 0.2\n"
         "[planning]\ndeadline = 5.0\n"
     )
-    monkeypatch.setattr(daemon, "_HANGS_AFTER", 1.0)
+    monkeypatch.setattr(daemon, "_LEARNING_TIMEOUT", 1.0)
     hang = {"for": 0.0}
     tick = ParameterService.tick
 

@@ -89,7 +89,7 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for
         assert status["counters"]["faults"] == 2
         assert any(flag.startswith("stop 1 of evil") for flag in status["flags"])
         assert robot.stop(0.42 * G)["status"] == "taken"
-        service.parameters.notices._seconds = 0.0
+        service.parameters.notices._duration = 0.0
         assert not any("evil" in flag for flag in robot.status()["flags"])
 
 
