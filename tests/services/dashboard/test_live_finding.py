@@ -22,7 +22,7 @@ from slopewise.services.settings.service_settings import PageSettings
 from slopewise.services.wire.plan_messages import Parameters, ServiceStatus
 from tests.services import browser
 from tests.services.command_line import slopewise
-from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, look
+from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, examine
 from tests.services.dashboard.test_finding_board import made
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import free_port, running
@@ -126,7 +126,7 @@ def test_the_command_that_a_running_service_shows_adopts_and_takes_back(tmp_path
         robot = Robot(started, session)
         send_ground(robot)
         drive(robot)
-        look(robot)
+        examine(robot)
         offered = wait(url, "offered")
         scale = offered["effects"][0]["parameters"]["scale"]
         assert scale["value"] == pytest.approx(WEAKER, abs=0.02)

@@ -26,7 +26,7 @@ def served(queue: FairQueue[str]) -> list[str]:
     return [waiting.item for _ in range(len(queue)) if (waiting := queue.take()) is not None]
 
 
-def test_the_sender_that_used_the_least_time_is_served_first() -> None:
+def test_the_sender_with_the_lowest_used_time_is_served_first() -> None:
     queue = FairQueue[str](8)
     known(queue, "busy", "modest")
     queue.shares.charge("busy", 1.0)
@@ -59,7 +59,7 @@ def test_small_entries_of_one_account_are_served_first() -> None:
     assert served(queue) == ["first", "second", "large"]
 
 
-def test_the_account_with_most_entries_loses_its_newest_when_the_queue_is_full() -> None:
+def test_the_newest_entry_of_the_largest_account_is_rejected_when_the_queue_is_full() -> None:
     queue = FairQueue[str](3)
     known(queue, "robot")
     for n in range(3):
@@ -110,7 +110,7 @@ def test_only_senders_that_used_less_or_outrank_come_in_between() -> None:
     assert queue.take_before(working) is not None
 
 
-def test_the_reserved_worker_takes_driving_clients_only() -> None:
+def test_the_reserved_worker_serves_driving_clients_only() -> None:
     queue = FairQueue[str](8)
     queue.put(entry("other"))
     assert queue.take(only_driving=True, timeout=0.01) is None
