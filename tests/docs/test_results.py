@@ -45,18 +45,18 @@ def test_what_was_written_by_hand_stays_until_there_is_a_result(tmp_path: Path) 
     assert "(results/optimality.json)" in page
 
 
-def test_date_and_machine_are_kept_with_a_result(tmp_path: Path) -> None:
+def test_date_and_machine_are_stored_with_a_result(tmp_path: Path) -> None:
     file = put(tmp_path, "o.json", OPTIMALITY | {"quick": True})
-    kept = results._keep("optimality", file, tmp_path / "results", "Beside other work.")
-    told = json.loads(kept.read_text())["measured"]
-    text = results.shown("optimality", kept)
-    assert text.startswith(f"Small run (`--quick`) on {told['date']} with slopewise")
-    assert f"on {told['cores']} cores" in text
-    assert "(results/optimality.json). Beside other work.\n" in text
+    stored = results._keep("optimality", file, tmp_path / "results", "Next to other work.")
+    measured = json.loads(stored.read_text())["measured"]
+    text = results.shown("optimality", stored)
+    assert text.startswith(f"Small run (`--quick`) on {measured['date']} with slopewise")
+    assert f"on {measured['cores']} cores" in text
+    assert "(results/optimality.json). Next to other work.\n" in text
 
 
 @pytest.mark.parametrize(
-    ("name", "result", "words"),
+    ("name", "result", "message"),
     [
         ("cycle.json", OPTIMALITY, "a place for cycle"),
         ("optimality.json", {"seconds": 1}, "writes now"),
@@ -64,10 +64,10 @@ def test_date_and_machine_are_kept_with_a_result(tmp_path: Path) -> None:
     ],
 )
 def test_a_result_that_does_not_fit_is_named(
-    tmp_path: Path, name: str, result: object, words: str
+    tmp_path: Path, name: str, result: object, message: str
 ) -> None:
     put(tmp_path, name, result)
-    with pytest.raises(results.ResultError, match=words) as error:
+    with pytest.raises(results.ResultError, match=message) as error:
         results.filled(PAGE, tmp_path)
     assert name in str(error.value)
 

@@ -1,4 +1,4 @@
-"""What a model refuses, and what it derives."""
+"""Validation of a model, and its derived values."""
 
 from __future__ import annotations
 
@@ -73,27 +73,27 @@ def test_sizes_that_are_left_out_follow_the_wheel_radius() -> None:
     shape = bare.shape
     assert shape[:-1] == pytest.approx((1.21, 0.9, 0.9, 0.225, 0.1, 0.1, 0.21))
     assert len(shape.assumed) == 6
-    told = replace(bare, width=1.5, front_overhang=0.0, ground_clearance=0.4, wheel_width=0.3)
-    assert told.shape.assumed == ("rear_overhang", "max_step", "wheel_travel")
-    assert told.shape[:4] == pytest.approx((1.5, 0.6, 0.9, 0.4))
+    complete = replace(bare, width=1.5, front_overhang=0.0, ground_clearance=0.4, wheel_width=0.3)
+    assert complete.shape.assumed == ("rear_overhang", "max_step", "wheel_travel")
+    assert complete.shape[:4] == pytest.approx((1.5, 0.6, 0.9, 0.4))
     assert replace(bare, wheel_width=0.3).shape.width == pytest.approx(1.3)
 
 
-def test_the_front_axle_brakes_by_its_static_load_unless_told() -> None:
+def test_the_front_axle_brakes_by_its_static_load_by_default() -> None:
     steered = replace(BASE.vehicle, drive="ackermann", cg_x=0.3, wheelbase=1.2)
     assert steered.brake_share == pytest.approx(0.25)
     assert replace(steered, drive="skid_steer").brake_share is None
     assert replace(BASE.vehicle, front_brake_share=0.7).brake_share == 0.7
 
 
-def test_rolls_are_trained_as_far_as_grades_unless_told() -> None:
+def test_rolls_are_trained_as_far_as_grades_by_default() -> None:
     braking = replace(BASE.braking, grade_range=(-0.3, 0.1), roll_range=None)
     assert braking.trained_roll == (-0.3, 0.3)
-    told = replace(
+    complete = replace(
         braking, roll_range=(-0.1, 0.2), terrain={"ice": SurfaceBraking(roll_range=(0.0, 0.1))}
     )
-    assert told.trained_roll == (-0.1, 0.2)
-    assert told.on("ice").trained_roll == (0.0, 0.1)
+    assert complete.trained_roll == (-0.1, 0.2)
+    assert complete.on("ice").trained_roll == (0.0, 0.1)
 
 
 @pytest.mark.parametrize("name", list(LAWS))

@@ -1,4 +1,4 @@
-"""What is known less well of the ground driven now never makes a plan faster."""
+"""Less certainty about the current ground never makes a plan faster."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def test_motion_is_that_of_constant_acceleration_on_each_segment(
     assert time[0] == 0.0
 
 
-def test_time_stays_once_the_profile_rests() -> None:
+def test_time_stays_once_the_profile_is_at_rest() -> None:
     accel, time = motion_of(np.arange(5.0), np.array([0.0, 2.0, 0.0, 0.0, 0.0]))
     np.testing.assert_allclose(time, np.sqrt(2.0) * np.array([0.0, 1.0, 2.0, 2.0, 2.0]))
     np.testing.assert_allclose(accel, [1.0, -1.0, 0.0, 0.0, 0.0])
@@ -76,7 +76,7 @@ def test_a_plan_that_does_not_move_or_cannot_be_is_not_admissible(plan: SpeedPla
     assert dataclasses.replace(plan, status=Status.DEGRADED).admissible
 
 
-def test_words_of_statuses_and_bounds() -> None:
+def test_labels_of_statuses_and_bounds() -> None:
     assert {s.value for s in Status} == {"ok", "blocked", "infeasible", "degraded"}
     assert [bound.label for bound in Limiting] == [
         "speed_limit",

@@ -1,4 +1,4 @@
-"""What is mended in polylines, and what is refused."""
+"""Repairs of polylines, and refusals."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from slopewise.planner.raw_polyline import arc, clean, without_noise
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_first_glance_overlooks_nothing(seed: int) -> None:
-    """Whatever a thorough look mends or refuses, the glance sends there."""
+def test_the_quick_check_overlooks_nothing(seed: int) -> None:
+    """Every polyline that cleaning repairs or refuses is sent to it by the quick check."""
     rng = np.random.default_rng(seed)
     steps = rng.choice([2e-4, 1e-3, 0.3, 2.0], rng.integers(2, 12))
     turns = np.deg2rad(rng.choice([0.0, 40.0, 113.0, 119.0, 121.0, 170.0], len(steps)))
     headings = np.cumsum(turns * rng.choice([-1.0, 1.0], len(steps)))
     points = np.cumsum(steps[:, None] * np.stack([np.cos(headings), np.sin(headings)], 1), axis=0)
     limit = rng.uniform(0.0, 3.0, len(points))
-    at_a_glance = outcome(points, limit)
+    quick = outcome(points, limit)
     with patch.object(raw_polyline, "_needs_a_look", return_value=True):
-        assert outcome(points, limit) == at_a_glance
+        assert outcome(points, limit) == quick
 
 
 def outcome(points: np.ndarray, limit: np.ndarray) -> object:
     try:
-        kept, lowest = clean(points, limit, None)
+        cleaned, lowest = clean(points, limit, None)
     except ParameterError as error:
         return str(error)
     assert lowest is not None
-    return kept.tolist(), lowest.tolist()
+    return cleaned.tolist(), lowest.tolist()
 
 
-def test_a_polyline_that_is_in_order_is_not_looked_at_twice(
+def test_a_valid_polyline_is_not_cleaned(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(raw_polyline, "_CUSP", -1.0)  # A thorough look would refuse it.
     points = np.stack([np.linspace(0.0, 20.0, 100), np.zeros(100)], axis=1)
-    kept, _ = clean(points, None, None)
-    np.testing.assert_array_equal(kept, points)
-    kept[0] = 7.0
+    cleaned, _ = clean(points, None, None)
+    np.testing.assert_array_equal(cleaned, points)
+    cleaned[0] = 7.0
     assert points[0, 0] == 0.0
 
 
@@ -53,9 +53,9 @@ def test_noise_is_averaged_until_segments_point_ahead() -> None:
     along = np.arange(0.0, 40.0, 0.05)
     points = np.stack([along, np.zeros_like(along)], axis=1)
     points += 0.05 * rng.normal(size=points.shape)
-    kept, distance, stray = without_noise(points, arc(points))
-    headings = np.arctan2(*np.diff(kept, axis=0).T[::-1])
+    cleaned, distance, outliers = without_noise(points, arc(points))
+    headings = np.arctan2(*np.diff(cleaned, axis=0).T[::-1])
     assert np.abs(headings[1:-1]).max() < 0.5
     assert distance[-1] == pytest.approx(40.0, rel=0.03)
-    assert stray < 0.05
-    np.testing.assert_array_equal(kept[[0, -1]], points[[0, -1]])
+    assert outliers < 0.05
+    np.testing.assert_array_equal(cleaned[[0, -1]], points[[0, -1]])

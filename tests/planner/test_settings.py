@@ -10,7 +10,7 @@ from slopewise.planner.settings import PlannerSettings
 from tests.planner.scenes import ATV, plan_one, plane, straight
 
 
-def test_stations_are_at_most_as_far_apart_as_settings_and_map_ask() -> None:
+def test_station_spacing_is_at_most_that_of_settings_and_map() -> None:
     settings = PlannerSettings(spacing=0.4)
     assert settings.spacing_on(5.0) == 0.4
     assert settings.spacing_on(0.05) <= 0.1

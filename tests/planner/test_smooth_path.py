@@ -1,4 +1,4 @@
-"""Stations on the smooth curve of a polyline, beside scipy's own splines."""
+"""Stations on the smooth curve of a polyline, compared with splines of scipy."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_stations_lie_evenly_on_the_spline(seed: int, count: int, degree: int) -
 
 
 def by_scipy(spline: BSpline, length: float, count: int) -> np.ndarray:
-    """Even to what four chords per station tell of the length, as the code says it is."""
+    """Uniform within the error of four chords per station, as the code states."""
     fine = np.linspace(0.0, length, 4 * count + 1)
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(spline(fine), axis=0).T))))
     return spline(np.interp(np.linspace(0.0, along[-1], count), along, fine))
@@ -47,8 +47,8 @@ def test_a_curve_is_cut_into_pieces_of_one_length() -> None:
 def test_a_spline_does_not_swing_out_between_distant_vertices(length: float) -> None:
     points = np.array([[0.0, 0.0], [length, 0.0], [length, length], [2.0 * length, length]])
     even = smooth(points, arc(points), 400, 0.0)
-    beside = np.minimum(
+    distance = np.minimum(
         np.minimum(np.abs(even[:, 1]), np.abs(even[:, 1] - length)), np.abs(even[:, 0] - length)
     )
-    assert beside.max() < 0.15
+    assert distance.max() < 0.15
     np.testing.assert_array_equal(even[[0, -1]], points[[0, -1]])

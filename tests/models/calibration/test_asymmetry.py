@@ -17,19 +17,19 @@ def stops(k: float, n: int = 80, seed: int = 0, low: float = -0.25) -> Asymmetry
 
 @pytest.mark.parametrize("k", [-0.3, 0.2])
 def test_it_is_found_with_its_size(k: float) -> None:
-    found = stops(k)
-    assert found is not None
-    assert found.clear
-    assert found.value == pytest.approx(k, abs=4.0 * found.std)
-    assert found.std < 0.03
+    logged = stops(k)
+    assert logged is not None
+    assert logged.clear
+    assert logged.value == pytest.approx(k, abs=4.0 * logged.std)
+    assert logged.std < 0.03
 
 
-def test_brakes_alike_both_ways_are_not_suspected() -> None:
-    found = [stops(0.0, seed=seed) for seed in range(100)]
-    scaled = np.array([f.value / f.std for f in found if f is not None])
+def test_symmetric_brakes_are_not_suspected() -> None:
+    logged = [stops(0.0, seed=seed) for seed in range(100)]
+    scaled = np.array([f.value / f.std for f in logged if f is not None])
     assert len(scaled) == 100
     assert np.std(scaled) == pytest.approx(1.0, abs=0.25)
-    assert sum(f.clear for f in found if f is not None) <= 1
+    assert sum(f.clear for f in logged if f is not None) <= 1
 
 
 def test_one_side_says_nothing() -> None:

@@ -1,4 +1,4 @@
-"""Stops at a part of the brakes teach as well: dead band, slope, saturation."""
+"""Stops at partial brake application are used as well: dead band, slope, saturation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MODEL = replace(
 
 
 def log(stops: int, seed: int, levels: tuple[float, float] = (0.1, 1.0)) -> tuple[Any, ...]:
-    """A log of stops, each at an application of its own."""
+    """A log of stops, each at a different application."""
     rng = np.random.default_rng(seed)
     level = rng.uniform(*levels, stops)
     share = np.clip((level - BAND) / (FULL - BAND), 0.0, 1.0)
@@ -41,7 +41,7 @@ def learned() -> Calibration:
     return learn(columns, runs, MODEL.braking, ground=ground, beside=MODEL)
 
 
-def test_the_force_comes_back_at_every_level(learned: Calibration) -> None:
+def test_the_force_is_recovered_at_every_level(learned: Calibration) -> None:
     model = with_learned(MODEL, learned)
     rolling = model.terrain.rolling_while_braking
     vehicle = PlantVehicle(name="true", stops=1, scatter=0.0)
@@ -66,9 +66,9 @@ def test_all_stops_are_used_and_covered(learned: Calibration) -> None:
 
 def test_full_stops_alone_leave_the_line_as_it_was() -> None:
     columns, runs, ground, _ = log(20, 2, levels=(0.99, 1.0))
-    found = learn(columns, runs, MODEL.braking, ground=ground, beside=MODEL)
-    assert found.levels is None
-    assert (found.braking.dead_band, found.braking.saturation) == (0.0, 1.0)
+    refit = learn(columns, runs, MODEL.braking, ground=ground, beside=MODEL)
+    assert refit.levels is None
+    assert (refit.braking.dead_band, refit.braking.saturation) == (0.0, 1.0)
 
 
 def test_an_application_that_is_not_held_is_left_out() -> None:
@@ -76,13 +76,13 @@ def test_an_application_that_is_not_held_is_left_out() -> None:
     brake = columns["brake"].copy()
     n = runs[0].stop
     brake[:n] *= np.linspace(0.6, 1.4, n)
-    good = np.ones(len(brake), np.bool_)
+    usable = np.ones(len(brake), np.bool_)
     settings = StopSettings(partial=True)
-    found = [find_stops(columns | {"brake": brake}, run, good, settings)[0] for run in runs]
-    assert found[0].verdict.name == "PARTIAL"
-    assert "not held" in found[0].reason
-    assert found[1].usable
-    assert not find_stops(columns, runs[1], good)[0].usable
+    refit = [find_stops(columns | {"brake": brake}, run, usable, settings)[0] for run in runs]
+    assert refit[0].verdict.name == "PARTIAL"
+    assert "not held" in refit[0].reason
+    assert refit[1].usable
+    assert not find_stops(columns, runs[1], usable)[0].usable
 
 
 def test_a_line_without_width_is_refused() -> None:

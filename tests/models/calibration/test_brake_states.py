@@ -1,4 +1,4 @@
-"""Weak stops: a state of their own, or in the margin; never forgotten."""
+"""Weak stops: a separate state, or in the margin; never forgotten."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def shares(count: int, weak: int, ratio: float, scatter: float, seed: int) -> np
 
 
 @pytest.mark.parametrize(("weak", "ratio"), [(5, 0.7), (15, 0.7), (30, 0.6)])
-def test_stops_that_are_weak_alike_are_found(weak: int, ratio: float) -> None:
+def test_stops_of_one_weaker_state_are_found(weak: int, ratio: float) -> None:
     share = shares(100, weak, ratio, 0.03, weak)
     noise = np.full(100, 0.005)
     members = weaker_members(share, noise)
@@ -43,16 +43,16 @@ def test_no_state_is_seen_where_there_is_none(freedom: int) -> None:
     assert seen <= 1
 
 
-def test_few_stops_unlike_each_other_make_a_wider_state() -> None:
+def test_few_dissimilar_stops_make_a_wider_state() -> None:
     noise = np.full(60, 0.005)
-    one, unlike = shares(60, 0, 1.0, 0.02, 1), shares(60, 0, 1.0, 0.02, 1)
-    one[0], unlike[:2] = -0.3, (-0.2, -0.4)
-    first, both = np.zeros(60, bool), np.zeros(60, bool)
-    first[0], both[:2] = True, True
-    assert weaker_state(one, noise, first, 0.02).ratio == pytest.approx(0.7, abs=1e-9)
-    told = weaker_state(unlike, noise, both, 0.02)
-    assert told.scatter > weaker_state(one, noise, first, 0.02).scatter
-    assert told.ratio_std > 0.0
+    alone, dissimilar = shares(60, 0, 1.0, 0.02, 1), shares(60, 0, 1.0, 0.02, 1)
+    alone[0], dissimilar[:2] = -0.3, (-0.2, -0.4)
+    first, weak = np.zeros(60, bool), np.zeros(60, bool)
+    first[0], weak[:2] = True, True
+    assert weaker_state(alone, noise, first, 0.02).ratio == pytest.approx(0.7, abs=1e-9)
+    state = weaker_state(dissimilar, noise, weak, 0.02)
+    assert state.scatter > weaker_state(alone, noise, first, 0.02).scatter
+    assert state.ratio_std > 0.0
 
 
 @pytest.mark.parametrize(("weak", "ratio"), [(0.08, 0.7), (0.25, 0.6)])
@@ -64,7 +64,7 @@ def test_the_quantile_holds_for_brakes_with_a_weak_state(weak: float, ratio: flo
     assert all(h.beyond <= 1.5 * h.promised for h in held)
     assert set(learned.braking.terrain) == {"weaker"}
     assert learned.braking.states_of("") == ("weaker",)
-    assert any("state of its own" in words for words in learned.warnings)
+    assert any("state of its own" in text for text in learned.warnings)  # words: ok
     # Reading back what was written keeps the state one.
     model = replace(BASE, braking=learned.braking)
     again = model_from_dict(model_to_dict(model), "M.toml")

@@ -1,4 +1,4 @@
-"""Whether a model covers a log, stop by stop; and when a calibration is of no use."""
+"""Whether a model covers a log, stop by stop; and when a calibration is not usable."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def test_a_model_covers_another_log_of_its_vehicle_and_not_of_weaker_brakes() ->
     model = replace(BASE, braking=learn(columns, runs, BASE.braking, ground=ground).braking)
     for vehicle, covers in ((VEHICLE, True), (replace(VEHICLE, b_b=0.25), False)):
         columns, runs, ground = drive_log(vehicle, np.random.default_rng(2))
-        found = covered(columns, runs, model, ground=ground)
-        assert len(found.records) == 40
-        assert found.covers() is covers
-        assert (np.sum(found.excess < 0.0) > 1) is not covers
-        assert len(set(found.session.tolist())) == 40
+        coverage = covered(columns, runs, model, ground=ground)
+        assert len(coverage.records) == 40
+        assert coverage.covers() is covers
+        assert (np.sum(coverage.excess < 0.0) > 1) is not covers
+        assert len(set(coverage.session.tolist())) == 40
 
 
 def test_one_stop_is_enough_and_none_is_not() -> None:
@@ -43,9 +43,9 @@ def test_margins_as_long_as_the_stops_are_no_success() -> None:
     assert learn(*_of(VEHICLE, rng)).objections == ()
 
 
-def test_a_dead_time_that_no_brakes_have_is_said() -> None:
+def test_an_implausible_dead_time_is_reported() -> None:
     learned = learn(*_of(replace(VEHICLE, dead_time=2.0), np.random.default_rng(5)))
-    assert any("dead time of 1.99" in words for words in learned.objections)
+    assert any("dead time of 1.99" in text for text in learned.objections)
 
 
 def _of(vehicle: PlantVehicle, rng: np.random.Generator) -> tuple:

@@ -27,7 +27,7 @@ KNOWN = Braking(
     grade_range=(-0.26, 0.26),
 )
 VEHICLES, THIN = 8, (1, 4, 6)
-ONE = Truth(np.array([3.0]), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros((1000, 1)))
+ONE_STOP = Truth(np.array([3.0]), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros((1000, 1)))
 
 
 def plant(seed: int) -> Plant:
@@ -41,13 +41,13 @@ def plant(seed: int) -> Plant:
 
 @pytest.fixture(scope="module")
 def vehicles() -> list[VehicleStops]:
-    found = []
+    share = []
     for i in range(VEHICLES):
         columns, runs, _ = drive(plant(i), 6 if i in THIN else 60, i)
         # The pitch of the plant is the ground's: mounted straight, without dive.
         log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], fewest=2)
-        found.append(vehicle_stops(f"v{i}", log, mapped=True))
-    return [*found, VehicleStops("new", note="no stops")]
+        share.append(vehicle_stops(f"v{i}", log, mapped=True))
+    return [*share, VehicleStops("new", note="no stops")]
 
 
 @pytest.fixture(scope="module")
@@ -65,19 +65,21 @@ def test_no_unseen_stop_of_any_vehicle_is_longer_than_predicted(learned: FleetCa
         assert braking.dead_time == pytest.approx(plant(i).dead_time, abs=0.015)
 
 
-def test_each_vehicle_is_told_from_the_others(learned: FleetCalibration) -> None:
+def test_each_vehicle_has_its_coefficients(learned: FleetCalibration) -> None:
     true = np.array([plant(i).b_b + 2.5 * plant(i).m_b for i in range(VEHICLES)])
-    found = np.array(
+    share = np.array(
         [b.b_b + 2.5 * b.m_b for b in (learned.braking[f"v{i}"] for i in range(VEHICLES))]
     )
-    assert np.sqrt(np.mean((found - true) ** 2)) < 0.25 * np.std(true)
+    assert np.sqrt(np.mean((share - true) ** 2)) < 0.25 * np.std(true)
 
 
 def test_few_stops_make_a_longer_margin_and_none_the_longest(learned: FleetCalibration) -> None:
     def margin(braking: Braking) -> float:
         """How much longer than by its mean a stop from 3 m/s on level ground may be [m]."""
-        own = np.array([braking.m_m, braking.b_m, braking.m_b, braking.b_b])
-        return float(allowed(braking, ONE)[0] - predicted(own, braking.dead_time, ONE)[0])
+        coefficients = np.array([braking.m_m, braking.b_m, braking.m_b, braking.b_b])
+        return float(
+            allowed(braking, ONE_STOP)[0] - predicted(coefficients, braking.dead_time, ONE_STOP)[0]
+        )
 
     margins = {name: margin(braking) for name, braking in learned.braking.items()}
     thin = [margins[f"v{i}"] for i in THIN]
@@ -87,7 +89,7 @@ def test_few_stops_make_a_longer_margin_and_none_the_longest(learned: FleetCalib
     assert learned.braking["new"].dead_time > learned.dead_time.value
 
 
-def test_surfaces_are_told_apart(vehicles: list[VehicleStops]) -> None:
+def test_surfaces_are_distinguished(vehicles: list[VehicleStops]) -> None:
     named = []
     for vehicle in vehicles:
         stops = tuple(
@@ -102,10 +104,10 @@ def test_surfaces_are_told_apart(vehicles: list[VehicleStops]) -> None:
     learned = learn_fleet(named, KNOWN)
     assert set(learned.surfaces) == {"", "gravel"}
     for i in range(VEHICLES):
-        own = learned.braking[f"v{i}"]
-        assert own.level_force(2.5) - own.on("gravel").level_force(2.5) == pytest.approx(
-            0.1, abs=0.03
-        )
+        coefficients = learned.braking[f"v{i}"]
+        assert coefficients.level_force(2.5) - coefficients.on("gravel").level_force(
+            2.5
+        ) == pytest.approx(0.1, abs=0.03)
 
 
 def test_a_fleet_of_one_is_refused(vehicles: list[VehicleStops]) -> None:
@@ -126,15 +128,15 @@ def test_fifty_vehicles_with_two_hundred_stops() -> None:
         vehicles.append(vehicle_stops(f"v{i}", log, mapped=True))
     learned = learn_fleet(vehicles, KNOWN)
     spread = np.sqrt(np.diag(learned.surfaces[""].spread))
-    drawn = np.std([p.coefficients for p in plants], axis=0, ddof=1)
-    np.testing.assert_allclose(spread[[1, 3]], drawn[[1, 3]], rtol=0.25)
+    sample_std = np.std([p.coefficients for p in plants], axis=0, ddof=1)
+    np.testing.assert_allclose(spread[[1, 3]], sample_std[[1, 3]], rtol=0.25)
     drawn_time = np.std([p.dead_time for p in plants], ddof=1)
     assert learned.dead_time.between_stops == pytest.approx(drawn_time, rel=0.25)
     v, theta = (g.ravel() for g in np.meshgrid(np.linspace(1, 4, 7), np.linspace(-0.2, 0.2, 7)))
     pooled, alone = [], []
     for i in np.flatnonzero(count < 20).tolist():
         stops = vehicles[i].stops
-        own = fit_force(
+        coefficients = fit_force(
             *(np.array([getattr(s, n) for s in stops]) for n in ("onset_speed", "grade")),
             *(np.array([getattr(s, n) for s in stops]) for n in ("force_ratio", "force_std")),
             np.array([KNOWN.m_m, KNOWN.b_m, KNOWN.m_b, KNOWN.b_b]),
@@ -142,6 +144,6 @@ def test_fifty_vehicles_with_two_hundred_stops() -> None:
         b = learned.braking[f"v{i}"]
         true = plants[i].force(theta, v)
         pooled += ((b.m_m * v + b.b_m) * theta + b.m_b * v + b.b_b - true).tolist()
-        alone += (own.force_ratio(v, theta) - true).tolist()
+        alone += (coefficients.force_ratio(v, theta) - true).tolist()
     assert np.std(pooled) < 0.7 * np.std(alone)
     assert np.sqrt(np.mean(np.square(pooled))) < 0.7 * np.sqrt(np.mean(np.square(alone)))

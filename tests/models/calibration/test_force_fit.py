@@ -61,12 +61,14 @@ def test_an_error_that_all_stops_share_widens_the_covariance() -> None:
     grown = np.diag(shared.covariance - alone.covariance)
     assert grown[3] == pytest.approx(0.01**2, rel=0.05)
     assert np.all(np.abs(grown[:3]) < 1e-6)
-    askew = with_mount(alone, 0.01)
+    misaligned = with_mount(alone, 0.01)
     # Refitting on grades that are all off by 0.01 shows what the covariance claims.
-    off = fit_force(v, theta + 0.01, force - 0.01 * np.cos(theta), np.full(60, 0.004), np.zeros(4))
-    claimed = np.sqrt(np.diag(askew.covariance - alone.covariance))
+    shifted = fit_force(
+        v, theta + 0.01, force - 0.01 * np.cos(theta), np.full(60, 0.004), np.zeros(4)
+    )
+    claimed = np.sqrt(np.diag(misaligned.covariance - alone.covariance))
     np.testing.assert_allclose(
-        np.abs(off.coefficients - alone.coefficients)[2:], claimed[2:], rtol=0.1, atol=2e-5
+        np.abs(shifted.coefficients - alone.coefficients)[2:], claimed[2:], rtol=0.1, atol=2e-5
     )
 
 

@@ -43,8 +43,8 @@ class Fleet:
 def force_error(coefficients: np.ndarray, true: np.ndarray) -> float:
     """Root mean square error of F_b/W over trained speeds and grades."""
     v, theta = (g.ravel() for g in np.meshgrid(np.linspace(1, 4, 9), np.linspace(-0.25, 0.25, 9)))
-    off = np.column_stack((v * theta, theta, v, np.ones_like(v))) @ (coefficients - true)
-    return float(np.sqrt(np.mean(off**2)))
+    shift = np.column_stack((v * theta, theta, v, np.ones_like(v))) @ (coefficients - true)
+    return float(np.sqrt(np.mean(shift**2)))
 
 
 @pytest.fixture(scope="module")
@@ -55,14 +55,14 @@ def fitted() -> list[tuple[Fleet, hierarchy.Hierarchy]]:
 def test_spread_and_scatter_are_recovered(
     fitted: list[tuple[Fleet, hierarchy.Hierarchy]],
 ) -> None:
-    for fleet, found in fitted:
+    for fleet, estimate in fitted:
         # Against what was drawn: fifty draws alone differ from their law by a tenth.
-        drawn = np.std(fleet.true, axis=0, ddof=1)
-        np.testing.assert_allclose(np.sqrt(np.diag(found.spread)), drawn, rtol=0.2)
-        off = (found.mean - MEAN) / np.sqrt(np.diag(found.mean_covariance))
-        assert np.all(np.abs(off) < 4.0)
-        assert found.scatter == pytest.approx(SCATTER, rel=0.05)
-    mean = np.mean([np.sqrt(np.diag(found.spread)) for _, found in fitted], axis=0)
+        sample_std = np.std(fleet.true, axis=0, ddof=1)
+        np.testing.assert_allclose(np.sqrt(np.diag(estimate.spread)), sample_std, rtol=0.2)
+        shift = (estimate.mean - MEAN) / np.sqrt(np.diag(estimate.mean_covariance))
+        assert np.all(np.abs(shift) < 4.0)
+        assert estimate.scatter == pytest.approx(SCATTER, rel=0.05)
+    mean = np.mean([np.sqrt(np.diag(estimate.spread)) for _, estimate in fitted], axis=0)
     np.testing.assert_allclose(mean, SPREAD, rtol=0.15)
 
 
@@ -72,8 +72,8 @@ def test_thin_vehicles_err_a_third_less_than_by_separate_fits(
     # The separate fits even know the fleet's true mean, as a weak prior. How much pooling helps
     # depends on how alike the vehicles are and which were drawn: all fleets are taken together.
     pooled, alone = [], []
-    for fleet, found in fitted:
-        pooled += [force_error(found.coefficients[i], fleet.true[i]) for i in fleet.thin]
+    for fleet, estimate in fitted:
+        pooled += [force_error(estimate.coefficients[i], fleet.true[i]) for i in fleet.thin]
         alone += [force_error(fleet.alone(i), fleet.true[i]) for i in fleet.thin]
     assert np.sqrt(np.mean(np.square(pooled))) < 0.7 * np.sqrt(np.mean(np.square(alone)))
 
@@ -81,8 +81,8 @@ def test_thin_vehicles_err_a_third_less_than_by_separate_fits(
 def test_covariances_are_honest(fitted: list[tuple[Fleet, hierarchy.Hierarchy]]) -> None:
     squares = [
         (b - t) @ np.linalg.solve(c, b - t)
-        for fleet, found in fitted
-        for b, c, t in zip(found.coefficients, found.covariance, fleet.true, strict=True)
+        for fleet, estimate in fitted
+        for b, c, t in zip(estimate.coefficients, estimate.covariance, fleet.true, strict=True)
     ]
     assert np.mean(squares) == pytest.approx(4.0, rel=0.15)
     assert np.mean(np.array(squares) > 13.28) < 0.03  # chi-squared, 4 degrees, 1 %
@@ -95,7 +95,7 @@ def test_one_way_layout_is_that_of_the_analysis_of_variance() -> None:
     y = level[:, None] + 0.1 * rng.standard_normal((vehicles, each)) + 2.0
     between = each * np.var(y.mean(axis=1), ddof=1)
     within = float(np.mean(np.var(y, axis=1, ddof=1)))
-    found = hierarchy.fit(
+    estimate = hierarchy.fit(
         np.ones((y.size, 1)),
         y.ravel(),
         np.full(y.size, 1e-6),
@@ -104,39 +104,39 @@ def test_one_way_layout_is_that_of_the_analysis_of_variance() -> None:
         usual_spread=(1.0,),
         imagined=0.0,
     )
-    assert found.kept.all()
-    assert found.scatter**2 == pytest.approx(within, rel=5e-3)
-    assert found.spread[0, 0] == pytest.approx((between - within) / each, rel=5e-3)
-    assert found.mean[0] == pytest.approx(y.mean(), abs=1e-9)
+    assert estimate.kept.all()
+    assert estimate.scatter**2 == pytest.approx(within, rel=5e-3)
+    assert estimate.spread[0, 0] == pytest.approx((between - within) / each, rel=5e-3)
+    assert estimate.mean[0] == pytest.approx(y.mean(), abs=1e-9)
     share = (between - within) / between
     shrunk = y.mean() + share * (y.mean(axis=1) - y.mean())
-    np.testing.assert_allclose(found.coefficients[:, 0], shrunk, atol=1e-3)
+    np.testing.assert_allclose(estimate.coefficients[:, 0], shrunk, atol=1e-3)
 
 
 def test_a_vehicle_without_stops_is_the_mean_with_the_whole_spread() -> None:
     fleet = Fleet(7, vehicles=12, stops=40)
     x = design(fleet.speed, fleet.grade)
-    found = hierarchy.fit(x, fleet.force, fleet.noise, fleet.vehicle, 13)
-    np.testing.assert_allclose(found.coefficients[12], found.mean, atol=1e-12)
+    estimate = hierarchy.fit(x, fleet.force, fleet.noise, fleet.vehicle, 13)
+    np.testing.assert_allclose(estimate.coefficients[12], estimate.mean, atol=1e-12)
     np.testing.assert_allclose(
-        found.covariance[12], found.spread + found.mean_covariance, rtol=1e-9, atol=1e-15
+        estimate.covariance[12], estimate.spread + estimate.mean_covariance, rtol=1e-9, atol=1e-15
     )
 
 
 def test_gross_errors_are_left_out() -> None:
     clean, dirty = Fleet(9, vehicles=20, stops=60), Fleet(9, vehicles=20, stops=60, wild=0.03)
-    found = dirty.fit()
-    assert not found.kept[dirty.wild].any()
-    assert np.mean(found.kept[~dirty.wild]) > 0.995
-    assert found.scatter == pytest.approx(clean.fit().scatter, rel=0.2)
+    estimate = dirty.fit()
+    assert not estimate.kept[dirty.wild].any()
+    assert np.mean(estimate.kept[~dirty.wild]) > 0.995
+    assert estimate.scatter == pytest.approx(clean.fit().scatter, rel=0.2)
 
 
 def test_too_little_is_refused() -> None:
     fleet = Fleet(1, vehicles=3, stops=10)
     x = design(fleet.speed, fleet.grade)
-    one = fleet.vehicle == 0
+    first = fleet.vehicle == 0
     with pytest.raises(ParameterError, match="2 vehicles, got 1"):
-        hierarchy.fit(x[one], fleet.force[one], fleet.noise[one], fleet.vehicle[one], 3)
+        hierarchy.fit(x[first], fleet.force[first], fleet.noise[first], fleet.vehicle[first], 3)
     with pytest.raises(ParameterError, match="more than 4"):
         hierarchy.fit(x[:4], fleet.force[:4], fleet.noise[:4], fleet.vehicle[:4], 3)
     with pytest.raises(ParameterError, match="finite"):

@@ -50,18 +50,18 @@ def test_corners_are_named(slanted: bool) -> None:
     else:
         log, runs, _ = drive(Plant(), 60, 3)
     learned = learn(log, runs, BASE.braking)
-    said = [w for w in learned.warnings if "no stop was near" in w]
-    assert bool(said) is slanted
+    notes = [w for w in learned.warnings if "no stop was near" in w]
+    assert bool(notes) is slanted
     hull = learned.braking.speed_by_grade
     assert (hull is not None) is slanted
     if hull is not None:
-        assert "plans are no faster than what was driven" in said[0]
+        assert "plans are no faster than what was driven" in notes[0]
         records = [r for r in learned.surfaces[0].records if r.kept]
         speed, grade = (
             np.array([getattr(r, n) for r in records]) for n in ("onset_speed", "grade")
         )
         assert np.all(speed <= highest_speed(hull, grade) + 0.05)
-        # Fast downhill nobody drove; fast uphill somebody did.
+        # Fast downhill was not driven; fast uphill was.
         slow, fast = highest_speed(hull, np.array([-0.2, 0.15]))
         assert slow < 0.7 * learned.braking.speed_range[1]
         assert fast == pytest.approx(learned.braking.speed_range[1], abs=0.05)
@@ -79,10 +79,10 @@ def test_a_hull_of_few_corners_is_inside_of_that_of_all() -> None:
     assert 2 <= len(hull) <= 8
     faces = ConvexHull(np.column_stack((grade, speed))).equations
     at = np.linspace(*ends[1], 200)
-    most = np.array([min((-f[2] - f[0] * g) / f[1] for f in faces if f[1] > 1e-9) for g in at])
+    limit = np.array([min((-f[2] - f[0] * g) / f[1] for f in faces if f[1] > 1e-9) for g in at])
     reach = 0.1 * (ends[0][1] - ends[0][0]), 0.1 * (ends[1][1] - ends[1][0])
     around = np.max(
-        [np.interp(at + d, at, most) for d in np.linspace(-reach[1], reach[1], 41)], axis=0
+        [np.interp(at + d, at, limit) for d in np.linspace(-reach[1], reach[1], 41)], axis=0
     )
     assert np.all(highest_speed(hull, at) <= around + reach[0] + 1e-3)
-    assert np.all(highest_speed(hull, at) >= most - 0.15)
+    assert np.all(highest_speed(hull, at) >= limit - 0.15)

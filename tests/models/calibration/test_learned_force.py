@@ -80,7 +80,7 @@ def test_until_it_is_valid_an_estimate_only_lowers_the_force() -> None:
 
 
 @pytest.mark.parametrize("weaker", [0.20, 0.12, 0.06])
-def test_two_stops_on_weaker_ground_are_believed_whole(weaker: float) -> None:
+def test_two_stops_on_weaker_ground_are_followed_fully(weaker: float) -> None:
     online = learning()
     braked(online, [0.32] * 12)
     outcomes = [online.take(stop(weaker)).outcome for _ in range(2)]
@@ -90,22 +90,22 @@ def test_two_stops_on_weaker_ground_are_believed_whole(weaker: float) -> None:
     narrow = learning(change=0.0)
     braked(narrow, [0.32] * 12)
     braked(narrow, [weaker] * 2)
-    told = narrow.learned()[""].estimate
-    assert told[2] * 2.0 + told[3] > weaker + 0.03, "the width of a change is what does it"
-    # What is published knows the two stops by themselves.
+    estimate = narrow.learned()[""].estimate
+    assert estimate[2] * 2.0 + estimate[3] > weaker + 0.03, "the width of a change is what does it"
+    # The published force uses the two stops individually.
     used = braking_in_use(PRIOR, narrow.learned())
-    assert used.m_b * 2.0 + used.b_b < told[2] * 2.0 + told[3]
+    assert used.m_b * 2.0 + used.b_b < estimate[2] * 2.0 + estimate[3]
 
 
-def test_doubt_takes_back_what_was_gained_and_nothing_more() -> None:
+def test_uncertainty_reverts_the_gain_and_nothing_more() -> None:
     online = learning()
     braked(online, [0.45] * 25)
     fast = lower_bounds(braking_in_use(PRIOR, online.learned()))
     online.doubt()
-    doubted = lower_bounds(braking_in_use(PRIOR, online.learned()))
-    assert np.all(np.array(doubted) <= fast)
-    assert np.all(np.array(doubted) <= np.array(lower_bounds(PRIOR)) + 1e-9)
-    assert min(doubted) > 0.5 * min(lower_bounds(PRIOR)), "it must still be able to drive"
+    inflated = lower_bounds(braking_in_use(PRIOR, online.learned()))
+    assert np.all(np.array(inflated) <= fast)
+    assert np.all(np.array(inflated) <= np.array(lower_bounds(PRIOR)) + 1e-9)
+    assert min(inflated) > 0.5 * min(lower_bounds(PRIOR)), "it must still be able to drive"
     assert online.take(stop(0.10)).outcome is Acceptance.ACCEPTED, "open to the first stop"
     online.doubt("", np.array([0.0, 0.0, 0.0, 0.05]))
     used = braking_in_use(PRIOR, online.learned())
@@ -136,18 +136,18 @@ def test_growing_older_never_makes_a_plan_faster(
 def test_restored_it_is_as_it_was_only_older(forces: list[float], age: float) -> None:
     online, again = learning(), learning()
     braked(online, forces)
-    (kept,) = online.learned().values()
-    again.restore(kept, age=age)
+    (learned_force,) = online.learned().values()
+    again.restore(learned_force, age=age)
     online.age(age)
     (restored,), (aged,) = again.learned().values(), online.learned().values()
     np.testing.assert_allclose(restored.published, aged.published, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(restored.covariance, aged.covariance, rtol=1e-6, atol=1e-12)
     assert (restored.valid, restored.accepted) == (aged.valid, aged.accepted)
-    if kept.accepted:
+    if learned_force.accepted:
         assert again.take(stop(0.3)).outcome == online.take(stop(0.3)).outcome
 
 
-def test_surfaces_learn_apart_and_the_base_does_not_move_those_of_the_file() -> None:
+def test_surfaces_learn_separately_and_the_base_does_not_move_those_of_the_file() -> None:
     gravel = SurfaceBraking(b_b=0.25)
     prior = replace(PRIOR, terrain={"gravel": gravel})
     online = OnlineBraking(prior, recursive=RecursiveSettings(change=0.15))
@@ -167,9 +167,9 @@ def test_surfaces_learn_apart_and_the_base_does_not_move_those_of_the_file() -> 
 def test_neither_covariance_is_undercut(a: int, b: int) -> None:
     first, second = (np.random.default_rng(s).normal(size=(4, 4)) for s in (a, b))
     first, second = first @ first.T, second @ second.T
-    both = at_least_both(first, second)
-    for one in (first, second):
-        assert np.linalg.eigvalsh(both - one)[0] > -1e-9
+    lower = at_least_both(first, second)
+    for force in (first, second):
+        assert np.linalg.eigvalsh(lower - force)[0] > -1e-9
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_neither_covariance_is_undercut(a: int, b: int) -> None:
     ],
 )
 def test_what_cannot_have_been_learned_is_refused(changes: dict, field: str) -> None:
-    good = {
+    usable = {
         "estimate": (0.0, 0.0, 0.0, 0.3),
         "covariance": TIGHT,
         "published": (0.0, 0.0, 0.0, 0.3),
@@ -192,7 +192,7 @@ def test_what_cannot_have_been_learned_is_refused(changes: dict, field: str) -> 
         "accepted": 9,
         "gated": 0,
     }
-    LearnedForce(**good)  # type: ignore[arg-type]
+    LearnedForce(**usable)  # type: ignore[arg-type]
     with pytest.raises(ParameterError) as caught:
-        LearnedForce(**good | changes)  # type: ignore[arg-type]
+        LearnedForce(**usable | changes)  # type: ignore[arg-type]
     assert caught.value.field == field

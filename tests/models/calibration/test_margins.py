@@ -9,7 +9,7 @@ from slopewise.models.calibration.margins import normal_bound, offset_for
 
 @pytest.mark.parametrize("n", [12, 40, 150])
 @pytest.mark.parametrize("kind", ["normal", "heavy"])
-def test_the_wanted_share_of_future_stops_is_covered(n: int, kind: str) -> None:
+def test_the_requested_share_of_future_stops_is_covered(n: int, kind: str) -> None:
     rng = np.random.default_rng(n)
     covered = []
     for _ in range(400):

@@ -61,7 +61,7 @@ def test_each_surface_is_followed_on_its_own() -> None:
     assert online.coefficients("clay")[3] != pytest.approx(KNOWN.b_b, abs=1e-3)
 
 
-def test_a_sample_takes_microseconds() -> None:
+def test_a_sample_is_processed_in_microseconds() -> None:
     samples = rows(Plant(), 60, 0)
     online = OnlineBraking(KNOWN)
     begin = time.process_time()
@@ -126,7 +126,7 @@ def test_weak_stops_between_others_are_planned_with(every: int) -> None:
             assert not online.valid()
 
 
-def test_a_single_weak_stop_is_no_state_of_the_brakes_and_the_rest_comes_back() -> None:
+def test_a_single_weak_stop_is_no_state_of_the_brakes_and_the_rest_is_recovered() -> None:
     rng = np.random.default_rng(0)
     online = OnlineBraking(replace(KNOWN, m_b=0.0))
     for k in range(40):

@@ -21,7 +21,7 @@ def published(**settings: float) -> PublishedForce:
     return PublishedForce(TRUTH, SPEEDS, GRADES, PublishSettings(**settings))  # type: ignore[arg-type]
 
 
-def test_it_begins_with_what_was_known() -> None:
+def test_it_starts_from_the_prior() -> None:
     np.testing.assert_allclose(published().coefficients, TRUTH, atol=1e-12)
     assert not published().valid
 
@@ -66,12 +66,12 @@ def test_the_valid_flag_has_hysteresis() -> None:
     assert out.judge(covariance(0.03), 8, 0.0)
     assert out.judge(covariance(0.08), 9, 0.0)  # between the thresholds it stays
     assert not out.judge(covariance(0.12), 10, 0.0)
-    assert not out.judge(covariance(0.08), 11, 0.0)  # and so it does on the way back
+    assert not out.judge(covariance(0.08), 11, 0.0)  # and so it does on the return
     assert out.judge(covariance(0.03), 12, 0.0)
     assert not out.judge(covariance(0.03), 13, 0.6)
 
 
-def test_age_goes_back_to_the_default_where_it_is_weaker_only() -> None:
+def test_age_returns_to_the_default_where_it_is_weaker_only() -> None:
     out = published(rise=1.0)
     out.follow(TRUTH + np.array([0.0, 0.0, 0.0, 0.1]))
     out.age(1e9, 3600.0)
@@ -90,7 +90,7 @@ def test_settings_that_contradict_themselves() -> None:
 
 
 @given(level=st.floats(0.03, 0.3), steep=st.floats(-1.5, 0.0))
-def test_the_least_force_at_a_steep_end_is_not_spread_over_level_ground(
+def test_the_lower_bound_at_a_steep_end_is_not_spread_over_level_ground(
     level: float, steep: float
 ) -> None:
     out = published(rise=1.0)
@@ -98,7 +98,7 @@ def test_the_least_force_at_a_steep_end_is_not_spread_over_level_ground(
     assert out.coefficients[2] * 2.0 + out.coefficients[3] <= max(level, 0.02) + 1e-9
 
 
-def test_what_is_not_valid_rises_to_the_default_and_no_rise_comes_at_once() -> None:
+def test_invalid_values_rise_to_the_default_and_no_rise_is_immediate() -> None:
     out = published(rise=0.02, only_valid=True)
     better = TRUTH + np.array([0.0, 0.0, 0.0, 0.2])
     for _ in range(9):

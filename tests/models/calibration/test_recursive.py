@@ -33,19 +33,19 @@ def test_without_forgetting_it_is_least_squares() -> None:
     x = np.array([(v * g, g, v, 1.0) for v, g, *_ in some])
     noise = 0.002**2 + 0.01**2
     information = x.T @ x / noise + np.linalg.inv(PRIOR)
-    wanted = np.linalg.solve(
+    expected = np.linalg.solve(
         information, x.T @ [f for _, _, f, _ in some] / noise + np.linalg.solve(PRIOR, START)
     )
-    np.testing.assert_allclose(estimate.coefficients, wanted, rtol=1e-6)
+    np.testing.assert_allclose(estimate.coefficients, expected, rtol=1e-6)
     np.testing.assert_allclose(estimate.covariance, np.linalg.inv(information), rtol=1e-5)
 
 
 def test_it_finds_the_truth_and_its_covariance_stays_bounded() -> None:
-    off = []
+    errors = []
     for seed in range(20):
         estimate = followed(stops(600, seed))
-        off.append((estimate.coefficients - TRUTH) / np.sqrt(np.diag(estimate.covariance)))
-    assert np.mean(np.abs(off) < 2.0) > 0.9
+        errors.append((estimate.coefficients - TRUTH) / np.sqrt(np.diag(estimate.covariance)))
+    assert np.mean(np.abs(errors) < 2.0) > 0.9
     assert np.linalg.eigvalsh(estimate.covariance)[0] > 0.0
 
 
@@ -59,7 +59,7 @@ def test_level_ground_for_hours_washes_no_slope_away() -> None:
     assert np.all(np.sqrt(np.diag(estimate.covariance))[:2] < 1.5 * std[:2])
 
 
-def test_single_outliers_are_not_believed() -> None:
+def test_single_outliers_are_rejected() -> None:
     estimate = followed(stops(100, 0))
     before = estimate.coefficients.copy()
     for factor in (0.5, 1.8, 0.4):
@@ -71,9 +71,7 @@ def test_single_outliers_are_not_believed() -> None:
 
 
 @pytest.mark.parametrize(("factor", "needed"), [(0.6, 2), (1.6, 4)])
-def test_a_change_that_stays_is_believed_and_weaker_brakes_sooner(
-    factor: float, needed: int
-) -> None:
+def test_a_lasting_change_is_followed_and_weaker_brakes_sooner(factor: float, needed: int) -> None:
     estimate = followed(stops(100, 0))
     outcomes = [estimate.update(*stop) for stop in stops(needed, 3, factor * TRUTH)]
     assert outcomes == [Acceptance.GATED] * (needed - 1) + [Acceptance.CHANGED]

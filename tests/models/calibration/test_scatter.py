@@ -20,8 +20,8 @@ def test_the_next_stop_falls_evenly_into_what_is_predicted(n: int, freedom: floa
 
     share = []
     for _ in range(120):
-        told = scatter_of(0.03 * draw(n), np.full(n, 1e-3))
-        share.append(told.below(0.03 * draw(50)))
+        bound = scatter_of(0.03 * draw(n), np.full(n, 1e-3))
+        share.append(bound.below(0.03 * draw(50)))
     counts = np.histogram(np.concatenate(share), bins=10, range=(0.0, 1.0))[0]
     expected = 120 * 50 / 10
     # Stops that share a log are not independent: the log's own scale moves all 50 of them.
@@ -35,9 +35,9 @@ def test_the_quantile_planned_with_holds_and_few_stops_make_it_wider(n: int, noi
     planned, typical = [], []
     for _ in range(60):
         residual = 0.03 * rng.standard_normal(n) + noise * rng.standard_normal(n)
-        told = scatter_of(residual, np.full(n, max(noise, 1e-6)))
-        planned.append(told.planned)
-        typical.append(told.typical)
+        bound = scatter_of(residual, np.full(n, max(noise, 1e-6)))
+        planned.append(bound.planned)
+        typical.append(bound.typical)
     for q in QUANTILES:
         beyond = stats.norm.cdf(-np.array(planned) * stats.norm.ppf(q) / 0.03)
         assert np.mean(beyond) < 1.0 - q
@@ -51,9 +51,9 @@ def test_tails_count_on_the_dangerous_side_only() -> None:
     noise = np.full(80, 1e-3)
     long, short = plain.copy(), plain.copy()
     long[:3], short[:3] = -0.12, 0.12
-    told = scatter_of(plain, noise).planned
-    assert scatter_of(long, noise).planned > 1.5 * told
-    assert scatter_of(short, noise).planned < 1.25 * told
+    bound = scatter_of(plain, noise).planned
+    assert scatter_of(long, noise).planned > 1.5 * bound
+    assert scatter_of(short, noise).planned < 1.25 * bound
 
 
 def test_no_stop_no_scatter() -> None:

@@ -15,13 +15,13 @@ TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
 @pytest.mark.parametrize("speed", [1.0, 3.9])
 def test_a_plane_is_the_closed_form(speed: float) -> None:
     a = G * ((-0.03 * speed - 0.35) * -0.1 + 0.015 * speed + 0.4 + math.sin(-0.1))
-    wanted = 0.3 * speed + speed**2 / (2 * a)
+    expected = 0.3 * speed + speed**2 / (2 * a)
     way = stopping_distance(speed, 0.3, TRUTH, np.array([0.0, 1.0]), np.full(2, -0.1))
-    assert way == pytest.approx(wanted, abs=1e-6)
+    assert way == pytest.approx(expected, abs=1e-6)
     assert stopping_time(speed, 0.3, way) == pytest.approx(0.3 + speed / a, abs=1e-6)
 
 
-def test_a_varying_slope_is_what_integration_in_time_gives() -> None:
+def test_a_varying_slope_equals_integration_in_time() -> None:
     station = np.linspace(0.0, 6.0, 61)
     grade = -0.12 + 0.1 * np.sin(station)
     v = 3.5

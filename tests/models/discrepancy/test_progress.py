@@ -1,4 +1,4 @@
-"""Whoever waits is told how far an investigation is."""
+"""Progress of an investigation."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from tests.models.discrepancy.logs import log
 from tests.models.models_for_tests import BASE
 
 
-def test_hundredths_are_told_once_and_all_of_them() -> None:
-    told: list[int] = []
-    investigate(*log("clean"), BASE, advance=told.append)
-    assert min(told) > 0
-    assert sum(told) == Stage.FINDINGS == 100
+def test_each_hundredth_is_reported_once() -> None:
+    reported: list[int] = []
+    investigate(*log("clean"), BASE, advance=reported.append)
+    assert min(reported) > 0
+    assert sum(reported) == Stage.FINDINGS == 100
 
 
 @pytest.mark.parametrize("parents", [1, 3])
-def test_each_level_of_the_search_takes_half_of_what_is_left(parents: int) -> None:
-    told: list[int] = []
-    progress = Progress(told.append)
+def test_each_level_of_the_search_uses_half_of_the_remainder(parents: int) -> None:
+    reported: list[int] = []
+    progress = Progress(reported.append)
     reached = []
     for level in range(6):
         for index in range(parents):
             progress.search(level, (index + 1) / parents)
-            reached.append(sum(told))
+            reached.append(sum(reported))
     assert reached == sorted(reached)
     assert reached[parents - 1] == (Stage.BASE + Stage.SEARCH) // 2
     assert reached[2 * parents - 1] == int(Stage.SEARCH - (Stage.SEARCH - Stage.BASE) / 4)
     assert reached[-1] <= Stage.SEARCH
     progress.reach(Stage.BASE)
-    assert sum(told) == reached[-1]
+    assert sum(reported) == reached[-1]

@@ -23,13 +23,13 @@ BASIS = Hypothesis.configured(BASE)
 NOISE = Noise(0.03, 0.0, 0.05, 0.004, 0.02)
 
 
-def drawn(hypothesis: Hypothesis, noise: Noise, seed: int) -> StopTable:
+def sampled(hypothesis: Hypothesis, noise: Noise, seed: int) -> StopTable:
     """The stops of a log with speeds drawn from a hypothesis and a noise."""
     stops = table("clean")
     rng = np.random.default_rng(seed)
     z = shapes(stops, hypothesis)
-    own = np.array([0.0, noise.creep, noise.dead_time_std, noise.scatter])
-    effects = rng.standard_normal((len(stops), 4)) * own
+    stds = np.array([0.0, noise.creep, noise.dead_time_std, noise.scatter])
+    effects = rng.standard_normal((len(stops), 4)) * stds
     white = noise.speed * np.sqrt(stops.spread) * rng.standard_normal(stops.binned.shape)
     fall = np.einsum("skm,sm->sk", stops.average, predict(stops, hypothesis))
     level = stops.held[:, None] * (stops.spread > 0.0)
@@ -41,21 +41,21 @@ def test_whitened_residuals_are_independent_with_variance_one() -> None:
     white = whitener(stops, NOISE, BASIS)
     rows = []
     for seed in range(60):
-        own = drawn(BASIS, NOISE, seed)
+        stds = sampled(BASIS, NOISE, seed)
         fall = np.einsum("skm,sm->sk", stops.average, predict(stops, BASIS))
-        left = np.where(stops.spread > 0.0, own.binned - stops.held[:, None] + fall, 0.0)
+        left = np.where(stops.spread > 0.0, stds.binned - stops.held[:, None] + fall, 0.0)
         between, within = white.split(white.bins @ left[:, :, None])
         rows.append(between[:, 0] / np.sqrt(1.0 + NOISE.scatter**2 * white.power))
         used = (stops.spread > 0.0).sum(axis=1)
-        # The level is free, so one number a stop says nothing; the friction is apart.
+        # The level is free, so one number per stop carries no information; friction is separate.
         assert np.mean(within**2) * within[:, :, 0].size / (used.sum() - 2 * len(used)) < 1.2
     assert np.var(rows) == pytest.approx(1.0, abs=0.08)
 
 
 def test_the_noise_is_estimated() -> None:
-    found = fit_with_noise(drawn(BASIS, NOISE, 5), BASIS).noise
-    assert found.speed == pytest.approx(NOISE.speed, rel=0.1)
-    assert found.scatter == pytest.approx(NOISE.scatter, rel=0.35)
+    noise = fit_with_noise(sampled(BASIS, NOISE, 5), BASIS).noise
+    assert noise.speed == pytest.approx(NOISE.speed, rel=0.1)
+    assert noise.scatter == pytest.approx(NOISE.scatter, rel=0.35)
 
 
 def test_scatter_of_known_numbers() -> None:
@@ -69,9 +69,9 @@ def test_intervals_of_a_lag_cover() -> None:
     truth = BASIS.plus(Effect(name="brake_lag", parameters={"tau": 0.15}))
     inside = 0
     for seed in range(40):
-        found = fit_with_noise(drawn(truth, NOISE, 100 + seed), truth)
-        off = found.hypothesis.free[BASE_NUMBERS] - 0.15
-        inside += bool(abs(off) < 1.96 * np.sqrt(found.covariance[BASE_NUMBERS, BASE_NUMBERS]))
+        noise = fit_with_noise(sampled(truth, NOISE, 100 + seed), truth)
+        error = noise.hypothesis.free[BASE_NUMBERS] - 0.15
+        inside += bool(abs(error) < 1.96 * np.sqrt(noise.covariance[BASE_NUMBERS, BASE_NUMBERS]))
     assert inside >= 34  # 95 % of 40 is 38; fewer than 34 has a chance of 1 in 50
 
 
@@ -86,8 +86,8 @@ def test_the_threshold_is_that_of_the_largest_of_many() -> None:
 def test_a_permuted_axis_is_followed_only_where_it_matters() -> None:
     clean = follow(table("clean"), fit_with_noise(table("clean"), BASIS), 1)
     assert clean[0].p_value > 0.02
-    leaning = follow(table("cross"), fit_with_noise(table("cross"), BASIS), 1)
-    assert leaning[0].axis.name == "roll"
-    assert leaning[0].p_value < 1e-3
-    low, high = part_of_axis(leaning[0])
+    pattern = follow(table("cross"), fit_with_noise(table("cross"), BASIS), 1)
+    assert pattern[0].axis.name == "roll"
+    assert pattern[0].p_value < 1e-3
+    low, high = part_of_axis(pattern[0])
     assert low < high

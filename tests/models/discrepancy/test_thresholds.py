@@ -1,4 +1,4 @@
-"""Numbers that somebody chose stand in one table, each with what has to be known of it."""
+"""Chosen numbers are in one table, each with unit, meaning and reason."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from slopewise.models import discrepancy
 from slopewise.models.discrepancy import thresholds
 from slopewise.models.discrepancy.thresholds import Basis
 
-ROOM = Path(discrepancy.__file__).parent
-MODULES = sorted(p for p in ROOM.rglob("*.py") if p.name not in ("thresholds.py", "settings.py"))
+PACKAGE = Path(discrepancy.__file__).parent
+MODULES = sorted(p for p in PACKAGE.rglob("*.py") if p.name not in ("thresholds.py", "settings.py"))
 OF_SINGLE_EFFECTS = {
     "USUAL",
     "_SCALES",
@@ -34,7 +34,7 @@ OF_SINGLE_EFFECTS = {
 
 def chosen_numbers(path: Path) -> list[str]:
     """Constants of a module that are or hold a number beyond 0, 1 and 2."""
-    found = []
+    names = []
     for node in ast.parse(path.read_text()).body:
         if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
             continue
@@ -46,8 +46,8 @@ def chosen_numbers(path: Path) -> list[str]:
             if isinstance(n, ast.Constant) and isinstance(n.value, int | float)
         ]
         if any(n not in (0, 1, 2) for n in numbers) and not OF_SINGLE_EFFECTS & set(names):
-            found += names
-    return found
+            names += names
+    return names
 
 
 def test_every_threshold_has_its_fields():
@@ -65,7 +65,7 @@ def test_every_constant_of_the_table_is_a_row():
     assert constants == {row.name for row in thresholds.table()}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(ROOM).as_posix())
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
 def test_modules_keep_no_numbers_of_their_own(path: Path):
     assert chosen_numbers(path) == []
 

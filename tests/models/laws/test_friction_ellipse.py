@@ -12,11 +12,11 @@ from slopewise.models.laws import friction_ellipse as ellipse
 from tests.models.parity import G, check_outside, check_parity
 
 GRADE, ROLL, MU = (-0.3, 0.3), (-0.25, 0.25), (0.4, 0.9)
-BEND, CREST = (0.02, 0.3), (-0.2, -0.01)
+CURVATURE, CREST = (0.02, 0.3), (-0.2, -0.01)
 
 
 def test_a_side_slope_leaves_less_for_the_brakes() -> None:
-    """15° and 0.35: of 0.338 W there are 0.217 W left along the way."""
+    """15° and 0.35: of 0.338 W 0.217 W remain along the path."""
     roll = math.radians(15.0)
     side = ellipse.side_force_ratio(0.0, roll, 0.0, 0.0)
     normal = ellipse.normal_ratio(0.0, roll, 0.0, 0.0)
@@ -34,25 +34,27 @@ def test_a_crest_carries_what_the_circle_leaves() -> None:
 @given(
     st.floats(*GRADE), st.floats(*ROLL), st.floats(-0.3, 0.3), st.floats(-0.2, 0.2), st.floats(*MU)
 )
-def test_at_the_speed_that_is_told_a_turn_takes_its_share(
-    grade: float, roll: float, bend: float, crest: float, friction: float
+def test_at_the_returned_speed_a_turn_uses_its_share(
+    grade: float, roll: float, curvature: float, crest: float, friction: float
 ) -> None:
     along = 0.3 * friction
-    speed_sq = ellipse.lateral_speed_sq(grade, roll, bend, crest, friction, along)
+    speed_sq = ellipse.lateral_speed_sq(grade, roll, curvature, crest, friction, along)
     upright = math.cos(grade) * math.cos(roll)
     bank = math.sin(roll) * math.cos(grade)
     taken = abs(bank) / upright
-    # Halfway between what the way needs and all there is stays for the way.
+    # Halfway between the longitudinal demand and all of the friction remains for it.
     share = min(0.8 * friction + 0.2 * taken, friction * math.sqrt(1.0 - 0.65**2))
     share = max(share, taken)
     if speed_sq == 0.0:
-        assert share * upright <= math.copysign(bank, bank * bend) + 1e-12
+        assert share * upright <= math.copysign(bank, bank * curvature) + 1e-12
         return
     if speed_sq > 1e6:
-        assert abs(bend) < 1e-3
+        assert abs(curvature) < 1e-3
         return
     normal = upright + min(crest, 0.0) * speed_sq / G
-    outward = abs(bend) * speed_sq / G + (math.copysign(1.0, bend) if bend else 0.0) * bank
+    outward = (
+        abs(curvature) * speed_sq / G + (math.copysign(1.0, curvature) if curvature else 0.0) * bank
+    )
     assert outward <= share * normal + 1e-9
     if crest >= 0.0:
         assert outward == pytest.approx(share * normal, abs=1e-9)
@@ -61,7 +63,7 @@ def test_at_the_speed_that_is_told_a_turn_takes_its_share(
 
 def test_parity() -> None:
     check_parity(
-        ellipse.side_force_ratio, grade=GRADE, roll=ROLL, curvature=BEND, speed_sq=(1.0, 16.0)
+        ellipse.side_force_ratio, grade=GRADE, roll=ROLL, curvature=CURVATURE, speed_sq=(1.0, 16.0)
     )
     check_parity(
         ellipse.normal_ratio,
@@ -75,7 +77,7 @@ def test_parity() -> None:
         ellipse.lateral_speed_sq,
         grade=GRADE,
         roll=(0.02, 0.2),
-        curvature=BEND,
+        curvature=CURVATURE,
         vertical_curvature=CREST,
         friction=MU,
         along=(0.0, 0.2),

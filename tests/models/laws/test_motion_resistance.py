@@ -15,17 +15,17 @@ SIDE_LOAD = 147.15
 
 def test_the_papers_vehicle_by_hand():
     # 1 A: 78.71*0.044 = 3.46324 N m; over 0.13*147.15 = 19.1295 N m: 0.1810418
-    found = resistance.motion_resistance(1.0, 0.0, side_load=SIDE_LOAD, **HUSKY)
-    assert found == pytest.approx(0.18104184636294726)
+    force = resistance.motion_resistance(1.0, 0.0, side_load=SIDE_LOAD, **HUSKY)
+    assert force == pytest.approx(0.18104184636294726)
     # Table 2, asphalt, f_r = 0.03: 0.03*19.1295/3.46324 = 0.1657076 A
-    found = resistance.current_of_motion_resistance(0.03, 0.0, side_load=SIDE_LOAD, **HUSKY)
-    assert found == pytest.approx(0.1657075455353946)
+    force = resistance.current_of_motion_resistance(0.03, 0.0, side_load=SIDE_LOAD, **HUSKY)
+    assert force == pytest.approx(0.1657075455353946)
 
 
 def test_idle_current_is_no_resistance():
     assert resistance.motion_resistance(0.8, 0.8, side_load=SIDE_LOAD, **HUSKY) == 0.0
-    whole = resistance.motion_resistance(2.0, 0.0, side_load=SIDE_LOAD, **HUSKY)
-    assert resistance.motion_resistance(2.5, 0.5, side_load=SIDE_LOAD, **HUSKY) == whole
+    total = resistance.motion_resistance(2.0, 0.0, side_load=SIDE_LOAD, **HUSKY)
+    assert resistance.motion_resistance(2.5, 0.5, side_load=SIDE_LOAD, **HUSKY) == total
 
 
 @given(
@@ -39,21 +39,21 @@ def test_idle_current_is_no_resistance():
 def test_current_and_resistance_are_inverse(f_r, idle, constant, gear, radius, load):
     current = resistance.current_of_motion_resistance(f_r, idle, constant, gear, radius, load)
     assert current >= idle
-    found = resistance.motion_resistance(current, idle, constant, gear, radius, load)
-    assert found == pytest.approx(f_r, abs=1e-9)
+    force = resistance.motion_resistance(current, idle, constant, gear, radius, load)
+    assert force == pytest.approx(f_r, abs=1e-9)
 
 
 @given(st.floats(0.0, 0.5), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_resistance_force_is_the_sum_over_the_wheels(f_r, grade, roll):
     loads = wheel_loads(294.3, -grade, roll, 0.0, 0.0, 0.55, 0.6, 0.3, 0.2)
-    found = resistance.resistance_force(f_r, 294.3, grade, roll)
-    assert found == pytest.approx(f_r * sum(loads), abs=1e-9)
+    force = resistance.resistance_force(f_r, 294.3, grade, roll)
+    assert force == pytest.approx(f_r * sum(loads), abs=1e-9)
 
 
 def test_resistance_force_by_hand():
     # 0.1*200*0.8*0.6
-    found = resistance.resistance_force(0.1, 200.0, math.asin(0.6), math.asin(0.8))
-    assert found == pytest.approx(9.6)
+    force = resistance.resistance_force(0.1, 200.0, math.asin(0.6), math.asin(0.8))
+    assert force == pytest.approx(9.6)
 
 
 MOTOR = {

@@ -1,4 +1,4 @@
-"""A mass that slides on a plane, by scipy in two dimensions, beside the law in one."""
+"""A mass that slides on a plane, by scipy in two dimensions, against the law in one."""
 
 import math
 
@@ -23,9 +23,9 @@ def sliding(v: float, grade: float, roll: float, mu: float) -> tuple[np.ndarray,
         return float(state[0] - 0.05 * v)
 
     slow.terminal = True  # type: ignore[attr-defined]
-    found = solve_ivp(rates, (0.0, 60.0), [v, 0.0], events=slow, rtol=1e-9, max_step=0.01)
-    assert found.status == 1
-    return found.t, found.y[0]
+    solution = solve_ivp(rates, (0.0, 60.0), [v, 0.0], events=slow, rtol=1e-9, max_step=0.01)
+    assert solution.status == 1
+    return solution.t, solution.y[0]
 
 
 def by_the_law(time: np.ndarray, v: float, grade: float, roll: float, mu: float) -> np.ndarray:
@@ -35,8 +35,8 @@ def by_the_law(time: np.ndarray, v: float, grade: float, roll: float, mu: float)
         return [-G * (math.sin(grade) + cap * share)]
 
     end = float(time[-1])
-    found = solve_ivp(rates, (0.0, end), [v], t_eval=time, rtol=1e-9, max_step=0.01)
-    return np.asarray(found.y[0])
+    solution = solve_ivp(rates, (0.0, end), [v], t_eval=time, rtol=1e-9, max_step=0.01)
+    return np.asarray(solution.y[0])
 
 
 @pytest.mark.parametrize("mu", [0.3, 0.45, 0.8])
@@ -47,9 +47,9 @@ def test_the_speed_is_that_of_a_block_on_a_plane(grade: float, roll: float, mu: 
     time, speed = sliding(v, grade, roll, mu)
     upright = G * (math.sin(grade) + mu * math.cos(grade) * math.cos(roll))
     unaware = v - upright * time
-    off = np.abs(by_the_law(time, v, grade, roll, mu) - speed)
-    # What is left of the difference is small beside what the slide changes.
-    assert off.max() <= 0.1 * np.abs(unaware - speed).max() + 1e-3
+    difference = np.abs(by_the_law(time, v, grade, roll, mu) - speed)
+    # The difference is small compared with the change by the slide.
+    assert difference.max() <= 0.1 * np.abs(unaware - speed).max() + 1e-3
 
 
 def test_without_a_cross_slope_or_at_once_nothing_is_lost() -> None:
@@ -59,8 +59,8 @@ def test_without_a_cross_slope_or_at_once_nothing_is_lost() -> None:
 
 def test_of_the_share_by_hand() -> None:
     # Level ground, μ = 0.5, half of the speed: r = φ/μ ln 2 = 0.1/0.5 · 0.6931, cos φ aside.
-    found = share_along(0.5, 0.0, 0.1, 0.5)
-    assert found == pytest.approx(1.0 / math.sqrt(1.0 + (0.2 * math.log(2.0)) ** 2), rel=2e-4)
+    solution = share_along(0.5, 0.0, 0.1, 0.5)
+    assert solution == pytest.approx(1.0 / math.sqrt(1.0 + (0.2 * math.log(2.0)) ** 2), rel=2e-4)
 
 
 def test_it_is_the_same_to_either_side_and_shrinks_towards_standstill() -> None:

@@ -20,18 +20,18 @@ def test_moment_and_thrusts_of_the_papers_vehicle_by_hand():
     # M_r = 0.26*294.3*0.55/2 = 21.04245 N m; rolling 0.03*147.15 = 4.4145 N a side;
     # M_r/B = 35.07075 N: on the spot 39.48525 N each, in a turn -30.65625 and 39.48525 N
     assert turning.turning_moment(0.26, 294.3, 0.55) == pytest.approx(21.04245)
-    found = turning.side_thrusts(1.0, **ASPHALT, **LEVEL, **HUSKY)
-    assert found == pytest.approx((39.48525, 39.48525))
-    found = turning.side_thrusts(-1.0, **ASPHALT, **LEVEL, **HUSKY)
-    assert found == pytest.approx((-30.65625, 39.48525))
+    result = turning.side_thrusts(1.0, **ASPHALT, **LEVEL, **HUSKY)
+    assert result == pytest.approx((39.48525, 39.48525))
+    result = turning.side_thrusts(-1.0, **ASPHALT, **LEVEL, **HUSKY)
+    assert result == pytest.approx((-30.65625, 39.48525))
 
 
 def test_lateral_resistance_of_the_papers_vehicle_by_hand():
     # (0.6/0.55)*(78.9705/294.3 - 0.03) = 0.26
-    found = turning.lateral_resistance_on_the_spot(39.48525, 39.48525, 0.03, **LEVEL, **HUSKY)
-    assert found == pytest.approx(0.26)
-    found = turning.lateral_resistance_in_a_turn(-30.65625, 39.48525, 0.03, **LEVEL, **HUSKY)
-    assert found == pytest.approx(0.26)
+    result = turning.lateral_resistance_on_the_spot(39.48525, 39.48525, 0.03, **LEVEL, **HUSKY)
+    assert result == pytest.approx(0.26)
+    result = turning.lateral_resistance_in_a_turn(-30.65625, 39.48525, 0.03, **LEVEL, **HUSKY)
+    assert result == pytest.approx(0.26)
 
 
 @given(
@@ -46,11 +46,11 @@ def test_each_form_recovers_the_lateral_resistance(f_r, mu_t, left_load, right_l
     weight = 1.1 * (left_load + right_load)  # tilted: the loads sum to less than the weight
     vehicle = (left_load, right_load, weight, L, B)
     thrusts = turning.side_thrusts(1.0, f_r, mu_t, *vehicle)
-    found = turning.lateral_resistance_on_the_spot(*thrusts, f_r, *vehicle)
-    assert found == pytest.approx(mu_t, abs=1e-9)
+    result = turning.lateral_resistance_on_the_spot(*thrusts, f_r, *vehicle)
+    assert result == pytest.approx(mu_t, abs=1e-9)
     thrusts = turning.side_thrusts(-1.0, f_r, mu_t, *vehicle)
-    found = turning.lateral_resistance_in_a_turn(*thrusts, f_r, *vehicle)
-    assert found == pytest.approx(mu_t, abs=1e-9)
+    result = turning.lateral_resistance_in_a_turn(*thrusts, f_r, *vehicle)
+    assert result == pytest.approx(mu_t, abs=1e-9)
 
 
 @given(st.sampled_from([-1.0, 1.0]), st.floats(0.0, 0.5))
@@ -69,7 +69,7 @@ def test_print_of_27_holds_on_the_spot_only(mu_t):
     ground = {"motion_resistance": 0.1, "lateral_resistance": mu_t}
     thrusts = turning.side_thrusts(1.0, **ground, **LEVEL, **HUSKY)
     assert printed_27(thrusts, 0.1, **HUSKY) == pytest.approx(mu_t)
-    # in any other turn it gives 0 whatever the ground
+    # in any other turn it is 0 on all ground
     thrusts = turning.side_thrusts(-1.0, **ground, **LEVEL, **HUSKY)
     assert printed_27(thrusts, 0.1, **HUSKY) == pytest.approx(0.0, abs=1e-12)
 
@@ -80,7 +80,7 @@ def test_drag_by_hand():
 
 
 @given(st.floats(-2.0, 2.0), st.floats(0.0, 1.0), st.floats(0.3, 3.0))
-def test_drag_takes_the_power_of_the_moment(curvature, mu_t, wheelbase):
+def test_drag_has_the_power_of_the_moment(curvature, mu_t, wheelbase):
     weight, speed = 300.0, 1.7
     drag = weight * turning.equivalent_drag_ratio(curvature, mu_t, wheelbase)
     power = turning.turning_moment(mu_t, weight, wheelbase) * np.abs(curvature * speed)

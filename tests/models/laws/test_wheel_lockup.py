@@ -21,8 +21,8 @@ def test_lockup_by_hand():
     # L = 1, cg_x = 0.5, cg_z = 0.25, μ = 0.8, μ cg_z = 0.2
     vehicle = {"sliding_friction": 0.8, "wheelbase": 1.0, "cg_x": 0.5, "cg_z": 0.25, **LEVEL}
     # half the force in front: front 0.4/0.3 = 1.3333, rear 0.4/0.7 = 0.5714
-    found = wheel_lockup.lockup_force_ratios(front_brake_share=0.5, **vehicle)
-    assert found == pytest.approx((4.0 / 3.0, 4.0 / 7.0))
+    ratios = wheel_lockup.lockup_force_ratios(front_brake_share=0.5, **vehicle)
+    assert ratios == pytest.approx((4.0 / 3.0, 4.0 / 7.0))
     # all of it in front: the front locks at 0.4/0.8
     front, rear = wheel_lockup.lockup_force_ratios(front_brake_share=1.0, **vehicle)
     assert front == pytest.approx(0.5)
@@ -32,8 +32,8 @@ def test_lockup_by_hand():
 def test_ideal_share_uses_all_friction():
     # (cg_x + μ cg_z)/L = 0.7, the ideal distribution of brake textbooks: both axles lock at μ
     vehicle = {"sliding_friction": 0.8, "wheelbase": 1.0, "cg_x": 0.5, "cg_z": 0.25, **LEVEL}
-    found = wheel_lockup.lockup_force_ratios(front_brake_share=0.7, **vehicle)
-    assert found == pytest.approx((0.8, 0.8))
+    ratios = wheel_lockup.lockup_force_ratios(front_brake_share=0.7, **vehicle)
+    assert ratios == pytest.approx((0.8, 0.8))
 
 
 @given(angles, angles, splits, frictions, wheelbases, positions, heights)
@@ -70,8 +70,8 @@ def test_lockup_is_never_above_the_cap(grade, roll, split, friction, wheelbase, 
 
 def test_friction_cap_by_hand():
     # cos θ = 0.8, cos φ = 0.6, μ = 0.5
-    found = wheel_lockup.friction_cap(math.asin(-0.6), math.asin(0.8), 0.5)
-    assert found == pytest.approx(0.24)
+    ratios = wheel_lockup.friction_cap(math.asin(-0.6), math.asin(0.8), 0.5)
+    assert ratios == pytest.approx(0.24)
 
 
 RANGES = {
@@ -101,7 +101,7 @@ INSIDE = {name: 0.5 * (low + high) for name, (low, high) in RANGES.items()}
     "changes",
     [{"sliding_friction": -0.1}, {"front_brake_share": -0.1}, {"front_brake_share": 1.3}],
 )
-def test_outside_there_is_no_lockup_to_tell(changes):
+def test_outside_the_domain_there_is_no_lockup(changes):
     check_outside(wheel_lockup.lockup_force_ratios, {**INSIDE, **changes})
 
 
@@ -113,5 +113,5 @@ def test_no_friction_is_a_cap_and_less_is_none():
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_one_axle_may_brake_alone(share):
-    found = wheel_lockup.lockup_force_ratios(**{**INSIDE, "front_brake_share": share})
-    assert min(found) > 0.0
+    ratios = wheel_lockup.lockup_force_ratios(**{**INSIDE, "front_brake_share": share})
+    assert min(ratios) > 0.0

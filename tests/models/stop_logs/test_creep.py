@@ -12,7 +12,7 @@ NOISE = 0.04
 
 def knees(creep: np.ndarray, seed: int = 0, weights: np.ndarray | None = None) -> list[Knee | None]:
     rng = np.random.default_rng(seed)
-    found = []
+    estimates = []
     for i, slope in enumerate(creep):
         v = rng.uniform(1.0, 3.0)
         t = np.arange(-1.0, 0.3 + v / (0.4 * G) + 0.2, 0.01)
@@ -20,9 +20,11 @@ def knees(creep: np.ndarray, seed: int = 0, weights: np.ndarray | None = None) -
         speed = np.where(t < 0.3, before, np.maximum(v - 0.4 * G * (t - 0.3), 0.0))
         speed = speed + NOISE * rng.standard_normal(len(t))
         weight = HELD if weights is None else float(weights[i])
-        found.append(fit_knee(t, speed, np.zeros(len(t)), 0.3 + v / (0.4 * G), held_weight=weight))
-    assert all(found)
-    return found
+        estimates.append(
+            fit_knee(t, speed, np.zeros(len(t)), 0.3 + v / (0.4 * G), held_weight=weight)
+        )
+    assert all(estimates)
+    return estimates
 
 
 def spread(weights: np.ndarray) -> float:
@@ -60,7 +62,7 @@ def test_few_stops_and_missing_ones_say_nothing() -> None:
     assert (weights[:-1] > HELD).all()
 
 
-def test_it_sharpens_the_force_and_bends_nothing() -> None:
+def test_it_sharpens_the_force_without_bias() -> None:
     creep = np.zeros(150)
     plain = knees(creep)
     sharp = knees(creep, weights=held_weights(plain, np.full(150, NOISE)))

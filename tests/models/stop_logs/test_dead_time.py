@@ -11,25 +11,25 @@ G = 9.80665
 
 def knees(seed: int, dead_time_std: float = 0.0, stops: int = 60, noise: float = 0.05) -> list:
     rng = np.random.default_rng(seed)
-    found = []
+    fits = []
     for _ in range(stops):
         held = rng.uniform(1.0, 4.0)
         delay = 0.25 + dead_time_std * rng.standard_normal()
         rest = delay + held / (0.4 * G)
         t = np.arange(-1.0, rest + 0.3, 0.01)
         v = np.clip(held - 0.4 * G * (t - delay), 0.0, held) + noise * rng.standard_normal(len(t))
-        found.append(fit_knee(t, v, np.zeros(len(t)), rest))
-    assert all(found)
-    return found
+        fits.append(fit_knee(t, v, np.zeros(len(t)), rest))
+    assert all(fits)
+    return fits
 
 
 @pytest.mark.parametrize("dead_time_std", [0.0, 0.03])
 def test_common_dead_time_and_its_jitter(dead_time_std: float) -> None:
-    found = [dead_time(knees(seed, dead_time_std), np.full(60, 0.05)) for seed in range(6)]
-    for one in found:
-        assert one.value == pytest.approx(0.25, abs=max(4.0 * one.std, 1e-4))
-        assert one.std < 0.008
-    assert np.mean([one.between_stops for one in found]) == pytest.approx(dead_time_std, abs=0.008)
+    fits = [dead_time(knees(seed, dead_time_std), np.full(60, 0.05)) for seed in range(6)]
+    for fit in fits:
+        assert fit.value == pytest.approx(0.25, abs=max(4.0 * fit.std, 1e-4))
+        assert fit.std < 0.008
+    assert np.mean([fit.between_stops for fit in fits]) == pytest.approx(dead_time_std, abs=0.008)
 
 
 def test_knowing_it_sharpens_the_force_and_keeps_it_honest() -> None:

@@ -23,13 +23,13 @@ def log(**changes: np.ndarray) -> dict[str, np.ndarray]:
     return {"t": T + 100.0, "v": speed(), "v_cmd": np.where(T < -1e-9, 2.0, 0.0)} | changes
 
 
-def found(columns: dict[str, np.ndarray], good: np.ndarray | None = None) -> list[StopWindow]:
-    good = np.ones(len(T), bool) if good is None else good
-    return find_stops(columns, slice(0, len(T)), good)
+def stops_of(columns: dict[str, np.ndarray], usable: np.ndarray | None = None) -> list[StopWindow]:
+    usable = np.ones(len(T), bool) if usable is None else usable
+    return find_stops(columns, slice(0, len(T)), usable)
 
 
 def test_a_step_to_zero_is_a_stop_up_to_the_first_crossing() -> None:
-    (stop,) = found(log())
+    (stop,) = stops_of(log())
     assert stop.verdict is Usability.USABLE
     assert stop.command == AT
     assert T[stop.standstill] == pytest.approx(0.8, abs=1.5 / HZ)
@@ -39,7 +39,7 @@ def test_a_step_to_zero_is_a_stop_up_to_the_first_crossing() -> None:
 
 
 def test_a_sensor_that_never_reads_zero_settles() -> None:
-    (stop,) = found(log(v=np.maximum(speed(), 0.02)))
+    (stop,) = stops_of(log(v=np.maximum(speed(), 0.02)))
     assert stop.verdict is Usability.USABLE
     assert T[stop.standstill] == pytest.approx(0.79, abs=2.0 / HZ)
 
@@ -61,7 +61,7 @@ def test_a_sensor_that_never_reads_zero_settles() -> None:
 def test_what_is_no_full_straight_stop_is_found_and_left_out(
     changes: dict[str, np.ndarray], verdict: Usability
 ) -> None:
-    (stop,) = found(log(**changes))
+    (stop,) = stops_of(log(**changes))
     assert stop.verdict is verdict
     assert not stop.usable
 
@@ -75,7 +75,7 @@ def test_what_is_no_full_straight_stop_is_found_and_left_out(
     ],
 )
 def test_shapes_of_the_command_that_are_steps(command: np.ndarray) -> None:
-    (stop,) = found(log(v_cmd=command))
+    (stop,) = stops_of(log(v_cmd=command))
     assert stop.verdict is Usability.USABLE
 
 
@@ -83,26 +83,26 @@ def test_straight_full_and_unmeasured_channels_do_not_disturb() -> None:
     nothing = np.full(len(T), np.nan)
     full = {"yaw_rate": np.full(len(T), 0.05), "brake": np.where(T < -1e-9, 0.0, 1.0)}
     for changes in (full, {"yaw_rate": nothing, "brake": nothing}):
-        assert [s.verdict for s in found(log(**changes))] == [Usability.USABLE]
+        assert [s.verdict for s in stops_of(log(**changes))] == [Usability.USABLE]
 
 
 def test_suspect_samples_spoil_the_stop_they_lie_in() -> None:
-    good = np.ones(len(T), bool)
-    good[AT + 10] = False
-    assert [s.verdict for s in found(log(), good)] == [Usability.SUSPECT]
-    good[:] = True
-    good[AT - 95 : AT - 80] = False
-    assert [s.verdict for s in found(log(), good)] == [Usability.USABLE]
+    usable = np.ones(len(T), bool)
+    usable[AT + 10] = False
+    assert [s.verdict for s in stops_of(log(), usable)] == [Usability.SUSPECT]
+    usable[:] = True
+    usable[AT - 95 : AT - 80] = False
+    assert [s.verdict for s in stops_of(log(), usable)] == [Usability.USABLE]
 
 
 def test_nothing_to_stop() -> None:
-    assert found(log(v=speed(held=0.04))) == []
-    assert found(log(v_cmd=np.zeros(len(T)))) == []
+    assert stops_of(log(v=speed(held=0.04))) == []
+    assert stops_of(log(v_cmd=np.zeros(len(T)))) == []
 
 
 def test_slow_stops_are_found_and_those_below_a_speed_that_is_asked_for_are_named() -> None:
     slow = log(v=speed(held=0.2, deceleration=0.5))
-    assert [s.verdict for s in found(slow)] == [Usability.USABLE]
+    assert [s.verdict for s in stops_of(slow)] == [Usability.USABLE]
     everything = np.ones(len(T), bool)
     (stop,) = find_stops(slow, slice(0, len(T)), everything, StopSettings(least_speed=0.3))
     assert stop.verdict is Usability.SLOW
@@ -111,8 +111,8 @@ def test_slow_stops_are_found_and_those_below_a_speed_that_is_asked_for_are_name
 
 def test_what_the_noise_at_rest_hides_is_no_stop() -> None:
     noise = 0.04 * np.random.default_rng(2).standard_normal(len(T))
-    assert found(log(v=speed(held=0.15) + noise)) == []
-    assert len(found(log(v=speed(held=0.35) + noise))) == 1
+    assert stops_of(log(v=speed(held=0.15) + noise)) == []
+    assert len(stops_of(log(v=speed(held=0.35) + noise))) == 1
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
@@ -131,8 +131,8 @@ def test_a_stop_of_forty_seconds_is_one(noise: float) -> None:
 
 
 def test_stops_of_a_later_run_keep_their_place() -> None:
-    one = log()
-    two = {name: np.concatenate((values, values)) for name, values in one.items()}
+    single = log()
+    two = {name: np.concatenate((values, values)) for name, values in single.items()}
     n = len(T)
     (stop,) = find_stops(two, slice(n, 2 * n), np.ones(2 * n, bool))
     assert stop.command == n + AT

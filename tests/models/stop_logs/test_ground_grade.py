@@ -17,7 +17,7 @@ PER = np.deg2rad(0.3)  # [rad s²/m]
 def stops(dive: float, settling: float, seed: int = 0, noise: float = 0.3) -> list[StopPitch]:
     """Bodies that dive on ground that bends; the suspension by small steps, not by the formula."""
     rng = np.random.default_rng(seed)
-    made = []
+    stops_list = []
     for _ in range(40):
         held, a = rng.uniform(1.5, 4.0), rng.uniform(2.5, 4.5)
         onset = 0.3
@@ -25,23 +25,25 @@ def stops(dive: float, settling: float, seed: int = 0, noise: float = 0.3) -> li
         t = np.arange(-1.0, rest + 1.5, 0.01)
         v = np.clip(held - a * (t - onset), 0.0, held)
         s = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * 0.01)))
-        q, lean = np.zeros(len(t)), 0.0
+        q, dive_angle = np.zeros(len(t)), 0.0
         for k, at in enumerate(t):
             now = a if onset < at <= rest else 0.0
-            lean += (now - lean) * min(0.01 / settling, 1.0) if settling > 0 else now - lean
-            q[k] = lean
+            dive_angle += (
+                (now - dive_angle) * min(0.01 / settling, 1.0) if settling > 0 else now - dive_angle
+            )
+            q[k] = dive_angle
         ground = rng.uniform(-0.2, 0.2) + 0.02 * np.sin(s / 2.0 + rng.uniform(0, 6))
         pitch = -ground + dive * q + np.deg2rad(noise) * rng.standard_normal(len(t)) + 0.02
-        made.append(StopPitch(t, s, pitch, onset, rest, a))
-    return made
+        stops_list.append(StopPitch(t, s, pitch, onset, rest, a))
+    return stops_list
 
 
 @pytest.mark.parametrize("settling", [0.0, 0.1])
 @pytest.mark.parametrize("dive", [0.0, PER, -0.5 * PER])
-def test_the_dive_comes_back(dive: float, settling: float) -> None:
-    found = estimate_dive(stops(dive, settling))
-    assert found.per_deceleration == pytest.approx(dive, abs=max(3.0 * found.std, 0.07 * PER))
-    assert found.std < 0.1 * PER
+def test_the_dive_is_recovered(dive: float, settling: float) -> None:
+    estimate = estimate_dive(stops(dive, settling))
+    assert estimate.per_deceleration == pytest.approx(dive, abs=max(3.0 * estimate.std, 0.07 * PER))
+    assert estimate.std < 0.1 * PER
 
 
 def test_felt_deceleration_builds_up_and_fades() -> None:
@@ -56,7 +58,7 @@ def test_nothing_to_see_is_no_dive() -> None:
     assert estimate_dive([]) == Dive()
 
 
-def test_grades_are_believed_as_far_as_they_exceed_their_noise() -> None:
+def test_grades_are_used_as_far_as_they_exceed_their_noise() -> None:
     rng = np.random.default_rng(0)
     slopes = rng.uniform(-0.2, 0.2, 50)
     np.testing.assert_allclose(shrunk(slopes, np.full(50, 0.001)), slopes, atol=1e-4)

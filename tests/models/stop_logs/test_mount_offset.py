@@ -31,28 +31,28 @@ def from_headings(d: dict[str, np.ndarray]) -> mount_offset.Mount:
 
 
 @pytest.mark.parametrize("kind", ["out and back", "all over"])
-def test_ground_driven_in_several_directions_tells_it(kind: str) -> None:
+def test_ground_driven_in_several_directions_determines_it(kind: str) -> None:
     some = {"out and back": [0.0, np.pi] * 6, "all over": np.linspace(0, 6, 12)}[kind]
-    found = from_headings(drive(np.array(some)))
-    assert found.known
-    assert found.offset == pytest.approx(MOUNT, abs=max(3.0 * found.std, np.deg2rad(0.1)))
-    assert found.std < np.deg2rad(0.2)
+    mount = from_headings(drive(np.array(some)))
+    assert mount.known
+    assert mount.offset == pytest.approx(MOUNT, abs=max(3.0 * mount.std, np.deg2rad(0.1)))
+    assert mount.std < np.deg2rad(0.2)
 
 
-def test_one_direction_tells_nothing() -> None:
-    found = from_headings(drive(np.zeros(12)))
-    assert not found.known
-    assert found.offset == 0.0
-    assert found.std == mount_offset.USUAL_MOUNTING
+def test_one_direction_is_not_enough() -> None:
+    mount = from_headings(drive(np.zeros(12)))
+    assert not mount.known
+    assert mount.offset == 0.0
+    assert mount.std == mount_offset.USUAL_MOUNTING
 
 
-def test_known_grade_tells_it_and_gaps_do_not_matter() -> None:
+def test_known_grade_determines_it_and_gaps_do_not_matter() -> None:
     d = drive(np.linspace(0, 6, 5))
     grade = d["grade"].copy()
     grade[::7] = np.nan
-    found = mount_offset.from_grade(d["pitch"], grade, np.ones(len(grade), bool), "map")
-    assert found.source == "map"
-    assert found.offset == pytest.approx(MOUNT, abs=np.deg2rad(0.05))
+    mount = mount_offset.from_grade(d["pitch"], grade, np.ones(len(grade), bool), "map")
+    assert mount.source == "map"
+    assert mount.offset == pytest.approx(MOUNT, abs=np.deg2rad(0.05))
     nothing = mount_offset.from_grade(d["pitch"], grade * np.nan, np.ones(len(grade), bool), "map")
     assert not nothing.known
 
@@ -74,8 +74,8 @@ def test_steady_driving_only() -> None:
     assert not use[t > 5.2].any()
 
 
-def test_the_course_comes_from_positions_where_there_are_any() -> None:
+def test_the_course_follows_positions_where_there_are_any() -> None:
     s = np.concatenate((np.linspace(0.0, 10.0, 200), np.full(50, 10.0)))
-    found = mount_offset.course(s, s * np.cos(2.0), s * np.sin(2.0))
-    np.testing.assert_allclose(found[:200], 2.0, atol=1e-9)
+    mount = mount_offset.course(s, s * np.cos(2.0), s * np.sin(2.0))
+    np.testing.assert_allclose(mount[:200], 2.0, atol=1e-9)
     assert np.isnan(mount_offset.course(np.zeros(9), np.zeros(9), np.zeros(9))).all()

@@ -27,9 +27,11 @@ def test_equal_noise_is_ordinary_least_squares() -> None:
 @pytest.mark.parametrize("scatter", [0.0, 0.1, 0.5])
 def test_scatter_and_covariance_are_honest(scatter: float) -> None:
     fits = [random_effects.fit(*line(seed, 60, scatter), NONE, WIDE) for seed in range(150)]
-    off = np.array([(f.coefficients - [2.0, -1.0]) / np.sqrt(np.diag(f.covariance)) for f in fits])
-    assert np.all(np.mean(np.abs(off) < 2.0, axis=0) > 0.91)
-    assert np.all(np.abs(np.std(off, axis=0) - 1.0) < 0.2)
+    errors = np.array(
+        [(f.coefficients - [2.0, -1.0]) / np.sqrt(np.diag(f.covariance)) for f in fits]
+    )
+    assert np.all(np.mean(np.abs(errors) < 2.0, axis=0) > 0.91)
+    assert np.all(np.abs(np.std(errors, axis=0) - 1.0) < 0.2)
     assert np.median([f.scatter for f in fits]) == pytest.approx(scatter, abs=0.03)
 
 

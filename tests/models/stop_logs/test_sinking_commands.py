@@ -1,4 +1,4 @@
-"""Whoever learns from commands that sank before they were 0 is told so."""
+"""Commands that ramp down before they are 0 are reported."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ def sunk_to(share: float, seconds: float = 0.4) -> tuple[dict[str, np.ndarray], 
     return columns, runs
 
 
-def said(columns: dict[str, np.ndarray], runs: list[slice]) -> tuple[str, ...]:
-    good = np.ones(len(columns["t"]), np.bool_)
-    return sinking_commands(columns, [w for run in runs for w in find_stops(columns, run, good)])
+def warnings_of(columns: dict[str, np.ndarray], runs: list[slice]) -> tuple[str, ...]:
+    usable = np.ones(len(columns["t"]), np.bool_)
+    return sinking_commands(columns, [w for run in runs for w in find_stops(columns, run, usable)])
 
 
 def test_commands_that_fall_at_once_are_as_they_should_be() -> None:
-    assert said(*log("clean")) == ()
+    assert warnings_of(*log("clean")) == ()
 
 
 @pytest.mark.parametrize("share", [0.9, 0.7])
-def test_commands_that_sink_are_said_with_their_share(share: float) -> None:
-    (words,) = said(*sunk_to(share))
-    assert f"to {100 * share:.0f} % of what it had been" in words
+def test_ramped_commands_are_reported_with_their_share(share: float) -> None:
+    (warning,) = warnings_of(*sunk_to(share))
+    assert f"to {100 * share:.0f} % of what it had been" in warning
 
 
 def test_a_calibration_warns_of_them() -> None:
     warned = learn(*sunk_to(0.8), BASE.braking).warnings
-    assert any("commanded speed sank" in words for words in warned)
-    assert not any("sank" in words for words in learn(*log("clean"), BASE.braking).warnings)
+    assert any("commanded speed sank" in warning for warning in warned)
+    assert not any("sank" in warning for warning in learn(*log("clean"), BASE.braking).warnings)

@@ -36,8 +36,8 @@ def test_unseen_ground_is_none_of_these_and_then_a_class_of_its_own():
     assert answers[-20:].count("new_1") >= 19
     memory.rename("new_1", "ice")
     assert memory.observe(ice[0], EXACT).name == "ice"
-    found = {one.name: one for one in memory.classes.terrain}["ice"]
-    assert found.lateral_resistance.mean == pytest.approx(0.05, abs=0.01)
+    learned = {known.name: known for known in memory.classes.terrain}["ice"]
+    assert learned.lateral_resistance.mean == pytest.approx(0.05, abs=0.01)
     # the others are as good as before
     for name, mean in MEANS.items():
         rows = draws(mean, STDS[name], 200, seed=1)
@@ -45,17 +45,17 @@ def test_unseen_ground_is_none_of_these_and_then_a_class_of_its_own():
         assert right > 0.9, name
 
 
-def test_scattered_strangers_make_no_class():
+def test_scattered_unknown_signatures_make_no_class():
     pytest.importorskip("sklearn", reason="the learn extra is not installed")
     memory = AdaptiveClassifier(HUSKY)
     random = np.random.default_rng(2)
     for _ in range(8):
         memory.observe(tuple(random.uniform((0.5, 0.5, 2.5), (1.0, 1.0, 8.0)).tolist()), EXACT)
-    assert {one.name for one in memory.classes.terrain} == {*MEANS}
+    assert {known.name for known in memory.classes.terrain} == {*MEANS}
     assert memory.aside
 
 
-def test_a_gross_error_is_answered_but_teaches_nothing():
+def test_a_gross_error_is_answered_but_not_learned():
     memory = AdaptiveClassifier(HUSKY)
     before = memory.classes
     assert memory.observe((0.91, 0.26, 0.90), EXACT).name == "asphalt"
@@ -77,7 +77,7 @@ def test_a_season_is_followed():
     assert np.mean(adaptive[-50:]) > np.mean(static[-50:]) + 0.3
 
 
-def test_sure_answers_do_not_narrow_a_class_away():
+def test_confident_answers_do_not_narrow_a_class_away():
     memory = AdaptiveClassifier(HUSKY)
     for row in draws(MEANS["asphalt"], np.array(STDS["asphalt"]) * 0.05, 300):
         memory.observe(row, EXACT)
@@ -87,7 +87,7 @@ def test_sure_answers_do_not_narrow_a_class_away():
     )
 
 
-def test_labels_teach_another_vehicle():
+def test_labels_train_another_vehicle():
     memory = AdaptiveClassifier(TerrainClasses(name="other"))
     for i, (name, mean) in enumerate(MEANS.items()):
         for row in draws(np.array(mean) * (2.0, 2.5, 0.7), np.array(STDS[name]), 20, seed=i):
@@ -114,10 +114,10 @@ def test_running_moments_are_the_moments():
 
 def test_features_that_were_never_measured_are_left_out():
     rows = np.array([(0.1, NAN, NAN), (0.12, NAN, 1.0), (0.11, 0.2, NAN)])
-    found = classes_of("x", ["a", "a", "a"], rows).terrain[0]
-    assert found.motion_resistance.samples == 3.0
-    assert found.lateral_resistance is None
-    assert found.slip_track is None
+    learned = classes_of("x", ["a", "a", "a"], rows).terrain[0]
+    assert learned.motion_resistance.samples == 3.0
+    assert learned.lateral_resistance is None
+    assert learned.slip_track is None
 
 
 def test_without_scikit_learn_it_says_what_to_install(monkeypatch):

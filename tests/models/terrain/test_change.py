@@ -61,7 +61,7 @@ def test_another_way_of_driving_is_no_change_of_ground():
     assert first_alarm(detector, windows(random, 10, shift=1.0)) is not None
 
 
-def test_after_a_change_the_new_ground_is_usual():
+def test_after_a_change_the_new_ground_is_the_reference():
     random = np.random.default_rng(5)
     detector = ChangeDetector(1)
     first_alarm(detector, windows(random, 20))
@@ -79,7 +79,7 @@ def test_channels_that_are_missing_are_passed_over():
     assert first_alarm(detector, given) is not None
 
 
-def test_a_higher_threshold_is_slower_to_believe():
+def test_a_higher_threshold_is_slower_to_report():
     random = np.random.default_rng(7)
     strict = ChangeDetector(1, ChangeSettings(threshold=40.0))
     given = windows(random, 20) + windows(random, 10, shift=0.6)
@@ -95,20 +95,20 @@ def test_a_steep_slope_excuses_a_difference_and_level_ground_does_not():
     assert first_alarm(ChangeDetector(1), given + windows(random, 10, 0.8)) is not None
 
 
-def test_a_patch_is_told_once_and_the_way_back_after_a_while():
+def test_a_patch_is_reported_once_and_the_return_after_a_while():
     random = np.random.default_rng(9)
-    for stay, told in ((6, False), (40, True)):
+    for stay, reported in ((6, False), (40, True)):
         detector = ChangeDetector(1)
         first_alarm(detector, windows(random, 20))
         assert first_alarm(detector, windows(random, 10, shift=1.2)) is not None
         assert first_alarm(detector, windows(random, stay, shift=1.2)) is None
-        assert (first_alarm(detector, windows(random, 6)) is not None) is told
+        assert (first_alarm(detector, windows(random, 6)) is not None) is reported
 
 
-def samples(v_left, v_right, *, count=100, shaking=((10.0, 0.02),), rate=0.0, seed=0, pitch=0.0):
+def samples(v_left, v_right, *, count=100, vibration=((10.0, 0.02),), rate=0.0, seed=0, pitch=0.0):
     random = np.random.default_rng(seed)
     t = np.arange(count) / count
-    yaw = rate + sum(a * np.sin(2 * np.pi * f * t) for f, a in shaking)
+    yaw = rate + sum(a * np.sin(2 * np.pi * f * t) for f, a in vibration)
     current = 2.0 + 0.1 * random.normal(size=count)
     columns = (
         np.full(count, v_left),
@@ -121,10 +121,10 @@ def samples(v_left, v_right, *, count=100, shaking=((10.0, 0.02),), rate=0.0, se
     return np.stack(columns, axis=1)
 
 
-def test_shaking_appears_in_its_own_band_and_scales():
-    low = summarise(samples(0.4, 0.4, shaking=((4.0, 0.02),)), 0.03, 0.04)
-    middle = summarise(samples(0.4, 0.4, shaking=((12.0, 0.02),)), 0.03, 0.04)
-    double = summarise(samples(0.4, 0.4, shaking=((12.0, 0.04),)), 0.03, 0.04)
+def test_vibration_appears_in_its_band_and_scales():
+    low = summarise(samples(0.4, 0.4, vibration=((4.0, 0.02),)), 0.03, 0.04)
+    middle = summarise(samples(0.4, 0.4, vibration=((12.0, 0.02),)), 0.03, 0.04)
+    double = summarise(samples(0.4, 0.4, vibration=((12.0, 0.04),)), 0.03, 0.04)
     assert low.channels[3] - low.channels[4] > 1.0
     assert middle.channels[4] - middle.channels[3] > 1.0
     assert double.channels[4] - middle.channels[4] == pytest.approx(np.log(2.0), abs=0.02)

@@ -18,9 +18,9 @@ CLASSIFIER = TerrainClassifier(HUSKY)
 
 
 def test_the_shipped_classes_are_those_of_table_2():
-    for one in HUSKY.terrain:
-        assert tuple(f.mean for f in one.features) == MEANS[one.name]
-        assert tuple(f.std for f in one.features) == STDS[one.name]
+    for known in HUSKY.terrain:
+        assert tuple(f.mean for f in known.features) == MEANS[known.name]
+        assert tuple(f.std for f in known.features) == STDS[known.name]
 
 
 @pytest.mark.parametrize(("values", "name"), OBSERVATIONS)
@@ -64,16 +64,16 @@ def test_draws_from_table_2():
 
 def test_probabilities_mean_what_they_say():
     # of answers given with probability p, about p are right
-    said, right = [], []
+    answers, right = [], []
     names = [*MEANS, NONE]
     for name, rows in draws(4000):
         table = CLASSIFIER.probabilities(rows, np.zeros_like(rows))
-        said.append(table.max(axis=1))
+        answers.append(table.max(axis=1))
         right.append(table.argmax(axis=1) == names.index(name))
-    said, right = np.concatenate(said), np.concatenate(right)
-    middle = (said > 0.5) & (said < 0.9)
-    assert np.mean(right[middle]) > np.mean(said[middle]) - 0.1
-    assert np.mean(right[said > 0.95]) > 0.95
+    answers, right = np.concatenate(answers), np.concatenate(right)
+    middle = (answers > 0.5) & (answers < 0.9)
+    assert np.mean(right[middle]) > np.mean(answers[middle]) - 0.1
+    assert np.mean(right[answers > 0.95]) > 0.95
 
 
 def test_ground_of_no_known_class():
@@ -92,7 +92,7 @@ def test_what_is_not_known_says_nothing():
     assert [*nothing.probabilities.values()] == pytest.approx([0.245] * 4 + [0.02])
 
 
-def test_a_poor_measurement_is_less_sure():
+def test_a_poor_measurement_is_less_confident():
     sharp = CLASSIFIER.classify((0.03, 0.26, 1.0), (0.001, 0.001, 0.001))
     poor = CLASSIFIER.classify((0.03, 0.26, 1.0), (0.3, 0.3, 1.0))
     assert sharp.probability > 0.99
@@ -125,7 +125,7 @@ def test_one_feature_against_quadrature():
 
 
 @pytest.mark.parametrize(
-    ("make", "words"),
+    ("make", "message"),
     [
         (lambda: FeatureOfClass(mean=1, std=0, samples=6), "std: expected a finite number > 0"),
         (lambda: FeatureOfClass(mean=1, std=1, samples=1), "samples: expected"),
@@ -134,6 +134,6 @@ def test_one_feature_against_quadrature():
         (lambda: TerrainClasses(name="x", terrain=HUSKY.terrain[:1] * 2), "asphalt twice"),
     ],
 )
-def test_classes_that_make_no_sense(make, words):
-    with pytest.raises(ParameterError, match=words):
+def test_classes_that_make_no_sense(make, message):
+    with pytest.raises(ParameterError, match=message):
         make()

@@ -68,18 +68,18 @@ def test_two_contacts_do_not_hold_a_vehicle() -> None:
 
 
 def test_a_slip_track_beyond_1_4_is_sand_whatever_else_holds() -> None:
-    odd = (0.05, 0.28, 1.5)  # asphalt but for the slip track
+    odd = (0.05, 0.28, 1.5)  # asphalt except for the slip track
     assert by_rules(HUSKY, odd).name == "beach_sand"
     answer = TerrainClassifier(HUSKY).classify(odd)
     assert answer.probabilities["asphalt"] == 0.0
     assert answer.name != "asphalt"
     assert by_rules(HUSKY, (0.05, 0.28, 1.39)).name == "asphalt"
-    told = [by_rules(HUSKY, (f, m, 1.41)).name for f in (0.0, 0.2, 0.4) for m in (0.1, 0.2, 0.3)]
-    assert set(told) == {"beach_sand"}
+    names = [by_rules(HUSKY, (f, m, 1.41)).name for f in (0.0, 0.2, 0.4) for m in (0.1, 0.2, 0.3)]
+    assert set(names) == {"beach_sand"}
 
 
 def test_deciding_needs_a_rule() -> None:
     sand = HUSKY.terrain[3].slip_track
     assert sand is not None
-    with pytest.raises(ParameterError, match="a rule beside it"):
+    with pytest.raises(ParameterError, match="a rule beside it"):  # words: ok
         dataclasses.replace(sand, rule=None)

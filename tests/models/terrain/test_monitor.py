@@ -39,10 +39,10 @@ MODEL = Model(
 
 def events(log, monitor=None):
     monitor = TerrainMonitor(MODEL, HUSKY, MonitorSettings(QUIET)) if monitor is None else monitor
-    found = []
+    estimates = []
     for sample in samples_of(log):
-        found += monitor.update(sample)
-    return found + list(monitor.finish()), monitor
+        estimates += monitor.update(sample)
+    return estimates + list(monitor.finish()), monitor
 
 
 @pytest.mark.parametrize(
@@ -50,29 +50,29 @@ def events(log, monitor=None):
     [(plant.ASPHALT, "asphalt"), (plant.DIRT, "dirt_road"), (plant.SAND, "beach_sand")],
 )
 def test_the_class_of_a_square(ground, name):
-    found, _ = events(plant.drive(plant.square(), ground))
-    last = [e for e in found if isinstance(e, Classified)][-1]
+    estimates, _ = events(plant.drive(plant.square(), ground))
+    last = [e for e in estimates if isinstance(e, Classified)][-1]
     assert last.answer.name == name
     assert last.answer.probability > 0.8
-    assert not [e for e in found if isinstance(e, GroundChange)]
+    assert not [e for e in estimates if isinstance(e, GroundChange)]
 
 
 @pytest.mark.parametrize("name", ["ASPHALT", "DIRT", "PLOWED", "SAND"])
 def test_the_class_with_the_gyroscope_and_the_settings_of_print(name):
     # Slip 2.1: a yaw rate with noise of 0.3 rad/s
     log = plant.drive(plant.square(), getattr(plant, name), gyro_std=0.3)
-    found, _ = events(log, TerrainMonitor(MODEL, HUSKY))
-    whole = [e for e in found if np.isfinite(e.observation.known.values).all()]
+    estimates, _ = events(log, TerrainMonitor(MODEL, HUSKY))
+    complete = [e for e in estimates if np.isfinite(e.observation.known.values).all()]
     expected = {"DIRT": "dirt_road", "PLOWED": "plowed_terrain", "SAND": "beach_sand"}
-    assert {e.answer.name for e in whole} == {expected.get(name, "asphalt")}
+    assert {e.answer.name for e in complete} == {expected.get(name, "asphalt")}
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.05, 0.02])
-def test_slow_logs_tell_the_same(dt):
-    found, _ = events(plant.drive(plant.square(turn=4.0), plant.DIRT, dt=dt))
-    assert found[-1].answer.name == "dirt_road"
-    assert found[-1].observation.known.values == pytest.approx((0.13, 0.20, 1.15), abs=0.1)
-    assert not [e for e in found if isinstance(e, GroundChange)]
+def test_slow_logs_have_the_same_result(dt):
+    estimates, _ = events(plant.drive(plant.square(turn=4.0), plant.DIRT, dt=dt))
+    assert estimates[-1].answer.name == "dirt_road"
+    assert estimates[-1].observation.known.values == pytest.approx((0.13, 0.20, 1.15), abs=0.1)
+    assert not [e for e in estimates if isinstance(e, GroundChange)]
 
 
 def test_a_change_is_noticed_and_what_was_known_forgotten():
@@ -82,24 +82,26 @@ def test_a_change_is_noticed_and_what_was_known_forgotten():
     def ground(s):
         return plant.ASPHALT if s < when else plant.SAND
 
-    found, _ = events(plant.drive(legs, ground))
-    changes = [e for e in found if isinstance(e, GroundChange)]
+    estimates, _ = events(plant.drive(legs, ground))
+    changes = [e for e in estimates if isinstance(e, GroundChange)]
     assert len(changes) == 1
     assert 0.0 < changes[0].time - when < 6.0
-    at = found.index(changes[0])
-    after = next(e for e in found[at + 1 :] if isinstance(e, Classified))
+    at = estimates.index(changes[0])
+    after = next(e for e in estimates[at + 1 :] if isinstance(e, Classified))
     assert np.isnan(after.observation.known.values[1])  # not yet turned on the new ground
-    assert found[-1].answer.name == "beach_sand"
+    assert estimates[-1].answer.name == "beach_sand"
 
 
 def test_stuck_has_no_class():
-    found, _ = events(plant.drive([(2, 0, 0), (8, 0.5, 0.0), (6, 0.0, np.nan)], plant.DIRT))
-    stuck = [e for e in found if isinstance(e, Classified) and e.observation.phase is Phase.STUCK]
+    estimates, _ = events(plant.drive([(2, 0, 0), (8, 0.5, 0.0), (6, 0.0, np.nan)], plant.DIRT))
+    stuck = [
+        e for e in estimates if isinstance(e, Classified) and e.observation.phase is Phase.STUCK
+    ]
     assert stuck
     assert all(e.answer.name == "" for e in stuck)
 
 
-def test_adaptive_classes_are_taught_on_the_way():
+def test_adaptive_classes_are_trained_while_driving():
     adaptive = AdaptiveClassifier(HUSKY)
     monitor = TerrainMonitor(MODEL, HUSKY, MonitorSettings(QUIET), adaptive=adaptive)
     events(plant.drive(plant.square(sides=6), plant.ASPHALT), monitor)
@@ -120,7 +122,7 @@ def test_logs_of_this_vehicle_are_plausible():
 
 
 @pytest.mark.parametrize(
-    ("changes", "channel", "kind", "words"),
+    ("changes", "channel", "kind", "message"),
     [
         (
             {"v_left": lambda v: v / 0.13, "v_right": lambda v: v / 0.13},
@@ -134,10 +136,10 @@ def test_logs_of_this_vehicle_are_plausible():
         ({"yaw_rate": np.negative}, "yaw_rate", SuspectKind.UNITS, "turns against the wheels"),
     ],
 )
-def test_wrong_units(changes, channel, kind, words):
-    found = found_in(log_of(**changes))
-    assert {(s.channel, s.kind) for s in found} == {(channel, kind)}
-    assert words in found[0].reason
+def test_wrong_units(changes, channel, kind, message):
+    estimates = found_in(log_of(**changes))
+    assert {(s.channel, s.kind) for s in estimates} == {(channel, kind)}
+    assert message in estimates[0].reason
 
 
 def test_motors_that_hold_back_downhill_have_the_right_sign():
@@ -151,21 +153,23 @@ def test_a_sentinel_marks_its_own_samples():
         current[400:420] = -1000.0
         return current
 
-    (found,) = found_in(log_of(current_right=sentinel))
-    assert (found.start, found.stop, found.channel) == (400, 420, "current_right")
+    (estimates,) = found_in(log_of(current_right=sentinel))
+    assert (estimates.start, estimates.stop, estimates.channel) == (400, 420, "current_right")
 
 
 def test_the_trace_of_a_run_settles_where_riccati_says():
     log = plant.drive(plant.square(turn=4.0), plant.DIRT)
     rows = [(sample, True, ()) for sample in samples_of(log)]
-    kept = trace(estimator_of(), rows, QUIET.filter)
-    assert len(kept.time) == len(log["t"])
-    assert kept.predicted_variance[0] == pytest.approx(0.3**2 + 1e-4)
-    assert kept.predicted_variance[100:].min() == pytest.approx(kept.settled_variance, rel=0.05)
-    assert kept.active.sum() > 1000
-    assert np.isnan(kept.slip_track[:200]).all()
+    trace_rows = trace(estimator_of(), rows, QUIET.filter)
+    assert len(trace_rows.time) == len(log["t"])
+    assert trace_rows.predicted_variance[0] == pytest.approx(0.3**2 + 1e-4)
+    assert trace_rows.predicted_variance[100:].min() == pytest.approx(
+        trace_rows.settled_variance, rel=0.05
+    )
+    assert trace_rows.active.sum() > 1000
+    assert np.isnan(trace_rows.slip_track[:200]).all()
     standing = plant.drive([(3, 0, 0)], plant.DIRT)
     rows = [(sample, True, ()) for sample in samples_of(standing)]
-    kept = trace(estimator_of(), rows, QUIET.filter)
-    assert not kept.active.any()
-    assert np.isnan(kept.settled_variance)
+    trace_rows = trace(estimator_of(), rows, QUIET.filter)
+    assert not trace_rows.active.any()
+    assert np.isnan(trace_rows.settled_variance)

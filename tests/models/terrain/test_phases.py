@@ -24,18 +24,18 @@ def test_onset_of_steady_turning_waits_for_the_yaw_rate(lag):
     t = np.arange(0.0, 6.0, 0.01)
     dv = np.where(t >= 1.0, 0.9, 0.0)
     w = np.where(t >= 1.0, 0.8 * (1.0 - np.exp(-(t - 1.0) / lag)), 0.0)
-    found = phases_of(np.zeros_like(t), dv, w)
-    onset = t[[p is Phase.SPOT for p in found].index(True)]
+    phases = phases_of(np.zeros_like(t), dv, w)
+    onset = t[[p is Phase.SPOT for p in phases].index(True)]
     assert 0.8 * np.exp(-(onset - 1.0) / lag) < 0.1 * 0.8
     assert onset - 1.0 < 0.8 + 4.0 * lag
-    assert all(p is Phase.SPOT for p in found[int(100 * onset) + 1 :])
+    assert all(p is Phase.SPOT for p in phases[int(100 * onset) + 1 :])
 
 
 def test_speeding_up_is_no_steady_straight():
     t = np.arange(0.0, 6.0, 0.01)
     v = np.clip(0.8 * t, 0.0, 1.6)
-    found = phases_of(v, 0 * t, 0 * t)
-    steady = np.array([p is Phase.STRAIGHT for p in found])
+    phases = phases_of(v, 0 * t, 0 * t)
+    steady = np.array([p is Phase.STRAIGHT for p in phases])
     assert not steady[:100].any()
     assert steady[400:].all()
 
@@ -44,27 +44,27 @@ def test_noise_does_not_end_a_straight_or_a_turn():
     random = np.random.default_rng(1)
     n = 2000
     v = 0.5 + 0.01 * random.normal(size=n)
-    found = phases_of(v, 0.005 * random.normal(size=n), 0.03 * random.normal(size=n))
-    assert {*found[100:]} == {Phase.STRAIGHT}
+    phases = phases_of(v, 0.005 * random.normal(size=n), 0.03 * random.normal(size=n))
+    assert {*phases[100:]} == {Phase.STRAIGHT}
     w = 0.8 + 0.1 * random.normal(size=n)
-    found = phases_of(np.zeros(n), 0.9 + 0.007 * random.normal(size=n), w)
-    assert {*found[200:]} == {Phase.SPOT}
+    phases = phases_of(np.zeros(n), 0.9 + 0.007 * random.normal(size=n), w)
+    assert {*phases[200:]} == {Phase.SPOT}
 
 
 def test_spinning_is_withheld_at_once_and_named_when_it_lasts():
     t = np.arange(0.0, 6.0, 0.01)
     w = np.where(t < 3.0, 0.8, 0.02)
     tracker = MotionPhases(B, MotionSettings())
-    found, withheld = [], []
+    phases, withheld = [], []
     for rate in w:
-        found.append(tracker.update(0.01, -0.45, 0.45, rate))
+        phases.append(tracker.update(0.01, -0.45, 0.45, rate))
         withheld.append(tracker.withheld)
-    assert found[299] is Phase.SPOT
+    assert phases[299] is Phase.SPOT
     assert not withheld[299]
     assert all(withheld[330:])  # the smoothed rate is low after 0.2 s
-    assert Phase.SPOT not in found[330:]
-    assert found[330] is not Phase.STUCK
-    assert {*found[400:]} == {Phase.STUCK}
+    assert Phase.SPOT not in phases[330:]
+    assert phases[330] is not Phase.STUCK
+    assert {*phases[400:]} == {Phase.STUCK}
 
 
 def test_turning_against_the_wheels_is_spinning_too():

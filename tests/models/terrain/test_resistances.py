@@ -35,34 +35,34 @@ def stretch(**columns) -> SteadyStretch:
 def test_level_straight_is_the_law_of_motion_resistance():
     current = current_of_motion_resistance(0.13, 0.5, 0.044, 78.71, 0.13, W / 2)
     straight = stretch(v_left=0.5, v_right=0.5, current_left=current, current_right=current)
-    found = motion_resistance_of(straight, DRIVE, EXACT, signed=True)
-    assert found.value == pytest.approx(0.13)
-    assert found.std == pytest.approx(0.0, abs=1e-12)
+    resistance = motion_resistance_of(straight, DRIVE, EXACT, signed=True)
+    assert resistance.value == pytest.approx(0.13)
+    assert resistance.std == pytest.approx(0.0, abs=1e-12)
 
 
 def test_inertia_is_taken_out():
-    # 0.0255 of the weight for a quarter of a metre per second squared, whatever way it goes
+    # 0.0255 of the weight for a quarter of a metre per second squared, in either direction
     for way in (1.0, -1.0):
         current = current_of_motion_resistance(0.13 + 0.25 / G, 0.5, 0.044, 78.71, 0.13, W / 2)
         base = stretch(v_left=0.5, current_left=way * current, current_right=way * current)
         speed = way * (0.4 + 0.25 * base.time)
         straight = dataclasses.replace(base, v_left=speed, v_right=speed)
-        found = motion_resistance_of(straight, DRIVE, EXACT, signed=True)
-        assert found.value == pytest.approx(0.13)
+        resistance = motion_resistance_of(straight, DRIVE, EXACT, signed=True)
+        assert resistance.value == pytest.approx(0.13)
 
 
 def test_what_does_not_average_out():
     # one degree of pitch is 0.01745 of the weight; 0.1 A on both sides is 0.2 · 26.64/294.2
     straight = stretch(v_left=0.5, v_right=0.5, current_left=2.0, current_right=2.0)
     tilted = ResistanceSettings(pitch_std=math.radians(1.0), current_std=0.0)
-    found = motion_resistance_of(straight, DRIVE, tilted, signed=True)
-    assert found.std == pytest.approx(0.017453, abs=1e-5)
+    resistance = motion_resistance_of(straight, DRIVE, tilted, signed=True)
+    assert resistance.std == pytest.approx(0.017453, abs=1e-5)
     offset = ResistanceSettings(pitch_std=0.0, current_std=0.1)
-    found = motion_resistance_of(straight, DRIVE, offset, signed=True)
-    assert found.std == pytest.approx(0.018111, abs=1e-5)
+    resistance = motion_resistance_of(straight, DRIVE, offset, signed=True)
+    assert resistance.std == pytest.approx(0.018111, abs=1e-5)
     # the offset really shifts it by that
-    both = stretch(v_left=0.5, v_right=0.5, current_left=2.1, current_right=2.1)
-    shifted = motion_resistance_of(both, DRIVE, offset, signed=True)
+    forward = stretch(v_left=0.5, v_right=0.5, current_left=2.1, current_right=2.1)
+    shifted = motion_resistance_of(forward, DRIVE, offset, signed=True)
     first = motion_resistance_of(straight, DRIVE, offset, signed=True)
     assert shifted.value - first.value == pytest.approx(0.018111, abs=1e-5)
 
@@ -79,9 +79,9 @@ def test_spot_and_turn_by_hand():
         current_right=(14.71 + 26.968) / k + 0.5,
     )
     options = {"signed": True, "least_inner_speed": 0.03}
-    found = lateral_resistance_of(spot, VEHICLE, DRIVE, f_r, EXACT, **options)
-    assert found.value == pytest.approx(0.2, abs=1e-4)
-    assert found.std == pytest.approx(0.6 / 0.55 * 0.02)  # all of f_r's error
+    resistance = lateral_resistance_of(spot, VEHICLE, DRIVE, f_r, EXACT, **options)
+    assert resistance.value == pytest.approx(0.2, abs=1e-4)
+    assert resistance.std == pytest.approx(0.6 / 0.55 * 0.02)  # all of f_r's error
     turn = stretch(
         v_left=0.3,
         v_right=0.7,
@@ -89,10 +89,10 @@ def test_spot_and_turn_by_hand():
         current_left=(14.71 - 26.968) / k + 0.5,
         current_right=(14.71 + 26.968) / k + 0.5,
     )
-    found = lateral_resistance_of(turn, VEHICLE, DRIVE, f_r, EXACT, **options)
+    resistance = lateral_resistance_of(turn, VEHICLE, DRIVE, f_r, EXACT, **options)
     # the centrifugal force moves 30 · 0.5 · 0.35 · 0.2/0.6 = 1.75 N from side to side
-    assert found.value == pytest.approx(0.2 - 0.6 / 0.55 * 0.1 * 3.5 / W, abs=1e-4)
-    assert found.std == pytest.approx(0.6 / 0.55 * 0.02 * 3.5 / W, rel=1e-3)  # hardly any
+    assert resistance.value == pytest.approx(0.2 - 0.6 / 0.55 * 0.1 * 3.5 / W, abs=1e-4)
+    assert resistance.std == pytest.approx(0.6 / 0.55 * 0.02 * 3.5 / W, rel=1e-3)  # nearly exact
 
 
 def test_standard_error_of_independent_and_of_related_samples():

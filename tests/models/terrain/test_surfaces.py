@@ -1,4 +1,4 @@
-"""What was learned of the ground, in the model: always to the slower side."""
+"""Learned ground in the model: always to the slower side."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from tests.models.models_for_tests import BASE
 from tests.models.terrain.test_monitor import MODEL
 
 
-def test_unknown_ground_that_rolls_easily_still_takes_from_partial_brakes():
-    slippery, known = found(0.02, 0.005), with_level(0.5)
+def test_unknown_ground_that_rolls_easily_still_weakens_partial_brakes():
+    slippery, known = features(0.02, 0.005), with_level(0.5)
     unknown = model_on(known, slippery, valid=False)
     assert unknown.terrain.motion_resistance == known.terrain.motion_resistance
     assert unknown.terrain.rolling_while_braking == pytest.approx(0.02)
@@ -73,7 +73,7 @@ def with_level(level: float) -> Model:
     return replace(BASE, braking=replace(BASE.braking, level=level, terrain=terrain))
 
 
-def found(value: float, std: float) -> Features:
+def features(value: float, std: float) -> Features:
     return Features(motion_resistance=TerrainEstimate(value, std))
 
 
@@ -86,7 +86,7 @@ def test_a_vague_resistance_is_no_brake() -> None:
     """At half the brakes 0.13 ± 0.10 counted as 0.23 of rolling, and stopped the vehicle sooner."""
     model = with_level(0.5)
     assert BASE.terrain.motion_resistance == 0.13
-    vague = model_on(model, found(0.13, 0.10))
+    vague = model_on(model, features(0.13, 0.10))
     assert stop(vague) == stop(model)
     assert vague.terrain.motion_resistance == pytest.approx(0.23)
     assert vague.braking.force_std == pytest.approx(0.05)
@@ -95,15 +95,15 @@ def test_a_vague_resistance_is_no_brake() -> None:
 
 
 def test_what_is_open_counts_once() -> None:
-    once = model_on(with_level(0.5), found(0.10, 0.04))
-    assert model_on(once, found(0.10, 0.04)) == once
-    more = model_on(once, found(0.10, 0.08))
+    once = model_on(with_level(0.5), features(0.10, 0.04))
+    assert model_on(once, features(0.10, 0.04)) == once
+    more = model_on(once, features(0.10, 0.08))
     assert more.braking.force_std == pytest.approx(0.04)
 
 
 def test_full_brakes_know_nothing_of_it() -> None:
-    assert model_on(BASE, found(0.05, 0.02)).braking == BASE.braking
-    assert model_on(BASE, found(0.05, 0.02)).terrain.braking_resistance is None
+    assert model_on(BASE, features(0.05, 0.02)).braking == BASE.braking
+    assert model_on(BASE, features(0.05, 0.02)).terrain.braking_resistance is None
 
 
 @given(
@@ -118,13 +118,15 @@ def test_less_certainty_never_brakes_better(
     level: float, value: float, std: float, more: float, grade: float, speed: float
 ) -> None:
     before = with_level(level)
-    sure, vague = (model_on(before, found(value, s)) for s in (std, std + more))
+    precise, vague = (model_on(before, features(value, s)) for s in (std, std + more))
     place = {"grade": grade, "roll": 0.0, "x": 0.0, "y": 0.0, "yaw": 0.0}
     for name in ("", "ice", "sand"):
-        was, surely, vaguely = (
-            force_ratio(m, m.braking.on(name), place, speed) for m in (before, sure, vague)
+        was, precise_std, vague_std = (
+            force_ratio(m, m.braking.on(name), place, speed) for m in (before, precise, vague)
         )
-        assert vaguely == surely <= was + 1e-12
-        surely_std, vaguely_std = (m.braking.on(name).force_std for m in (sure, vague))
-        assert before.braking.on(name).force_std <= surely_std <= vaguely_std
-    assert vague.terrain.motion_resistance >= sure.terrain.motion_resistance
+        assert vague_std == precise_std <= was + 1e-12
+        precise_force_std, vague_force_std = (
+            m.braking.on(name).force_std for m in (precise, vague)
+        )
+        assert before.braking.on(name).force_std <= precise_force_std <= vague_force_std
+    assert vague.terrain.motion_resistance >= precise.terrain.motion_resistance

@@ -1,4 +1,4 @@
-"""Between stations the grade may be steeper than at them: held against the line itself."""
+"""Between stations the grade may be steeper than at them: compared with the line itself."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_an_even_change_of_grade_stays_within_its_stations(start: float, rise: f
 
 
 def top_heavy() -> Tables:
-    """A small vehicle that hardly stands its own brakes, trained up to 7.4° uphill."""
+    """A small vehicle close to tipping under its brakes, trained up to 7.4° uphill."""
     tables = tables_with()
     for table, values in SMALL.items():
         tables[table].update(values)

@@ -20,15 +20,15 @@ def with_hull(hull: Matrix | None, **further: object) -> Braking:
     return dataclasses.replace(BASE.braking, speed_by_grade=hull, **further)  # type: ignore[arg-type]
 
 
-def test_the_least_of_the_lines_is_the_speed_between_the_corners() -> None:
+def test_the_lowest_of_the_lines_is_the_speed_between_the_corners() -> None:
     grade = np.linspace(-0.26, 0.26, 101)
     intercept, slope = lines(HULL).T
-    least = np.min(intercept + slope * grade[:, None], axis=1)
-    np.testing.assert_allclose(least, highest_speed(HULL, grade), atol=1e-12)
+    lowest = np.min(intercept + slope * grade[:, None], axis=1)
+    np.testing.assert_allclose(lowest, highest_speed(HULL, grade), atol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("hull", "words"),
+    ("hull", "message"),
     [
         (((0.0, 1.0),), "2 … 24 pairs"),
         (((0.0, 1.0, 2.0), (0.1, 1.0, 2.0)), "pairs of grade and speed"),
@@ -38,8 +38,8 @@ def test_the_least_of_the_lines_is_the_speed_between_the_corners() -> None:
         (((-0.1, 3.0), (0.0, 1.0), (0.1, 3.0)), "concave over the grade"),
     ],
 )
-def test_what_is_no_hull_is_refused(hull: Matrix, words: str) -> None:
-    with pytest.raises(ParameterError, match=words) as caught:
+def test_what_is_no_hull_is_refused(hull: Matrix, message: str) -> None:
+    with pytest.raises(ParameterError, match=message) as caught:
         with_hull(hull)
     assert caught.value.field == "speed_by_grade"
 

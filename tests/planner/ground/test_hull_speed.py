@@ -37,8 +37,8 @@ def test_each_station_counts_with_its_neighbours() -> None:
 
 
 def test_of_several_surfaces_the_slowest_counts() -> None:
-    other = ((-0.26, 2.0), (0.26, 2.0))
-    tables = {"ice": {"b_b": 0.2, "speed_by_grade": other}, "mud": {"speed_range": [0.5, 3.0]}}
+    level = ((-0.26, 2.0), (0.26, 2.0))
+    tables = {"ice": {"b_b": 0.2, "speed_by_grade": level}, "mud": {"speed_range": [0.5, 3.0]}}
     model = model_of(tables_with(braking={"speed_by_grade": HULL, "terrain": tables}))
     hull = hull_lines(4, model)  # one more for ground never braked on
     assert hull is not None
@@ -59,7 +59,7 @@ def test_without_a_hull_or_with_leave_to_extrapolate_nothing_is_held(changes: di
     assert hull_lines(1, model_of(tables_with(braking=changes))) is None
 
 
-def test_plans_stay_below_it_and_say_why() -> None:
+def test_plans_stay_below_it_and_name_it() -> None:
     hill = ground_map(lambda x, y: 0.8 * np.sin(x / 4.0) + 0.0 * y)
     tables = tables_with(braking={"speed_by_grade": HULL}, limits={"accel": 2.0})
     held = plan_one(tables, hill, straight(30.0))

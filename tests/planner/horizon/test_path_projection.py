@@ -44,7 +44,7 @@ def test_found_anywhere_on_a_long_path(station: float) -> None:
     assert projection.beside[0] == pytest.approx(0.3)
 
 
-def test_at_a_crossing_the_branch_that_goes_its_way() -> None:
+def test_at_a_crossing_the_branch_in_the_heading() -> None:
     """A loop that crosses itself at the origin, first to the east, later to the north."""
     turn = np.linspace(0.0, 1.5 * np.pi, 60)
     loop = np.stack([4.0 + 4.0 * np.sin(turn), 4.0 - 4.0 * np.cos(turn)], axis=1)
@@ -57,7 +57,7 @@ def test_at_a_crossing_the_branch_that_goes_its_way() -> None:
 
 
 @pytest.mark.parametrize("driven", [0.05, 0.2, 3.1, 9.6, 9.9])
-def test_what_is_cut_begins_at_the_vehicle_and_ends_where_it_ended(driven: float) -> None:
+def test_a_trimmed_path_starts_at_the_vehicle_and_keeps_its_end(driven: float) -> None:
     paths = batch([straight(10.0), straight(10.0, name="other", speed_limit=[1.0, 2.0])], 0.25)
     projection = located(paths, (driven, 0.1))
     rest = cut(paths, projection, (driven, 0.1))
@@ -72,7 +72,7 @@ def test_what_is_cut_begins_at_the_vehicle_and_ends_where_it_ended(driven: float
     assert np.all(rest.speed_limit[:, 1] <= 2.0)
 
 
-def test_a_path_that_begins_ahead_is_joined_from_the_vehicle() -> None:
+def test_a_path_that_starts_ahead_is_joined_from_the_vehicle() -> None:
     paths = batch([straight(10.0)], 0.25)
     rest = cut(paths, located(paths, (-0.6, 0.05)), (-0.6, 0.05))
     assert (rest.x[0, 0], rest.y[0, 0]) == (-0.6, 0.05)

@@ -19,7 +19,7 @@ from slopewise.planner.kernels.limits import PlanningLimits
 def test_what_is_written_down_is_what_a_service_calls() -> None:
     module = [sys.executable, "-m", "tests.planner.kernels.signatures_now"]
     now = json.loads(subprocess.run(module, capture_output=True, check=True, text=True).stdout)
-    assert now == written_down(), " ".join(["write it down anew:", *module[1:]])
+    assert now == written_down(), " ".join(["write it down again:", *module[1:]])
 
 
 def test_plans_from_python_need_no_further_kernel() -> None:
@@ -39,7 +39,7 @@ def test_a_type_is_read_as_it_was_described() -> None:
 
 
 @pytest.mark.parametrize("cores", [1, 2])
-def test_compiled_kernels_are_in_the_cache_and_strange_ones_are_told(
+def test_compiled_kernels_are_in_the_cache_and_unknown_ones_are_reported(
     cores: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(cores))

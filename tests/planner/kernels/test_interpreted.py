@@ -77,19 +77,19 @@ def test_no_kernel_is_compiled_meanwhile(model: Model) -> None:
 
 def test_numpy_warns_as_before(model: Model) -> None:
     """Of a state that the caller chose, in a thread that was there before, and afterwards."""
-    with np.errstate(all="raise"), ThreadPoolExecutor(1) as other:
+    with np.errstate(all="raise"), ThreadPoolExecutor(1) as executor:
         before = np.geterr()
-        of_other = other.submit(np.geterr).result()
+        of_other = executor.submit(np.geterr).result()
         interpret(True)
         try:
             assert np.geterr() == before
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
                 # Ground that is unknown makes NaN of most numbers.
-                plans = other.submit(plans_on, GROUND["with a hole"], model).result()
+                plans = executor.submit(plans_on, GROUND["with a hole"], model).result()
         finally:
             interpret(False)
         assert np.geterr() == before
-        assert other.submit(np.geterr).result() == of_other
+        assert executor.submit(np.geterr).result() == of_other
     assert plans[0].status is Status.BLOCKED
     assert not is_interpreting()

@@ -17,7 +17,7 @@ SCALARS: PlanningLimits = planning_limits(
 )
 
 
-def drawn(seed: int) -> tuple[Track, dict[str, np.ndarray]]:
+def sampled(seed: int) -> tuple[Track, dict[str, np.ndarray]]:
     rng = np.random.default_rng(seed)
     zeros = np.zeros(N)
     track = Track(
@@ -50,7 +50,7 @@ def limits_of(track: Track, arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_limits_hold_at_both_ends_at_any_speed_up_to_the_profile(seed: int, share: float) -> None:
-    track, arrays = drawn(seed)
+    track, arrays = sampled(seed)
     accel, decel = limits_of(track, arrays)
     assert np.all(accel >= 0.0)
     assert np.all(decel >= 0.0)
@@ -58,7 +58,7 @@ def test_limits_hold_at_both_ends_at_any_speed_up_to_the_profile(seed: int, shar
     speed = share * np.sqrt(arrays["speed_sq"])
     ends = (slice(None, -1), slice(1, None))
     # The ground of either end holds on the whole segment, so at the speed of the other end as well.
-    for end, v in ((end, speed[other]) for end in ends for other in ends):
+    for end, v in ((end, speed[first_speed]) for end in ends for first_speed in ends):
         assert np.all(accel <= arrays["accel_max"][end])
         with np.errstate(divide="ignore"):
             powered = G * (SCALARS.specific_power / v - arrays["demand"][end])
@@ -72,7 +72,7 @@ def test_limits_hold_at_both_ends_at_any_speed_up_to_the_profile(seed: int, shar
 
 def test_limits_are_no_lower_than_need_be() -> None:
     """On even ground at an even speed they are the law itself."""
-    track, arrays = drawn(0)
+    track, arrays = sampled(0)
     even = {name: np.full(N, values[0]) for name, values in arrays.items()}
     even |= {"speed_sq": np.full(N, 9.0), "accel_max": np.full(N, 5.0), "demand": np.full(N, 0.1)}
     flat = Track(*(np.full(N, values[0]) for values in track))._replace(grade=np.zeros(N))
@@ -94,7 +94,7 @@ def test_limits_are_no_lower_than_need_be() -> None:
     ],
 )
 def test_each_label(speed_sq: float, accel: float, smoothed: bool, expected: Limiting) -> None:
-    found = labels(
+    names = labels(
         np.full(3, speed_sq),
         np.full(3, accel),
         np.full(3, 4.0),
@@ -104,11 +104,11 @@ def test_each_label(speed_sq: float, accel: float, smoothed: bool, expected: Lim
         1.0,
         smoothed,
     )
-    assert set(found) == {int(expected)}
+    assert set(names) == {int(expected)}
 
 
 def test_weak_drive_is_traction() -> None:
-    found = labels(
+    names = labels(
         np.ones(3),
         np.full(3, 0.4),
         np.full(3, 4.0),
@@ -118,4 +118,4 @@ def test_weak_drive_is_traction() -> None:
         1.0,
         True,
     )
-    assert set(found) == {int(Limiting.TRACTION)}
+    assert set(names) == {int(Limiting.TRACTION)}

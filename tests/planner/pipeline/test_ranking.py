@@ -1,4 +1,4 @@
-"""One ranking: its weights act wherever plans are put in order."""
+"""One ranking: its weights act everywhere plans are ordered."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def two(settings: PlannerSettings) -> list[SpeedPlan]:
     return CandidatePlanner(model_of(tables_with()), settings).plan(plane(), PATHS)
 
 
-def test_cost_is_time_and_what_is_missed_less_what_the_margin_is_worth() -> None:
+def test_cost_is_time_plus_missed_distance_less_margin() -> None:
     plan, _ = two(PlannerSettings())
     settings = PlannerSettings(horizon_penalty=3.0, margin_weight=0.7, margin_enough=100.0)
     missed = plan.station[-1] - plan.progress

@@ -30,8 +30,8 @@ def test_the_tangent_is_that_of_automatic_differentiation(
     y = ca.SX.sym("y", 3)
     v = ca.sqrt(y)
     time = ds[0] / (v[0] + v[1]) + ds[1] / (v[1] + v[2])
-    both = ca.Function("both", [y], [time, ca.gradient(time, y)])
-    value, gradient = both(np.array(speed_sq))
+    value_and_gradient = ca.Function("both", [y], [time, ca.gradient(time, y)])
+    value, gradient = value_and_gradient(np.array(speed_sq))
     at_none, *slopes = mid_time(*speed_sq, *ds)
     np.testing.assert_allclose(slopes, np.asarray(gradient).ravel(), rtol=1e-9)
     assert at_none + np.dot(slopes, speed_sq) == pytest.approx(float(value), rel=1e-9)
@@ -73,10 +73,10 @@ def test_rows_say_what_is_meant(n: int, seed: int, start_accel: float) -> None:
     by_rows = np.sort((matrix_of(rows) @ x - limit.ravel())[there])
 
     accel = np.diff(x) / (2.0 * ds)
-    most, least = accel_max - TIGHTER, TIGHTER - decel_max
+    upper, lower = accel_max - TIGHTER, TIGHTER - decel_max
     if not np.isnan(start_accel):
         reach = jerk * ds[0] / np.sqrt(top[0])
-        most[0], least[0] = min(most[0], start_accel + reach), max(least[0], start_accel - reach)
+        upper[0], lower[0] = min(upper[0], start_accel + reach), max(lower[0], start_accel - reach)
     tangents = [mid_time(*top[k : k + 3], ds[k], ds[k + 1]) for k in range(n - 2)]
     times = np.array([t[0] + np.dot(t[1:], x[k : k + 3]) for k, t in enumerate(tangents)])
     change = np.diff(accel)
@@ -85,8 +85,8 @@ def test_rows_say_what_is_meant(n: int, seed: int, start_accel: float) -> None:
         (
             (x - (top - TIGHTER))[free],
             -x[free],
-            accel - most,
-            least - accel,
+            accel - upper,
+            lower - accel,
             change - jerk * times + 2.0 * TIGHTER,
             -change - jerk * times + 2.0 * TIGHTER,
         )

@@ -1,4 +1,4 @@
-"""What a model leaves out of effects that fit best in a finer form."""
+"""The model keeps the plain form of effects that fit best in a finer one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CAP = Effect(name="wheel_lockup", parameters={"mu": 0.4})
 
 
 @pytest.mark.parametrize(
-    ("effects", "forms", "said"),
+    ("effects", "forms", "expected"),
     [
         ((PLACE,), {"slips": True}, ["slippery"]),
         ((PLACE,), {"slips": True, "drifts": True}, ["slippery", "drift"]),
@@ -33,18 +33,18 @@ CAP = Effect(name="wheel_lockup", parameters={"mu": 0.4})
         ((), {"slips": True, "drifts": True}, []),
     ],
 )
-def test_the_model_has_the_plain_forms_and_it_is_said(
-    effects: tuple[Effect, ...], forms: dict[str, bool], said: list[str]
+def test_the_model_has_the_plain_forms_and_reports_it(
+    effects: tuple[Effect, ...], forms: dict[str, bool], expected: list[str]
 ) -> None:
     stops = table("clean")
     base = fit_base(stops, start_of(stops, BASE))
-    believed = replace(base.hypothesis, added=effects, **forms)  # type: ignore[arg-type]
-    fit = fit_with_scatter(stops, believed, base.noise, rounds=1)
+    hypothesis = replace(base.hypothesis, added=effects, **forms)  # type: ignore[arg-type]
+    fit = fit_with_scatter(stops, hypothesis, base.noise, rounds=1)
     before = Decision(Verdict.MISSING_EFFECT, ScoredExplanation(fit, 0.0))
     after = as_in_the_model(stops, before)
-    for words, word in zip(after.notes, said, strict=True):
-        assert word in words
-    made = after.explanation.fit.hypothesis
-    plain = replace(made, slips=False, drifts=False)
-    np.testing.assert_array_equal(predict(stops, made), predict(stops, plain))
-    assert [e.name for e in made.added] == [e.name for e in effects]
+    for note, part in zip(after.notes, expected, strict=True):
+        assert part in note
+    fitted = after.explanation.fit.hypothesis
+    plain = replace(fitted, slips=False, drifts=False)
+    np.testing.assert_array_equal(predict(stops, fitted), predict(stops, plain))
+    assert [e.name for e in fitted.added] == [e.name for e in effects]

@@ -33,10 +33,10 @@ STEP = Effect(name="step_change", parameters={"scale": 0.85, "run": 25.0})
 
 def test_effects_come_with_covariance_bounds_and_source() -> None:
     stops = table("step")
-    made = decision(Verdict.MISSING_EFFECT, STEP)
-    widths = extents(stops, made.explanation.fit)
-    predicted = distances(stops, made.explanation.fit.hypothesis)
-    model, added = revised(stops, made, predicted, widths, "a log")
+    decided = decision(Verdict.MISSING_EFFECT, STEP)
+    widths = extents(stops, decided.explanation.fit)
+    predicted = distances(stops, decided.explanation.fit.hypothesis)
+    model, added = revised(stops, decided, predicted, widths, "a log")
     assert model.effect == added
     assert added[0].source == "a log"
     covariance = np.array(added[0].covariance)
@@ -50,19 +50,23 @@ def test_effects_come_with_covariance_bounds_and_source() -> None:
 
 def test_stops_beyond_their_prediction_make_the_offset_larger() -> None:
     stops = table("step")
-    made = decision(Verdict.PARAMETER_DRIFT)
+    decided = decision(Verdict.PARAMETER_DRIFT)
     short = stops.distance - 0.5
-    model, _ = revised(stops, made, short, [], "")
+    model, _ = revised(stops, decided, short, [], "")
     assert model.braking.distance_offset >= 0.5
 
 
-def test_the_longest_rival_is_in_the_offset() -> None:
+def test_the_longest_alternative_is_in_the_offset() -> None:
     stops = table("step")
-    made = decision(Verdict.AMBIGUOUS, STEP)
-    fit = made.explanation.fit
+    decided = decision(Verdict.AMBIGUOUS, STEP)
+    fit = decided.explanation.fit
     weaker = fit.hypothesis.moved(fit.hypothesis.free - 0.1 * np.eye(BASE_NUMBERS + 1)[3])
-    rival = ScoredExplanation(replace(fit, hypothesis=weaker), 1.0)
-    alone = revised(stops, made, stops.distance, [{}], "")[0].braking.distance_offset
-    both = revised(stops, replace(made, rivals=(rival,)), stops.distance, [{}], "")[0]
+    alternative = ScoredExplanation(replace(fit, hypothesis=weaker), 1.0)
+    alone = revised(stops, decided, stops.distance, [{}], "")[0].braking.distance_offset
+    revised_model = revised(
+        stops, replace(decided, rivals=(alternative,)), stops.distance, [{}], ""
+    )[0]
     longer = distances(stops, weaker) - distances(stops, fit.hypothesis)
-    assert both.braking.distance_offset > max(alone, 0.9 * float(np.quantile(longer, 0.97)))
+    assert revised_model.braking.distance_offset > max(
+        alone, 0.9 * float(np.quantile(longer, 0.97))
+    )

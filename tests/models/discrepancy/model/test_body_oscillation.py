@@ -19,8 +19,8 @@ def rocking(name: str) -> Findings:
     columns = dict(columns)
     v = columns["v"].copy()
     for run in runs:
-        t, told = columns["t"][run], columns["v_cmd"][run] <= 0.0
-        since = t - t[np.argmax(told)] - WORLDS[name].dead_time
+        t, stop_command = columns["t"][run], columns["v_cmd"][run] <= 0.0
+        since = t - t[np.argmax(stop_command)] - WORLDS[name].dead_time
         moving = v[run] > 0.3
         rocks = np.exp(-since / 0.12) * np.sin(2.0 * np.pi * since / 0.25)
         v[run] += ROCKING * np.where((since > 0.0) & moving, rocks, 0.0)

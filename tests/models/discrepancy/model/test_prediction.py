@@ -52,57 +52,57 @@ def test_a_stop_is_that_of_the_simulation(name: str) -> None:
     time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.standstill_time)[:, None]
     speed, way = simulate(stops, Hypothesis.configured(BASE).plus(effect), stops.held, time)
     for i in range(len(stops)):
-        other = simulate_stop(
+        reference = simulate_stop(
             replace(BASE, effect=(effect,)),
             _track(stops, i),
             float(stops.held[i]),
             session_time=float(stops.clock[i]),
         )
-        assert np.max(np.abs(speed[i] - other.speed_at(time[i]))) < 0.004
-        assert way[i, -1] == pytest.approx(other.distance, abs=0.004)
+        assert np.max(np.abs(speed[i] - reference.speed_at(time[i]))) < 0.004
+        assert way[i, -1] == pytest.approx(reference.distance, abs=0.004)
 
 
 def test_a_stop_over_a_crest_is_that_of_the_simulation() -> None:
     stops = table("crests").take([0, 5, 11, 20])
     effect = Effect(name="crest_unloading", parameters={"k": 2.0})
-    believed = Hypothesis.configured(BASE).plus(effect)
+    hypothesis = Hypothesis.configured(BASE).plus(effect)
     time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.standstill_time)[:, None]
-    speed, way = simulate(stops, believed, stops.held, time)
+    speed, way = simulate(stops, hypothesis, stops.held, time)
     plain, _ = simulate(stops, Hypothesis.configured(BASE), stops.held, time)
     assert np.max(speed - plain) > 0.05
     for i in range(len(stops)):
         track = replace(_track(stops, i), bend=stops.vertical_curvature[i])
-        other = simulate_stop(replace(BASE, effect=(effect,)), track, float(stops.held[i]))
-        assert np.max(np.abs(speed[i] - other.speed_at(time[i]))) < 0.004
-        assert way[i, -1] == pytest.approx(other.distance, abs=0.004)
+        reference = simulate_stop(replace(BASE, effect=(effect,)), track, float(stops.held[i]))
+        assert np.max(np.abs(speed[i] - reference.speed_at(time[i]))) < 0.004
+        assert way[i, -1] == pytest.approx(reference.distance, abs=0.004)
 
 
-def test_crests_that_no_column_tells_are_those_of_the_grade() -> None:
+def test_crests_without_a_column_are_those_of_the_grade() -> None:
     columns, runs = log("crests")
     untold = {name: c for name, c in columns.items() if name != "vertical_curvature"}
     stops = prepare(untold, runs, BASE, None, DiscrepancySettings())[0]
-    told = table("crests")
-    assert "vertical_curvature" in told.logged - stops.logged
-    rolling = told.speed > 1.0
-    off = (stops.vertical_curvature - told.vertical_curvature)[rolling]
-    assert np.sqrt(np.mean(off**2)) < 0.5 * np.std(told.vertical_curvature[rolling])
+    logged = table("crests")
+    assert "vertical_curvature" in logged.logged - stops.logged
+    rolling = logged.speed > 1.0
+    error = (stops.vertical_curvature - logged.vertical_curvature)[rolling]
+    assert np.sqrt(np.mean(error**2)) < 0.5 * np.std(logged.vertical_curvature[rolling])
 
 
 def test_effects_of_the_model_count_like_those_added() -> None:
     stops = table("clean")
     effect = Effect(name="cross_slope", parameters={"k": 0.5})
     added = predict(stops, Hypothesis.configured(BASE).plus(effect))
-    own = predict(stops, Hypothesis.configured(replace(BASE, effect=(effect,))))
-    np.testing.assert_allclose(added, own, atol=1e-12)
+    predicted = predict(stops, Hypothesis.configured(replace(BASE, effect=(effect,))))
+    np.testing.assert_allclose(added, predicted, atol=1e-12)
 
 
 def test_a_step_change_holds_from_its_run_on() -> None:
     stops = table("clean")
     effect = Effect(name="step_change", parameters={"scale": 0.8, "run": 20.0})
     base = Hypothesis.configured(BASE)
-    off = predict(stops, base.plus(effect))[:, -1] - predict(stops, base)[:, -1]
-    assert np.all(off[stops.run < 20] == 0.0)
-    assert np.all(off[stops.run >= 20] < 0.0)
+    error = predict(stops, base.plus(effect))[:, -1] - predict(stops, base)[:, -1]
+    assert np.all(error[stops.run < 20] == 0.0)
+    assert np.all(error[stops.run >= 20] < 0.0)
 
 
 def test_hot_brakes_after_short_pauses_make_less() -> None:
@@ -119,6 +119,6 @@ def test_the_edge_of_a_patch_counts_in_part() -> None:
     x = np.linspace(0.0, 10.0, 21)[None, :]
     zero = np.zeros_like(x)
     for radius in (3.0, 3.1, 3.24, 3.4):
-        # The way inside is the radius, wherever the grid lies.
+        # The distance inside is the radius, for any position of the grid.
         inside = share_inside(x, zero, 0.0, 0.0, radius)[0]
         assert 0.5 * (np.sum(inside) - 0.5) == pytest.approx(radius, abs=1e-9)

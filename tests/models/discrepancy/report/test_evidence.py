@@ -26,13 +26,13 @@ def test_a_model_that_stays_is_shown_as_it_is(name: str) -> None:
     assert not shown.changed
 
 
-def test_new_coefficients_are_shown_by_the_stop_that_changes_most() -> None:
+def test_new_coefficients_are_shown_by_the_stop_with_the_largest_change() -> None:
     verdict, shown = evidence("drift")
     assert verdict is Verdict.PARAMETER_DRIFT
     assert shown.changed
     change = np.abs(shown.found - shown.configured)
-    most = int(np.argmax(change))
-    begins = shown.speed[shown.time <= 0.1].mean()
+    largest = int(np.argmax(change))
+    start_speed = shown.speed[shown.time <= 0.1].mean()
     assert shown.speed_before[-1] != shown.speed_after[-1]
-    assert change[most] > 0.05
-    assert begins > 0.5
+    assert change[largest] > 0.05
+    assert start_speed > 0.5

@@ -1,4 +1,4 @@
-"""Proposed stops against stops at random, by what they really tell."""
+"""Proposed stops against random stops, by their true information."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ DRAG = Effect(name="aerodynamic_drag", parameters={"c": 0.03})
 VISCOUS = Effect(name="viscous_resistance", parameters={"c": 0.01})
 
 
-def test_the_design_tells_twice_what_stops_at_random_tell() -> None:
+def test_the_design_has_twice_the_information_of_random_stops() -> None:
     stops = table("slow_drag")
     base = Hypothesis.configured(BASE)
-    best, rival = (fit_with_noise(stops, base.plus(e)) for e in (DRAG, VISCOUS))
+    best, alternative = (fit_with_noise(stops, base.plus(e)) for e in (DRAG, VISCOUS))
     plans, sheet, white = experiment._possible(stops, best)
-    proposed = experiment.between(stops, best, [rival])
+    proposed = experiment.between(stops, best, [alternative])
     assert proposed.stops
-    gain = experiment._Gain(sheet, white, best, rival)
+    gain = experiment._Gain(sheet, white, best, alternative)
     for stop in proposed.stops:
         gain.add(plans.index(stop))
     at_random = []
     rng = np.random.default_rng(1)
     for _ in range(30):
-        other = experiment._Gain(sheet, white, best, rival)
+        random_gain = experiment._Gain(sheet, white, best, alternative)
         for pick in rng.integers(0, len(plans), len(proposed.stops)):
-            other.add(int(pick))
-        at_random.append(other.total)
+            random_gain.add(int(pick))
+        at_random.append(random_gain.total)
     assert gain.total > 2.0 * np.mean(at_random)
 
 

@@ -28,14 +28,14 @@ HIDDEN = {
 @pytest.mark.parametrize("name", HIDDEN)
 def test_slopes_are_those_of_differences(name: str) -> None:
     stops = table("clean")
-    believed = replace(BASIS, added=HIDDEN[name])
-    slopes = jacobian(stops, believed)
+    hypothesis = replace(BASIS, added=HIDDEN[name])
+    slopes = jacobian(stops, hypothesis)
     for i in (0, 1, 2, 3, 4):
-        step = 1e-4 * believed.scales[i]
-        free = believed.free.copy()
+        step = 1e-4 * hypothesis.scales[i]
+        free = hypothesis.free.copy()
         free[i] += step
-        off = (predict(stops, believed.moved(free)) - predict(stops, believed)) / step
-        assert np.max(np.abs(slopes[:, :, i] - off)) < 0.01 * np.max(np.abs(off))
+        error = (predict(stops, hypothesis.moved(free)) - predict(stops, hypothesis)) / step
+        assert np.max(np.abs(slopes[:, :, i] - error)) < 0.01 * np.max(np.abs(error))
 
 
 def test_fits_to_the_output_let_stops_keep_their_own_friction() -> None:
@@ -46,9 +46,9 @@ def test_fits_to_the_output_let_stops_keep_their_own_friction() -> None:
     speed, _ = simulate(stops, drag, stops.held, stops.time, share[:, None])
     driven = replace(stops, speed=speed, binned=np.einsum("skm,sm->sk", stops.average, speed))
     noise = Noise(0.003, 0.0, 0.02, 0.002, 0.06 * float(np.median(stops.force)))
-    found = fit(driven, drag, whitener(driven, noise, drag), passes=0)
-    told = own_friction(found) / float(np.median(stops.force))
-    np.testing.assert_allclose(told, share, atol=0.004)
-    usual, _ = simulate(stops, drag, stops.held, stops.time)
-    off = np.abs(as_output(driven, found).speed - speed)
-    assert np.max(off) < 0.15 * np.max(np.abs(usual - speed))
+    refined = fit(driven, drag, whitener(driven, noise, drag), passes=0)
+    friction = own_friction(refined) / float(np.median(stops.force))
+    np.testing.assert_allclose(friction, share, atol=0.004)
+    reference, _ = simulate(stops, drag, stops.held, stops.time)
+    error = np.abs(as_output(driven, refined).speed - speed)
+    assert np.max(error) < 0.15 * np.max(np.abs(reference - speed))

@@ -1,4 +1,4 @@
-"""Names that fit best and are not given all the same."""
+"""Effects that fit best and are still not named."""
 
 from __future__ import annotations
 
@@ -50,17 +50,17 @@ def seen(axis: str, p_value: float) -> Any:
 
 
 def test_a_build_up_under_a_friction_cap_is_no_name() -> None:
-    both = ["wheel_lockup", "cross_slope", "brake_lag"]
-    assert restraint.build_up_under_a_cap(both) == ["brake_lag", "wheel_lockup"]
+    names = ["wheel_lockup", "cross_slope", "brake_lag"]
+    assert restraint.build_up_under_a_cap(names) == ["brake_lag", "wheel_lockup"]
     assert restraint.build_up_under_a_cap(["wheel_lockup", "cross_slope"]) == []
     assert restraint.build_up_under_a_cap(["brake_lag", "brake_fade"]) == []
 
 
 def test_two_effects_along_one_axis_are_no_name() -> None:
     stops = table("clean")
-    both = restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "viscous_resistance"))
-    assert both == ["aerodynamic_drag", "viscous_resistance"]
-    # A build-up is fitted beside everything, and is no second effect.
+    names = restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "viscous_resistance"))
+    assert names == ["aerodynamic_drag", "viscous_resistance"]
+    # A build-up is fitted in addition to all others, and is no second effect.
     assert restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "brake_lag")) == []
     assert restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "cross_slope")) == []
 
@@ -103,7 +103,7 @@ def test_a_patch_needs_five_stops_inside() -> None:
 
 
 def test_edges_of_a_patch_lie_anywhere_between_the_stops() -> None:
-    """Fewer stops leave them less certain, by about the room between those that remain."""
+    """Fewer stops leave them less certain, by about the gap between those that remain."""
     stops = table("patch")
     inner = {"x": 20.0, "y": 20.0, "radius": 11.0}
     many, few = _edges(stops, inner), _edges(stops.take(np.arange(0, len(stops), 4)), inner)
@@ -111,8 +111,8 @@ def test_edges_of_a_patch_lie_anywhere_between_the_stops() -> None:
     # A grid of places a metre apart, of stops without a length: a gap is a metre on every side.
     x, y = (a.ravel().astype(float) for a in np.meshgrid(np.arange(41), np.arange(41)))
     points = SimpleNamespace(time=np.ones((x.size, 1)), onset=0.0, x=x[:, None], y=y[:, None])
-    found = _edges(points, inner)  # type: ignore[arg-type]
-    assert found["x"] < 0.5 / np.sqrt(12.0) * np.sqrt(2.0)
+    edges = _edges(points, inner)  # type: ignore[arg-type]
+    assert edges["x"] < 0.5 / np.sqrt(12.0) * np.sqrt(2.0)
 
 
 def test_intervals_widen_where_stops_scatter_more_than_the_noise_says() -> None:
