@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
@@ -15,10 +13,8 @@ from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.path import batch
 from slopewise.planner.settings import PlannerSettings
-from tests.planner.generated import between
 from tests.planner.scenes import (
     Tables,
-    assert_sound,
     ground_map,
     model_of,
     plan_one,
@@ -97,44 +93,3 @@ def test_a_crest_costs_speed_where_one_has_to_stop_on_it() -> None:
     crested = plan_one(tables_with(CREST, limits=EAGER), hill(), straight(18.0), rough, **options)
     assert np.all(crested.speed <= plain.speed + 1e-9)
     assert np.max(plain.speed - crested.speed) > 0.05
-
-
-HILLS = st.tuples(between(-1.2, 1.2), between(5.0, 14.0), between(2.5, 6.0))
-
-
-@settings(max_examples=25)
-@given(
-    HILLS,
-    HILLS,
-    between(0.0, 1.5),
-    between(6.0, 17.0),
-    between(0.55, 0.75),
-    st.booleans(),
-    st.sampled_from(
-        [
-            (),
-            (("brake_lag", {"tau": 0.2}),),
-            (("brake_fade", {"k": 0.02, "tau": 9.0}),),
-            (("wheel_lockup", {"mu": 0.35}),),
-            (("aerodynamic_drag", {"c": 0.02}),),
-        ]
-    ),
-)
-def test_the_checker_stops_from_every_station(
-    first: tuple[float, float, float],
-    second: tuple[float, float, float],
-    k: float,
-    clear: float,
-    cg_z: float,
-    smooth: bool,
-    effects: tuple[Any, ...],
-) -> None:
-    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return sum(h * np.exp(-(((x - at) / w) ** 2)) for h, at, w in (first, second)) + 0.0 * y
-
-    tables = tables_with(
-        ("crest_unloading", {"k": k}), *effects, limits=EAGER, vehicle={"cg_z": cg_z}
-    )
-    ground = ground_map(height)
-    plan = plan_one(tables, ground, straight(18.0), PlannerSettings(smooth=smooth), clear=clear)
-    assert_sound(plan, tables, ground, clear=clear)
