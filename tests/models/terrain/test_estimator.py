@@ -1,3 +1,5 @@
+"""Estimator of resistances and slip track; bias of the gyro."""
+
 from __future__ import annotations
 
 import time
@@ -9,11 +11,15 @@ from hypothesis import strategies as st
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.terrain.estimator import DriveSample, TerrainEstimator
+from slopewise.models.terrain.gyro_bias import GyroBias
 from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.resistances import TerrainEstimate
 from slopewise.models.terrain.settings import EstimatorSettings
 from tests.models.terrain import plant
 from tests.models.terrain.vehicles import estimator_of, observe, samples_of, vehicle_of
+
+# ------------------------------------------------------------------------------- estimator
+
 
 LATE = DriveSample(0.0, 9.0, -9.0, 9.0, 9.0, 9.0, 0.0, 0.0)
 
@@ -244,3 +250,31 @@ def test_a_vehicle_without_motor_constants_is_refused():
         vehicle = dataclasses.replace(vehicle_of(), **{name: None})
         with pytest.raises(ParameterError, match=f"vehicle.{name}: expected a number"):
             TerrainEstimator(vehicle, slip_track=1.1, motion_resistance=TerrainEstimate(0.1, 0.1))
+
+
+# ------------------------------------------------------------------------------- gyro bias
+
+
+def test_first_samples_give_their_mean_and_its_standard_error():
+    random = np.random.default_rng(1)
+    values = 0.03 + 0.01 * random.normal(size=400)
+    gyro = GyroBias()
+    for value in values:
+        gyro.update(value, 0.01)
+    assert gyro.bias == pytest.approx(np.mean(values), rel=1e-9)
+    assert gyro.bias_std == pytest.approx(np.std(values) / 20.0, rel=1e-6)
+
+
+def test_drift_is_followed_and_the_past_forgotten():
+    gyro = GyroBias(memory=5.0)
+    for _ in range(3000):
+        gyro.update(0.1, 0.01)
+    for _ in range(3000):
+        gyro.update(-0.1, 0.01)
+    assert gyro.bias == pytest.approx(-0.1, abs=0.001)
+
+
+def test_before_the_first_rest_nothing_is_known():
+    gyro = GyroBias()
+    assert gyro.bias == 0.0
+    assert gyro.bias_std == np.inf
