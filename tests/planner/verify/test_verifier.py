@@ -35,7 +35,7 @@ def hills(x: Any, y: Any) -> Any:
 
 
 class Case:
-    """One candidate with its time-optimal profile, ready to be judged."""
+    """One candidate with its time-optimal profile, ready to be verified."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class Case:
         self.track: Track = track_of(self.solved.profile, self.solved.ground, 0, part.speed_limit)
         self.speed_sq = self.solved.speed_sq[:, 0].copy()
 
-    def judge(self, speed_sq: np.ndarray | None = None, **options: Any) -> Judgement:
+    def verify(self, speed_sq: np.ndarray | None = None, **options: Any) -> Judgement:
         bounds, ground = self.solved.bounds, self.solved.ground
         return check(
             self.track,
@@ -72,8 +72,8 @@ class Case:
         )
 
     def kinds(self, speed_sq: np.ndarray, **options: Any) -> dict[str, float]:
-        """What is breached, by how much."""
-        violation = self.judge(np.ascontiguousarray(speed_sq), **options).violation
+        """Violations and their amounts."""
+        violation = self.verify(np.ascontiguousarray(speed_sq), **options).violation
         return {name: value for name, value in violation._asdict().items() if value > 0.0}
 
 
@@ -116,7 +116,7 @@ def test_stops_agree_with_the_slow_reference_within_a_millimetre(
 
 
 def stop_at(case: Case, time_step: float) -> np.ndarray:
-    return case.judge(time_step=time_step, between=0).stop_distance
+    return case.verify(time_step=time_step, between=0).stop_distance
 
 
 def test_the_integrator_converges_and_its_step_is_fine_enough() -> None:
@@ -170,7 +170,7 @@ def test_what_the_planner_makes_is_innocent() -> None:
         Case(tables_with(), ground_map(hills), arc(14.0, 0.1)),
         Case(tables_with(), plane(unknown=lambda x, y: x > 15.0), straight(20.0)),
     ):
-        verdict = case.judge()
+        verdict = case.verify()
         assert verdict.valid, verdict.violation
         assert len(verdict.where) == 0
         assert max(verdict.violation) == 0.0
@@ -178,24 +178,24 @@ def test_what_the_planner_makes_is_innocent() -> None:
 
 def test_a_stop_that_is_too_long_is_found_where_it_is() -> None:
     case = Case(tables_with(limits={"decel": 9.0}), plane(), straight(20.0))
-    assert case.judge().valid
+    assert case.verify().valid
     label = case.solved.bounds.limiting[:, 0] == Limiting.STOPPING_PATH
     close = np.flatnonzero(label & (case.speed_sq > 1.0) & (case.speed_sq < 9.0))
     k = int(close[2])
     speed_sq = case.speed_sq.copy()
     speed_sq[k] *= 1.05
     assert case.kinds(speed_sq)["overrun"] > 0.01
-    where = case.judge(speed_sq).where
+    where = case.verify(speed_sq).where
     assert set(where) <= {k - 1, k}
     assert len(where)
-    # And if the way ends earlier, by how much earlier.
+    # And if the path ends earlier, by how much earlier.
     assert case.kinds(case.speed_sq, clear=case.track.station[-1] - 0.5)["overrun"] == (
         pytest.approx(0.5, abs=0.05)
     )
 
 
 def test_a_breach_between_stations_only_is_found() -> None:
-    """Twice as fast from one station on: both ends of the segment are fine by themselves."""
+    """Twice as fast from one station on: both ends of the segment alone are fine."""
     limit = np.array([1.0, 3.0, 3.0, 3.0])
     points = np.array([(0.0, 0.0), (6.0, 0.0), (6.2, 0.0), (20.0, 0.0)])
     kappa = 0.6
@@ -208,9 +208,9 @@ def test_a_breach_between_stations_only_is_found() -> None:
     speed_sq = np.zeros_like(case.speed_sq)
     speed_sq[:10] = 0.1
     speed_sq[10], speed_sq[11] = 0.5 / kappa, 8.0
-    strict = case.judge(speed_sq, between=0).violation
+    strict = case.verify(speed_sq, between=0).violation
     assert strict.lateral == 0.0
-    assert case.judge(speed_sq).violation.lateral > 0.5
+    assert case.verify(speed_sq).violation.lateral > 0.5
 
 
 @pytest.mark.parametrize(
@@ -266,22 +266,22 @@ def test_the_limit_of_the_path_counts_as_well_as_the_models() -> None:
     case = Case(
         tables_with(), plane(), CandidatePath("p", points, speed_limit=np.array([1.0, 1.0]))
     )
-    assert case.judge().valid
+    assert case.verify().valid
     assert case.kinds(1.05 * case.speed_sq)["speed"] == pytest.approx(np.sqrt(1.05) - 1.0)
 
 
 def test_lateral_acceleration_is_that_in_the_tilted_plane() -> None:
     """v² κ / cos φ: across a slope the same turn takes more of it."""
-    case = Case(tables_with(limits={"lateral_accel": 0.5}), plane(lean=0.25), straight(12.0))
-    bend = -np.sign(case.track.roll) * 0.1
-    case.track = case.track._replace(curvature=bend)
+    case = Case(tables_with(limits={"lateral_accel": 0.5}), plane(cross=0.25), straight(12.0))
+    curvature = -np.sign(case.track.roll) * 0.1
+    case.track = case.track._replace(curvature=curvature)
     cos_roll = 1.0 / np.sqrt(1.0 + 0.25**2)
     for share, breached in ((0.99, False), (1.01, True)):
         speed_sq = np.minimum(case.speed_sq, share * 0.5 * cos_roll / 0.1)
         assert ("lateral" in case.kinds(speed_sq)) == breached
 
 
-def test_the_dead_time_of_a_surface_counts_from_the_segment_on_in_which_it_begins() -> None:
+def test_the_dead_time_of_a_surface_holds_from_the_segment_in_which_it_starts() -> None:
     tables = tables_with(limits={"speed": 2.0})
     tables["braking"]["terrain"] = {"slick": {"dead_time": 1.5}}
     ground = plane(classes=lambda x, y: x > 8.0, class_names=("", "slick"))
@@ -291,7 +291,7 @@ def test_the_dead_time_of_a_surface_counts_from_the_segment_on_in_which_it_begin
     assert dead[k - 1] == 0.3
     speed_sq = np.where(station < station[k], case.speed_sq, 0.0)
     # A way that is free for a stop with the shorter dead time, from the station before.
-    clear = station[k - 1] + case.judge(speed_sq).stop_distance[k - 1] + 0.1
+    clear = station[k - 1] + case.verify(speed_sq).stop_distance[k - 1] + 0.1
     assert case.kinds(speed_sq, clear=clear).get("overrun", 0.0) == 0.0
     case.track = case.track._replace(dead_time=np.where(station >= station[k - 1], 1.5, 0.3))
     within = case.kinds(speed_sq, clear=clear)["overrun"]
@@ -305,7 +305,7 @@ def test_comfort_limits_are_found(kind: str) -> None:
     k = 4 if kind == "accel" else len(speed_sq) - 5
     speed_sq[k] *= 1.1
     assert kind in case.kinds(speed_sq)
-    verdict = case.judge(speed_sq)
+    verdict = case.verify(speed_sq)
     assert set(verdict.where) <= {k - 1, k}
 
 
@@ -325,9 +325,9 @@ def test_more_thrust_than_there_is_is_found() -> None:
     weak = tables_with(vehicle={"max_drive_force": 1000.0}, limits={"accel": 5.0})
     strong = tables_with(vehicle={"max_drive_force": 9000.0}, limits={"accel": 5.0})
     able = Case(strong, plane(rise=0.05), straight(20.0))
-    unable = Case(weak, plane(rise=0.05), straight(20.0))
-    assert able.judge().valid
-    assert "accel" in unable.kinds(able.speed_sq)
+    weak_drive = Case(weak, plane(rise=0.05), straight(20.0))
+    assert able.verify().valid
+    assert "accel" in weak_drive.kinds(able.speed_sq)
     few_watts = tables_with(
         vehicle={"max_drive_force": 9000.0, "max_drive_power": 1500.0}, limits={"accel": 5.0}
     )
@@ -345,19 +345,19 @@ def test_the_front_axle_lifting_under_drive_is_found() -> None:
     )
     calm = Case(low, plane(rise=0.1), straight(20.0))
     case = Case(high, plane(rise=0.1), straight(20.0))
-    assert calm.judge().valid
-    assert case.judge().valid
+    assert calm.verify().valid
+    assert case.verify().valid
     assert "axle_load" in case.kinds(calm.speed_sq)
 
 
-def test_planned_braking_does_not_exceed_what_friction_gives() -> None:
+def test_planned_braking_does_not_exceed_friction() -> None:
     """Brakes that could do 4 m/s² on ground whose friction allows 1 m/s² downhill."""
     slick = tables_with(braking={"sliding_friction": 0.25}, limits={"decel": 3.0})
     grip = tables_with(limits={"decel": 3.0})
     slope = plane(rise=-0.15)
     fast = Case(grip, slope, straight(30.0))
     case = Case(slick, slope, straight(30.0))
-    assert case.judge().valid
+    assert case.verify().valid
     assert "decel" in case.kinds(fast.speed_sq)
     accel = np.diff(case.speed_sq) / (2.0 * np.diff(case.track.station))
     theta = np.arctan(-0.15)
@@ -365,8 +365,8 @@ def test_planned_braking_does_not_exceed_what_friction_gives() -> None:
 
 
 def test_standing_plans_have_no_stop_but_loads() -> None:
-    case = Case(tables_with(), plane(rise=-0.2, lean=0.1), straight(20.0))
-    verdict = case.judge(np.zeros_like(case.speed_sq))
+    case = Case(tables_with(), plane(rise=-0.2, cross=0.1), straight(20.0))
+    verdict = case.verify(np.zeros_like(case.speed_sq))
     assert verdict.valid
     np.testing.assert_array_equal(verdict.stop_distance, 0.0)
     grade, roll = case.track.grade[0], case.track.roll[0]
@@ -380,19 +380,19 @@ def test_what_is_not_a_number_is_not_valid() -> None:
     case = Case(tables_with(), plane(), straight(20.0))
     speed_sq = case.speed_sq.copy()
     speed_sq[30] = np.nan
-    assert not case.judge(speed_sq).valid
+    assert not case.verify(speed_sq).valid
 
 
 @pytest.mark.parametrize("friction", [None, 0.5])
 def test_stops_that_run_off_the_path_are_finite_and_too_long(friction: float | None) -> None:
-    """Beyond its last station the ground goes on as it was there, not as a line through it."""
+    """Beyond its last station the ground continues with constant grade, not along a line."""
     braking = {"dead_time": 0.5} | ({"sliding_friction": friction} if friction else {})
     sharp = ground_map(lambda x, y: 0.15 * np.sin(5.0 * x), resolution=0.2)
     case = Case(tables_with(braking=braking), sharp, straight(2.0))
     for speed in (2.0, 3.0, 3.5, 4.0, 6.0):
         fast = np.zeros_like(case.speed_sq)
         fast[:3] = speed**2
-        verdict = case.judge(fast, decel=np.inf)
+        verdict = case.verify(fast, decel=np.inf)
         for values in (verdict.stop_distance, verdict.rear_load, verdict.side_load):
             assert np.isfinite(values).all(), speed
         assert not verdict.valid

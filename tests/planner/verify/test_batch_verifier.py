@@ -1,4 +1,4 @@
-"""The judge on a whole batch says what the judge of single plans says, candidate by candidate."""
+"""Verification of a batch equals that of single plans, candidate by candidate."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def verdicts(
 
 
 def assert_agree(together: np.ndarray, single: np.ndarray) -> None:
-    """The same breaches; how much is told by the single judge, of loads it may find a little more
+    """The same violations; amounts are those of the single verifier, which may find more load
     where nothing is near its limit for the batch."""
     assert together.shape == single.shape == (len(single), len(Violations._fields))
     assert np.array_equal(together.max(axis=1) > 0.0, single.max(axis=1) > 0.0)
@@ -58,11 +58,11 @@ def assert_agree(together: np.ndarray, single: np.ndarray) -> None:
     between(0.0, 3.0),
     st.sampled_from([0.8, 1.0, 1.0, 1.05, 1.5]),
 )
-def test_the_batch_is_judged_as_each_candidate_alone(
+def test_the_batch_is_verified_as_each_candidate_alone(
     tables: Any,
     effects: Any,
     height: Any,
-    bends: list[float],
+    curvatures: list[float],
     clear: float,
     start: float,
     share: float,
@@ -71,7 +71,7 @@ def test_the_batch_is_judged_as_each_candidate_alone(
     model = model_of(tables)
     fan = [
         arc(6.0 + i, k, name=f"{i}") if abs(k) > 1e-3 else straight(6.0 + i, name=f"{i}")
-        for i, k in enumerate(bends)
+        for i, k in enumerate(curvatures)
     ]
     paths = batch(fan, 0.25)
     ground = ground_map(height, x=(-4.0, 16.0), y=(-14.0, 14.0))
