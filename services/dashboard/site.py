@@ -19,18 +19,17 @@ from slopewise.services.dashboard import metrics, view
 from slopewise.services.dashboard.board import Board
 from slopewise.services.dashboard.token import cookie, knows
 from slopewise.services.planning.map_store import KnownGround
-from slopewise.services.report.limit_colours import limit_colours
-from slopewise.services.report.page import asset, page
-from slopewise.services.report.plan_data import relief
-from slopewise.services.report.png import data_uri
+from slopewise.services.report.page import render
+from slopewise.services.report.plan_labels import limit_colours
+from slopewise.services.report.relief import relief
 from slopewise.services.wire.messages import ServiceStatus
 
 _SCRIPTS = (
-    "helpers.js",
-    "axes.js",
+    "uPlot.iife.min.js",
+    "page.js",
+    "painter.js",
+    "charts.js",
     "live_map.js",
-    "live_plan.js",
-    "live_learned.js",
     "live_finding.js",
     "live.js",
 )
@@ -108,15 +107,15 @@ class Site:
         return [] if environ["REQUEST_METHOD"] == "HEAD" else [body]
 
     def _html(self) -> str:
-        return page(
+        return render(
             "live.html",
-            {"icons": asset("icons.svg")},
+            {},
             title="slopewise live",
-            styles=("page.css", "colours.css", "live.css", "live_finding.css"),
-            own_style=limit_colours(),
+            styles=("uPlot.min.css", "page.css", "colours.css", "live.css", "live_finding.css"),
+            extra_style=limit_colours(),
             scripts=_SCRIPTS,
             data={},
-            own_server=True,
+            asks_server=True,
         )
 
     def _health(self) -> tuple[str, str, bytes]:
@@ -139,7 +138,7 @@ class Site:
             begun = time.thread_time()
             if self._drawn[0] != ground.version and time.monotonic() >= self._again:
                 picture, table = relief(ground.elevation_map, _MOST_CELLS)
-                told = {"version": ground.version, "picture": data_uri(picture), **table}
+                told = {"version": ground.version, "picture": picture, **table}
                 self._drawn = ground.version, json.dumps(told, allow_nan=False).encode()
                 self._again = time.monotonic() + (time.thread_time() - begun) / _SHARE
             return self._drawn[1]
