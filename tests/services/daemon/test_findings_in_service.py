@@ -15,8 +15,7 @@ import zenoh
 from rich.console import Console
 
 from slopewise.models.errors import InputError
-from slopewise.services.cli.arguments.robot import ParamsOptions
-from slopewise.services.cli.commands.params import run, show
+from slopewise.services.cli.params import ParamsOptions, request, tables
 from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import Running, running
@@ -181,19 +180,20 @@ def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
         before = stopping(one)
         drive(one, seed=2)
         job = ParamsOptions(connect=started.endpoint, namespace=started.namespace)
-        found = run(replace(job, investigate=True))
+        found = request(replace(job, investigate=True))
         assert found.offer is not None, found.investigation
         offer = found.offer.id
         screen = Console(width=200, record=True, file=io.StringIO())
-        show(found, replace(job, investigate=True), screen)
+        for part in tables(found, replace(job, investigate=True)):
+            screen.print(part)
         told = screen.export_text()
         for words in ("missing_effect", "step_change: scale = 0.7", f"params --adopt {offer}"):
             assert words in told, told
         with pytest.raises(InputError, match="one that there is"):
-            run(replace(job, adopt="nonsense"))
+            request(replace(job, adopt="nonsense"))
         with pytest.raises(InputError, match="--adopt"):
-            run(replace(job, faster=True))
-        reply = run(replace(job, adopt=offer))
+            request(replace(job, faster=True))
+        reply = request(replace(job, adopt=offer))
         assert {g.group: g.valid for g in reply.groups}["effects"]
         adopted = stopping(one)
         assert adopted > before + 0.05
