@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from slopewise.models.parameters import Model
     from slopewise.planner.horizon.answer import PlanarState
     from slopewise.planner.plan import SpeedPlan
-    from slopewise.services.check.given_plan import GivenPlan
-    from slopewise.services.check.report import CheckReport
+    from slopewise.services.check.check_report import CheckReport
+    from slopewise.services.check.external_plan import ExternalPlan
     from slopewise.services.client import PlanClient
-    from slopewise.services.io.logs.drive_log import DriveLog
+    from slopewise.services.io.drive_log import DriveLog
 
 __all__ = [
     "CandidatePath",
     "CheckReport",
     "DriveLog",
     "ElevationMap",
-    "GivenPlan",
+    "ExternalPlan",
     "Horizon",
     "Model",
     "PlanClient",
@@ -56,10 +56,10 @@ __all__ = [
 
 _HOMES = {
     "CandidatePath": "slopewise.models.candidate_path",
-    "CheckReport": "slopewise.services.check.report",
-    "DriveLog": "slopewise.services.io.logs.drive_log",
+    "CheckReport": "slopewise.services.check.check_report",
+    "DriveLog": "slopewise.services.io.drive_log",
     "ElevationMap": "slopewise.models.elevation_map",
-    "GivenPlan": "slopewise.services.check.given_plan",
+    "ExternalPlan": "slopewise.services.check.external_plan",
     "Horizon": "slopewise._planning",
     "Model": "slopewise.models.parameters",
     "PlanClient": "slopewise.services.client",

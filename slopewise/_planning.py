@@ -19,9 +19,9 @@ from slopewise.planner.path import EvenPath, PathBatch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import GivenPlan, plan_of_columns
-from slopewise.services.check.report import CheckReport
+from slopewise.services.check.check_report import CheckReport
+from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.jobs.cold_start import sooner, stations_of
 from slopewise.services.jobs.plan import plan_paths
 
@@ -82,7 +82,7 @@ class Horizon(PlannersHorizon):
 
 
 def check_plan(
-    plan: SpeedPlan | GivenPlan,
+    plan: SpeedPlan | ExternalPlan,
     model: Model,
     elevation_map: ElevationMap,
     *,
@@ -96,7 +96,7 @@ def check_plan(
     the model, the map, the formulas of named effects and gravity.
 
     Args:
-        plan: plan of any planner: ``GivenPlan(name="mine", x=x, y=y, speed=speed)``.
+        plan: plan of any planner: ``ExternalPlan(name="mine", x=x, y=y, speed=speed)``.
         model: model that it has to hold for.
         elevation_map: ground as known now.
         clear: station up to which the path is known to be free, from the first station [m]; the
@@ -114,4 +114,4 @@ def check_plan(
     if isinstance(plan, SpeedPlan) and len(plan.station) < 2:
         raise ParameterError("plan", f"at least 2 stations, got {len(plan.station)}")
     given = plan_of_columns(plan.columns()) if isinstance(plan, SpeedPlan) else plan
-    return check(given, model, elevation_map, clear=clear, quantile=quantile)
+    return check_plan_on_map(given, model, elevation_map, clear=clear, quantile=quantile)

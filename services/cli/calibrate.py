@@ -100,8 +100,8 @@ def calibrate(options: CalibrateOptions) -> ExitStatus | None:
 
     [bold]Example[/]  slopewise calibrate drive.csv --model atv --out mine.toml --report stops.html
     """
-    from slopewise.services.io.maps.no_data import nodata_of
     from slopewise.services.io.model_file import write_model
+    from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs import calibrate as job
     from slopewise.services.jobs.calibration_summary import summarise, write_stops
     from slopewise.services.report.brake_words import as_json as sheet_json

@@ -57,7 +57,7 @@ def check(options: CheckOptions) -> ExitStatus | None:
 
     [bold]Example[/]  slopewise check plan.csv --map hill.tif --model atv --clear 20
     """
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs.check import check as job
 
     result = job(

@@ -51,7 +51,7 @@ def coverage(options: CoverageOptions) -> ExitStatus | None:
 
     [bold]Example[/]  slopewise coverage today.csv --model mine.toml
     """
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs.coverage import coverage as job
 
     summary = job(

@@ -69,7 +69,7 @@ def discrepancy(options: DiscrepancyOptions) -> None:
 
     [bold]Example[/]  slopewise discrepancy drive.csv --model mine.toml --out out/discrepancy
     """
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs import discrepancy as job
 
     settings = job.discrepancy_settings(false_alarm=options.false_alarm, seed=options.seed)

@@ -83,7 +83,7 @@ def fleet_plan(options: FleetPlanOptions) -> ExitStatus | None:
     [bold]Example[/]  slopewise fleet plan county.tif paths-*.csv --model atv --out out/county
     """
     from slopewise.services.fleet.plan_fleet import FleetPlanRequest, plan_fleet
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs.plan import planner_settings, uncertainty_at
 
     request = FleetPlanRequest(
@@ -145,7 +145,7 @@ def fleet_calibrate(options: FleetCalibrateOptions) -> None:
     [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
     """
     from slopewise.services.fleet.calibrate_fleet import calibrate_fleet
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
 
     result = calibrate_fleet(
         options.logs,
@@ -238,7 +238,7 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
         investigate_fleet,
     )
     from slopewise.services.fleet.page import write_report
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs.discrepancy import discrepancy_settings
 
     request = FleetDiscrepancyRequest(

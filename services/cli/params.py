@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import msgspec
 
     from slopewise.services.jobs.compare_models import ModelComparison
-    from slopewise.services.wire.offer import Offer
+    from slopewise.services.wire.model_proposal import ModelProposal
     from slopewise.services.wire.parameter_messages import (
         HistoryEntry,
         ParameterGroup,
@@ -235,7 +235,7 @@ def _history(history: list[HistoryEntry], title: str) -> Iterator[Any]:
     yield from table(columns, rows, title=title, left=columns, limit=len(rows))
 
 
-def _offer(offer: Offer) -> Iterator[Any]:
+def _offer(offer: ModelProposal) -> Iterator[Any]:
     """The proposed change, its effect in metres, and the command that adopts it."""
     yield line(f"offer {offer.id}: {offer.verdict} – {offer.summary}", "bold")
     for effect in offer.findings["effects"]:

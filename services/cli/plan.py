@@ -102,7 +102,7 @@ def plan(options: PlanOptions) -> ExitStatus | None:
 
     [bold]Example[/]  slopewise plan hill.tif paths.csv --model atv --speed 2 --report plan.html
     """
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs import plan as job
     from slopewise.services.jobs.plan_files import SCENES, check_plan_name, write_plans
     from slopewise.services.jobs.plan_summary import summarise

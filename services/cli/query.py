@@ -29,8 +29,8 @@ from slopewise.services.cli.tables import decimals, line, table
 if TYPE_CHECKING:
     from slopewise.models.candidate_path import CandidatePath
     from slopewise.services.client import ClientAnswer, PlanClient
-    from slopewise.services.wire.messages import MapUpdate
-    from slopewise.services.wire.messages import Path as PathMessage
+    from slopewise.services.wire.plan_messages import MapUpdate
+    from slopewise.services.wire.plan_messages import Path as PathMessage
 
 _log = logging.getLogger("slopewise")
 _PERIOD = 0.01
@@ -89,7 +89,7 @@ def _message(path: CandidatePath) -> PathMessage:
     """A candidate as the service requires it: a straight line of two points gets a third."""
     import numpy as np
 
-    from slopewise.services.wire.messages import Path as PathMessage
+    from slopewise.services.wire.plan_messages import Path as PathMessage
 
     points, limit = path.points, path.speed_limit
     if len(points) == 2:
@@ -100,9 +100,9 @@ def _message(path: CandidatePath) -> PathMessage:
 
 
 def _map_update(options: QueryOptions) -> MapUpdate | None:
-    from slopewise.services.io.maps.map_file import read_map
-    from slopewise.services.io.maps.no_data import nodata_of
-    from slopewise.services.wire.messages import MapUpdate
+    from slopewise.services.io.map_file import read_map
+    from slopewise.services.io.no_data import nodata_of
+    from slopewise.services.wire.plan_messages import MapUpdate
 
     nodata = nodata_of(options.nodata)
     if options.map_file is None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import zenoh
 
     from slopewise.models.arrays import Floats
-    from slopewise.services.io.logs.drive_log import DriveLog
+    from slopewise.services.io.drive_log import DriveLog
     from slopewise.services.wire.observations import DriveSamples
     from slopewise.services.wire.parameter_messages import ParameterReply
 
@@ -68,7 +68,7 @@ def replay(options: ReplayOptions) -> None:
     """
     from slopewise.models.errors import InputError
     from slopewise.services.cli.ask import ask
-    from slopewise.services.io.logs.log_source import read_logs
+    from slopewise.services.io.drive_log import read_logs
     from slopewise.services.wire.connect import client_session
     from slopewise.services.wire.parameter_messages import ParameterReply
 
@@ -92,7 +92,7 @@ def _play(
     """Send all samples; number of batches by status and reason of their receipts."""
     from slopewise.services.cli.ask import ask
     from slopewise.services.jobs.progress import progress_bar
-    from slopewise.services.wire.observations import Receipt
+    from slopewise.services.wire.observations import ObservationAck
 
     receipts: Counter[tuple[str, str]] = Counter()
     t, key = log.columns["t"], f"{options.namespace}/v1/obs/drive"
@@ -107,7 +107,7 @@ def _play(
                 time.sleep(max(due - time.monotonic(), 0.0))
                 sequence += 1
                 samples = _samples(log, rows, source, sequence)
-                receipt = ask(session, key, Receipt, samples, options.timeout, key)
+                receipt = ask(session, key, ObservationAck, samples, options.timeout, key)
                 receipts[receipt.status, receipt.reason] += 1
                 advance(rows.stop - rows.start)
     return receipts

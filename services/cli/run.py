@@ -34,7 +34,7 @@ def serve(options: ServeOptions) -> None:
     [bold]Example[/]  slopewise serve --config configs/service.toml
     """
     from slopewise.models.errors import InputError
-    from slopewise.services.settings.service import read_config
+    from slopewise.services.settings.service_settings import read_config
 
     _require("serve", "zenoh")
     config = read_config(options.config)
@@ -73,8 +73,8 @@ def ros(options: RosOptions) -> None:
 
     from slopewise.services.ros.edge import Edge
     from slopewise.services.ros.settings import read_settings
-    from slopewise.services.settings.service import ZenohSettings
-    from slopewise.services.settings.session import zenoh_config
+    from slopewise.services.settings.service_settings import ZenohSettings
+    from slopewise.services.settings.zenoh_session import zenoh_config
 
     settings = read_settings(options.config)
     peers: dict[str, Any] = {"ros": settings.ros}
@@ -118,7 +118,7 @@ def guard(options: GuardOptions) -> None:
     [bold]Example[/]  slopewise guard --config configs/guard.toml
     """
     _require("guard", "zenoh")
-    from slopewise.services.guard.watch import serve as run_guard
+    from slopewise.services.guard.watchdog import serve as run_guard
 
     run_guard(options.config, None, partial(print_ready, options.as_json))
 
@@ -144,18 +144,18 @@ def warm_up(options: WarmUpOptions) -> None:
     [bold]Example[/]  slopewise warm-up
     """
     begin = time.perf_counter()
-    from slopewise.services.daemon import warm_up as requests
+    from slopewise.services.daemon import warm_up_requests as requests
     from slopewise.services.io.model_file import find_model, read_model
     from slopewise.services.jobs.cold_start import compile_first
-    from slopewise.services.parameters.in_use import ParametersInUse
+    from slopewise.services.parameters.active_parameters import ActiveParameters
     from slopewise.services.planning.plan_service import PlanService
-    from slopewise.services.settings.service import ServiceConfig
+    from slopewise.services.settings.service_settings import ServiceConfig
 
     compile_first("on all cores")
-    plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))
+    plans = PlanService(ServiceConfig(model="atv"), ActiveParameters(read_model(find_model("atv"))))
     requests.run(plans)
     compiled = time.perf_counter()
-    ground, request = next(requests.questions())
+    ground, request = next(requests.requests())
     plans.answer(request, ground, requests.CLIENT)
     seconds, plan_seconds = compiled - begin, time.perf_counter() - compiled
     message = f"ready after {seconds:.1f} s; a plan takes {1e3 * plan_seconds:.1f} ms from now on"

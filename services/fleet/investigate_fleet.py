@@ -25,10 +25,10 @@ from slopewise.services.fleet.investigating import (
 from slopewise.services.fleet.parts import map_digest
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
 from slopewise.services.fleet.vehicles import vehicles_of
-from slopewise.services.io.access import check_file, fault, read_text, write_atomic
+from slopewise.services.io.files import check_file, fault, read_text, write_atomic
 from slopewise.services.io.findings_file import FINDINGS, source_of
-from slopewise.services.io.maps.no_data import NoData
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.io.no_data import NoData
 from slopewise.services.jobs.progress import progress_bar
 
 LINES, PAGE = "findings.jsonl", "report.html"

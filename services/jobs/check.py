@@ -15,17 +15,18 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.uncertainty import QUANTILE
-from slopewise.services.check.check import check as check_plan_on_map
-from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.check_report import CheckReport
+from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.heights import Heights
-from slopewise.services.check.report import CheckReport
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
-from slopewise.services.io.bags.recording import is_bag
-from slopewise.services.io.given_plan_file import read_given_plans
-from slopewise.services.io.maps.grid import Around, footprint_margin
-from slopewise.services.io.maps.map_file import NoData, map_info, read_map
+from slopewise.services.io.bags import is_bag
+from slopewise.services.io.map_file import map_info, read_map
+from slopewise.services.io.map_grid import Around, footprint_margin
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import check_paths_on_map
+from slopewise.services.io.plan_file import read_external_plans
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import Summary, finite, input_errors
 
@@ -106,7 +107,7 @@ class CheckResult:
             ],
             [_checked(report) for report in self.reports],
             {
-                kind: ToleranceRow(t.value, t.unit, t.meaning, t.why)
+                kind: ToleranceRow(t.value, t.unit, t.meaning, t.rationale)
                 for kind, t in TOLERANCES.items()
             },
         )
@@ -155,7 +156,7 @@ def check(
             str(topics), "", "expected a recording with a topic mapping, got files of other kinds"
         )
     model = read_model(find_model(model_file))
-    plans = read_given_plans(plan_file)
+    plans = read_external_plans(plan_file)
     info = map_info(map_file, topics)
     check_paths_on_map([_path_of(p) for p in plans], info.extent, str(plan_file), str(map_file))
     around = _around(plans, footprint_margin(model.vehicle, info) + max(model.vehicle.shape[:3]))
@@ -173,7 +174,7 @@ def check(
 
 
 def check_plans(
-    plans: Sequence[GivenPlan],
+    plans: Sequence[ExternalPlan],
     model: Model,
     heights: Heights,
     *,
@@ -200,12 +201,12 @@ def check_plans(
     return CheckResult(model.name, tuple(reports), time.perf_counter() - begin, notes)
 
 
-def _path_of(plan: GivenPlan) -> CandidatePath:
+def _path_of(plan: ExternalPlan) -> CandidatePath:
     x, y = (np.resize(values, max(len(values), 2)) for values in (plan.x, plan.y))
     return CandidatePath(plan.name, np.stack((x, y), axis=1))
 
 
-def _around(plans: Sequence[GivenPlan], margin: float) -> Around:
+def _around(plans: Sequence[ExternalPlan], margin: float) -> Around:
     x = np.concatenate([plan.x for plan in plans])
     y = np.concatenate([plan.y for plan in plans])
     ends = (x.min() - margin, x.max() + margin, y.min() - margin, y.max() + margin)

@@ -1,7 +1,7 @@
-"""Planning before the kernels of an installation are compiled.
+"""Plans before the kernels of an installation are compiled, and messages about the wait.
 
-Compiling takes a minute. A plan of a few paths is made sooner with kernels that run as Python,
-while a separate process compiles for the next one; a line on standard error reports it.
+Compiling takes a minute. A plan of a few paths is ready sooner if its kernels run as Python, while
+a separate process compiles for later ones.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from slopewise.services.jobs.progress import progress_bar
 FEW = 3000
 """Stations that Python plans along sooner than the compiler is done, at some 15 ms each."""
 
-_PERIOD = 0.2
-"""Pause between checks whether another process has compiled everything [s]; it takes a minute."""
+_POLL_INTERVAL = 0.2
+"""Time between two checks whether another process has compiled everything [s]."""
 
 _NOWHERE = (
     "compiling, a minute for each process: compiled code cannot be kept here; let NUMBA_CACHE_DIR "
@@ -56,7 +56,7 @@ def compile_first(meanwhile: str) -> None:
     """Compile on all cores what is not compiled yet, and say so in one line on standard error.
 
     Args:
-        meanwhile: end of the line, what happens after compiling.
+        meanwhile: consequence of the wait, for the message.
 
     The compiler's memory is that of other processes. Where the code cannot be kept this one has to
     compile it anyway, and only the line is printed.
@@ -64,9 +64,9 @@ def compile_first(meanwhile: str) -> None:
     if kept.is_compiled():
         return
     if not kept.can_be_kept():
-        _say(_NOWHERE)
+        _print_once(_NOWHERE)
         return
-    _say(f"compiling, once after each installation; {meanwhile}")
+    _print_once(f"compiling, once after each installation; {meanwhile}")
     with kept.compiling():
         if not kept.is_compiled():
             kernels = written_down()
@@ -77,7 +77,7 @@ def compile_first(meanwhile: str) -> None:
 
 
 def sooner(job: Callable[[], T], stations: Callable[[], float]) -> T:
-    """Run a planning job, in Python where the compiler would take longer; another process compiles.
+    """Run a planning job, in Python where the compiler would take longer, as another one compiles.
 
     The first job after that finds everything compiled. A job must not begin another one.
 
@@ -135,12 +135,12 @@ def _prefers_python() -> bool:
     if kept.is_compiled():
         return False
     if not kept.can_be_kept():
-        _say(_NOWHERE)
+        _print_once(_NOWHERE)
         return False
-    _say(_IN_PYTHON)
+    _print_once(_IN_PYTHON)
     if not kept.is_compiling():
         if _compiler is None:
-            # It has to import this very copy, from any working directory.
+            # It has to import this very copy from any working directory.
             path = [str(kept.PACKAGE.parents[1]), *sys.path]
             quiet = subprocess.DEVNULL
             _compiler = subprocess.Popen(
@@ -166,9 +166,9 @@ def _wait() -> None:
     with progress_bar("compiling", total) as advance:
         while not kept.is_compiled() and _is_compiling():
             advance(-seen + (seen := min(kept.count(), total)))
-            time.sleep(_PERIOD)
+            time.sleep(_POLL_INTERVAL)
 
 
 @cache
-def _say(message: str) -> None:
-    print(f"slopewise: {message}", file=sys.stderr, flush=True)
+def _print_once(text: str) -> None:
+    print(f"slopewise: {text}", file=sys.stderr, flush=True)

@@ -10,7 +10,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.path_file import write_paths_csv
 from slopewise.services.jobs.plan import PlanResult, plan
 from slopewise.services.jobs.plan_files import write_plans

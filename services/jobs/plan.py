@@ -24,14 +24,14 @@ from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 from slopewise.planner.swept.sentences import notes as swept_notes
-from slopewise.services.check.given_plan import plan_of_columns
-from slopewise.services.io.bags.recording import is_bag
-from slopewise.services.io.given_plan_file import read_given_plans
-from slopewise.services.io.maps.grid import footprint_margin
-from slopewise.services.io.maps.map_file import NoData, frame_of, map_info, read_map
+from slopewise.services.check.external_plan import plan_of_columns
+from slopewise.services.io.bags import is_bag
+from slopewise.services.io.map_file import frame_of, map_info, read_map
+from slopewise.services.io.map_grid import footprint_margin
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import check_paths_on_map, read_paths
-from slopewise.services.io.plan_file import driven
+from slopewise.services.io.plan_file import driven, read_external_plans
 from slopewise.services.jobs.check import CheckResult, check_plans
 from slopewise.services.jobs.cold_start import sooner, stations_of
 from slopewise.services.jobs.progress import progress_bar
@@ -182,7 +182,7 @@ def with_check(
 ) -> PlanResult:
     """Add the independent check, of the table if one was written, else of the plans."""
     if written is not None:
-        plans, source = read_given_plans(written), str(written)
+        plans, source = read_external_plans(written), str(written)
     else:
         plans, source = [plan_of_columns(driven(plan)) for plan in result.plans], "plan"
     quantile = 0.5 if result.uncertainty is None else result.uncertainty.quantile

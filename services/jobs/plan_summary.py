@@ -11,7 +11,7 @@ import msgspec
 
 from slopewise.planner.explain.explain import Explanation
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.io.digest import sha256_of
+from slopewise.services.io.files import sha256_of
 from slopewise.services.io.plan_file import driven, summary
 from slopewise.services.jobs.check import CheckSummary
 from slopewise.services.jobs.plan import PlanResult

@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 
 from slopewise.models.parameters import Model
-from slopewise.services.io.digest import sha256_of
+from slopewise.services.io.files import sha256_of
 from slopewise.services.io.model_file import find_model, model_sha256
 
 _LISTED = 6

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from slopewise.models.errors import ParameterError
-from slopewise.services.io.access import fault
+from slopewise.services.io.files import fault
 
 
 class Summary(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -17,9 +17,8 @@ from slopewise.models.terrain.monitor import MonitorSettings, TerrainMonitor
 from slopewise.models.terrain.resistances import Drivetrain
 from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.models.terrain.trace import TerrainTrace, trace
-from slopewise.services.io.access import fault
-from slopewise.services.io.logs.drive_log import DriveLog
-from slopewise.services.io.logs.log_source import read_logs
+from slopewise.services.io.drive_log import DriveLog, read_logs
+from slopewise.services.io.files import fault
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.terrain_file import (
     TerrainFile,

@@ -15,7 +15,7 @@ from slopewise.models.terrain.resistances import TerrainEstimate
 from slopewise.models.terrain.signature_fit import fit
 from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.models.terrain.surfaces import model_on, with_surface
-from slopewise.services.io.access import fault
+from slopewise.services.io.files import fault
 from slopewise.services.io.signature_file import write_signatures
 from slopewise.services.io.terrain_file import TerrainFile, write_terrains
 from slopewise.services.io.terrain_table import event_row, excluded_row, write_terrain_table

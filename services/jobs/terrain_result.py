@@ -17,7 +17,7 @@ from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.reliability import ReliabilityBin, reliability_curve
 from slopewise.models.terrain.signature import Signature
 from slopewise.models.terrain.signature_model import SignatureModel
-from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.terrain_file import TerrainFile
 
 _LASTING = 6

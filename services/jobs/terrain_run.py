@@ -13,7 +13,7 @@ from slopewise.models.terrain.monitor import Classified, GroundChange, TerrainMo
 from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.rotation_centres import rotation_centres
 from slopewise.models.terrain.signature import Signature
-from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.jobs.terrain_result import RunEvents
 
 NEEDED = ("v_left", "v_right", "yaw_rate", "current_left", "current_right")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.model_file import find_model, write_model
 from slopewise.services.io.path_file import write_paths_csv
 from slopewise.services.io.table import write_csv

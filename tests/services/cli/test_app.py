@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from slopewise.services.cli import app
-from slopewise.services.io.plan_file import read_plan_csv
+from slopewise.services.io.table import read_csv
 from slopewise.services.jobs import demo
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import real_data
@@ -84,4 +84,4 @@ def test_a_real_elevation_map_is_planned_on(tmp_path: Path) -> None:
     paths.write_text("x,y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True)))
     result = here("plan", dem, paths, "--model", "atv", "--out", out)
     assert result.returncode == 0, result.stderr
-    assert 370.0 < read_plan_csv(out)["z"][0] < 420.0
+    assert 370.0 < float(read_csv(out).text("z")[0]) < 420.0
