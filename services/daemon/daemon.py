@@ -31,10 +31,10 @@ from slopewise.services.dashboard.parameter_state import ParameterFeed
 from slopewise.services.io.files import read_text
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.jobs.cold_start import compile_first
 from slopewise.services.parameters.active_parameters import ActiveParameters, with_max_speed
 from slopewise.services.parameters.endpoint import ParameterEndpoint
 from slopewise.services.parameters.parameter_service import ParameterService
-from slopewise.services.planning.cold_start import compile_first
 from slopewise.services.planning.map_endpoint import MapEndpoint
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.plan_endpoint import PlanEndpoint

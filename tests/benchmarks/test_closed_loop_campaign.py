@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
-from slopewise.services.cli.commands.bench import closed_loop
 
 _SAFE = ("collisions", "stops past the clear distance")
 
