@@ -1,4 +1,4 @@
-"""Candidate by candidate: the planner beside other tools, on the same problems."""
+"""The planner compared with other solvers on the same problems, candidate by candidate."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ from slopewise.planner.profile.time_optimal import (
     profile_problem,
     time_optimal_profile,
 )
-from slopewise.planner.settings import Solver
 from slopewise.planner.verify.judge import check
 from slopewise.planner.verify.track import track_of
 
-from ..common.judge import excess, smooth_excess, travel_time
-from ..common.measure import summary, timed
-from ..common.scene import Scene
+from ..common.profile_quality import excess, smooth_excess, stations_of, travel_time
+from ..common.scene import BenchmarkScene
+from ..common.timing import summary, timed
 from . import quadratic
-from .peers import PEERS, PeerTask
+from .planner_baselines import BASELINES, BaselineTask
 
 Result = dict[str, Any]
 Problem = TypeVar("Problem")
-Answer = tuple[float, float]
+Solve = Callable[[], Floats | None]
+Quality = tuple[float, float]
 """Travel time [s] and largest excess of a solution."""
 
 _FAULTS = (AttributeError, TypeError, ValueError, RuntimeError)
-"""What a tool raises whose version does not fit."""
+"""Raised by a tool whose version does not fit."""
 
 
-def chosen_from(solved: TimeOptimalBatch, wanted: int) -> list[int]:
+def select_free(solved: TimeOptimalBatch, count: int) -> list[int]:
     """Candidates that are free to their end, spread over the batch."""
     free = np.flatnonzero(solved.bounds.barrier_station >= solved.profile.count)
-    return [int(j) for j in free[np.linspace(0, len(free) - 1, wanted).astype(int)]]
+    return [int(j) for j in free[np.linspace(0, len(free) - 1, count).astype(int)]]
 
 
-def tasks_of(scene: Scene, chosen: Sequence[int]) -> list[PeerTask]:
+def tasks_of(scene: BenchmarkScene, candidates: Sequence[int]) -> list[BaselineTask]:
     """Candidates of a scene, each up to the station where it must rest."""
     solved, limits = scene.plan(), scene.model.limits
     start = np.zeros(len(solved.profile.count))
@@ -54,44 +54,41 @@ def tasks_of(scene: Scene, chosen: Sequence[int]) -> list[PeerTask]:
         solved.profile, solved.ground, solved.bounds, planning_limits(scene.model), start
     )
     tasks = []
-    for j in chosen:
+    for j in candidates:
         problem = time_optimal_problem(batch, j, int(solved.profile.count[j]))
         problem = problem.until(int(np.flatnonzero(problem.speed_sq_max > 0.0)[-1]) + 2)
-        tasks.append(
-            PeerTask(problem.station, problem.speed_sq_max, limits.accel, limits.decel, problem)
-        )
+        tasks.append(BaselineTask(limits.accel, limits.decel, problem))
     return tasks
 
 
-def time_optimal(scene: Scene, tasks: Sequence[PeerTask], rounds: int) -> list[Result]:
-    """The time-optimal problem: the planner's profile stage and its peers."""
+def time_optimal(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: int) -> list[Result]:
+    """The time-optimal problem: the planner's profile stage and its baselines."""
 
-    def judged(task: PeerTask, speed_sq: Floats) -> Answer:
-        n = len(task.station) - 1
-        accel, decel = np.full(n, task.accel), np.full(n, task.decel)
-        over = excess(task.station, speed_sq, task.speed_sq_max, accel, decel)
-        return travel_time(task.station, speed_sq), over
+    def quality(task: BaselineTask, speed_sq: Floats) -> Quality:
+        station, top = task.problem.station, task.problem.speed_sq_max
+        n = len(station) - 1
+        limits = (np.full(n, task.accel), np.full(n, task.decel))
+        return travel_time(station, speed_sq), excess(station, speed_sq, top, *limits)
 
-    rows = [_row("planner, one candidate", tasks, partial(planner_alone, scene), judged, rounds)]
-    return rows + [_row(name, tasks, peer, judged, rounds) for name, peer in PEERS.items()]
+    makers = {"planner, one candidate": profile_stage, **BASELINES}
+    return [_row(name, tasks, make, quality, rounds) for name, make in makers.items()]
 
 
-def planner_alone(scene: Scene, task: PeerTask) -> Callable[[], Floats]:
+def profile_stage(task: BaselineTask) -> Callable[[], Floats]:
     """The planner's profile stage on one candidate, exact in brakes and drive."""
     p = task.problem
-
-    def column(values: Floats) -> Floats:
-        return np.ascontiguousarray(values[:, None])
-
+    columns = (
+        p.station,
+        p.speed_sq_max,
+        p.sin_grade,
+        p.lower_slope,
+        p.lower_intercept,
+        p.slowest,
+        p.accel_max,
+        p.demand,
+    )
     problem = ProfileProblem(
-        column(p.station),
-        column(p.speed_sq_max),
-        column(p.sin_grade),
-        column(p.lower_slope),
-        column(p.lower_intercept),
-        column(p.slowest),
-        column(p.accel_max),
-        column(p.demand),
+        *(np.ascontiguousarray(values[:, None]) for values in columns),
         np.array([p.start_sq]),
         p.decel,
         p.specific_power,
@@ -99,30 +96,34 @@ def planner_alone(scene: Scene, task: PeerTask) -> Callable[[], Floats]:
     return lambda: time_optimal_profile(problem)[0][:, 0]
 
 
-def jerk_limited(scene: Scene, tasks: Sequence[PeerTask], rounds: int) -> list[Result]:
+def jerk_limited(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: int) -> list[Result]:
     """The jerk-limited problem by the planner, and the same program by other solvers."""
     problems = [smoothing_problem(scene, task) for task in tasks]
 
-    def reference(problem: SmoothingProblem) -> Callable[[], Floats | None]:
+    def reference(problem: SmoothingProblem) -> Solve:
         program = JerkLimitedReference(len(problem.speed_sq_max))
         return lambda: program.solve(problem).speed_sq
 
-    peers: dict[str, Callable[[SmoothingProblem], Callable[[], Floats | None]]] = {
-        "planner": smoother_of,
-        'planner, solver = "osqp"': partial(smoother_of, first="osqp"),
-        'planner, solver = "ipopt"': partial(smoother_of, first="ipopt"),
+    def quality(problem: SmoothingProblem, speed_sq: Floats) -> Quality:
+        time = travel_time(stations_of(problem), speed_sq)
+        return time, smooth_excess(problem, speed_sq)
+
+    makers: dict[str, Callable[[SmoothingProblem], Solve]] = {
+        "planner": lambda problem: lambda: smooth(problem).speed_sq,
+        'planner, solver = "osqp"': lambda problem: lambda: smooth(problem, "osqp").speed_sq,
+        'planner, solver = "ipopt"': lambda problem: lambda: smooth(problem, "ipopt").speed_sq,
         "OSQP": quadratic.osqp,
         "PIQP": quadratic.piqp,
         "Clarabel": quadratic.clarabel,
         "CasADi + IPOPT": reference,
     }
-    return [_row(name, problems, peer, smooth_answer, rounds) for name, peer in peers.items()]
+    return [_row(name, problems, make, quality, rounds) for name, make in makers.items()]
 
 
-def smoothing_problem(scene: Scene, task: PeerTask) -> SmoothingProblem:
-    """Bound by the time-optimal profile; limits that hold at any speed up to it."""
+def smoothing_problem(scene: BenchmarkScene, task: BaselineTask) -> SmoothingProblem:
+    """Problem bounded by the time-optimal profile, with limits valid at any speed up to it."""
     p, limits = task.problem, scene.model.limits
-    speed_sq = planner_alone(scene, task)()
+    speed_sq = profile_stage(task)()
     fast = np.sqrt(np.maximum(speed_sq, 1e-6))
     hold = GRAVITY * np.maximum(p.demand[:-1], p.demand[1:])
     powered = GRAVITY * p.specific_power / np.maximum(fast[:-1], fast[1:]) - hold
@@ -135,26 +136,13 @@ def smoothing_problem(scene: Scene, task: PeerTask) -> SmoothingProblem:
     )
 
 
-def smoother_of(
-    problem: SmoothingProblem, first: Solver = "interior_point"
-) -> Callable[[], Floats | None]:
-    """The planner's smoothing, by the solver of its settings."""
-    return lambda: smooth(problem, first).speed_sq
-
-
-def smooth_answer(problem: SmoothingProblem, speed_sq: Floats) -> Answer:
-    """Travel time and excess of a smoothed profile."""
-    station = np.concatenate(([0.0], np.cumsum(problem.ds)))
-    return travel_time(station, speed_sq), smooth_excess(problem, speed_sq)
-
-
-def emitted(scene: Scene, chosen: Sequence[int], rounds: int) -> list[Result]:
-    """What each plan that is emitted costs: the judge alone, and all of it."""
+def emitted(scene: BenchmarkScene, candidates: Sequence[int], rounds: int) -> list[Result]:
+    """Cost of each emitted plan: the verifier alone, and all of it."""
     solved, model = scene.plan(), scene.model
-    judging: list[float] = []
+    verifying: list[float] = []
     finishing: list[float] = []
-    for j in chosen:
-        judge = partial(
+    for j in candidates:
+        verify = partial(
             check,
             track_of(solved.profile, solved.ground, j),
             np.ascontiguousarray(solved.speed_sq[:, j]),
@@ -164,11 +152,11 @@ def emitted(scene: Scene, chosen: Sequence[int], rounds: int) -> list[Result]:
             model,
         )
         finish = partial(finished, solved, j, "plan", smooth=True)
-        for action, seconds in ((judge, judging), (finish, finishing)):
+        for action, seconds in ((verify, verifying), (finish, finishing)):
             action()
             seconds += [timed(action)[0] for _ in range(rounds)]
     return [
-        {"name": "judge", **summary(judging)},
+        {"name": "judge", **summary(verifying)},
         {"name": "plan smoothed, judged, explained", **summary(finishing)},
     ]
 
@@ -176,13 +164,13 @@ def emitted(scene: Scene, chosen: Sequence[int], rounds: int) -> list[Result]:
 def _row(
     name: str,
     problems: Sequence[Problem],
-    make: Callable[[Problem], Callable[[], Floats | None]],
-    judged: Callable[[Problem, Floats], Answer],
+    make: Callable[[Problem], Solve],
+    quality: Callable[[Problem, Floats], Quality],
     rounds: int,
 ) -> Result:
-    """One tool on all problems: times, mean travel time and largest excess of its solutions."""
+    """Times of one solver on all problems, mean travel time and largest excess."""
     seconds: list[float] = []
-    answers: list[Answer] = []
+    solved: list[Quality] = []
     for problem in problems:
         try:
             solve = make(problem)
@@ -193,9 +181,9 @@ def _row(
             return {"name": name, "note": f"failed: {fault}"}
         seconds += [timed(solve)[0] for _ in range(rounds)]
         if speed_sq is not None and np.all(np.isfinite(speed_sq)) and np.any(speed_sq > 0.0):
-            answers.append(judged(problem, speed_sq))
-    row: Result = {"name": name, **summary(seconds), "solved": len(answers), "of": len(problems)}
-    if answers:
-        row["travel_time"] = float(np.mean([time for time, _ in answers]))
-        row["excess"] = max(over for _, over in answers)
+            solved.append(quality(problem, speed_sq))
+    row: Result = {"name": name, **summary(seconds), "solved": len(solved), "of": len(problems)}
+    if solved:
+        row["travel_time"] = float(np.mean([time for time, _ in solved]))
+        row["excess"] = max(over for _, over in solved)
     return row

@@ -1,4 +1,4 @@
-"""Tables for a terminal, alike in all benchmarks."""
+"""Tables for a terminal, in one form for all benchmarks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from rich.table import Table
 
 
 def table_of(title: str, *columns: str, first: str = "") -> Table:
-    """A table of named rows: what they are to the left, figures to the right."""
+    """Return a table of named rows: names to the left, figures to the right."""
     table = Table(title=title, title_justify="left")
     table.add_column(first, overflow="fold")
     for column in columns:
@@ -15,7 +15,7 @@ def table_of(title: str, *columns: str, first: str = "") -> Table:
 
 
 def duration(seconds: float) -> str:
-    """A time with a fitting unit: ``3.21 ms``."""
+    """Format a time with a fitting unit: ``3.21 ms``."""
     for unit, scale in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
         if seconds >= scale:
             return f"{seconds / scale:.3g} {unit}"

@@ -1,4 +1,4 @@
-"""How times grow with stations and with candidates, and what memory a batch takes."""
+"""Growth of times with stations and with candidates, and the memory of a batch."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from ..common.measure import peak_memory, summary, take_turns, timed
-from ..common.scene import Scene, fan, laps
+from slopewise.planner.profile.smoothing import smooth
+
+from ..common.scene import BenchmarkScene, fan, laps
+from ..common.timing import interleave, peak_memory, summary, timed
 from .batch import stages
-from .one_by_one import emitted, smoother_of, smoothing_problem, tasks_of
-from .peers import PEERS
+from .planner_baselines import BASELINES
+from .solver_comparison import emitted, smoothing_problem, tasks_of
 
 STATIONS, CANDIDATES = 100, 16
-"""What stays the same while the other one grows."""
+"""Constant while the other one grows."""
 
-_SMOOTHED = 1000
-"""Stations beyond which smoothing in one piece is not tried."""
+_MAX_SMOOTHED = 1000
+"""Stations above which smoothing in one piece is not tried: a plan is never longer."""
 
 _COMPARED = ("plain pass", "pass with braking", "profile", "poses to ranked plans")
 
@@ -26,16 +28,18 @@ Result = dict[str, Any]
 def growth_with_stations(quick: bool) -> list[Result]:
     """Batches of few long candidates, and the tools that take one of them."""
     rows = []
+    middle = [CANDIDATES // 2]
     for stations in (100, 1000) if quick else (100, 1000, 10_000):
         scene = laps(stations, CANDIDATES)
         row = _growth(scene, 5 if quick else 15)
-        [task] = tasks_of(scene, [CANDIDATES // 2])
-        row["judge"] = emitted(scene, [CANDIDATES // 2], 1)[0]
-        if stations <= _SMOOTHED:
-            row["smoothing"] = _twice(smoother_of(smoothing_problem(scene, task)))
+        [task] = tasks_of(scene, middle)
+        row["judge"] = emitted(scene, middle, 1)[0]
+        if stations <= _MAX_SMOOTHED:
+            problem = smoothing_problem(scene, task)
+            row["smoothing"] = _twice(lambda problem=problem: smooth(problem))
         for name in ("toppra", "CasADi + IPOPT"):
             try:
-                row[name] = _twice(PEERS[name](task))
+                row[name] = _twice(BASELINES[name](task))
             except ImportError:
                 continue
         rows.append(row)
@@ -48,8 +52,8 @@ def growth_with_candidates(quick: bool) -> list[Result]:
     return [_growth(fan(STATIONS, 4**power), 10 if quick else 30) for power in powers]
 
 
-def memory(scene: Scene) -> Result:
-    """Arrays of one batch, and the most that this process has held [bytes]."""
+def memory(scene: BenchmarkScene) -> Result:
+    """Arrays of one batch, and peak memory of this process [bytes]."""
     solved = scene.plan()
     arrays: dict[int, int] = {}
     for part in (solved, solved.profile, solved.ground, solved.bounds):
@@ -60,9 +64,9 @@ def memory(scene: Scene) -> Result:
     return {"batch_arrays": sum(arrays.values()), "process_peak": peak_memory()}
 
 
-def _growth(scene: Scene, rounds: int) -> Result:
+def _growth(scene: BenchmarkScene, rounds: int) -> Result:
     every = stages(scene, scene.plan())
-    seconds = take_turns({name: every[name] for name in _COMPARED}, rounds)
+    seconds = interleave({name: every[name] for name in _COMPARED}, rounds)
     stations, candidates = scene.x.shape
     times = {name: summary(values) for name, values in seconds.items()}
     return {"stations": stations, "candidates": candidates, **times}

@@ -1,7 +1,7 @@
 """Other tools on the time-optimal problem: speed bounds along a path, limits of acceleration.
 
-Each takes one candidate and gives v² at its stations. A tool that is not installed raises
-ImportError when it is built, which the benchmark reports as such.
+Each takes one candidate and returns v² at its stations. A tool that is not installed raises
+ImportError when it is built; the benchmark reports that.
 """
 
 from __future__ import annotations
@@ -20,44 +20,43 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.planner.profile.reference import TimeOptimalProblem, TimeOptimalReference
 
-_CREEP = 1e-3
-"""Slowest speed bound that all tools take [m/s]."""
+_MIN_SPEED = 1e-3
+"""Lowest speed bound that all tools accept [m/s]."""
+
+_LATERAL_GRIP = 10.0
+"""Grip of the trajectory-planning-helpers across the path [m/s²]: so much that the longitudinal
+limits stay nearly whole."""
 
 
 @dataclass(frozen=True, slots=True)
-class PeerTask:
-    """One candidate up to the station where it must rest; arrays are (N,).
+class BaselineTask:
+    """One candidate up to the station where it must rest.
 
     Attributes:
-        station: [m]. speed_sq_max: [m²/s²].
-        accel, decel: [m/s²].
-        problem: the same candidate with brakes and drive as the planner knows them.
+        accel, decel: service limits [m/s²].
+        problem: stations, bounds, brakes and drive as the planner knows them.
     """
 
-    station: Floats
-    speed_sq_max: Floats
     accel: float
     decel: float
     problem: TimeOptimalProblem
 
     @property
     def speed_max(self) -> Floats:
-        """Bound of the speed, nowhere quite zero (N,) [m/s]."""
-        return np.maximum(np.sqrt(self.speed_sq_max), _CREEP)
+        """Positive bound of the speed, shape (N,) [m/s]."""
+        return np.maximum(np.sqrt(self.problem.speed_sq_max), _MIN_SPEED)
 
 
 Solver = Callable[[], Floats | None]
-Peer = Callable[[PeerTask], Solver]
-"""Makes ready for a task all that need not be timed; the solver is what is timed."""
 
 
-def toppra(task: PeerTask) -> Solver:
+def toppra(task: BaselineTask) -> Solver:
     """Time-optimal path parameterisation by reachability analysis (TOPP-RA)."""
     logging.getLogger("toppra").setLevel(logging.ERROR)
     ta = importlib.import_module("toppra")
     constraint = importlib.import_module("toppra.constraint")
     algorithm = importlib.import_module("toppra.algorithm")
-    station, speed = task.station, task.speed_max
+    station, speed = task.problem.station, task.speed_max
 
     def limits(s: float) -> Floats:
         top = float(np.interp(s, station, speed))
@@ -77,24 +76,22 @@ def toppra(task: PeerTask) -> Solver:
     return solve
 
 
-def planning_helpers(task: PeerTask) -> Solver:
+def planning_helpers(task: BaselineTask) -> Solver:
     """Forward–backward solver of the trajectory-planning-helpers.
 
-    It knows bounds of speed from curvature only, and shares the grip between the directions: where
-    the bound holds, none is left to brake or accelerate with. The bounds are given to it as
-    curvatures with so much grip sideways that the limits ahead and astern stay nearly whole.
+    It derives speed bounds from curvature only and shares the grip between the directions, so the
+    bounds are given to it as curvatures.
     """
     calculate = _submodule("trajectory_planning_helpers", "calc_vel_profile").calc_vel_profile
     speed = task.speed_max
-    ds = np.diff(task.station)
-    sideways = 10.0
-    grip = np.tile([task.decel, sideways], (len(speed), 1))
+    ds = np.diff(task.problem.station)
+    grip = np.tile([task.decel, _LATERAL_GRIP], (len(speed), 1))
     machines = np.array([[0.0, task.accel], [2.0 * float(speed.max()), task.accel]])
 
     def solve() -> Floats | None:
         profile = calculate(
             ax_max_machines=machines,
-            kappa=sideways / speed**2,
+            kappa=_LATERAL_GRIP / speed**2,
             el_lengths=ds,
             closed=False,
             drag_coeff=0.0,
@@ -110,21 +107,22 @@ def planning_helpers(task: PeerTask) -> Solver:
     return solve
 
 
-def ipopt(task: PeerTask) -> Solver:
+def ipopt(task: BaselineTask) -> Solver:
     """The exact discrete problem with the braking model, by CasADi and IPOPT."""
-    reference = TimeOptimalReference(len(task.station))
+    reference = TimeOptimalReference(len(task.problem.station))
     return lambda: reference.solve(task.problem).speed_sq
 
 
-PEERS: dict[str, Peer] = {
+BASELINES: dict[str, Callable[[BaselineTask], Solver]] = {
     "toppra": toppra,
     "trajectory-planning-helpers": planning_helpers,
     "CasADi + IPOPT": ipopt,
 }
+"""Builders of solvers; only the returned solver is timed."""
 
 
 def _submodule(package: str, name: str) -> Any:
-    """One module of a package whose ``__init__`` would load solvers that are not needed here."""
+    """Import one module of a package without its ``__init__``, which loads unused solvers."""
     if package not in sys.modules:
         spec = importlib.util.find_spec(package)
         if spec is None:

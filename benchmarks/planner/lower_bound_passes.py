@@ -1,7 +1,7 @@
-"""The least that a speed profile can cost: compiled forward–backward passes to measure against.
+"""The cheapest possible speed profile: compiled forward–backward passes as a lower bound of time.
 
-Station-major, in tiles that stay in the cache, without branches: nothing here is slower than it
-need be. Both know speed bounds and limits of acceleration; the second one brakes by the model of
+Station-major, in tiles that stay in the cache, without branches. Both passes know speed bounds and
+limits of acceleration; the second one brakes by the model of
 :mod:`slopewise.planner.profile.time_optimal` in its simplest form, with the force of the segment's
 first station at the speed of its end.
 """
@@ -31,13 +31,13 @@ class BrakingLine(NamedTuple):
 def plain_pass(
     speed_sq_max: Floats, ds: float, accel: float, decel: float, speed_sq: Floats
 ) -> None:
-    """Speed bounds and constant limits of acceleration, from rest; (N, M) arrays.
+    """Apply speed bounds and constant limits of acceleration, from rest.
 
     Args:
-        speed_sq_max: [m²/s²].
-        ds: between stations [m].
+        speed_sq_max: shape (N, M) [m²/s²].
+        ds: distance of neighbouring stations [m].
         accel, decel: [m/s²].
-        speed_sq: out [m²/s²].
+        speed_sq: output, shape (N, M) [m²/s²].
     """
     stations, candidates = speed_sq_max.shape
     gain, loss = 2.0 * ds * accel, 2.0 * ds * decel
@@ -65,15 +65,7 @@ def braking_pass(
     decel: float,
     speed_sq: Floats,
 ) -> None:
-    """As :func:`plain_pass`, braking by F_b/W = (m_m v + b_m) θ + m_b v + b_b in the backward one.
-
-    Args:
-        speed_sq_max: (N, M) [m²/s²].
-        station, grade, sin_grade: (N, M) terrain.
-        braking: the model.
-        accel, decel: [m/s²].
-        speed_sq: (N, M) out [m²/s²].
-    """
+    """Apply the bounds as :func:`plain_pass` does, with F_b/W in the backward pass."""
     force = BrakingLine(braking.m_m, braking.b_m, braking.m_b, braking.b_b)
     _braking_pass(speed_sq_max, station, grade, sin_grade, force, accel, decel, speed_sq)
 
@@ -84,13 +76,12 @@ def _braking_pass(
     station: Floats,
     grade: Floats,
     sin_grade: Floats,
-    braking: BrakingLine,
+    b: BrakingLine,
     accel: float,
     decel: float,
     speed_sq: Floats,
 ) -> None:
     stations, candidates = speed_sq_max.shape
-    b = braking
     for first in range(0, candidates, TILE):
         end = min(first + TILE, candidates)
         for j in range(first, end):

@@ -1,7 +1,7 @@
-"""Results on disk: an interrupted campaign goes on where it was.
+"""Results on disk, from which an interrupted campaign resumes.
 
-What is kept is named by everything that it came from, so that nothing old is ever taken for new:
-the sources of benchmark, planner and laws, and what else the benchmark names.
+A result is named by everything that it depends on: the sources of benchmark, planner and laws, and
+all else that the benchmark states. A changed source therefore never meets an old result.
 """
 
 from __future__ import annotations
@@ -16,29 +16,30 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import msgspec
+
 T = TypeVar("T")
 
 _BENCHMARKS = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True, slots=True)
-class KeptPickles:
-    """Results of one kind of work, a file each; it unpickles what is there, so the folder must be
-    one's own.
+class PickleCache:
+    """Results by job number, a file each. Files are unpickled: the folder must be trusted.
 
     Attributes:
-        folder: made when something is put into it.
+        folder: created by the first result.
     """
 
     folder: Path
 
     def find(self, number: int) -> Any | None:
-        """What was put in for a job, None if nothing was."""
+        """Return the stored result of a job, None without one."""
         file = self._file(number)
         return pickle.loads(file.read_bytes()) if file.exists() else None
 
     def put(self, number: int, result: Any) -> None:
-        """Keep a result, all or nothing."""
+        """Store a result atomically."""
         file = self._file(number)
         file.parent.mkdir(parents=True, exist_ok=True)
         partial = file.with_suffix(f".{os.getpid()}")
@@ -50,26 +51,19 @@ class KeptPickles:
 
 
 @dataclass(frozen=True, slots=True)
-class KeptLines:
-    """Lines of several processes in one file."""
+class LineCache:
+    """JSON lines of several processes in one file."""
 
     file: Path
 
-    def lines(self) -> list[bytes]:
-        """All of them; the last one may be cut off by an interruption."""
-        return self.file.read_bytes().split(b"\n") if self.file.exists() else []
-
-    def decoded(self, kind: type[T]) -> Iterator[T]:
-        """What they hold; a line that an interruption cut off holds nothing."""
-        import msgspec
-
-        for line in self.lines():
+    def decode(self, kind: type[T]) -> Iterator[T]:
+        """Yield the stored values; a line truncated by an interruption is skipped."""
+        for line in self.file.read_bytes().split(b"\n") if self.file.exists() else []:
             with suppress(msgspec.DecodeError):
                 yield msgspec.json.decode(line, type=kind)
 
     def append(self, line: bytes) -> None:
-        """Add a line, with its own end or beginning."""
-        # One write at the end of the file: lines of several processes do not mix.
+        """Add a line in one write, so that lines of several processes never mix."""
         number = os.open(self.file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
         try:
             os.write(number, line)
@@ -78,26 +72,21 @@ class KeptLines:
 
 
 @cache
-def digest_of_sources(parts: Sequence[str], showing: Collection[str], *origins: str) -> str:
-    """Digest of what results come from.
+def digest_of_sources(parts: Sequence[str], ignored: Collection[str], *origins: str) -> str:
+    """Digest of everything that results depend on.
 
     Args:
         parts: folders and files of the benchmarks (``benchmarks/…``) and of the packages.
-        showing: files there that only show results.
-        origins: what results depend on beside sources, by their representation.
+        ignored: file names that only present results.
+        origins: dependencies that are not sources, by their representation.
     """
-    digest = hashlib.sha256(repr(origins).encode())
-    for part in parts:
-        own = part.startswith("benchmarks/")
-        place = (_BENCHMARKS.parent if own else _packages()) / part
-        for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
-            if file.name not in showing:
-                digest.update(f"{part}/{file.relative_to(place)}".encode() + file.read_bytes())
-    return digest.hexdigest()
-
-
-def _packages() -> Path:
-    """The folder in which models and planner are."""
     from slopewise import models
 
-    return Path(models.__file__).resolve().parents[1]
+    digest = hashlib.sha256(repr(origins).encode())
+    packages = Path(models.__file__).resolve().parents[1]
+    for part in parts:
+        place = (_BENCHMARKS.parent if part.startswith("benchmarks/") else packages) / part
+        for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+            if file.name not in ignored:
+                digest.update(f"{part}/{file.relative_to(place)}".encode() + file.read_bytes())
+    return digest.hexdigest()
