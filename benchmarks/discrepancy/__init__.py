@@ -1,7 +1,7 @@
-"""Worlds in which an effect is hidden, and a scorer of what is said about them.
+"""Hidden effects: logs with a known truth, and a score of the effects that are named in them.
 
-`plant` is a vehicle written from the formulas alone, `engine` one of a physics engine, `multibody`
-a car of somebody else's;
-`catalogue` says which sets of stops there are, `worth` what can be known from each at all,
-`sealed` lets the workflow see the log and nothing else, `score` compares afterwards.
+Three worlds: `effect_plant` is a vehicle written from the formulas alone, `engine_plant` one of a
+physics engine, `multibody` a car of another author. `catalogue` draws sets of stops,
+`identifiability` states what each can show, `blind_run` hands the log and nothing else to the
+workflow, `score` compares its finding with the truth.
 """

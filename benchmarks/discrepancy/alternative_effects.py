@@ -1,4 +1,4 @@
-"""Small doses of every named effect, as rivals of the one that is hidden."""
+"""Small doses of every named effect, as alternatives to the hidden one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .designs import FIELD
-from .physics import Floats, Physics, Stops
+from .plant_physics import Floats, Physics, Stops
 
 Fields = dict[str, float]
 Doses = Mapping[str, Sequence[Sequence[Fields]]]
@@ -21,10 +21,10 @@ ONE_SIGN = {
     "brake_fade",
     "wheel_lockup",
 }
-"""Effects that can only be there, not the other way round."""
+"""Effects whose coefficient cannot be negative."""
 
 NOT_NEGATIVE = ("drag", "viscous", "lag", "turning", "wind_drag", "fade", "friction")
-"""Fields of them."""
+"""Fields of the plant that cannot be negative."""
 
 FREE: dict[str, Fields] = {
     "aerodynamic_drag": {"drag": 1e-4},
@@ -42,30 +42,33 @@ FREE: dict[str, Fields] = {
     "step_change": {"step_scale": 1e-3},
     "session_drift": {"drift": 1e-7},
 }
-"""What may be fitted of each, with steps for finite differences."""
+"""Fitted fields of each effect, with steps for finite differences [SI]."""
 
 
-def amplified(name: str, dose: Sequence[Fields], much: Floats) -> Fields:
-    """Fields of an effect that is so many times a small dose."""
+def amplified(name: str, dose: Sequence[Fields], factor: Floats) -> Fields:
+    """Fields of an effect that is a multiple of a small dose."""
     first = dict(dose[0])
     match name:
         case "wheel_lockup":
             return first
         case "directional_surface":
-            size = first["furrow"] * float(np.hypot(*much))
-            return {"furrow": size, "furrow_direction": 0.5 * float(np.arctan2(much[1], much[0]))}
+            size = first["furrow"] * float(np.hypot(*factor))
+            return {
+                "furrow": size,
+                "furrow_direction": 0.5 * float(np.arctan2(factor[1], factor[0])),
+            }
         case "step_change":
-            return first | {"step_scale": 1.0 + float(much[0]) * (first["step_scale"] - 1.0)}
+            return first | {"step_scale": 1.0 + float(factor[0]) * (first["step_scale"] - 1.0)}
     key = next(iter(first))
-    return first | {key: first[key] * float(much[0])}
+    return first | {key: first[key] * float(factor[0])}
 
 
 def small_doses(p: Physics, stops: Stops) -> Doses:
-    """Of every named effect; those in one inner list are fitted together."""
+    """Doses of every named effect; those in one inner list are fitted together."""
     force = (p.m_m * stops.speed + p.b_m) * stops.grade + p.m_b * stops.speed + p.b_b
     count = len(stops.speed)
     angles = np.arange(8) * np.pi / 4.0
-    # A breath of wind with much drag is, along one way, a loss that grows with the speed itself.
+    # A light wind with much drag is, in one direction, a loss proportional to the speed.
     winds = [
         [{"wind_drag": 1e-3, "wind": w, "wind_direction": a}] for w in (0.3, 5.0) for a in angles
     ]

@@ -1,8 +1,8 @@
-"""How many stops it takes to tell rivals apart: those that are proposed against any.
+"""Stops that distinguish alternatives: the proposed ones compared with more of the log's own kind.
 
-Each case is a log in which the effect can be seen and not be told from its nearest rival. The
-workflow proposes stops; the plant says from how many of them on, and from how many of the log's own
-kind, truth and all rivals differ by enough. Then the proposed ones are driven, and it is asked
+Each case is a log in which the effect is detectable but not distinct from its nearest alternative.
+The workflow proposes stops; the plant states how many of them, and how many of the log's own kind,
+make truth and all alternatives differ. Then the proposed ones are driven and the log investigated
 again.
 """
 
@@ -16,15 +16,14 @@ from typing import Any
 import numpy as np
 
 from . import catalogue
-from .catalogue import HiddenSet, Order
+from .blind_run import BlindRun, Finding, SealedLog, tables_of
+from .catalogue import HiddenSet, SetSpec
 from .designs import FIELD, draw
-from .metrics import Metric, figure, record, share
-from .model_tables import tables_of
-from .physics import Floats, Stops
-from .sealed import Inquiry, InquiryFinding, SealedLog
-from .worth import SEEN, TOLD_APART, worth
+from .discrepancy_metrics import Metric, figure, record, share
+from .identifiability import DETECTABLE_CHI2, DISTINCT_CHI2, identifiability
+from .plant_physics import Floats, Stops
 
-_NEARLY = (1.0, 12.0)  # expected χ² to the nearest rival of a case
+_CASE_CHI2 = (1.0, 12.0)  # expected χ² to the nearest alternative of a case
 _EFFECTS = (
     "headwind",
     "viscous_resistance",
@@ -35,8 +34,9 @@ _EFFECTS = (
     "session_drift",
     "brake_fade",
 )
-_LADDER = (6, 12, 18, 24, 36, 48, 72, 96, 144, 192)
-_TRIES = 60
+_LADDER = (6, 12, 18, 24, 36, 48, 72, 96, 144, 192)  # stops
+_MAX_DRAWS = 60
+_MAX_STOPS = 100  # of a case, so that the ladder can change it
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +44,16 @@ class Resolved:
     """One case.
 
     Attributes:
-        effect, rival: the truth, and what it could be taken for. verdict: before.
-        proposed, random: stops that are needed, twice the last rung where that does not do.
-        after: verdict on the log with the proposed stops. right: with the true name.
-    """
+        effect, rival: truth, and its nearest alternative.
+        seed: of the set.
+        verdict: verdict before.
+        proposed, random: stops that are needed, twice the last rung if that is not enough.
+        after: verdict on the log with the proposed stops.
+        right: whether exactly the true name was given then.
+    """  # words: ok, keys of results
 
     effect: str
-    rival: str
+    rival: str  # words: ok
     seed: int
     verdict: str
     proposed: int
@@ -60,135 +63,131 @@ class Resolved:
 
 
 def case(number: int) -> HiddenSet | None:
-    """A log in which an effect shows and two names fit; None if none such comes up."""
+    """Draw a log with a detectable effect that fits two names; None if none is drawn."""
     rng = np.random.default_rng((8, number))
-    for attempt in range(_TRIES):
+    for attempt in range(_MAX_DRAWS):
         name = _EFFECTS[(number + attempt) % len(_EFFECTS)]
         size = str(rng.choice(["small", "medium"]))
-        order = Order("single", (name,), size, int(rng.integers(2**31)))
-        own = np.random.default_rng(order.seed)
-        drawn = catalogue.drawn(order, own)
+        spec = SetSpec("single", (name,), size, int(rng.integers(2**31)))
+        set_rng = np.random.default_rng(spec.seed)
+        hidden = catalogue.draw_set(spec, set_rng)
+        known = hidden.identifiability
         if (
-            len(drawn.stops.speed) <= 100
-            and drawn.worth.gap >= SEEN
-            and (_NEARLY[0] <= drawn.worth.apart <= _NEARLY[1])
+            len(hidden.stops.speed) <= _MAX_STOPS
+            and known.gap >= DETECTABLE_CHI2
+            and _CASE_CHI2[0] <= known.apart <= _CASE_CHI2[1]
         ):
-            return catalogue.measured(drawn, own)
+            return catalogue.measure(hidden, set_rng)
     return None
 
 
-def resolve(hidden: HiddenSet, inquiry: Inquiry) -> Resolved | None:
-    """Ask, drive what is proposed, ask again; None where no rivals are named."""
-    finding = inquiry.ask(SealedLog(hidden.columns, tables_of(hidden.configured)))
+def resolve(hidden: HiddenSet, process: BlindRun) -> Resolved | None:
+    """Investigate, drive the proposed stops, investigate again; None without alternatives."""
+    finding = process.investigate(SealedLog(hidden.columns, tables_of(hidden.configured)))
     if finding.verdict != "ambiguous" or not finding.design:
-        return None  # it proposes other stops then, or none
-    return _resolve(hidden, finding, inquiry)
-
-
-def result_of(cases: Sequence[Resolved | None]) -> dict[str, Any]:
-    """All cases together."""
-    resolved = [one for one in cases if one is not None]
-    return {
-        "ambiguity": [record(m) for m in _metrics(resolved, len(cases) - len(resolved))],
-        "ambiguity_cases": [asdict(one) for one in resolved],
-    }
-
-
-def _resolve(hidden: HiddenSet, finding: InquiryFinding, inquiry: Inquiry) -> Resolved:
-    rng = np.random.default_rng((hidden.order.seed, 4))
+        return None
+    seed, spec = hidden.spec.seed, hidden.spec
 
     def proposed(count: int) -> Stops:
-        return planned(hidden, finding.design, count, np.random.default_rng(hidden.order.seed))
+        return planned_stops(hidden, finding.design, count, np.random.default_rng(seed))
 
     def random(count: int) -> Stops:
-        return draw(hidden.design, count, hidden.scatter, np.random.default_rng(hidden.order.seed))
+        return draw(hidden.design, count, hidden.scatter, np.random.default_rng(seed))
 
-    fewest = _needed(hidden, proposed)
-    more = joined(hidden.stops, proposed(min(fewest, _LADDER[-1])))
-    longer = catalogue.measured(replace(hidden, stops=more), rng)
-    again = inquiry.ask(SealedLog(longer.columns, tables_of(hidden.configured)))
-    right = again.verdict == "missing_effect" and set(again.names) == set(hidden.order.names)
+    needed = stops_needed(hidden, proposed)
+    more = joined(hidden.stops, proposed(min(needed, _LADDER[-1])))
+    longer = catalogue.measure(replace(hidden, stops=more), np.random.default_rng((seed, 4)))
+    again = process.investigate(SealedLog(longer.columns, tables_of(hidden.configured)))
     return Resolved(
-        hidden.order.names[0],
-        hidden.worth.nearest,
-        hidden.order.seed,
+        spec.names[0],
+        hidden.identifiability.nearest,
+        seed,
         finding.verdict,
-        fewest,
-        _needed(hidden, random),
+        needed,
+        stops_needed(hidden, random),
         again.verdict,
-        right,
+        _is_right(again, spec),
     )
 
 
-def _needed(hidden: HiddenSet, more: Callable[[int], Stops]) -> int:
-    """Fewest further stops after which no rival is near."""
+def _is_right(finding: Finding, spec: SetSpec) -> bool:
+    return finding.is_confident and set(finding.names) == set(spec.names)
 
-    def told(count: int) -> bool:
+
+def stops_needed(hidden: HiddenSet, more: Callable[[int], Stops]) -> int:
+    """Smallest number of further stops after which no alternative is near."""
+
+    def is_distinct(count: int) -> bool:
         stops = joined(hidden.stops, more(count))
-        found = worth(
+        known = identifiability(
             hidden.truth,
             hidden.base,
             stops,
             hidden.noise,
             hidden.scatter,
-            hidden.order.names,
-            weighed=len(stops.speed),
+            hidden.spec.names,
+            max_stops=len(stops.speed),
         )
-        return found.apart >= TOLD_APART
+        return known.apart >= DISTINCT_CHI2
 
-    # More stops tell more, so halving the ladder will do.
-    rung = bisect_left(_LADDER, True, key=told)
+    # More stops add evidence, so bisection of the ladder suffices.
+    rung = bisect_left(_LADDER, True, key=is_distinct)
     return _LADDER[rung] if rung < len(_LADDER) else 2 * _LADDER[-1]
 
 
-def planned(
+def planned_stops(
     hidden: HiddenSet,
     design: Sequence[dict[str, float | None]],
     count: int,
     rng: np.random.Generator,
 ) -> Stops:
-    """Proposed stops, again and again up to a count; what is left open is as in the log."""
+    """Repeat proposed stops up to a count; unspecified quantities are drawn as in the log."""
     any_stop = draw(hidden.design, count, hidden.scatter, rng)
     cycle = [design[i % len(design)] for i in range(count)]
 
-    def told(key: str, otherwise: Floats) -> Floats:
+    def specified(key: str, default: Floats) -> Floats:
         values = [stop.get(key) for stop in cycle]
-        return np.array([o if v is None else v for v, o in zip(values, otherwise, strict=True)])
+        return np.array([d if v is None else v for v, d in zip(values, default, strict=True)])
 
-    speed = told("speed", any_stop.speed)
-    rate = told("yaw_rate", any_stop.curvature * any_stop.speed)
-    pauses = told("pause", np.diff(any_stop.clock, prepend=0.0))
+    speed = specified("speed", any_stop.speed)
+    rate = specified("yaw_rate", any_stop.curvature * any_stop.speed)
+    pauses = specified("pause", np.diff(any_stop.clock, prepend=0.0))
     return any_stop._replace(
         speed=speed,
-        grade=told("grade", any_stop.grade),
-        heading=told("heading", any_stop.heading),
-        roll=told("roll", any_stop.roll),
+        grade=specified("grade", any_stop.grade),
+        heading=specified("heading", any_stop.heading),
+        roll=specified("roll", any_stop.roll),
         curvature=rate / np.maximum(speed, 0.3),
-        x=np.clip(told("x", any_stop.x), 0.0, FIELD[0]),
-        y=np.clip(told("y", any_stop.y), 0.0, FIELD[1]),
+        x=np.clip(specified("x", any_stop.x), 0.0, FIELD[0]),
+        y=np.clip(specified("y", any_stop.y), 0.0, FIELD[1]),
         clock=np.cumsum(pauses + 8.0),
     )
 
 
 def joined(first: Stops, second: Stops) -> Stops:
-    """One session: the second ones a minute after the first."""
+    """Stops of one session, the second ones a minute after the first."""
     later = second._replace(clock=second.clock + first.clock[-1] + 60.0)
     return Stops(*(np.concatenate(pair) for pair in zip(first, later, strict=True)))
 
 
+def result_of(cases: Sequence[Resolved | None]) -> dict[str, Any]:
+    """Metrics and outcomes of all cases."""
+    resolved = [outcome for outcome in cases if outcome is not None]
+    return {
+        "ambiguity": [record(m) for m in _metrics(resolved, len(cases) - len(resolved))],
+        "ambiguity_cases": [asdict(outcome) for outcome in resolved],
+    }
+
+
 def _metrics(resolved: Sequence[Resolved], silent: int) -> list[Metric]:
-    # Where neither does within the longest ladder, nothing is told; where only the proposed ones
-    # do, the ratio is an upper bound.
-    told = [one for one in resolved if min(one.proposed, one.random) <= _LADDER[-1]]
-    ratios = [one.proposed / one.random for one in told]
+    # Cases that neither design resolves are ignored; where only the proposed one does, the ratio
+    # is an upper bound.
+    decided = [r for r in resolved if min(r.proposed, r.random) <= _LADDER[-1]]
+    ratios = [r.proposed / r.random for r in decided]
+    ambiguous = [True] * len(resolved) + [False] * silent
     return [
-        share(
-            "called ambiguous, with stops proposed",
-            "",
-            0.0,
-            [True] * len(resolved) + [False] * silent,
-        ),
-        figure("stops to tell apart, proposed over any, median", "<=", 0.5, ratios, unit="×"),
+        share("called ambiguous, with stops proposed", "", 0.0, ambiguous),
+        figure("stops to distinguish, proposed over any, median", "<=", 0.5, ratios, unit="×"),
         share("cases with half the stops or fewer", "", 0.0, [r <= 0.5 for r in ratios]),
-        share("right name with the proposed stops", "", 0.0, [one.right for one in resolved]),
+        share("right name with the proposed stops", "", 0.0, [r.right for r in resolved]),
     ]

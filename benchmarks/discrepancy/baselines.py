@@ -1,6 +1,6 @@
-"""Other methods on the same logs: who they are, what they named, and their shares beside ours.
+"""Other methods on the same logs, and their shares next to those of slopewise.
 
-Each is handed the columns of a log and the configured coefficients, nothing else.
+Each receives the columns of a log and the configured coefficients, nothing else.
 """
 
 from __future__ import annotations
@@ -12,18 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import gls_scan, peer, regime_tests
-from .metrics import record, share
+from . import gls_scan
+from .discrepancy_metrics import record, share
 from .score import SetOutcome
 from .sensing import Columns
-from .world_outcomes import CLEAN, WorldOutcome
+from .world_outcomes import CLEAN, Names, WorldOutcome
 
-NamesEffects = Callable[[Columns, dict[str, float]], tuple[str, ...] | None]
-
-PEERS: dict[str, NamesEffects] = {
-    "pysindy": peer.name_effects,
-    "gls_scan": gls_scan.name_effects,
-    "regime_tests": regime_tests.name_effects,
+BASELINES: dict[str, Callable[[Columns, dict[str, float]], tuple[str, ...]]] = {
+    "gls_scan": gls_scan.name_effects
 }
 TITLES = {
     "pysindy": "PySINDy",
@@ -31,141 +27,119 @@ TITLES = {
     "regime_tests": "regime tests",
     "slopewise": "slopewise",
 }
+"""Columns of stored results; PySINDy and the regime tests are no longer run."""
 
 
 @dataclass(frozen=True, slots=True)
-class PeerAnswer:
-    """What one of them named, the strongest first, in how much processor time; its fault if any."""
+class BaselineAnswer:
+    """Names given by one method, the strongest first, its processor time [s], its fault if any."""
 
     named: tuple[str, ...]
     seconds: float
     fault: str = ""
 
 
-Answers = Mapping[str, PeerAnswer]
+Answers = Mapping[str, BaselineAnswer]
 
 
-class JudgedSet(NamedTuple):
-    """A set as both see it: sets of names that are right, what slopewise was, what peers said."""
+class ScoredSet(NamedTuple):
+    """One set: right names, slopewise's own score, and the answers of the other methods."""
 
     allowed: Sequence[frozenset[str]]
     right: bool
     wrong: bool
     alarm: bool
-    peers: Answers
+    answers: Answers
 
 
-def ask(columns: Columns, configured: dict[str, float]) -> dict[str, PeerAnswer]:
-    """All that are installed, about one log."""
-    found = {}
-    for key, name_effects in PEERS.items():
-        begun, fault = time.process_time(), ""
+def ask_all(columns: Columns, configured: dict[str, float]) -> dict[str, BaselineAnswer]:
+    """Answers of all methods about one log."""
+    answers = {}
+    for key, name_effects in BASELINES.items():
+        start, fault = time.process_time(), ""
         try:
             named = name_effects(columns, configured)
         except (ValueError, np.linalg.LinAlgError) as error:
             named, fault = (), str(error)
-        if named is not None:
-            found[key] = PeerAnswer(named, time.process_time() - begun, fault)
-    return found
+        answers[key] = BaselineAnswer(named, time.process_time() - start, fault)
+    return answers
 
 
-def summary(answers: Sequence[Answers], own: Sequence[SetOutcome]) -> list[dict[str, Any]] | None:
-    """Shares of all on the same sets of the plant; None where nobody was asked."""
+def summary(
+    answers: Sequence[Answers], outcomes: Sequence[SetOutcome]
+) -> list[dict[str, Any]] | None:
+    """Shares of all methods on the same sets of the plant; None without answers."""
     rows = [
-        (
-            o,
-            JudgedSet(
-                (frozenset(o.truth),), o.right, o.wrong, o.verdict == "missing_effect", given
-            ),
-        )
-        for given, o in zip(answers, own, strict=True)
+        (o, _scored((frozenset(o.truth),), o, given))
+        for given, o in zip(answers, outcomes, strict=True)
         if given
     ]
     if not rows:
         return None
-    single = [(o, j) for o, j in rows if o.kind == "single" and o.identifiable]
-    listed = [j for o, j in single if o.truth[0] in peer.EFFECTS]
-    everything, clean = [j for _, j in single], [j for o, j in rows if o.kind == "clean"]
-    pairs = [j for o, j in rows if o.kind == "pair" and o.identifiable]
-    hidden = [j for o, j in rows if o.kind in ("single", "pair", "off")]
+    single = [s for o, s in rows if o.kind == "single" and o.identifiable]
+    pairs = [s for o, s in rows if o.kind == "pair" and o.identifiable]
+    hidden = [s for o, s in rows if o.kind in ("single", "pair", "off")]
+    clean = [s for o, s in rows if o.kind == "clean"]
     return [
-        _row("right name first, effects in PySINDy's library", listed, _first, _own_right),
-        _row("right name first, all effects", everything, _first, _own_right),
-        _row("the right name and no other, all effects", everything, _exact, _own_right),
-        _row("both names of a pair and no other", pairs, _exact, _own_right),
-        _row("a wrong name given", hidden, _wrong, _own_wrong),
-        _row("an effect named on clean sets", clean, _alarm, _own_alarm),
+        _row("right name first, all effects", single, _is_first, lambda s: s.right),
+        _row("the right name and no other, all effects", single, _is_exact, lambda s: s.right),
+        _row("both names of a pair and no other", pairs, _is_exact, lambda s: s.right),
+        _row("a wrong name given", hidden, _is_wrong, lambda s: s.wrong),
+        _row("an effect named on clean sets", clean, _is_named, lambda s: s.alarm),
     ]
 
 
 def world_summary(
-    answers: Sequence[Answers],
-    own: Sequence[WorldOutcome],
-    names: Mapping[str, tuple[tuple[str, ...], ...]],
+    answers: Sequence[Answers], outcomes: Sequence[WorldOutcome], names: Names
 ) -> list[dict[str, Any]] | None:
-    """Shares of all on the same sets of a world of physics; None where nobody was asked."""
+    """Shares of all methods on the same sets of a world of physics; None without answers."""
     rows = [
-        (
-            o,
-            JudgedSet(
-                tuple(frozenset(one) for one in names.get(o.what, ())),
-                o.right,
-                o.wrong,
-                o.verdict == "missing_effect",
-                given,
-            ),
-        )
-        for given, o in zip(answers, own, strict=True)
+        (o, _scored([frozenset(right) for right in names.get(o.what, ())], o, given))
+        for given, o in zip(answers, outcomes, strict=True)
         if given
     ]
     if not rows:
         return None
-    hidden = [j for o, j in rows if o.what != CLEAN]
-    clean = [j for o, j in rows if o.what == CLEAN]
+    hidden = [s for o, s in rows if o.what != CLEAN]
+    clean = [s for o, s in rows if o.what == CLEAN]
     return [
-        _row("the right names and no other", hidden, _exact, _own_right),
-        _row("a wrong name given", hidden, _wrong, _own_wrong),
-        _row("an effect named on clean sets", clean, _alarm, _own_alarm),
+        _row("the right names and no other", hidden, _is_exact, lambda s: s.right),
+        _row("a wrong name given", hidden, _is_wrong, lambda s: s.wrong),
+        _row("an effect named on clean sets", clean, _is_named, lambda s: s.alarm),
     ]
+
+
+def _scored(
+    allowed: Sequence[frozenset[str]], o: SetOutcome | WorldOutcome, answers: Answers
+) -> ScoredSet:
+    return ScoredSet(allowed, o.right, o.wrong, o.verdict == "missing_effect", answers)
 
 
 def _row(
     what: str,
-    rows: Sequence[JudgedSet],
-    hit: Callable[[JudgedSet, tuple[str, ...]], bool],
-    mine: Callable[[JudgedSet], bool],
+    rows: Sequence[ScoredSet],
+    is_hit: Callable[[ScoredSet, tuple[str, ...]], bool],
+    slopewise: Callable[[ScoredSet], bool],
 ) -> dict[str, Any]:
-    found: dict[str, Any] = {"what": what}
-    for key in PEERS:
-        asked = [j for j in rows if key in j.peers]
-        if asked:
-            found[key] = record(share(what, "", 0.0, [hit(j, j.peers[key].named) for j in asked]))
-    return found | {"slopewise": record(share(what, "", 0.0, [mine(j) for j in rows]))}
+    row: dict[str, Any] = {"what": what}
+    for key in BASELINES:
+        hits = [is_hit(s, s.answers[key].named) for s in rows if key in s.answers]
+        if hits:
+            row[key] = record(share(what, "", 0.0, hits))
+    return row | {"slopewise": record(share(what, "", 0.0, [slopewise(s) for s in rows]))}
 
 
-def _first(judged: JudgedSet, named: tuple[str, ...]) -> bool:
-    return frozenset(named[:1]) in judged.allowed
+def _is_first(scored: ScoredSet, named: tuple[str, ...]) -> bool:
+    return frozenset(named[:1]) in scored.allowed
 
 
-def _exact(judged: JudgedSet, named: tuple[str, ...]) -> bool:
-    return frozenset(named) in judged.allowed
+def _is_exact(scored: ScoredSet, named: tuple[str, ...]) -> bool:
+    return frozenset(named) in scored.allowed
 
 
-def _wrong(judged: JudgedSet, named: tuple[str, ...]) -> bool:
-    return bool(named) and not any(frozenset(named) <= names for names in judged.allowed)
+def _is_wrong(scored: ScoredSet, named: tuple[str, ...]) -> bool:
+    return bool(named) and not any(frozenset(named) <= names for names in scored.allowed)
 
 
-def _alarm(_: JudgedSet, named: tuple[str, ...]) -> bool:
+def _is_named(_: ScoredSet, named: tuple[str, ...]) -> bool:
     return bool(named)
-
-
-def _own_right(judged: JudgedSet) -> bool:
-    return judged.right
-
-
-def _own_wrong(judged: JudgedSet) -> bool:
-    return judged.wrong
-
-
-def _own_alarm(judged: JudgedSet) -> bool:
-    return judged.alarm

@@ -1,8 +1,8 @@
-"""The workflow in a process of its own that gets the log and a model, and nothing else.
+"""The workflow in a separate process that receives the log and a model, and no truth.
 
-It is started afresh, not forked, so it holds no memory of its parent's; a :class:`SealedLog` has
-no field in which a truth, a family or a seed could travel, and jobs come in shuffled order. What is
-true is committed to beforehand by a digest and written to a file only after the last finding is in.
+The process is spawned, not forked, so it holds no memory of its parent; a :class:`SealedLog` has no
+field for a truth, a family or a seed, and jobs come in shuffled order. The truth is committed to by
+a digest before the log is sent, and written to a file only after the finding is in.
 """
 
 from __future__ import annotations
@@ -24,32 +24,52 @@ import numpy as np
 
 from .sensing import Columns
 
+COEFFICIENTS = ("m_m", "b_m", "m_b", "b_b", "dead_time")
+
+_PLANT: dict[str, Any] = {
+    "mass": 500.0,
+    "wheelbase": 1.2,
+    "track_width": 1.0,
+    "cg_x": 0.6,
+    "cg_z": 0.55,
+    "wheel_radius": 0.28,
+    "drive": "skid_steer",
+    "max_wheel_speed": 7.0,
+    "max_drive_force": 2500.0,
+    "max_drive_power": 6000.0,
+}
+"""Vehicle table of the plant."""
+
+_SLIP_TRACK = 1.15  # over the track width
+
 
 @dataclass(frozen=True, slots=True)
 class SealedLog:
-    """All that the workflow is told: columns of a drive log, and tables of a model file."""
+    """All that the workflow receives: columns of a drive log, and tables of a model file."""
 
     columns: Columns
     model: dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class InquiryFinding:
-    """What came back.
+class Finding:
+    """Result of the workflow on one log.
 
     Attributes:
         verdict: one word, ``fault`` if the workflow failed.
         effects: [{name, parameters: {name: (value, std)}, confidence, alternatives}].
         located: [(axis, p value)], the strongest first.
-        closed: the workflow's own figure, None where it gives none.
-        braking: coefficients and dead time of the model to plan with from now on.
+        closed: the workflow's own share of the closed gap, None without one.
+        braking: coefficients and dead time of the model to plan with.
         added: [(name, parameters)] of its effects.
-        design: stops proposed next, a dict each. repeats: how often the whole of them.
-        seconds: of processor time that it took. stops: that it used.
-        text: what it says, or of the fault.
-        worse: by how many standard errors stops held out are predicted worse by what was found
-            than by new coefficients, in speed or distance, whichever is more.
-        resolvable: change of a stop from which each effect would have shown [m].
+        design: proposed stops, a dict each.
+        repeats: proposed repetitions of the design.
+        seconds: processor time [s].
+        stops: number of compared stops.
+        text: summary, or the fault.
+        worse: standard errors by which the finding predicts held-out stops worse than new
+            coefficients do, in speed or distance, the larger one.
+        resolvable: change of a stop from which each effect would have been detected [m].
     """
 
     verdict: str
@@ -68,36 +88,45 @@ class InquiryFinding:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the effects it puts forward, the leading one first."""
+        """Proposed effects, the leading one first."""
         return tuple(str(effect["name"]) for effect in self.effects)
+
+    @property
+    def is_confident(self) -> bool:
+        """Whether names are given without reservation."""
+        return self.verdict == "missing_effect"
 
 
 @dataclass(frozen=True, slots=True)
-class Seal:
-    """A promise of what is true: SHA-256 of the nonce and the truths as JSON."""
+class TruthCommitment:
+    """Digest of a truth: SHA-256 of the nonce and the truths as JSON."""
 
     truths: str
     nonce: str
     digest: str
 
 
-def seal(truths: Sequence[Any]) -> Seal:
-    """Commit to truths before anything is asked."""
+def commit(truths: Sequence[Any]) -> TruthCommitment:
+    """Commit to truths before the log is sent."""
     text = json.dumps(truths, sort_keys=True)
     nonce = secrets.token_hex(16)
-    return Seal(text, nonce, hashlib.sha256((nonce + text).encode()).hexdigest())
+    return TruthCommitment(text, nonce, hashlib.sha256((nonce + text).encode()).hexdigest())
 
 
-class Inquiry:
-    """The process that investigates; a context manager."""
+class BlindRun:
+    """The process that investigates; a context manager.
+
+    Attributes:
+        pool: its executor.
+    """
 
     def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="slopewise-inquiry-")
-        self._pool = ProcessPoolExecutor(
-            1, multiprocessing.get_context("spawn"), _settle, (self._folder.name,)
+        self._folder = tempfile.TemporaryDirectory(prefix="slopewise-blind-")
+        self.pool = ProcessPoolExecutor(
+            1, multiprocessing.get_context("spawn"), _prepare, (self._folder.name,)
         )
 
-    def __enter__(self) -> Inquiry:
+    def __enter__(self) -> BlindRun:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -105,16 +134,16 @@ class Inquiry:
 
     def close(self) -> None:
         """End the process."""
-        self._pool.shutdown()
+        self.pool.shutdown()
         self._folder.cleanup()
 
-    def ask(self, job: SealedLog) -> InquiryFinding:
-        """Have one log investigated."""
-        return self._pool.submit(investigate_job, job).result()
+    def investigate(self, log: SealedLog) -> Finding:
+        """Investigate one log in the process."""
+        return self.pool.submit(investigate_log, log).result()
 
 
-def _settle(folder: str) -> None:
-    """An empty folder to be in, and one thread: times are of one core."""
+def _prepare(folder: str) -> None:
+    """Enter an empty folder, and use one thread: times are of one core."""
     os.chdir(folder)
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = "1"
@@ -123,17 +152,16 @@ def _settle(folder: str) -> None:
     threadpool_limits(1)
 
 
-def investigate_job(job: SealedLog) -> InquiryFinding:
-    """Run the workflow on a log; a fault of it is a finding, too."""
+def investigate_log(log: SealedLog) -> Finding:
+    """Run the workflow on a log; its fault is a finding, too."""
     from slopewise.models.discrepancy.workflow import investigate
 
-    begun = time.process_time()
+    start = time.process_time()
     try:
-        model = model_of(job.model)
-        found = investigate(job.columns, runs_of(job.columns), model)
-    except Exception:  # noqa: BLE001 whatever goes wrong counts against it
-        spent = time.process_time() - begun
-        return InquiryFinding("fault", text=traceback.format_exc(limit=-4), seconds=spent)
+        report = investigate(log.columns, runs_of(log.columns), _model_of(log.model))
+    except Exception:  # noqa: BLE001 every fault is a result of the benchmark
+        seconds = time.process_time() - start
+        return Finding("fault", text=traceback.format_exc(limit=-4), seconds=seconds)
     effects = tuple(
         {
             "name": effect.name,
@@ -141,30 +169,24 @@ def investigate_job(job: SealedLog) -> InquiryFinding:
             "confidence": effect.confidence,
             "alternatives": list(effect.alternatives),
         }
-        for effect in found.effects
+        for effect in report.effects
     )
-    on = found.model.braking
-    keys = ("m_m", "b_m", "m_b", "b_b", "dead_time")
-    return InquiryFinding(
-        found.verdict.value,
+    stop_fields = ("speed", "grade", "heading", "roll", "yaw_rate", "pause", "x", "y")
+    return Finding(
+        report.verdict.value,
         effects,
-        tuple((axis.axis, axis.p_value) for axis in found.located),
-        found.gap.closed,
-        {key: float(getattr(on, key)) for key in keys},
-        tuple((effect.name, dict(effect.parameters)) for effect in found.model.effect),
-        tuple(_planned(stop) for stop in found.next_experiment.stops),
-        found.next_experiment.repeats,
-        time.process_time() - begun,
-        found.stops,
-        f"{found.summary} {' '.join(found.notes)}".strip(),
-        float(max(found.gap.worse, found.stop_distance.worse)),
-        dict(found.resolvable),
+        tuple((axis.axis, axis.p_value) for axis in report.located),
+        report.gap.closed,
+        {key: float(getattr(report.model.braking, key)) for key in COEFFICIENTS},
+        tuple((effect.name, dict(effect.parameters)) for effect in report.model.effect),
+        tuple({k: getattr(s, k) for k in stop_fields} for s in report.next_experiment.stops),
+        report.next_experiment.repeats,
+        time.process_time() - start,
+        report.stops,
+        f"{report.summary} {' '.join(report.notes)}".strip(),
+        float(max(report.gap.worse, report.stop_distance.worse)),
+        dict(report.resolvable),
     )
-
-
-def _planned(stop: Any) -> dict[str, float | None]:
-    names = ("speed", "grade", "heading", "roll", "yaw_rate", "pause", "x", "y")
-    return {name: getattr(stop, name) for name in names}
 
 
 def runs_of(columns: Columns) -> list[slice]:
@@ -174,8 +196,36 @@ def runs_of(columns: Columns) -> list[slice]:
     return [slice(a, b) for a, b in zip([0, *edges], [*edges, len(run)], strict=True)]
 
 
-def model_of(tables: dict[str, Any]) -> Any:
-    """A model out of the tables of its file."""
+def tables_of(braking: dict[str, float], vehicle: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Tables of the model file for a log.
+
+    Args:
+        braking: coefficients and dead time of an earlier calibration.
+        vehicle: vehicle table; default: the plant's.
+    """
+    vehicle = vehicle or _PLANT
+    return {
+        "name": "hidden",
+        "vehicle": vehicle,
+        "braking": braking | {"speed_range": (0.5, 6.5), "grade_range": (-0.28, 0.30)},
+        "terrain": {
+            "motion_resistance": 0.10,
+            "lateral_resistance": 0.2,
+            "slip_track": _SLIP_TRACK * vehicle["track_width"],
+        },
+        "limits": {
+            "speed": 6.0,
+            "accel": 1.0,
+            "decel": 1.5,
+            "jerk": 2.0,
+            "lateral_accel": 2.0,
+            "min_load": 0.10,
+        },
+    }
+
+
+def _model_of(tables: dict[str, Any]) -> Any:
+    """Build a model from the tables of its file."""
     from slopewise.models.parameters import Braking, Limits, Model, Terrain
     from slopewise.models.vehicle import Vehicle
 

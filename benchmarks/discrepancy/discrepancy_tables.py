@@ -1,4 +1,4 @@
-"""The benchmark's figures as tables for people."""
+"""Tables of the benchmark's figures."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 
 from rich.table import Table
 
-from ..common.tables import table_of
-from .peers import TITLES
+from ..common.text_tables import table_of
+from .baselines import TITLES
 
 Result = dict[str, Any]
 
@@ -23,7 +23,7 @@ _BY_EFFECT = (
     ("multibody_by_effect", "with the car"),
 )
 
-_PEERS = (
+_BASELINES = (
     ("peer", "the same sets"),
     ("engine_peer", "the same sets of the engine"),
     ("multibody_peer", "the same sets of the car"),
@@ -31,30 +31,30 @@ _PEERS = (
 
 
 def tables(result: Result) -> Iterator[Table]:
-    """What was wanted and reached, then effect by effect, then the other methods."""
+    """Targets and values reached, counts by effect, then the other methods."""
     for key, title in _METRICS:
         if key in result:
-            yield _metrics(title, result[key])
+            yield _metric_table(title, result[key])
     for key, title in _BY_EFFECT:
         if key in result:
-            yield _by_effect(title, result[key])
+            yield _effect_table(title, result[key])
     if "ambiguity" in result:
-        yield _metrics("telling rivals apart", result["ambiguity"])
-    for key, title in _PEERS:
+        yield _metric_table("distinguishing alternatives", result["ambiguity"])
+    for key, title in _BASELINES:
         if isinstance(result.get(key), list):
-            yield _peer(title, result[key])
+            yield _baseline_table(title, result[key])
 
 
-def _metrics(title: str, rows: list[Result]) -> Table:
-    columns = ("wanted", "reached", "95 % interval or quartiles", "of", "")
+def _metric_table(title: str, rows: list[Result]) -> Table:
+    columns = ("target", "reached", "95 % interval or quartiles", "of", "")
     table = table_of(title, *columns, first="what")
     for row in rows:
         verdict = {True: "[green]pass", False: "[red]miss", None: ""}[row["passed"]]
-        table.add_row(row["what"], _wanted(row), *_reached(row), verdict)
+        table.add_row(row["what"], _target(row), *_reached(row), verdict)
     return table
 
 
-def _wanted(row: Result) -> str:
+def _target(row: Result) -> str:
     if not row["relation"]:
         return "–"
     if row["relation"] == "in":
@@ -78,7 +78,7 @@ def _value(row: Result, value: float) -> str:
     return f"{value:.3g} {row['unit']}".strip()
 
 
-def _by_effect(title: str, rows: list[Result]) -> Table:
+def _effect_table(title: str, rows: list[Result]) -> Table:
     table = Table(title=title, title_justify="left")
     for column in ("kind", "effect"):
         table.add_column(column, overflow="fold")
@@ -94,8 +94,8 @@ def _by_effect(title: str, rows: list[Result]) -> Table:
     return table
 
 
-def _peer(title: str, rows: list[Result]) -> Table:
-    """Intervals beside two methods; more would be too wide with them."""
+def _baseline_table(title: str, rows: list[Result]) -> Table:
+    """Shares of the methods, with intervals if there are only two."""
     keys = [key for key in TITLES if key in rows[0]]
     several = len(keys) > 2
     columns = [text for key in keys for text in ([TITLES[key]] if several else [TITLES[key], ""])]

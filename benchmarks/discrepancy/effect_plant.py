@@ -1,4 +1,4 @@
-"""A vehicle that stops, integrated at 1 kHz: the world in which effects are hidden.
+"""A stopping vehicle, integrated at 1 kHz: the world in which effects are hidden.
 
 It shares no code with `models`. Its base is a braking force fixed by grade and by the speed at
 brake onset, after a dead time; every effect, named or not, is written here a second time from its
@@ -13,24 +13,24 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .physics import Floats, Physics, Stops
+from .plant_physics import Floats, Physics, Stops
 
 GRAVITY = 9.80665
 STEP = 0.001
-"""Of the integration [s]."""
+"""Step of the integration [s]."""
 
-_LONGEST = 14.0  # [s] after the onset; what rolls longer than that does not stop
+_MAX_STOP = 14.0  # [s] after the onset; a vehicle that rolls longer does not stop
 
 
 class DrivenStops(NamedTuple):
-    """What happened: (n, samples) at ``time`` since the command, and (n,) for rest and distance.
+    """True motion: (n, samples) at ``time`` since the command, and (n,) for rest and distance.
 
     Attributes:
         time: (samples,) [s].
         speed, station, x, y, yaw, yaw_rate, grade, roll: SI, station from the command on.
-        rest: time of standstill since the command, inf if it rolls on [s].
-        distance: way from the command to rest [m].
-        deceleration: just before rest [m/s²].
+        rest: time of standstill since the command, inf without standstill [s].
+        distance: distance from the command to rest [m].
+        deceleration: value just before rest [m/s²].
     """
 
     time: Floats
@@ -48,16 +48,17 @@ class DrivenStops(NamedTuple):
 
 
 def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> DrivenStops:
-    """All stops in their order; brakes stay warm from one to the next.
+    """Drive all stops in their order; brakes stay warm from one to the next.
 
     Args:
-        physics: of this world. stops: what is driven.
-        time: (samples,) increasing, since each stop command; before it the speed is held [s].
-        step: of the integration [s].
+        physics: this world.
+        stops: as driven.
+        time: increasing times since each stop command, shape (samples,) [s].
+        step: step of the integration [s].
     """
     speed, station, rest, distance, last = _drive(_exact(physics), stops, time, step)
-    bend = stops.curvature[:, None]
-    yaw = stops.heading[:, None] + bend * station
+    curvature = stops.curvature[:, None]
+    yaw = stops.heading[:, None] + curvature * station
     x, y = _places(stops, station)
     wave = stops.wave[:, None] * np.sin(
         2.0 * np.pi * station / stops.wave_length[:, None] + stops.wave_phase[:, None]
@@ -70,7 +71,7 @@ def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> D
         x,
         y,
         yaw,
-        bend * speed,
+        curvature * speed,
         stops.grade[:, None] + wave,
         roll,
         rest,
@@ -80,9 +81,9 @@ def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> D
 
 
 def speeds(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> Floats:
-    """Only the speed of :func:`drive`, (n, samples) [m/s]."""
-    found: Floats = _drive(_exact(physics), stops, time, step)[0]
-    return found
+    """Speed of :func:`drive` alone, shape (n, samples) [m/s]."""
+    speed: Floats = _drive(_exact(physics), stops, time, step)[0]
+    return speed
 
 
 def _exact(physics: Physics) -> Physics:
@@ -90,16 +91,16 @@ def _exact(physics: Physics) -> Physics:
 
 
 def _places(stops: Stops, station: Floats) -> tuple[Floats, Floats]:
-    """Along arcs that begin at each command."""
-    bend = np.where(np.abs(stops.curvature) < 1e-6, 1e-6, stops.curvature)[:, None]
+    """Positions along arcs that begin at each command."""
+    curvature = np.where(np.abs(stops.curvature) < 1e-6, 1e-6, stops.curvature)[:, None]
     h = stops.heading[:, None]
-    x = stops.x[:, None] + (np.sin(h + bend * station) - np.sin(h)) / bend
-    y = stops.y[:, None] - (np.cos(h + bend * station) - np.cos(h)) / bend
+    x = stops.x[:, None] + (np.sin(h + curvature * station) - np.sin(h)) / curvature
+    y = stops.y[:, None] - (np.cos(h + curvature * station) - np.cos(h)) / curvature
     return x, y
 
 
 class StopMoment(NamedTuple):
-    """Where one stop is now: body and ground under it, SI; ``since`` the onset, ``clock`` of it."""
+    """State of one stop, SI: body, ground under it, time ``since`` the onset, ``clock`` time."""
 
     speed: float
     grade: float
@@ -115,12 +116,12 @@ class StopMoment(NamedTuple):
 @njit(cache=True)
 def _moment(stops: Stops, i: int, onset: float, since: float, speed: float, s: float) -> StopMoment:
     """Stop i at a station of its arc."""
-    bend, heading = stops.curvature[i], stops.heading[i]
-    if abs(bend) < 1e-6:
-        bend = 1e-6
-    yaw = heading + bend * s
-    x = stops.x[i] + (math.sin(yaw) - math.sin(heading)) / bend
-    y = stops.y[i] - (math.cos(yaw) - math.cos(heading)) / bend
+    curvature, heading = stops.curvature[i], stops.heading[i]
+    if abs(curvature) < 1e-6:
+        curvature = 1e-6
+    yaw = heading + curvature * s
+    x = stops.x[i] + (math.sin(yaw) - math.sin(heading)) / curvature
+    y = stops.y[i] - (math.cos(yaw) - math.cos(heading)) / curvature
     grade = stops.grade[i] + stops.wave[i] * math.sin(
         2.0 * math.pi * s / stops.wave_length[i] + stops.wave_phase[i]
     )
@@ -130,14 +131,14 @@ def _moment(stops: Stops, i: int, onset: float, since: float, speed: float, s: f
 
 @njit(cache=True)
 def _patched(patch: float, x: float, y: float, radius: float, now: StopMoment) -> float:
-    """What a circle adds to F_b/W."""
+    """F_b/W added by a circle [1]."""
     if patch != 0.0 and (now.x - x) ** 2 + (now.y - y) ** 2 <= radius**2:
         return patch
     return 0.0
 
 
 @njit(cache=True)
-def _wanted(p: Physics, run: int, v_i: float, now: StopMoment) -> float:
+def _demanded_force(p: Physics, run: int, v_i: float, now: StopMoment) -> float:
     """F_b/W before build-up, heat and friction."""
     grade, yaw = now.grade, now.yaw
     force = (p.m_m * v_i + p.b_m) * grade + p.m_b * v_i + p.b_b
@@ -163,11 +164,11 @@ def _wanted(p: Physics, run: int, v_i: float, now: StopMoment) -> float:
 
 
 @njit(cache=True)
-def _slowed(p: Physics, force: float, bend: float, now: StopMoment) -> float:
-    """Deceleration by a braking force F_b/W and by all that the brakes have no part in [m/s²]."""
+def _deceleration(p: Physics, force: float, curvature: float, now: StopMoment) -> float:
+    """Deceleration by a braking force F_b/W and by all other forces [m/s²]."""
     v = now.speed
     u = v + p.wind * math.cos(now.yaw - p.wind_direction)
-    a = GRAVITY * (force + math.sin(now.grade) + p.viscous * v + p.turning * abs(bend) * v)
+    a = GRAVITY * (force + math.sin(now.grade) + p.viscous * v + p.turning * abs(curvature) * v)
     a += p.drag * v * v + p.wind_drag * (abs(u) * u - v * v)
     return a
 
@@ -188,17 +189,17 @@ def _drive(
             speed[i, k], station[i, k] = v_i, v_i * time[k]
             k += 1
         heat *= math.exp(-(stops.clock[i] + onset - cooled_since) / p.fade_tau)
-        bend = stops.curvature[i]
-        if abs(bend) < 1e-6:
-            bend = 1e-6
+        curvature = stops.curvature[i]
+        if abs(curvature) < 1e-6:
+            curvature = 1e-6
         t, v, s, built, a = onset, v_i, v_i * onset, 0.0, 0.0
-        while v > 0.0 and t < onset + _LONGEST:
+        while v > 0.0 and t < onset + _MAX_STOP:
             # Midpoint: the slopes halfway decide the step.
             v_mid, s_mid = v, s
             for half in range(2):
                 since = t - onset + 0.5 * step * half
                 now = _moment(stops, i, onset, since, v_mid, s_mid)
-                force = _wanted(p, i, v_i, now)
+                force = _demanded_force(p, i, v_i, now)
                 force *= stops.friction[i]
                 if p.lag > 0.0:
                     ahead = 0.5 * step * (half + 1)
@@ -206,7 +207,7 @@ def _drive(
                     force = built_mid
                 force /= 1.0 + p.fade * heat
                 force = min(force, p.friction * math.cos(now.grade) * math.cos(now.roll))
-                a = _slowed(p, force, bend, now)
+                a = _deceleration(p, force, curvature, now)
                 if half == 0:
                     v_mid, s_mid = v - 0.5 * step * a, s + 0.5 * step * v
             if p.lag > 0.0:

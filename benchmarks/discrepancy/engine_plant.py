@@ -1,9 +1,9 @@
-"""A sprung four-wheeler in a physics engine (MuJoCo), in which effects come about by physics.
+"""A sprung four-wheeler in a physics engine (MuJoCo), in which effects arise from physics.
 
-Heavier bodies, wind on the body, brakes that fade with the heat they took up, slippery ground,
-viscous bearings, slow hydraulics: none is a term of the braking model. The ground is a plane and
-gravity leans instead, along the way as the grade does. The body dives, rocks and slips as it must,
-and its pitch is what an attitude sensor would see.
+Heavier bodies, wind on the body, brakes that fade with their heat, slippery ground, viscous
+bearings, slow hydraulics: none is a term of the braking model. The ground is a plane; gravity is
+tilted instead, along the path as the grade does. The body dives, rocks and slips, and its pitch is
+that of an attitude sensor.
 """
 
 from __future__ import annotations
@@ -14,43 +14,47 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from .physics import Floats, Stops
-from .plant import GRAVITY, DrivenStops
+from .effect_plant import GRAVITY, DrivenStops
+from .plant_physics import Floats, Stops
 
 TICK = 0.01
-"""Between two looks at brakes, drive and gravity [s]."""
+"""Period of brakes, drive and gravity [s]."""
 
 BEFORE = 1.2
-"""Of each stop that is logged before its command [s]."""
+"""Logged time before each command [s]."""
 
 MASS, RADIUS, LENGTH, TRACK = 500.0, 0.28, 1.2, 1.0
 
-_STEP = 0.0025  # [s]
-_SETTLE = 0.5  # [s] at speed before anything is logged
-_LONGEST = 8.0  # [s]
-_STANDS = 1.2  # [s] after standstill that is still simulated
+_STEP = 0.0025  # [s] of the engine
+_SETTLE = 0.5  # [s] at speed before the log begins
+_MAX_STOP = 8.0  # [s]
+_AFTER_STANDSTILL = 1.2  # [s] simulated while the body rocks back
 _WHEELS = (("fl", 0.6, 0.5), ("fr", 0.6, -0.5), ("rl", -0.6, 0.5), ("rr", -0.6, -0.5))
-_WHEEL_MASS = 12.0
-_SPRING, _DAMPER = 45000.0, 2200.0
-_FRONT_SHARE = 0.6
+_WHEEL_MASS = 12.0  # [kg]
+_SPRING, _DAMPER = 45000.0, 2200.0  # [N/m], [N s/m] of one wheel
+_FRONT_SHARE = 0.6  # of the brake torque [1]
+_MIN_BRAKES = 0.25  # share left by heat at least [1]
 _GAIN = 8.0  # [1/s] of the speed controller
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nature:
-    """What is so in the engine; the defaults are a vehicle without any effect.
+    """True parameters of the engine; the defaults are a vehicle without effects.
 
     Attributes:
-        brake: torque of all wheels at the rims as a share of the dry weight.
-        resistance: of rolling, share of the load. friction: of the tyres.
-        delay: until the brakes are told [s]. build_up: of their hydraulics [s].
+        brake: torque of all wheels at the rims over the dry weight [1].
+        resistance: rolling resistance over the load [1].
+        friction: friction of the tyres [1].
+        delay: dead time of the command [s].
+        build_up: time constant of the hydraulics [s].
         payload: [kg] from run ``payload_run`` on. repair: factor on the brakes from that run on.
         air: force on the body per relative air speed squared [N s²/m²]; wind [m/s] blows against
-            whoever heads towards ``wind_from`` [rad].
+            a vehicle that heads towards ``wind_from`` [rad].
         bearing: viscous torque of each axle [N m s].
-        fading: share of the brakes lost per heat [kg/J], linear as pads do, not below a quarter.
-        cooling: [s]. glazing: share of the brakes lost per second of the session.
-        slippery: x, y, radius [m] and friction of an area.
+        fading: share of the brakes lost per heat, linear, down to a quarter [kg/J].
+        cooling: time constant of that heat [s].
+        glazing: share of the brakes lost per second of the session [1/s].
+        slippery: x, y, radius [m] and friction [1] of an area.
     """
 
     brake: float = 0.42
@@ -72,10 +76,10 @@ class Nature:
 
 
 def drive(nature: Nature, stops: Stops) -> DrivenStops:
-    """All stops in their order, sampled each two ticks from :data:`BEFORE` the command on."""
+    """Drive all stops in their order, sampled every two ticks from :data:`BEFORE` each command."""
     vehicle = _Vehicle(nature)
     traces = [vehicle.stop(stops, i) for i in range(len(stops.speed))]
-    time = np.arange(-round(BEFORE / TICK), round(_LONGEST / TICK)) * TICK
+    time = np.arange(-round(BEFORE / TICK), round(_MAX_STOP / TICK)) * TICK
     table = np.stack([trace[::2] for trace in traces])
     speed, station, x, y, yaw, rate, grade, roll = np.moveaxis(table, 2, 0)
     rest, distance = np.full(len(traces), np.inf), np.full(len(traces), np.inf)
@@ -89,7 +93,7 @@ def drive(nature: Nature, stops: Stops) -> DrivenStops:
 
 
 class _Vehicle:
-    """One vehicle through a session; its brakes stay warm from stop to stop."""
+    """Vehicle of a session; its brakes stay warm from stop to stop."""
 
     def __init__(self, nature: Nature) -> None:
         self.nature = nature
@@ -104,7 +108,7 @@ class _Vehicle:
         self.heat, self.since = 0.0, 0.0
 
     def stop(self, stops: Stops, i: int) -> Floats:
-        """Hold, brake, stand; (ticks, 8): speed, station, x, y, yaw, yaw rate, −pitch, roll."""
+        """Rows of speed, station, x, y, yaw, yaw rate, −pitch, roll at each tick of one stop."""
         nature, data = self.nature, self.data
         self._load(i)
         v, heading = float(stops.speed[i]), float(stops.heading[i])
@@ -123,32 +127,31 @@ class _Vehicle:
         if i >= nature.payload_run:
             strength *= nature.repair
         self.heat *= math.exp(-(float(stops.clock[i]) - self.since) / nature.cooling)
-        told = nature.delay + float(stops.delay[i])
-        pressure, wanted = 0.0, 0.0
+        onset = nature.delay + float(stops.delay[i])
+        pressure = 0.0
         keep = math.exp(-TICK / nature.build_up)
-        rows = np.empty((round((BEFORE + _LONGEST) / TICK), 8))
+        rows = np.empty((round((BEFORE + _MAX_STOP) / TICK), 8))
         start = -round((BEFORE + _SETTLE) / TICK)
         station, stood = -lead, 0
-        for tick in range(start, round(_LONGEST / TICK)):
+        for tick in range(start, round(_MAX_STOP / TICK)):
             grade = float(
                 stops.grade[i]
                 + stops.wave[i]
                 * math.sin(2.0 * math.pi * station / stops.wave_length[i] + stops.wave_phase[i])
             )
-            self._lean(grade, float(stops.roll[i]), heading)
-            speed, row = self._look(station, grade, float(stops.roll[i]))
+            self._tilt_gravity(grade, float(stops.roll[i]), heading)
+            speed, row = self._row(station, grade, float(stops.roll[i]))
             if tick - start >= round(_SETTLE / TICK):
                 rows[tick + round(BEFORE / TICK) :] = row
             stood += tick > 0 and (speed <= 0.0 or stood > 0)
-            if stood > _STANDS / TICK:
+            if stood > _AFTER_STANDSTILL / TICK:
                 break
-            # The share of this tick in which the brakes have been told.
-            wanted = min(max((tick + 1) - told / TICK, 0.0), 1.0)
-            pressure = wanted + (pressure - wanted) * keep
-            driving = 1.0 - wanted
+            # Share of this tick after the dead time.
+            braking = min(max((tick + 1) - onset / TICK, 0.0), 1.0)
+            pressure = braking + (pressure - braking) * keep
             self._brake(pressure * strength)
             force = MASS * (_GAIN * (v - speed) + GRAVITY * (math.sin(grade) + nature.resistance))
-            data.ctrl[:] = driving * force * RADIUS / 4.0
+            data.ctrl[:] = (1.0 - braking) * force * RADIUS / 4.0
             self._wind()
             self._slip()
             mujoco.mj_step(self.model, data, nstep=round(TICK / _STEP))
@@ -164,7 +167,7 @@ class _Vehicle:
         self.model.body_inertia[self.body] *= 1.0 + extra / mass[self.body]
         mujoco.mj_setConst(self.model, self.data)
 
-    def _lean(self, grade: float, roll: float, heading: float) -> None:
+    def _tilt_gravity(self, grade: float, roll: float, heading: float) -> None:
         ahead, left = -math.sin(grade), -math.cos(grade) * math.sin(roll)
         c, s = math.cos(heading), math.sin(heading)
         self.model.opt.gravity[:] = (
@@ -182,19 +185,19 @@ class _Vehicle:
         ahead = (1.0 - 2.0 * (j * j + k * k), 2.0 * (i * j + w * k), 2.0 * (i * k - w * j))
         return float(np.dot(ahead, self.data.qvel[:3]))
 
-    def _look(self, station: float, grade: float, roll: float) -> tuple[float, tuple[float, ...]]:
+    def _row(self, station: float, grade: float, roll: float) -> tuple[float, tuple[float, ...]]:
         w, i, j, k = (float(q) for q in self.data.qpos[3:7])
         up = 2.0 * (i * k - w * j)
         yaw = math.atan2(2.0 * (i * j + w * k), 1.0 - 2.0 * (j * j + k * k))
-        lean = math.asin(min(max(2.0 * (j * k + w * i), -1.0), 1.0))
+        roll_angle = math.asin(min(max(2.0 * (j * k + w * i), -1.0), 1.0))
         speed = self._speed()
         x, y = (float(q) for q in self.data.qpos[:2])
         rate = float(self.data.qvel[5])
-        return speed, (speed, station, x, y, yaw, rate, grade + math.asin(up), roll + lean)
+        return speed, (speed, station, x, y, yaw, rate, grade + math.asin(up), roll + roll_angle)
 
     def _brake(self, pressure: float) -> None:
         nature, spin = self.nature, self.data.qvel[self.axles]
-        hot = max(1.0 - nature.fading * self.heat, 0.25)
+        hot = max(1.0 - nature.fading * self.heat, _MIN_BRAKES)
         rolling = nature.resistance * MASS * GRAVITY * RADIUS / 4.0
         torque = self.full * pressure * hot
         self.heat += TICK * (float(np.abs(spin) @ torque) / MASS - self.heat / nature.cooling)

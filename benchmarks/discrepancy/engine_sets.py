@@ -1,4 +1,4 @@
-"""Sets of the physics engine: what is drawn for each effect."""
+"""Sets of the physics engine: the nature drawn for each effect."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import numpy as np
 
 from . import worlds
 from .designs import FIELD, draw
-from .engine import Nature, drive
-from .engine_outcomes import NAMES
-from .physics import Stops
-from .world_outcomes import WorldOrder
+from .engine_plant import Nature, drive
+from .plant_physics import Stops
+from .world_outcomes import ENGINE_NAMES, WorldSpec
 
 
 def calibrated(_: Nature) -> dict[str, float]:
-    """Coefficients and dead time of the vehicle before anything happened to it."""
+    """Coefficients and dead time of the vehicle without effects."""
     return dict(_calibrated())
 
 
@@ -27,30 +26,29 @@ def _calibrated() -> dict[str, float]:
 
 
 def _straight(count: int, scatter: float, rng: np.random.Generator) -> Stops:
-    """The engine's vehicle cannot steer."""
+    """Draw straight stops: the engine's vehicle cannot steer."""
     stops = draw("mixed", count, scatter, rng)
     return stops._replace(curvature=np.zeros(count), roll=0.6 * stops.roll)
 
 
-def _nature(order: WorldOrder, stops: Stops, rng: np.random.Generator) -> Nature:
-    strong = float(rng.uniform(0.8, 1.4))
+def _nature(spec: WorldSpec, stops: Stops, rng: np.random.Generator) -> Nature:
+    strength = float(rng.uniform(0.8, 1.4))
     run = round(len(stops.speed) * rng.uniform(0.35, 0.65))
     x, y = (float(rng.uniform(230.0, side - 230.0)) for side in FIELD)
-    towards = float(rng.uniform(-np.pi, np.pi))
+    direction = float(rng.uniform(-np.pi, np.pi))
     changes: dict[str, dict[str, Any]] = {
         "": {},
-        "heavier body": {"payload": 90.0 * strong, "payload_run": run},
-        "weaker brakes": {"repair": 1.0 - 0.15 * strong, "payload_run": run},
-        "air": {"air": 12.0 * strong},
-        "wind": {"air": 4.0 * strong, "wind": 7.0, "wind_from": towards},
-        "fading brakes": {"fading": 0.004 * strong, "cooling": 150.0},
-        "slippery area": {"slippery": (x, y, 200.0, 0.34 / strong)},
-        "viscous bearings": {"bearing": 1.6 * strong},
-        "slow hydraulics": {"build_up": 0.12 * strong},
-        "glazing pads": {"glazing": 0.15 * strong / float(stops.clock[-1])},
+        "heavier body": {"payload": 90.0 * strength, "payload_run": run},
+        "weaker brakes": {"repair": 1.0 - 0.15 * strength, "payload_run": run},
+        "air": {"air": 12.0 * strength},
+        "wind": {"air": 4.0 * strength, "wind": 7.0, "wind_from": direction},
+        "fading brakes": {"fading": 0.004 * strength, "cooling": 150.0},
+        "slippery area": {"slippery": (x, y, 200.0, 0.34 / strength)},
+        "viscous bearings": {"bearing": 1.6 * strength},
+        "slow hydraulics": {"build_up": 0.12 * strength},
+        "glazing pads": {"glazing": 0.15 * strength / float(stops.clock[-1])},
     }
-    return replace(Nature(), **changes[order.what])
+    return replace(Nature(), **changes[spec.what])
 
 
-ENGINE = worlds.World(drive, _straight, _nature, NAMES)
-"""The world as all that asks about it knows it."""
+ENGINE = worlds.World(drive, _straight, _nature, ENGINE_NAMES)

@@ -1,6 +1,6 @@
-"""What may be hidden: every named effect in three sizes, pairs, and effects that have no name.
+"""Effects that may be hidden: every named one in three sizes, pairs, and effects without a name.
 
-A size is meant as the share of the braking force, or of the way, that the effect takes at its most:
+The size is the largest share of the braking force, or of the distance, that the effect takes:
 small about 4 %, medium about 10 %, large about 25 %.
 """
 
@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .designs import FIELD
-from .physics import Physics, Stops
+from .plant_physics import Physics, Stops
 
 SIZES = ("small", "medium", "large")
+_SHARES = (0.04, 0.10, 0.25)  # of the braking force [1]
 
 PAIRS = (
     ("aerodynamic_drag", "cross_slope"),
@@ -36,19 +37,20 @@ PAIRS = (
 
 OFF_LIBRARY = ("ambient", "ripple", "bump", "grab", "overshoot")
 
-_ONE_PARAMETER: dict[str, tuple[str, str, tuple[float, float, float], bool]] = {
-    # field of the plant, name of the parameter, sizes, whether either sign is possible
-    "aerodynamic_drag": ("drag", "c", (0.008, 0.02, 0.05), False),
-    "viscous_resistance": ("viscous", "c", (0.005, 0.012, 0.03), False),
-    "brake_lag": ("lag", "tau", (0.04, 0.10, 0.25), False),
-    "grade_asymmetry": ("asymmetry", "k", (0.12, 0.30, 0.70), True),
-    "grade_nonlinearity": ("nonlinearity", "k", (0.7, 1.7, 4.0), True),
-    "cross_slope": ("cross_slope", "k", (0.15, 0.35, 0.80), True),
-    "turning_resistance": ("turning", "k", (0.06, 0.15, 0.35), False),
+_SCALED: dict[str, tuple[tuple[float, float, float], bool]] = {
+    # parameter in each size [SI], whether either sign is possible
+    "aerodynamic_drag": ((0.008, 0.02, 0.05), False),
+    "viscous_resistance": ((0.005, 0.012, 0.03), False),
+    "brake_lag": ((0.04, 0.10, 0.25), False),
+    "grade_asymmetry": ((0.12, 0.30, 0.70), True),
+    "grade_nonlinearity": ((0.7, 1.7, 4.0), True),
+    "cross_slope": ((0.15, 0.35, 0.80), True),
+    "turning_resistance": ((0.06, 0.15, 0.35), False),
 }
+"""Effects of one parameter, with values that take the shares at 3 m/s and grades of 10°."""
 
 NAMED = (
-    *_ONE_PARAMETER,
+    *_SCALED,
     "headwind",
     "brake_fade",
     "wheel_lockup",
@@ -57,7 +59,6 @@ NAMED = (
     "step_change",
     "session_drift",
 )
-
 
 FIELDS: dict[str, dict[str, str]] = {
     "aerodynamic_drag": {"c": "drag"},
@@ -75,17 +76,17 @@ FIELDS: dict[str, dict[str, str]] = {
     "step_change": {"scale": "step_scale", "delta": "step_delta", "run": "step_run"},
     "session_drift": {"k": "drift"},
 }
-"""Parameters of the named effects, as a report puts them, and fields of the plant."""
+"""Parameters of the named effects in a report, and the plant's fields for them."""
 
 
 @dataclass(frozen=True, slots=True)
 class HiddenTerm:
-    """One effect as the plant has it and as a report should put it.
+    """One effect as the plant has it and as a report should state it.
 
     Attributes:
-        name: of the effect.
-        fields: of :class:`Physics`.
-        parameters: of the report's vocabulary, SI.
+        name: effect, of :data:`NAMED` or :data:`OFF_LIBRARY`.
+        fields: changed fields of :class:`Physics`.
+        parameters: the report's parameters, SI; empty for effects without a name.
     """
 
     name: str
@@ -96,133 +97,79 @@ class HiddenTerm:
 def draw_hidden(
     name: str, size: str, physics: Physics, stops: Stops, rng: np.random.Generator
 ) -> HiddenTerm:
-    """One effect in a size, where these stops meet it.
+    """Draw one effect in a size, where these stops meet it.
 
     Args:
-        name: one of :data:`NAMED` or :data:`OFF_LIBRARY`. size: one of :data:`SIZES`.
-        physics: the base. stops: what is driven. rng: draws signs, places, directions.
+        name: one of :data:`NAMED` or :data:`OFF_LIBRARY`.
+        size: one of :data:`SIZES`.
+        physics: base of the world.
+        stops: as driven.
+        rng: draws signs, places and directions.
     """
     level = SIZES.index(size)
     sign = float(rng.choice([-1.0, 1.0]))
     vary = float(rng.uniform(0.85, 1.15))
-    share = (0.04, 0.10, 0.25)[level] * vary
-    if name in _ONE_PARAMETER:
-        key, parameter, sizes, either = _ONE_PARAMETER[name]
-        value = sizes[level] * vary * (sign if either else 1.0)
-        return HiddenTerm(name, {key: value}, {parameter: value})
-    return _DRAWN[name](share, sign, physics, stops, rng)
+    share = _SHARES[level] * vary
+    if name in OFF_LIBRARY:
+        return HiddenTerm(name, _off_library(name, share, sign, physics, stops, rng))
+    if name in _SCALED:
+        sizes, signed = _SCALED[name]
+        parameters = {next(iter(FIELDS[name])): sizes[level] * vary * (sign if signed else 1.0)}
+    else:
+        parameters = _parameters(name, share, sign, physics, stops, rng)
+    return HiddenTerm(name, {FIELDS[name][k]: v for k, v in parameters.items()}, parameters)
 
 
-def _headwind(
-    share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    wind, direction = float(rng.uniform(4.0, 8.0)), float(rng.uniform(-np.pi, np.pi))
-    # With and against the wind differ by 4 c v wind.
-    c = share * 9.81 * p.b_b / (2.0 * float(np.mean(stops.speed)) * wind)
-    values = {"c": c, "wind": wind, "direction": direction}
-    return HiddenTerm(
-        "headwind", {"wind_drag": c, "wind": wind, "wind_direction": direction}, values
-    )
+def _parameters(
+    name: str, share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> dict[str, float]:
+    """Parameters of a named effect that takes this share of the braking force."""
+    match name:
+        case "headwind":
+            wind, direction = float(rng.uniform(4.0, 8.0)), float(rng.uniform(-np.pi, np.pi))
+            # With and against the wind differ by 4 c v wind.
+            c = share * 9.81 * p.b_b / (2.0 * float(np.mean(stops.speed)) * wind)
+            return {"c": c, "wind": wind, "direction": direction}
+        case "brake_fade":
+            tau = float(rng.uniform(80.0, 250.0))
+            per_stop = 0.5 * float(np.mean(stops.speed**2))
+            heat = per_stop * tau / float(np.median(np.diff(stops.clock)))
+            return {"k": share / heat, "tau": tau}
+        case "wheel_lockup":
+            force = (p.m_m * stops.speed + p.b_m) * stops.grade + p.m_b * stops.speed + p.b_b
+            # The hardest stops lose this share, gentle ones lose no force.
+            return {"mu": float(np.quantile(force, 0.95)) * (1.0 - share)}
+        case "surface_patch":
+            radius = float(rng.uniform(150.0, 230.0))
+            x = float(rng.uniform(radius, FIELD[0] - radius))
+            y = float(rng.uniform(radius, FIELD[1] - radius))
+            return {"delta": sign * share * p.b_b, "x": x, "y": y, "radius": radius}
+        case "directional_surface":
+            return {"k": 0.5 * share * p.b_b, "direction": float(rng.uniform(0.0, np.pi))}
+        case "step_change":
+            run = float(round(len(stops.speed) * rng.uniform(0.3, 0.7)))
+            return {"scale": 1.0 + sign * share, "run": run}
+        case "session_drift":
+            return {"k": sign * share * p.b_b / float(np.ptp(stops.clock))}
+    raise KeyError(name)
 
 
-def _fade(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> HiddenTerm:
-    tau = float(rng.uniform(80.0, 250.0))
-    per_stop = 0.5 * float(np.mean(stops.speed**2))
-    usual = per_stop * tau / float(np.median(np.diff(stops.clock)))
-    k = share / usual
-    return HiddenTerm("brake_fade", {"fade": k, "fade_tau": tau}, {"k": k, "tau": tau})
-
-
-def _lockup(
-    share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    force = (p.m_m * stops.speed + p.b_m) * stops.grade + p.m_b * stops.speed + p.b_b
-    # The hardest stops lose this share, the others nothing.
-    mu = float(np.quantile(force, 0.95)) * (1.0 - share)
-    return HiddenTerm("wheel_lockup", {"friction": mu}, {"mu": mu})
-
-
-def _patch(
-    share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    radius = float(rng.uniform(150.0, 230.0))
-    x = float(rng.uniform(radius, FIELD[0] - radius))
-    y = float(rng.uniform(radius, FIELD[1] - radius))
-    delta = sign * share * p.b_b
-    fields = {"patch": delta, "patch_x": x, "patch_y": y, "patch_radius": radius}
-    return HiddenTerm("surface_patch", fields, {"delta": delta, "x": x, "y": y, "radius": radius})
-
-
-def _furrow(
-    share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    k, direction = 0.5 * share * p.b_b, float(rng.uniform(0.0, np.pi))
-    fields = {"furrow": k, "furrow_direction": direction}
-    return HiddenTerm("directional_surface", fields, {"k": k, "direction": direction})
-
-
-def _step(
-    share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    run = float(round(len(stops.speed) * rng.uniform(0.3, 0.7)))
-    scale = 1.0 + sign * share
-    return HiddenTerm(
-        "step_change", {"step_scale": scale, "step_run": run}, {"scale": scale, "run": run}
-    )
-
-
-def _drift(
-    share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    k = sign * share * p.b_b / float(np.ptp(stops.clock))
-    return HiddenTerm("session_drift", {"drift": k}, {"k": k})
-
-
-def _ambient(
-    share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    return HiddenTerm("ambient", {"ambient": sign * share * p.b_b / 20.0})
-
-
-def _ripple(
-    share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    length = float(rng.uniform(300.0, 500.0))
-    return HiddenTerm("ripple", {"ripple": share * p.b_b, "ripple_length": length})
-
-
-def _bump(
-    share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    where = float(np.quantile(stops.grade, rng.uniform(0.3, 0.7)))
-    fields = {"bump": sign * 1.5 * share * p.b_b, "bump_grade": where, "bump_width": 0.03}
-    return HiddenTerm("bump", fields)
-
-
-def _grab(share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator) -> HiddenTerm:
-    return HiddenTerm(
-        "grab", {"grab": 3.0 * share * p.b_b, "grab_speed": float(rng.uniform(0.2, 0.4))}
-    )
-
-
-def _overshoot(
-    share: float, _: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> HiddenTerm:
-    late = float(rng.uniform(0.25, 0.4))
-    return HiddenTerm("overshoot", {"overshoot": 2.0 * share * p.b_b, "overshoot_time": late})
-
-
-_DRAWN = {
-    "headwind": _headwind,
-    "brake_fade": _fade,
-    "wheel_lockup": _lockup,
-    "surface_patch": _patch,
-    "directional_surface": _furrow,
-    "step_change": _step,
-    "session_drift": _drift,
-    "ambient": _ambient,
-    "ripple": _ripple,
-    "bump": _bump,
-    "grab": _grab,
-    "overshoot": _overshoot,
-}
+def _off_library(
+    name: str, share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> dict[str, float]:
+    """Fields of an effect without a name."""
+    match name:
+        case "ambient":
+            return {"ambient": sign * share * p.b_b / 20.0}
+        case "ripple":
+            length = float(rng.uniform(300.0, 500.0))
+            return {"ripple": share * p.b_b, "ripple_length": length}
+        case "bump":
+            grade = float(np.quantile(stops.grade, rng.uniform(0.3, 0.7)))
+            return {"bump": sign * 1.5 * share * p.b_b, "bump_grade": grade, "bump_width": 0.03}
+        case "grab":
+            return {"grab": 3.0 * share * p.b_b, "grab_speed": float(rng.uniform(0.2, 0.4))}
+        case "overshoot":
+            late = float(rng.uniform(0.25, 0.4))
+            return {"overshoot": 2.0 * share * p.b_b, "overshoot_time": late}
+    raise KeyError(name)

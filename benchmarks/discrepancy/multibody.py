@@ -1,7 +1,7 @@
-"""A car that somebody else wrote, with brakes and effects put on from outside.
+"""A car of another author, with brakes and effects added from outside.
 
 Chassis, springs and tyres are CommonRoad's multi-body model (:mod:`.vehicle_models`): Pacejka's
-tyre, load transfer, a body that dives and leans. Added here are torques at the wheels (hydraulic
+tyre, load transfer, a body that pitches and rolls. Added here are torques at the wheels (hydraulic
 brakes, drive, rolling, driveline) and accelerations of the bodies (gravity along grade and roll,
 air). None of the effects is a term of a braking model.
 """
@@ -14,43 +14,46 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .effect_plant import GRAVITY, DrivenStops
 from .multibody_kernels import CarPush, stop_car
-from .physics import Floats, Stops
-from .plant import GRAVITY, DrivenStops
+from .plant_physics import Floats, Stops
 from .vehicle_models import CAR, loaded, on_ground, rolling_state
 
 BEFORE = 1.2
-"""Of each stop that is logged before its command [s]."""
+"""Logged time before each command [s]."""
 
-SHARPEST = 0.05
-"""Curvature beyond which this car is not steered [1/m]."""
+MAX_CURVATURE = 0.05
+"""Curvature up to which this car is steered [1/m]."""
 
-_SAMPLE = 0.02  # [s]
-_SETTLE = 0.5  # [s] at speed before anything is logged
-_LONGEST = 8.0  # [s]
-_SWINGS_BACK = 0.15  # [s] the body after standstill
-_AREAS = 2
+_SAMPLE = 0.02  # [s], as of :mod:`.sensing`
+_SETTLE = 0.5  # [s] at speed before the log begins
+_MAX_STOP = 8.0  # [s]
+_BODY_RETURN = 0.15  # [s] time constant of the body's attitude after standstill
+_AREAS = 2  # slippery ones at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CarNature:
-    """What is so in this world; the defaults are a car without any effect.
+    """True parameters of this world; the defaults are a car without effects.
 
     Attributes:
-        brake: torque of all wheels at the rims as a share of the dry weight, on level ground.
+        brake: torque of all wheels at the rims over the dry weight, on level ground [1].
         assist: that share per grade [1/rad]; brakes that sense the slope press harder downhill.
-        front: share of the front axle. resistance: of rolling, share of the dry weight.
-        friction: of the tyres' peak on loose ground, 0 for the road.
-        delay: until the brakes are told [s]. build_up: each of two lags of their pressure [s].
+        front: brake share of the front axle [1].
+        resistance: rolling resistance over the dry weight [1].
+        friction: peak friction of the tyres on loose ground, 0 for the road [1].
+        delay: dead time of the command [s].
+        build_up: each of two lags of the brake pressure [s].
         payload: [kg] from run ``payload_run`` on. repair: factor on the brakes from that run on.
         air: force on the body per relative air speed squared [N s²/m²]; wind [m/s] blows against
-            whoever heads towards ``wind_from`` [rad].
+            a vehicle that heads towards ``wind_from`` [rad].
         driveline: viscous torque of each wheel [N m s].
-        fading: share of the brakes that heat takes at most, all but 1/e of it at ``hot`` [J/kg].
-        cooling: [s]. glazing: share of the brakes lost per second of the session.
-        furrows: resistance added across them at most, none along, share of the dry weight;
-            ``furrows_along`` [rad] is the heading of most resistance.
-        slippery: x, y, radius [m] and friction of areas, two at most.
+        fading: largest share of the brakes lost by heat [1], of which all except 1/e at ``hot`` [J/kg].
+        cooling: time constant of that heat [s].
+        glazing: share of the brakes lost per second of the session [1/s].
+        furrows: resistance across them over the dry weight, none along [1]; ``furrows_along`` is
+            the heading of the largest resistance [rad].
+        slippery: x, y, radius [m] and friction [1] of areas, two at most.
     """
 
     brake: float = 0.42
@@ -77,7 +80,7 @@ class CarNature:
 
 
 class _Traces(NamedTuple):
-    """Of one stop, (samples, 9): speed, station, x, y, yaw, yaw rate, grade, pitch, roll."""
+    """One stop: rows of speed, station, x, y, yaw, yaw rate, grade, pitch, roll; and its end."""
 
     rows: Floats
     rest: float
@@ -87,24 +90,26 @@ class _Traces(NamedTuple):
 
 
 def drive(nature: CarNature, stops: Stops, finer: float = 1.0) -> DrivenStops:
-    """All stops in their order, sampled at 50 Hz from :data:`BEFORE` the command on.
+    """Drive all stops in their order, sampled at 50 Hz from :data:`BEFORE` each command.
 
     Args:
-        nature: of the world. stops: what is driven.
+        nature: true parameters.
+        stops: as driven.
         finer: divides the steps of the integration.
     """
-    count = np.arange(-round(BEFORE / _SAMPLE), round(_LONGEST / _SAMPLE))
+    count = np.arange(-round(BEFORE / _SAMPLE), round(_MAX_STOP / _SAMPLE))
     time: Floats = np.asarray(count * _SAMPLE, np.float64)
-    heat, since, found = 0.0, 0.0, []
+    heat, since = 0.0, 0.0
+    traces: list[_Traces] = []
     for i in range(len(stops.speed)):
         clock = float(stops.clock[i])
         heat *= math.exp(-(clock - since) / nature.cooling)
-        found.append(_one(nature, stops, i, heat, time, finer))
-        heat, since = found[-1].heat, clock + min(found[-1].rest, _LONGEST)
-    rows = np.stack([trace.rows for trace in found])
+        traces.append(_drive_stop(nature, stops, i, heat, time, finer))
+        heat, since = traces[-1].heat, clock + min(traces[-1].rest, _MAX_STOP)
+    rows = np.stack([trace.rows for trace in traces])
     speed, station, x, y, yaw, rate, grade, pitch, roll = np.moveaxis(rows, 2, 0)
-    rest = np.array([trace.rest for trace in found])
-    swing = np.exp(-np.maximum(time - rest[:, None], 0.0) / _SWINGS_BACK)
+    rest = np.array([trace.rest for trace in traces])
+    swing = np.exp(-np.maximum(time - rest[:, None], 0.0) / _BODY_RETURN)
     return DrivenStops(
         time,
         speed,
@@ -116,28 +121,28 @@ def drive(nature: CarNature, stops: Stops, finer: float = 1.0) -> DrivenStops:
         grade + swing * pitch,
         stops.roll[:, None] + roll,
         rest,
-        np.array([trace.distance for trace in found]),
-        np.array([trace.deceleration for trace in found]),
+        np.array([trace.distance for trace in traces]),
+        np.array([trace.deceleration for trace in traces]),
     )
 
 
-def _one(
+def _drive_stop(
     nature: CarNature, stops: Stops, i: int, heat: float, time: Floats, finer: float
 ) -> _Traces:
     late = i >= nature.payload_run
     car = loaded(nature.payload if late else 0.0)
     areas = (*nature.slippery, *[(0.0, 0.0, -1.0, 0.0)] * _AREAS)[:_AREAS]
     grounds = (on_ground(car, nature.friction), *(on_ground(car, area[3]) for area in areas))
-    curvature = float(np.clip(stops.curvature[i], -SHARPEST, SHARPEST))
+    curvature = float(np.clip(stops.curvature[i], -MAX_CURVATURE, MAX_CURVATURE))
     speed, heading = float(stops.speed[i]), float(stops.heading[i])
-    begun = -(BEFORE + _SETTLE)
-    back = begun * speed
+    start = -(BEFORE + _SETTLE)
+    back = start * speed
     # The package's y and yaw are to the right.
     steer = math.atan(-curvature * (car.a + car.b))
     state = rolling_state(car, speed, -(heading + curvature * back), steer, -curvature)
-    bend = curvature if abs(curvature) > 1e-9 else 1e-9
-    state[0] = stops.x[i] + (math.sin(heading + bend * back) - math.sin(heading)) / bend
-    state[1] = -stops.y[i] + (math.cos(heading + bend * back) - math.cos(heading)) / bend
+    turn = curvature if abs(curvature) > 1e-9 else 1e-9
+    state[0] = stops.x[i] + (math.sin(heading + turn * back) - math.sin(heading)) / turn
+    state[1] = -stops.y[i] + (math.cos(heading + turn * back) - math.cos(heading)) / turn
     return _Traces(
         *stop_car(
             state,
@@ -146,7 +151,7 @@ def _one(
             _push(nature, stops, i, late, finer),
             heat,
             time,
-            begun,
+            start,
             back,
         )
     )

@@ -1,4 +1,4 @@
-"""One stop of the multi-body car, step by step: the package's slopes, with what is put on them."""
+"""One stop of the multi-body car, step by step: the package's slopes with external forces."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from .physics import Floats
-from .plant import GRAVITY
+from .effect_plant import GRAVITY
+from .plant_physics import Floats
 from .vehicle_models import WHEELS, car_slopes
 
 _STEP, _STEP_BY_SPEED = 1e-3, 3e-4  # [s], [s per m/s]: wheels are the stiffer the slower they roll
-_CRAWL = 0.12  # [m/s] below about 0.1 the package has no tyre forces; the rest is extrapolated
+_MIN_SPEED = 0.12  # [m/s]; below about 0.1 the package has no tyre forces: extrapolated
 _GAIN = 15.0  # [1/s] of the speed controller
 _PACKAGE_GRAVITY = 9.81
 
 
 class CarPush(NamedTuple):
-    """What is put on the car during one stop, SI; torques of all wheels together [N m]."""
+    """External forces during one stop, SI; torques of all wheels together [N m]."""
 
     speed: float
     grade: float
@@ -27,7 +27,7 @@ class CarPush(NamedTuple):
     wave_length: float
     wave_phase: float
     roll: float
-    told: float
+    onset: float
     build_up: float
     brake: float
     assist: float
@@ -54,7 +54,7 @@ def _grade(push: CarPush, station: float) -> float:
 @njit(cache=False)
 def _brake(push: CarPush, t: float, grade: float, heat: float) -> float:
     """Torque of all wheels: pressure builds up by two equal lags, pads lose by heat."""
-    late = (t - push.told) / push.build_up
+    late = (t - push.onset) / push.build_up
     pressure = 1.0 - (1.0 + late) * math.exp(-late) if late > 0.0 else 0.0
     lost = push.fading * (1.0 - math.exp(-heat / push.hot))
     return max(push.brake + push.assist * grade, 0.0) * pressure * (1.0 - lost)
@@ -62,27 +62,27 @@ def _brake(push: CarPush, t: float, grade: float, heat: float) -> float:
 
 @njit(cache=False)
 def _slopes(state: Floats, t: float, grade: float, brake: float, push: CarPush, car: Any) -> Floats:
-    """The package's derivatives, with what is put on from outside."""
+    """The package's derivatives with external forces."""
     f = np.array(car_slopes(state, np.zeros(2), car))
     yaw = -state[4]
     ahead = state[3] + push.wind * math.cos(yaw - push.wind_from)
     f[3] -= GRAVITY * math.sin(grade) + push.air * abs(ahead) * ahead / car.m
-    aside = GRAVITY * math.cos(grade) * math.sin(push.roll)
+    lateral = GRAVITY * math.cos(grade) * math.sin(push.roll)
     down = GRAVITY * math.cos(grade) * math.cos(push.roll) - _PACKAGE_GRAVITY
     for k in (10, 15, 20):
-        f[k] += aside
+        f[k] += lateral
     for k in (12, 17, 22):
         f[k] += down
     rolling = push.rolling + push.furrows * 0.5 * (1.0 + math.cos(2.0 * (yaw - push.furrows_along)))
     driving = 0.0
-    if t < push.told:
+    if t < push.onset:
         force = car.m * (_GAIN * (push.speed - state[3]) + GRAVITY * math.sin(grade))
         driving = force * car.R_w + rolling
     for k in range(WHEELS.start, WHEELS.stop):
         share = 0.5 * (push.front if k < WHEELS.start + 2 else 1.0 - push.front)
         torque = 0.25 * (driving - rolling) - share * brake - push.driveline * state[k]
         f[k] += torque / car.I_y_w
-        # Brakes hold a wheel; they do not turn it back.
+        # Brakes hold a wheel and never turn it backwards.
         if state[k] <= 0.0 and f[k] < 0.0:
             f[k] = 0.0
     return f
@@ -90,7 +90,7 @@ def _slopes(state: Floats, t: float, grade: float, brake: float, push: CarPush, 
 
 @njit(cache=False)
 def _ground(areas: Floats, x: float, y: float) -> int:
-    """Number of the slippery area that is here, counted from 1; 0 for none."""
+    """Number of the slippery area at a place, counted from 1; 0 for none."""
     for k in range(len(areas)):
         if areas[k, 2] > 0.0 and math.hypot(x - areas[k, 0], y - areas[k, 1]) <= areas[k, 2]:
             return k + 1
@@ -101,16 +101,16 @@ def _ground(areas: Floats, x: float, y: float) -> int:
 def _stepped(
     state: Floats, t: float, h: float, grade: float, heat: float, push: CarPush, car: Any
 ) -> Floats:
-    """One step by Runge and Kutta."""
-    half, whole = t + 0.5 * h, t + h
+    """Advance by one Runge–Kutta step."""
+    half, end = t + 0.5 * h, t + h
     middle = _brake(push, half, grade, heat)
     a = _slopes(state, t, grade, _brake(push, t, grade, heat), push, car)
     b = _slopes(state + 0.5 * h * a, half, grade, middle, push, car)
     c = _slopes(state + 0.5 * h * b, half, grade, middle, push, car)
-    d = _slopes(state + h * c, whole, grade, _brake(push, whole, grade, heat), push, car)
-    found: Floats = state + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-    found[WHEELS] = np.maximum(found[WHEELS], 0.0)
-    return found
+    d = _slopes(state + h * c, end, grade, _brake(push, end, grade, heat), push, car)
+    stepped: Floats = state + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+    stepped[WHEELS] = np.maximum(stepped[WHEELS], 0.0)
+    return stepped
 
 
 @njit(cache=False)
@@ -121,22 +121,27 @@ def stop_car(
     push: CarPush,
     heat: float,
     time: Floats,
-    begun: float,
+    start: float,
     back: float,
 ) -> tuple[Floats, float, float, float, float]:
-    """One stop, held at its speed first.
+    """Drive one stop, first at constant speed.
 
     Args:
-        state: (29,) at ``begun`` [s], where the station is ``back`` [m]; the command is at 0, 0.
-        grounds: parameters of the car on the road and on each area. areas: (n, 3) x, y, radius [m].
-        push: put on from outside. heat: in the brakes [J/kg]. time: (samples,) of the rows [s].
+        state: state at time ``start`` [s] and station ``back`` [m], shape (29,); the command is at
+            time and station 0.
+        grounds: parameters of the car on the road and on each area.
+        areas: x, y, radius, shape (n, 3) [m].
+        push: external forces.
+        heat: heat in the brakes [J/kg].
+        time: times of the rows, shape (samples,) [s].
 
     Returns:
-        (samples, 9) speed, station, x, y, yaw, yaw rate, grade, pitch, roll; time of rest [s] and
-        distance [m], inf if it rolls on; deceleration before rest [m/s²]; heat [J/kg].
+        Rows of speed, station, x, y, yaw, yaw rate, grade, pitch, roll, shape (samples, 9); time of
+        rest [s] and distance [m], inf without standstill; deceleration before rest [m/s²]; heat
+        [J/kg].
     """
     rows = np.empty((len(time), 9))
-    t, s, k, slowing = begun, back, 0, 0.0
+    t, s, k, decel = start, back, 0, 0.0
     while k < len(time):
         grade = _grade(push, s)
         if t >= time[k] - 1e-9:
@@ -155,7 +160,7 @@ def stop_car(
             k += 1
             continue
         v = state[3]
-        if v < _CRAWL:
+        if v < _MIN_SPEED:
             break
         car = grounds[_ground(areas, state[0], -state[1])]
         h = min(_STEP, _STEP_BY_SPEED * v) * push.step
@@ -166,21 +171,21 @@ def stop_car(
         power = brake * (front + (1.0 - push.front) * 0.5 * (spin[2] + spin[3]))
         heat += h * (power / car.m - heat / push.cooling)
         state = _stepped(state, t, h, grade, heat, push, car)
-        slowing = (v - state[3]) / h
+        decel = (v - state[3]) / h
         s, t = s + 0.5 * h * (v + state[3]), t + h
-    if k == len(time) or slowing <= 0.0:
+    if k == len(time) or decel <= 0.0:
         rows[k:] = rows[k - 1]
         return rows, np.inf, np.inf, 0.0, heat
-    # From here on as it was last, to standstill.
-    v, left = state[3], state[3] / slowing
+    # Constant deceleration from here to standstill.
+    v, left = state[3], state[3] / decel
     last = rows[k - 1].copy()
     last[5] = 0.0
     for j in range(k, len(time)):
         since = min(time[j] - t, left)
         rows[j] = last
-        rows[j, 0] = v - slowing * since
-        rows[j, 1] = s + v * since - 0.5 * slowing * since**2
-        way = rows[j, 1] - last[1]
-        rows[j, 2] += way * math.cos(last[4])
-        rows[j, 3] += way * math.sin(last[4])
-    return rows, t + left, s + 0.5 * v * left, slowing, heat
+        rows[j, 0] = v - decel * since
+        rows[j, 1] = s + v * since - 0.5 * decel * since**2
+        distance = rows[j, 1] - last[1]
+        rows[j, 2] += distance * math.cos(last[4])
+        rows[j, 3] += distance * math.sin(last[4])
+    return rows, t + left, s + 0.5 * v * left, decel, heat

@@ -1,4 +1,4 @@
-"""What may act on a vehicle that stops, and which stops it drives: numbers only."""
+"""Parameters of a stopping vehicle's world, and of the stops that it drives."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ Floats = NDArray[np.float64]
 
 
 class Physics(NamedTuple):
-    """The base and everything that may act beside it; the defaults are what is not there.
+    """Base model and all effects that may act in addition; defaults are absent effects.
 
     Attributes:
         m_m, b_m, m_b, b_b, dead_time: F_b/W = (m_m v_i + b_m) θ + m_b v_i + b_b after dead_time.
-        drag: a += drag v² [1/m]. viscous: a += g viscous v [s/m].
+        drag: a += drag v² [1/m]; viscous: a += g viscous v [s/m].
         wind_drag, wind, wind_direction: a += c (|u| u − v²), u = v + wind cos(yaw − direction).
         lag: time constant of the force after the onset [s].
         fade, fade_tau: F/(1 + fade q), dq/dt = braking power per mass − q/fade_tau.
@@ -27,7 +27,7 @@ class Physics(NamedTuple):
         furrow, furrow_direction: F_b/W += k cos 2(yaw − direction).
         step_scale, step_delta, step_run: from that run on F_b/W × scale + delta.
         drift: F_b/W += k t.
-        ambient: F_b/W += k column, a further column of the log.
+        ambient: F_b/W += k column, another column of the log.
         ripple, ripple_length: F_b/W += A sin(2π x/length), x on the map.
         bump, bump_grade, bump_width: F_b/W += A exp(−((θ − θ₀)/w)²).
         grab, grab_speed: F_b/W += A exp(−v/v₀).
@@ -87,15 +87,17 @@ class Physics(NamedTuple):
 
 
 class Stops(NamedTuple):
-    """What is driven: (n,) each, one stop a run.
+    """Driven stops, one run per stop; every field has shape (n,).
 
     Attributes:
-        speed: held until the brakes take hold [m/s].
+        speed: speed until the onset [m/s].
         grade, wave, wave_length, wave_phase: θ(s) = grade + wave sin(2π s/length + phase).
-        roll: [rad]. curvature: [1/m]. heading, x, y: where the stop command comes [rad], [m].
-        clock: of the command on the log's clock [s].
+        roll, curvature: roll and path curvature [rad], [1/m].
+        heading, x, y: pose at the stop command [rad], [m].
+        clock: time of the command in the log [s].
         ambient: value of the further column [1].
-        friction: factor on the force of this stop. delay: added to the dead time [s].
+        friction: factor on the force of this stop [1].
+        delay: addition to the dead time [s].
     """
 
     speed: Floats

@@ -1,9 +1,9 @@
-"""How small an effect is found, by stops and noise: `python -m benchmarks.discovery.power`
+"""Smallest effect found, by stops and noise: `python -m benchmarks.discrepancy.power`
 
-Sets of the plant as they come, none drawn anew because its effect could not be known. Beside what
-was named stands what the log said that it could have seen: the change of a stop, beyond what new
-coefficients can do, from which the hidden effect would have shown. The true change is that of the
-plant's noise-free stops against the base bent to them.
+Sets of the plant as drawn, whether or not their effect is identifiable. Findings are compared with
+the change of a stop that the log states as resolvable: beyond the reach of new coefficients, large
+enough for the hidden effect to be detected. The true change is that of the plant's noise-free stops
+against the base refitted to them.
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .catalogue import Order, SetConditions, make
-from .model_tables import tables_of
-from .sealed import SealedLog, investigate_job
-from .worth import change_beyond_base
+from .blind_run import SealedLog, investigate_log, tables_of
+from .catalogue import SetConditions, SetSpec, make
+from .identifiability import change_beyond_base
 
 COUNTS = (30, 60, 120, 240)
 FACTORS = (1, 3, 10)
@@ -46,15 +45,17 @@ class PowerCase:
 
 @dataclass(frozen=True, slots=True)
 class PowerOutcome:
-    """What came of it.
+    """Outcome of one log.
 
     Attributes:
-        known: whether it can be known at all, by the plant alone.
-        right: named for certain, and nothing else. seen: among the names. wrong: another name for
-            certain. verdict: in a word.
-        change: of the stops that it changes most, beyond new coefficients [m].
-        resolvable: from which the log says that it would have shown [m]; of a clean one the median
-            over all effects.
+        known: whether the effect is identifiable, by the plant alone.
+        right: whether exactly its name was given with confidence.
+        seen: whether it is among the names.
+        wrong: whether another name was given with confidence.
+        verdict: verdict of the finding.
+        change: largest change of stops beyond new coefficients [m].
+        resolvable: change from which the log states that it would be detected [m]; of a clean log
+            the median over all effects.
     """
 
     case: PowerCase
@@ -73,7 +74,7 @@ class PowerOutcome:
 
 
 def cases(seeds: int) -> list[PowerCase]:
-    """Of each number of stops, noise, effect and size, and as many clean ones as of one effect."""
+    """All combinations of stops, noise, effect and size, and clean logs of each."""
     hidden = [("", ""), *itertools.product(EFFECTS, SIZES)]
     return [
         PowerCase(name, size, stops, factor, 1000 * seed + number)
@@ -92,30 +93,32 @@ def outcome(case: PowerCase) -> PowerOutcome:
         scatters=(_SCATTER * case.factor,),
     )
     kind, names = ("faint", (case.name,)) if case.name else ("clean", ())
-    made = make(Order(kind, names, case.size, case.seed), conditions)
-    found = investigate_job(SealedLog(made.columns, tables_of(made.configured)))
-    sure, named = found.verdict == "missing_effect", set(found.names)
-    sizes = found.resolvable
+    hidden = make(SetSpec(kind, names, case.size, case.seed), conditions)
+    finding = investigate_log(SealedLog(hidden.columns, tables_of(hidden.configured)))
+    confident, named = finding.is_confident, set(finding.names)
+    sizes = finding.resolvable
     if not case.name:
         typical = float(np.median(list(sizes.values()))) if sizes else np.inf
         return PowerOutcome(
-            case, True, found.verdict == "none", False, sure, found.verdict, 0.0, typical
+            case, True, finding.verdict == "none", False, confident, finding.verdict, 0.0, typical
         )
-    change = change_beyond_base(made.truth, made.base, made.stops, made.noise, made.scatter)
+    change = change_beyond_base(
+        hidden.truth, hidden.base, hidden.stops, hidden.noise, hidden.scatter
+    )
     return PowerOutcome(
         case,
-        made.worth.named,
-        sure and named == {case.name},
+        hidden.identifiability.has_name,
+        confident and named == {case.name},
         case.name in named,
-        sure and named != {case.name},
-        found.verdict,
+        confident and named != {case.name},
+        finding.verdict,
         change,
         sizes.get(case.name, np.inf),
     )
 
 
 def by_stops(done: Sequence[PowerOutcome]) -> list[str]:
-    """A line for each number of stops and noise."""
+    """Rows of the first table: one for each number of stops and noise."""
     lines = [
         f"{'stops':>6}{'noise':>7}{'known':>7}{'right':>7}{'of them':>9}{'wrong':>7}"
         f"{'clean none':>12}{'resolvable, median cm':>23}"
@@ -139,17 +142,17 @@ def by_stops(done: Sequence[PowerOutcome]) -> list[str]:
 
 
 def by_ratio(done: Sequence[PowerOutcome]) -> list[str]:
-    """A line for each bin of true over resolvable change."""
+    """Rows of the second table: one for each bin of true over resolvable change."""
     lines = [f"{'true / resolvable':>18}{'logs':>6}{'right':>7}{'seen':>6}{'wrong':>7}"]
-    least = 0.0
-    for most in RATIOS:
-        here = [o for o in done if o.case.name and least <= o.ratio < most]
-        told = f"{least:g} … {most:g}" if np.isfinite(most) else f"from {least:g}"
+    low = 0.0
+    for high in RATIOS:
+        here = [o for o in done if o.case.name and low <= o.ratio < high]
+        label = f"{low:g} … {high:g}" if np.isfinite(high) else f"from {low:g}"
         lines.append(
-            f"{told:>18}{len(here):>6}{sum(o.right for o in here):>7}"
+            f"{label:>18}{len(here):>6}{sum(o.right for o in here):>7}"
             f"{sum(o.seen for o in here):>6}{sum(o.wrong for o in here):>7}"
         )
-        least = most
+        low = high
     return lines
 
 
@@ -161,11 +164,11 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     done: list[PowerOutcome] = []
-    wanted = cases(given.seeds)
+    todo = cases(given.seeds)
     with multiprocessing.get_context("spawn").Pool(given.jobs) as pool:
-        for one in pool.imap(outcome, wanted):
-            done.append(one)
-            print(f"\r{len(done)} of {len(wanted)}", end="", flush=True)
+        for result in pool.imap(outcome, todo):
+            done.append(result)
+            print(f"\r{len(done)} of {len(todo)}", end="", flush=True)
             if given.json:
                 given.json.write_text(json.dumps([asdict(o) for o in done], indent=1))
     print()

@@ -1,4 +1,4 @@
-"""One finding beside its truth."""
+"""Score of a finding, compared with the truth of its set."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from .blind_run import Finding
 from .catalogue import HiddenSet
-from .fresh import Closing, closing
-from .hidden import HiddenTerm
-from .sealed import InquiryFinding
+from .fresh_stops import Closing, closing
+from .hidden_effects import HiddenTerm
 
-_PARTNERS = {"headwind": math.tau, "directional_surface": math.pi}
-_WIDTH = 1.959964  # standard deviations that hold 95 %
+_PERIODS = {"headwind": math.tau, "directional_surface": math.pi}  # [rad] of their direction
+_Z_95 = 1.959964  # standard deviations that hold 95 %
 
 _IN_STOP = ("speed", "time_since_onset", "onset_speed")
 _GRADE = ("grade", "abs_grade")
@@ -44,20 +44,23 @@ AXES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class SetOutcome:
-    """One set, one finding, and what to think of it.
+    """One set with its scored finding.
 
     Attributes:
-        kind, truth, size, design, stops, noise, scatter: what it was.
-        gap, nearest, apart: expected χ², see :class:`benchmarks.discovery.worth.Worth`.
-        identifiable: it can be found and told from its rivals.
-        verdict, named, alternatives: what was said.
-        right: the true names, all of them and no other, with confidence.
-        wrong: a name that is not true was given with confidence.
-        located: the strongest axis; axis_right: it is one of the effect's.
-        covered: per parameter of a rightly named effect, whether its 95 % interval holds the truth.
-        closing: on fresh stops. told: the workflow's own share. seconds: per 100 stops.
-        worse: see :class:`.sealed.Finding`.
-    """
+        kind, truth, size, seed, design, stops, noise, scatter: description of the set.
+        gap, nearest, apart: expected χ², see :class:`.identifiability.Identifiability`.
+        identifiable: whether the log suffices for a right answer.
+        verdict, named, alternatives: finding.
+        right: whether exactly the true names were given, with confidence.
+        wrong: whether a false name was given with confidence.
+        located: strongest axis.
+        axis_right: whether it is one of the effect's.
+        covered: whether the 95 % interval of each parameter of a named effect holds the truth.
+        closing: gap on fresh stops.
+        told: the workflow's own closed share.
+        seconds: processor time per 100 stops [s].
+        text, worse: see :class:`.blind_run.Finding`.
+    """  # words: ok, keys of results
 
     kind: str
     truth: tuple[str, ...]
@@ -69,7 +72,7 @@ class SetOutcome:
     scatter: float
     gap: float
     nearest: str
-    apart: float
+    apart: float  # words: ok, a key of results
     identifiable: bool
     verdict: str
     named: tuple[str, ...]
@@ -80,69 +83,65 @@ class SetOutcome:
     axis_right: bool
     covered: dict[str, bool]
     closing: Closing
-    told: float | None
+    told: float | None  # words: ok, a key of results
     seconds: float
     text: str
     worse: float = 0.0
 
     def record(self) -> dict[str, Any]:
-        """For JSON."""
+        """Plain data for JSON."""
         return asdict(self) | {"closed": self.closing.share}
 
 
-def score(hidden: HiddenSet, finding: InquiryFinding) -> SetOutcome:
-    """Compare."""
-    order = hidden.order
-    sure = finding.verdict == "missing_effect"
-    truth, named = set(order.names), set(finding.names)
-    others = {name for effect in finding.effects for name in effect["alternatives"]}
+def score(hidden: HiddenSet, finding: Finding) -> SetOutcome:
+    """Compare a finding with the truth."""
+    spec, known = hidden.spec, hidden.identifiability
+    truth, named = set(spec.names), set(finding.names)
+    alternatives = {name for effect in finding.effects for name in effect["alternatives"]}
     axis = finding.located[0][0] if finding.located else ""
-    wanted = {word for name in order.names for word in AXES.get(name, ())}
+    stops = len(hidden.stops.speed)
     return SetOutcome(
-        order.kind,
-        order.names,
-        order.size,
-        order.seed,
+        spec.kind,
+        spec.names,
+        spec.size,
+        spec.seed,
         hidden.design,
-        len(hidden.stops.speed),
+        stops,
         hidden.noise,
         hidden.scatter,
-        hidden.worth.gap,
-        hidden.worth.nearest,
-        hidden.worth.apart,
+        known.gap,
+        known.nearest,
+        known.apart,
         hidden.identifiable,
         finding.verdict,
         finding.names,
-        tuple(sorted(others)),
-        sure and named == truth,
-        sure and bool(named - truth),
-        finding.located[0][0] if finding.located else "",
-        axis in wanted,
-        _covered(hidden.hidden, finding) if sure else {},
+        tuple(sorted(alternatives)),
+        finding.is_confident and named == truth,
+        finding.is_confident and bool(named - truth),
+        axis,
+        any(axis in AXES.get(name, ()) for name in spec.names),
+        _covered(hidden.hidden, finding) if finding.is_confident else {},
         closing(hidden, finding),
         finding.closed,
-        finding.seconds * 100.0 / max(len(hidden.stops.speed), 1),
+        finding.seconds * 100.0 / max(stops, 1),
         finding.text,
         finding.worse,
     )
 
 
-def _covered(hidden: tuple[HiddenTerm, ...], finding: InquiryFinding) -> dict[str, bool]:
-    """Whether each 95 % interval holds the truth; what is no number to be estimated is left out."""
-    found = {}
+def _covered(hidden: tuple[HiddenTerm, ...], finding: Finding) -> dict[str, bool]:
+    """Whether each 95 % interval holds the truth; parameters without an interval are omitted."""
+    covered = {}
     by_name = {effect["name"]: effect["parameters"] for effect in finding.effects}
-    for effect in hidden:
-        said = by_name.get(effect.name, {})
-        for key, true in effect.parameters.items():
-            value, std = said.get(key, (math.nan, math.nan))
+    for term in hidden:
+        estimates = by_name.get(term.name, {})
+        for key, true in term.parameters.items():
+            value, std = estimates.get(key, (math.nan, math.nan))
             if key == "run" or not (math.isfinite(value) and std > 0.0):
                 continue
-            found[f"{effect.name}.{key}"] = _apart(effect.name, key, value, true) <= _WIDTH * std
-    return found
-
-
-def _apart(name: str, key: str, value: float, true: float) -> float:
-    if key == "direction":
-        turn = _PARTNERS[name]
-        return abs((value - true + 0.5 * turn) % turn - 0.5 * turn)
-    return abs(value - true)
+            error = abs(value - true)
+            if key == "direction":
+                period = _PERIODS[term.name]
+                error = abs((value - true + 0.5 * period) % period - 0.5 * period)
+            covered[f"{term.name}.{key}"] = error <= _Z_95 * std
+    return covered

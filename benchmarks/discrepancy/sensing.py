@@ -1,4 +1,4 @@
-"""What a robot logs of its stops: noise, steps of the encoder, and a body that rocks back."""
+"""Drive logs of stops: noise, steps of the encoder, and a body that rocks back."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .physics import Floats, Stops
-from .plant import DrivenStops
+from .effect_plant import DrivenStops
+from .plant_physics import Floats, Stops
 
 RATE = 50.0
-"""Samples a second."""
+"""Sampling rate [Hz]."""
 
 BEFORE, AFTER = 2.0, 1.0
-"""Logged before each command and after each standstill [s]."""
+"""Logged time before each command and after each standstill [s]."""
 
 QUANTUM = 0.01
-"""Of the logged speed [m/s]."""
+"""Step of the logged speed [m/s]."""
 
 CORRELATED, MEMORY = 0.2, 0.08
-"""Share of the speed noise's variance that lasts, and for how long [s]."""
+"""Correlated share of the speed noise's variance [1], and its time constant [s]."""
 
 _PITCH, _ROLL, _YAW = 0.004, 0.004, 0.01  # [rad]
 _YAW_RATE = 0.01  # [rad/s]
@@ -36,11 +36,12 @@ def sample_times(longest: float) -> Floats:
 
 
 def log(motion: DrivenStops, stops: Stops, noise: float, rng: np.random.Generator) -> Columns:
-    """Columns of a drive log, the runs one behind the other.
+    """Columns of a drive log, one run after the other.
 
     Args:
-        motion: what happened, sampled on :func:`sample_times`.
-        stops: what was driven. noise: of the speed, one standard deviation [m/s].
+        motion: true motion, sampled on :func:`sample_times`.
+        stops: as driven.
+        noise: standard deviation of the speed [m/s].
         rng: draws all noise.
 
     Stops that never come to rest end where the sampling ends.
@@ -53,7 +54,7 @@ def log(motion: DrivenStops, stops: Stops, noise: float, rng: np.random.Generato
     speed = motion.speed - rock * np.sin(_ROCK_SPEED * after)
     speed = speed + noise * _correlated(shape, rng)
     count = np.arange(len(stops.speed))[:, None]
-    told = np.where(time[None, :] < 0.0, stops.speed[:, None], 0.0)
+    command = np.where(time[None, :] < 0.0, stops.speed[:, None], 0.0)
 
     def noisy(values: Floats, std: float) -> Floats:
         return values + std * rng.standard_normal(shape)
@@ -62,7 +63,7 @@ def log(motion: DrivenStops, stops: Stops, noise: float, rng: np.random.Generato
         "run": np.broadcast_to(count, shape),
         "t": stops.clock[:, None] + time[None, :],
         "v": np.round(speed / QUANTUM) * QUANTUM,
-        "v_cmd": told,
+        "v_cmd": command,
         "pitch": noisy(-motion.grade, _PITCH),
         "roll": noisy(motion.roll, _ROLL),
         "yaw": np.mod(noisy(motion.yaw, _YAW) + np.pi, 2.0 * np.pi) - np.pi,
@@ -77,13 +78,13 @@ def log(motion: DrivenStops, stops: Stops, noise: float, rng: np.random.Generato
 
 
 def _correlated(shape: tuple[int, int], rng: np.random.Generator) -> Floats:
-    """Unit noise: most of it white, the rest of first order."""
+    """Unit noise, most of it white, the rest of first order."""
     from scipy.signal import lfilter
 
     a = float(np.exp(-1.0 / (RATE * MEMORY)))
-    drive = rng.standard_normal(shape) * np.sqrt(1.0 - a * a)
-    drive[:, 0] /= np.sqrt(1.0 - a * a)
-    slow = lfilter([1.0], [1.0, -a], drive, axis=1)
+    innovation = rng.standard_normal(shape) * np.sqrt(1.0 - a * a)
+    innovation[:, 0] /= np.sqrt(1.0 - a * a)
+    slow = lfilter([1.0], [1.0, -a], innovation, axis=1)
     white = rng.standard_normal(shape)
     mixed: Floats = np.sqrt(1.0 - CORRELATED) * white + np.sqrt(CORRELATED) * slow
     return mixed

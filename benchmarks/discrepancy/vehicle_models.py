@@ -1,7 +1,7 @@
-"""The multi-body car of CommonRoad's vehicle models, compiled: nobody here wrote it.
+"""The multi-body car of CommonRoad's vehicle models, compiled.
 
 Source: Althoff and Würsching, CommonRoad: Vehicle Models, 2020, tables 6 and 7; package
-commonroad-vehicle-models, vehicle 2 (BMW 320i). Its functions are compiled as they are.
+commonroad-vehicle-models, vehicle 2 (BMW 320i). Its functions are compiled unchanged.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from vehiclemodels.utils import (
 )
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-from .physics import Floats
+from .plant_physics import Floats
 
 _VEHICLE = 2
 _LOOSE = 1.1
-"""Shape C of the tyre's curve on loose or wet ground: it keeps its peak when it slides."""
+"""Shape C of the tyre's curve on loose or wet ground: friction stays at its peak while sliding."""
 
 WHEELS = slice(23, 27)
-"""Of the state: spin of the wheels, front left, front right, rear left, rear right [rad/s]."""
+"""Wheel speeds in the state, front left, front right, rear left, rear right [rad/s]."""
 
 
 def _compiled(function: FunctionType, **known: Any) -> Any:
-    """A function of the package that finds compiled ones where it looks for its helpers."""
+    """Compile a function of the package together with compiled helpers."""
     return njit(FunctionType(function.__code__, function.__globals__ | known, function.__name__))
 
 
@@ -67,10 +67,10 @@ The frame is the package's: x ahead, y right, z down.
 """
 
 
-def _numbers(name: str, found: Any) -> Any:
-    """Parameters of the package as tuples of numbers, which compiled functions take."""
+def _numbers(name: str, parameters: Any) -> Any:
+    """Parameters of the package as tuples of numbers, which compiled functions accept."""
     values: dict[str, Any] = {}
-    for key, value in vars(found).items():
+    for key, value in vars(parameters).items():
         if hasattr(value, "__dict__"):
             inner = _numbers(key, value)
             if len(inner):
@@ -81,7 +81,7 @@ def _numbers(name: str, found: Any) -> Any:
 
 
 CAR = _numbers("CarParameters", setup_vehicle_parameters(_VEHICLE))
-"""Parameters of the car as it left the works."""
+"""Parameters of the unmodified car."""
 
 
 def loaded(payload: float) -> Any:
@@ -105,13 +105,13 @@ def on_ground(car: Any, friction: float) -> Any:
 
 
 def rolling_state(car: Any, speed: float, heading: float, steer: float, curvature: float) -> Floats:
-    """A car that rolls along an arc of this curvature; (29,), in the package's frame."""
+    """State of a car on an arc, shape (29,), in the package's frame."""
     turn = speed * curvature
     core = [0.0, 0.0, steer, speed, heading, turn, 0.0]
     state = np.array(init_mb(core, car), np.float64)
     # The rear axle does not slip sideways.
-    aside = car.b * turn
-    state[10], state[15], state[20] = aside, aside + car.a * turn, 0.0
+    lateral = car.b * turn
+    state[10], state[15], state[20] = lateral, lateral + car.a * turn, 0.0
     half = 0.5 * turn * np.array([car.T_f, -car.T_f, car.T_r, -car.T_r])
     state[WHEELS] = (speed + half) / car.R_w
     return state

@@ -150,7 +150,7 @@ def show(result: Result, console: Console) -> None:
         *(run_["name"] for run_ in runs),
     )
     for name in ("p50", "p99", "max"):
-        limit = f" (wanted ≤ {duration(targets[name])})" if name in targets else ""  # words: ok
+        limit = f" (target ≤ {duration(targets[name])})" if name in targets else ""
         table.add_row(f"{name}{limit}", *(duration(r[name]) for r in runs))
     for name in ("p50", "p99"):
         times = (duration(r[f"processor_{name}"]) for r in runs)

@@ -181,7 +181,7 @@ def _growth_table(title: str, by: str, rows: list[Result]) -> Table:
 
 
 def _target_table(rows: list[Result]) -> Table:
-    table = table_of("Targets", "wanted", "reached", "by least times", "")
+    table = table_of("Targets", "target", "reached", "by least times", "")
     for row in rows:
         unit = row["unit"]
         reached = (
