@@ -1,43 +1,43 @@
-"""The whole benchmark: learn from stops, then let every policy drive the same scenes."""
+"""The closed-loop benchmark: learn from stops, then let every policy drive the same scenes."""
 
 from __future__ import annotations
 
-import dataclasses
+import hashlib
 import time
 from collections.abc import Callable, Iterable
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from slopewise.models.parameters import Model
 
-from ..common.jobs import Progress, do_all
-from .calibration import stops_of_drive
-from .drive import run_drive
-from .kept import kept
-from .learning import fit
-from .metrics import Result, summary, targets
+from ..common.campaign import BenchmarkRequest, Progress, run_numbered
+from ..common.result_cache import PickleCache, digest_of_sources
+from .drive_loop import run_drive
+from .learning_drives import stops_of_drive
+from .loop_calibration import COEFFICIENTS, fit
+from .loop_metrics import Result, show, summary, targets
 from .moving_horizon import MovingHorizon
-from .policies import (
-    CurvatureOnly,
-    FixedSpeed,
-    LevelStop,
-    Planned,
-    Policy,
-    foresighted,
-)
+from .policies import CurvatureOnly, FixedSpeed, LevelStop, Planned, Policy, oracle_policy
 from .records import DrivenScene
 from .scenes import dem_folder, scene
 from .stop_sample import StopSample
 
-OWN, PERFECT = "slopewise", "perfect knowledge"
+__all__ = ["run", "show"]
 
-_EXACT = 10_000  # number of the first drive to learn from perfectly
+SLOPEWISE, PERFECT = "slopewise", "perfect knowledge"
+
+_EXACT = 10_000  # number of the first drive to learn from without noise
+_SOURCES = ("benchmarks/closed_loop", "models", "planner")
+_IGNORED_SOURCES = ("loop_campaign.py", "loop_metrics.py")
+_LIBRARIES = ("mujoco", "numpy", "scipy")
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class DriveCounts:
-    """How many drives: of slopewise and perfect knowledge, of each other policy, and to learn."""
+    """Number of drives by slopewise and perfect knowledge, by each other policy, to learn from."""
 
     drives: int
     baseline_drives: int
@@ -49,26 +49,12 @@ FULL = DriveCounts(drives=330, baseline_drives=45, calibration=180, exact_calibr
 QUICK = DriveCounts(drives=12, baseline_drives=6, calibration=75, exact_calibration=45)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Campaign:
-    """Everything that came of it.
-
-    Attributes:
-        result: for JSON. drives: of each policy. model: learned. dem: folder, if there is one.
-    """
-
-    result: Result
-    drives: dict[str, list[DrivenScene]]
-    model: Model
-    dem: Path | None
-
-
 def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
     """Makers of all policies by name; another planner joins by one more line."""
     makers: list[Callable[[], Policy]] = [
         partial(MovingHorizon, model),
         partial(Planned, model),
-        partial(foresighted, perfect),
+        partial(oracle_policy, perfect),
         partial(FixedSpeed, model, 2.0),
         partial(FixedSpeed, model, 3.5),
         partial(LevelStop, model),
@@ -77,64 +63,41 @@ def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
     return {make().name: make for make in makers}
 
 
-def run(size: DriveCounts, progress: Progress, keep: Path | None = None) -> Campaign:
-    """Learn and drive.
-
-    Args:
-        size: how much.
-        progress: called with a name and a total, gives what advances the bar.
-        keep: folder of results, see :mod:`benchmarks.closed_loop.kept`; what is in it already is
-            not driven again.
-    """
-    began = time.perf_counter()
+def run(request: BenchmarkRequest, progress: Progress) -> Result:
+    """Learn and drive; results in the folder of the request are not computed again."""
+    start = time.perf_counter()
+    size = QUICK if request.quick else FULL
     dem = dem_folder()
 
-    def drive_all(
-        work: Callable[[int], Any], numbers: Iterable[int], what: str, *origins: object
+    def run_all(
+        work: Callable[[int], Any], numbers: Iterable[int], title: str, *origins: object
     ) -> list[Any]:
-        where = kept(keep, what, *origins) if keep is not None else None
-        return do_all(work, numbers, progress, what, where)
+        folder = None if request.out is None else request.out / "runs"
+        stored = None if folder is None else drive_cache(folder, title, *origins)
+        return run_numbered(work, numbers, progress, title, stored)
 
-    samples = drive_all(partial(stops_of_drive, exact=False), range(size.calibration), "learning")
-    exact = drive_all(
-        partial(stops_of_drive, exact=True),
-        range(_EXACT, _EXACT + size.exact_calibration),
-        "learning perfectly",
-    )
-    stops, exact_stops = _flat(samples), _flat(exact)
-    model, perfect = fit(stops, OWN), fit(exact_stops, PERFECT)
-    makers = policies(model, perfect)
-    drives = {
-        name: drive_all(
-            _Driver(make, dem),
-            range(size.drives if name in (OWN, PERFECT) else size.baseline_drives),
-            f"driving: {name}",
-            perfect if name == PERFECT else model,
-        )
-        for name, make in makers.items()
-    }
+    noisy = partial(stops_of_drive, exact=False)
+    samples = _flat(run_all(noisy, range(size.calibration), "learning"))
+    exact_numbers = range(_EXACT, _EXACT + size.exact_calibration)
+    exact = _flat(run_all(partial(stops_of_drive, exact=True), exact_numbers, "learning perfectly"))
+    model, perfect = fit(samples, SLOPEWISE), fit(exact, PERFECT)
+    drives = {}
+    for name, make in policies(model, perfect).items():
+        count = size.drives if name in (SLOPEWISE, PERFECT) else size.baseline_drives
+        origin = perfect if name == PERFECT else model
+        drives[name] = run_all(_Driver(make, dem), range(count), f"driving: {name}", origin)
     results = {name: summary(of, drives[PERFECT][: len(of)]) for name, of in drives.items()}
-    result = {
+    stop_keys = ("speed", "grade", "surface", "actual", "predicted", "left", "forced")
+    return {
         "ground": "public elevation models and hills" if dem else "generated hills",
-        "learned": {OWN: _learned(model, stops), PERFECT: _learned(perfect, exact_stops)},
+        "learned": {SLOPEWISE: _learned(model, samples), PERFECT: _learned(perfect, exact)},
         "policies": results,
-        "targets": targets(results, OWN, PERFECT),
+        "targets": targets(results, SLOPEWISE, PERFECT),
         "stops": [
-            {
-                "speed": s.speed,
-                "grade": s.grade,
-                "surface": s.surface,
-                "actual": s.actual,
-                "predicted": s.predicted,
-                "left": s.left,
-                "forced": s.forced,
-            }
-            for drive in drives[OWN]
-            for s in drive.stops
+            {key: getattr(s, key) for key in stop_keys} for d in drives[SLOPEWISE] for s in d.stops
         ],
-        "seconds": time.perf_counter() - began,
+        "seconds": time.perf_counter() - start,
     }
-    return Campaign(result, drives, model, dem)
 
 
 class _Driver:
@@ -153,22 +116,38 @@ def _flat(lists: list[list[StopSample]]) -> list[StopSample]:
 
 
 def _learned(model: Model, samples: list[StopSample]) -> Result:
+    keys = (*COEFFICIENTS, "distance_offset", "speed_range", "grade_range")
+    braking = model.braking
     return {
         "stops": len(samples),
-        "dead_time": model.braking.dead_time,
+        "dead_time": braking.dead_time,
         "surfaces": {
-            name: {
-                key: getattr(model.braking.on(name), key)
-                for key in (
-                    "m_m",
-                    "b_m",
-                    "m_b",
-                    "b_b",
-                    "distance_offset",
-                    "speed_range",
-                    "grade_range",
-                )
-            }
-            for name in model.braking.terrain
+            name: {key: getattr(braking.on(name), key) for key in keys} for name in braking.terrain
         },
     }
+
+
+def drive_cache(folder: Path, title: str, *origins: object) -> PickleCache:
+    """Cache of the results of one kind of work.
+
+    Args:
+        folder: folder of the whole campaign.
+        title: name of the work.
+        origins: dependencies that are neither sources nor data, by their representation.
+    """
+    digest = hashlib.sha256(repr((_source_digest(), *origins)).encode())
+    name = "".join(c if c.isalnum() else "_" for c in title)
+    return PickleCache(folder / f"{name}-{digest.hexdigest()[:16]}")
+
+
+@cache
+def _source_digest() -> str:
+    """Digest of sources, libraries and elevation models."""
+    dem = dem_folder()
+    models = sorted(dem.glob("*.tif")) if dem is not None else []
+    return digest_of_sources(
+        _SOURCES,
+        _IGNORED_SOURCES,
+        *(version(name) for name in _LIBRARIES),
+        *(f"{file.name} {file.stat().st_size}" for file in models),
+    )

@@ -1,6 +1,6 @@
-"""Ground of the closed loop: a crop of a public elevation model, waves, or an even slope.
+"""Ground of the closed loop: a crop of a public elevation model, waves, or a uniform slope.
 
-None is steeper than the vehicle is to be trained for. Three surfaces lie on it in patches.
+None is steeper than the trained grades. Three surfaces lie on it in patches.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from slopewise.models.arrays import Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 
 SURFACES = ("firm", "gravel", "grass")
-"""Names that the planner's map and the learned model share."""
+"""Names of the surfaces in the planner's map and in the learned model."""
 
 RESOLUTION = 0.25
 """Edge of a cell [m]."""
 
-STEEPEST = np.deg2rad(21.0)
-"""No hill is steeper [rad]; routes keep to 20°."""
+MAX_GRADE = np.deg2rad(21.0)
+"""Steepest grade of a hill [rad]; routes keep to 20°."""
 
 _SIZE = 60.0  # [m] edge of a terrain
 _CELLS = int(_SIZE / RESOLUTION) + 1
 _PATCH = 8.0  # [m] size of a surface patch
-_LEAST_RELIEF = np.deg2rad(16.0)  # crops that are flatter everywhere prove nothing
-_MAP_NOISE = 0.004  # [m] of each cell of the map that the planner is told
-_DEM_SMOOTHING = 1.0  # [m] a one-metre model has steps and noise of its own
+_MIN_RELIEF = np.deg2rad(16.0)  # flatter crops are no test
+_MAP_NOISE = 0.004  # [m] of each cell of the planner's map
+_DEM_SMOOTHING = 1.0  # [m]; a one-metre model has steps and noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +37,9 @@ class PhysicsGround:
     """Square ground with its lower left corner at the origin.
 
     Attributes:
-        height: (n, n) heights of the grid points [m], row 0 at minimum y.
-        surface: (n, n) index into :data:`SURFACES`.
-        source: where it is from.
+        height: heights of the grid points, row 0 at minimum y, shape (n, n) [m].
+        surface: index into :data:`SURFACES`, shape (n, n).
+        source: origin, for reports.
     """
 
     height: Floats
@@ -48,24 +48,21 @@ class PhysicsGround:
 
     @property
     def size(self) -> float:
-        """Edge of the ground [m]."""
+        """Length of an edge [m]."""
         return (len(self.height) - 1) * RESOLUTION
 
     def surface_at(self, x: Floats, y: Floats) -> Ints:
-        """Index of the surface at points, (k,)."""
+        """Index of the surface at points, shape (k,)."""
         last = len(self.height) - 1
         column = np.minimum(np.maximum(x / RESOLUTION + 0.5, 0.0), last).astype(np.int64)
         row = np.minimum(np.maximum(y / RESOLUTION + 0.5, 0.0), last).astype(np.int64)
         return self.surface[row, column]
 
-    def told(self, rng: np.random.Generator | None, unknown: np.ndarray | None = None) -> Floats:
-        """Heights as a robot's map has them: noisy, or exact without a generator; NaN unknown."""
-        height = self.height.copy()
-        if rng is not None:
-            height += rng.normal(0.0, _MAP_NOISE, height.shape)
-        if unknown is not None:
-            height[unknown] = np.nan
-        return height
+    def mapped_heights(self, rng: np.random.Generator | None) -> Floats:
+        """Heights of a robot's map: noisy, or exact without a generator [m]."""
+        if rng is None:
+            return self.height
+        return self.height + rng.normal(0.0, _MAP_NOISE, self.height.shape)
 
     def elevation_map(self, heights: Floats) -> ElevationMap:
         """The planner's map with these heights."""
@@ -79,7 +76,7 @@ class PhysicsGround:
 
 
 def slope(direction: float, steepness: float, rng: np.random.Generator) -> PhysicsGround:
-    """An even slope that rises towards a direction [rad], with patches of every surface."""
+    """A uniform slope that rises towards a direction [rad], with patches of every surface."""
     along = RESOLUTION * np.arange(_CELLS)
     x, y = np.meshgrid(along, along)
     height = np.tan(steepness) * (np.cos(direction) * x + np.sin(direction) * y)
@@ -96,20 +93,21 @@ def hills(rng: np.random.Generator) -> PhysicsGround:
         turn, phase = rng.uniform(0.0, 2.0 * np.pi, 2)
         wave = 2.0 * np.pi / length * (np.cos(turn) * x + np.sin(turn) * y) + phase
         height += length * rng.uniform(0.3, 1.0) * np.sin(wave)
-    height *= np.tan(rng.uniform(_LEAST_RELIEF, STEEPEST)) / np.tan(_steepest(height))
+    height *= np.tan(rng.uniform(_MIN_RELIEF, MAX_GRADE)) / np.tan(_max_grade(height))
     return PhysicsGround(height - height.min(), _patches(rng), "generated hills")
 
 
 def crop(
     folder: Path, rng: np.random.Generator, part: tuple[float, float] = (0.0, 1.0)
 ) -> PhysicsGround:
-    """A piece of a one-metre elevation model (GeoTIFF) that is hilly and nowhere too steep.
+    """Crop a hilly part of a one-metre elevation model (GeoTIFF) that is nowhere too steep.
 
-    Heights are as surveyed, smoothed over a metre and drawn out between the points by a spline.
+    Surveyed heights are smoothed over a metre and interpolated by a spline.
 
     Args:
-        folder: with elevation models. rng: draws one of them, and the place.
-        part: of its rows, from and to, as shares.
+        folder: contains elevation models.
+        rng: draws one of them, and the place.
+        part: range of its rows, as shares.
     """
     files = sorted(folder.glob("*.tif"))
     cells = int(_SIZE) + 1
@@ -124,7 +122,7 @@ def crop(
             continue
         piece = gaussian_filter(piece, _DEM_SMOOTHING)
         height = zoom(piece, _CELLS / cells, order=3)
-        if _LEAST_RELIEF < _steepest(height) < STEEPEST:
+        if _MIN_RELIEF < _max_grade(height) < MAX_GRADE:
             source = f"{file.name} [{row}, {column}]"
             return PhysicsGround(height - height.min(), _patches(rng), source)
 
@@ -139,7 +137,7 @@ def _read(file: Path) -> Floats:
     return filled
 
 
-def _steepest(height: Floats) -> float:
+def _max_grade(height: Floats) -> float:
     rise_y, rise_x = np.gradient(height, RESOLUTION)
     return float(np.arctan(np.hypot(rise_x, rise_y).max()))
 

@@ -48,7 +48,7 @@ class CarNature:
         air: force on the body per relative air speed squared [N s²/m²]; wind [m/s] blows against
             a vehicle that heads towards ``wind_from`` [rad].
         driveline: viscous torque of each wheel [N m s].
-        fading: largest share of the brakes lost by heat [1], of which all except 1/e at ``hot`` [J/kg].
+        fading: largest share of the brakes lost by heat [1], 1 − 1/e of it at ``hot`` [J/kg].
         cooling: time constant of that heat [s].
         glazing: share of the brakes lost per second of the session [1/s].
         furrows: resistance across them over the dry weight, none along [1]; ``furrows_along`` is
