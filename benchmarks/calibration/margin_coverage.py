@@ -1,9 +1,9 @@
-"""Do margins hold on fresh stops, and do they smother? `python -m benchmarks.calibration.margins`
+"""Coverage and cost of margins: `python -m benchmarks.calibration.margin_coverage`
 
-A log of each vehicle is calibrated as it is. Then 40,000 fresh stops are held against what a plan
-allows at a quantile: the force lower by √(φᵀ S φ) of the model file, the dead time longer, the
-constant added, the worst of the states. The mean excess is over the stops' mean distances, beside
-that of the true distribution's own quantile.
+A log of each vehicle is calibrated. Then 40,000 fresh stops are compared with the allowed distance
+at a quantile: force reduced by √(φᵀ S φ) of the model file, longer dead time, constant added, worst
+of the states. The mean excess is over the median distance, next to that of the true distribution's
+quantile.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from slopewise.models.calibration.learn import Calibration, learn
 from slopewise.models.parameters import Braking
 from slopewise.planner.ground.uncertainty import Uncertainty
 
-from .plant import PlantVehicle, conditions, distances, drive_log
+from .stop_plant import PlantVehicle, conditions, distances, drive_log
 
 VEHICLES = (
     PlantVehicle(name="exact", stops=60, scatter=0.0),
@@ -41,7 +41,8 @@ VEHICLES = (
     PlantVehicle(name="6 sessions", stops=120, scatter=0.02, late=0.02, session=0.03, sessions=6),
 )
 QUANTILES = (0.99, 0.999)
-FRESH, _TRUE = 40_000, 4_000
+FRESH, _REPEATS = 40_000, 4_000  # stops; of each of the conditions below
+_CONDITIONS = 300  # at which the true quantile is drawn
 _KNOWN = Braking(
     m_m=0.0,
     b_m=-0.1,
@@ -54,14 +55,17 @@ _KNOWN = Braking(
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
-    """What fresh stops say of one vehicle's margins at one quantile.
+class MarginCoverage:
+    """Margins of one vehicle at one quantile, on fresh stops.
 
     Attributes:
-        beyond: share of the stops. promised: at most. excess, true_excess: mean, over the mean
-            distance at the same speed and grade [m]; endless bounds are left out and counted.
-        endless: share of the stops that the bound gives no end.
-    """
+        beyond: share of the stops beyond the allowed distance [1].
+        promised: largest share that the quantile permits [1].
+        excess, true_excess: mean over the median distance at the same speed and grade [m];
+            unbounded distances are excluded and counted.
+        endless: share of the stops without a bounded distance [1].
+        state: whether a degraded state was learned.
+    """  # words: ok, keys of its JSON
 
     vehicle: str
     seed: int
@@ -71,26 +75,28 @@ class Held:
     promised: float
     excess: float
     true_excess: float
-    endless: float
+    endless: float  # words: ok, a key of its JSON
     state: bool
 
 
-def bound(braking: Braking, speed: Floats, grade: Floats, quantile: float) -> Floats:
-    """What a plan allows on even slopes [m]; the worst of the states."""
-    told = Uncertainty(quantile=quantile)
+def allowed_distance(braking: Braking, speed: Floats, grade: Floats, quantile: float) -> Floats:
+    """Allowed distance on uniform slopes, the worst of the states [m]."""
+    uncertainty = Uncertainty(quantile=quantile)
     x = np.column_stack((speed * grade, grade, speed, np.ones_like(speed)))
     worst = np.zeros_like(speed)
     for name in ("", *braking.states_of("")):
         on = braking.on(name) if name else braking
         force = x @ np.array([on.m_m, on.b_m, on.m_b, on.b_b])
-        force = force - np.sqrt(np.einsum("ni,ij,nj->n", x, told.force_matrix(on), x))
-        late = np.full_like(speed, told.dead_time(on))
+        force = force - np.sqrt(np.einsum("ni,ij,nj->n", x, uncertainty.force_matrix(on), x))
+        late = np.full_like(speed, uncertainty.dead_time(on))
         worst = np.maximum(worst, distances(speed, grade, force, late) + on.distance_offset)
     return worst
 
 
-def hold(vehicle: PlantVehicle, seed: int, fresh: int = FRESH) -> tuple[list[Held], Calibration]:
-    """Calibrate one log of a vehicle and hold fresh stops against it."""
+def check_margins(
+    vehicle: PlantVehicle, seed: int, fresh: int = FRESH
+) -> tuple[list[MarginCoverage], Calibration]:
+    """Calibrate one log of a vehicle and compare fresh stops with its margins."""
     rng = np.random.default_rng([seed, *vehicle.name.encode()])
     columns, runs, ground = drive_log(vehicle, rng)
     learned = learn(columns, runs, _KNOWN, ground=ground)
@@ -98,57 +104,57 @@ def hold(vehicle: PlantVehicle, seed: int, fresh: int = FRESH) -> tuple[list[Hel
     actual = distances(
         speed, grade, _forces(vehicle, speed, grade, rng), vehicle.delays(fresh, rng)
     )
-    part = slice(0, 300)
-    many = (_TRUE, 300)
-    v, theta = (np.broadcast_to(a[part], many) for a in (speed, grade))
-    drawn = distances(v, theta, _forces(vehicle, v, theta, rng), vehicle.delays(many, rng))
-    middle = np.median(drawn, axis=0)
-    held = []
+    part = slice(0, _CONDITIONS)
+    shape = (_REPEATS, _CONDITIONS)
+    v, theta = (np.broadcast_to(a[part], shape) for a in (speed, grade))
+    repeats = distances(v, theta, _forces(vehicle, v, theta, rng), vehicle.delays(shape, rng))
+    middle = np.median(repeats, axis=0)
+    coverage = []
     for q in QUANTILES:
-        allowed = bound(learned.braking, speed, grade, q)
-        true = np.quantile(drawn, q, axis=0)
-        ends = np.isfinite(allowed[part]) & np.isfinite(true)
-        held.append(
-            Held(
+        allowed = allowed_distance(learned.braking, speed, grade, q)
+        true = np.quantile(repeats, q, axis=0)
+        finite = np.isfinite(allowed[part]) & np.isfinite(true)
+        coverage.append(
+            MarginCoverage(
                 vehicle.name,
                 seed,
                 vehicle.stops,
                 q,
                 float(np.mean(actual > allowed)),
                 1.0 - q,
-                float(np.mean((allowed[part] - middle)[ends])),
-                float(np.mean((true - middle)[ends])),
+                float(np.mean((allowed[part] - middle)[finite])),
+                float(np.mean((true - middle)[finite])),
                 float(np.mean(~np.isfinite(allowed))),
                 learned.surfaces[0].state is not None,
             )
         )
-    return held, learned
+    return coverage, learned
 
 
 def _forces(
     vehicle: PlantVehicle, speed: Floats, grade: Floats, rng: np.random.Generator
 ) -> Floats:
-    """Of stops of another session each."""
+    """F_b/W of stops, each in another session."""
     day = 1.0 + vehicle.session * rng.standard_normal(np.shape(speed))
     return np.asarray(vehicle.forces(speed, grade, rng) * day)
 
 
 def main() -> None:
-    """Measure, print a table, write JSON where asked."""
+    """Measure, print a table, write JSON on request."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=3, help="logs of each vehicle")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    rows: list[Held] = []
+    rows: list[MarginCoverage] = []
     print(
         f"{'vehicle':28}{'stops':>6}{'q':>7}{'beyond %':>10}{'of promised':>12}"
         f"{'worst log':>10}{'excess m':>10}{'true m':>8}{'times':>7}{'endless':>9}"
     )
     for vehicle in VEHICLES:
-        own = [h for seed in range(given.seeds) for h in hold(vehicle, seed)[0]]
-        rows += own
+        logs = [h for seed in range(given.seeds) for h in check_margins(vehicle, seed)[0]]
+        rows += logs
         for q in QUANTILES:
-            at = [h for h in own if h.quantile == q]
+            at = [h for h in logs if h.quantile == q]
             share = [h.beyond / h.promised for h in at]
             excess, true = (
                 float(np.mean([getattr(h, n) for h in at])) for n in ("excess", "true_excess")

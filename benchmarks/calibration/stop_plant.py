@@ -1,4 +1,4 @@
-"""Stops of vehicles that nobody calibrated: their drive logs, and fresh stops beside them.
+"""Stops of uncalibrated vehicles: drive logs, and fresh stops of the same brakes.
 
 Own formulas: a stop is integrated by scipy's solve_ivp for the log; fresh stops on even slopes have
 s = v t_d + v² / (2 g (F + sin θ)). Nothing is shared with the models but the form of the law.
@@ -16,24 +16,25 @@ from scipy.integrate import solve_ivp
 from slopewise.models.arrays import Floats
 
 G = 9.80665
-SPEEDS = (1.0, 4.0)
-GRADES = (-0.2, 0.2)
-_LEAD, _TAIL, _HZ = 1.2, 0.8, 50.0
+SPEEDS = (1.0, 4.0)  # [m/s]
+GRADES = (-0.2, 0.2)  # [rad]
+_LEAD, _TAIL, _HZ = 1.2, 0.8, 50.0  # [s], [s], [Hz] of the log
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantVehicle:
-    """Brakes as they are.
+    """True parameters of the brakes.
 
     Attributes:
-        name: in tables. stops: in the log.
-        scatter: of the force from stop to stop; a share of it, or of the weight if not `shared`.
-        freedom: of Student's t behind it, 0 for a normal one; of the same standard deviation.
+        name: shown in tables.
+        stops: number of stops in the log.
+        scatter: force scatter from stop to stop over the force, over the weight if not `shared`.
+        freedom: degrees of Student's t for it, 0 for a normal one; of equal standard deviation.
         late: standard deviation of the dead time [s].
-        weak: share of the stops with `ratio` of the force.
-        session: standard deviation of the force from session to session, a share of it.
-        level: share of the brakes at each stop of the log, full if empty. rolling: resistance that
-            stays when it is less [1].
+        weak: share of the stops with `ratio` of the force [1].
+        session: standard deviation of the force from session to session, over the force [1].
+        level: share of the brakes at each stop of the log, full if empty [1].
+        rolling: resistance that remains when it is smaller [1].
     """
 
     name: str
@@ -56,7 +57,7 @@ class PlantVehicle:
     speed_noise: float = 0.03
 
     def forces(self, speed: Floats, grade: Floats, rng: np.random.Generator) -> Floats:
-        """F_b/W of stops from these speeds on these grades, scattered; any shape."""
+        """F_b/W with scatter of stops from these speeds on these grades, any shape."""
         mean = (self.m_m * speed + self.b_m) * grade + self.m_b * speed + self.b_b
         if self.freedom:
             unit = rng.standard_t(self.freedom, mean.shape)
@@ -69,17 +70,17 @@ class PlantVehicle:
         return np.asarray(mean * weaker + self.scatter * unit)
 
     def delays(self, count: int | tuple[int, ...], rng: np.random.Generator) -> Floats:
-        """Dead times [s]."""
+        """Draw dead times [s]."""
         return np.asarray(self.dead_time + self.late * rng.standard_normal(count))
 
 
 def conditions(count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Speeds [m/s] and grades [rad] at which stops are commanded, (count,) each."""
+    """Draw speeds [m/s] and grades [rad] of stop commands, shape (count,) each."""
     return rng.uniform(*SPEEDS, count), rng.uniform(*GRADES, count)
 
 
 def distances(speed: Floats, grade: Floats, force: Floats, delay: Floats) -> Floats:
-    """Distance from command to standstill on even slopes [m]; inf where nothing stops."""
+    """Distance from command to standstill on uniform slopes [m]; inf without standstill."""
     pull = G * (force + np.sin(grade))
     braked = speed**2 / (2.0 * np.where(pull > 0.0, pull, 1.0))
     return np.asarray(speed * delay + np.where(pull > 0.0, braked, np.inf))
@@ -88,7 +89,7 @@ def distances(speed: Floats, grade: Floats, force: Floats, delay: Floats) -> Flo
 def drive_log(
     vehicle: PlantVehicle, rng: np.random.Generator
 ) -> tuple[dict[str, NDArray[Any]], list[slice], Floats]:
-    """A log of the vehicle's stops, a run each; the grade of the ground beside it (n,) [rad]."""
+    """A log of the vehicle's stops, its runs, and the grade of the ground, shape (n,) [rad]."""
     speed, grade = conditions(vehicle.stops, rng)
     force = vehicle.forces(speed, grade, rng)
     delay = np.maximum(vehicle.delays(vehicle.stops, rng), 0.02)
@@ -122,7 +123,7 @@ def drive_log(
 def _stop(
     speed: float, grade: float, force: float, delay: float, phase: float
 ) -> tuple[Floats, Floats]:
-    """Times of the samples since the command (n,) [s], and true speeds (n,) [m/s]."""
+    """Times of the samples since the command [s], and true speeds [m/s]."""
     pull = G * (force + np.sin(grade))
 
     def rest(_: float, state: Floats) -> float:

@@ -1,8 +1,8 @@
-"""A fleet's worth of paths: memory, the second worker, a killed worker, a second run, equal bytes.
+"""Paths of a fleet: memory, speed-up of a second worker, a killed worker, a resumed run, bytes.
 
-A map in tiles is generated on disk, larger than a worker's memory, and files of paths all over it.
-A Dask scheduler and its workers are started as processes of their own, the command as a user would.
-Memory is the resident set of the workers, looked at from outside five times a second.
+A tiled map is generated on disk, larger than a worker's memory, and files of paths all over it.
+Dask scheduler, workers and the command are separate processes. Memory is the resident set of the
+workers, read from outside five times a second.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -27,21 +27,23 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from ..common.campaign import BenchmarkRequest, Progress
+
 Result = dict[str, Any]
 
-_RESOLUTION = 0.5
-_TILE = 512
+_RESOLUTION = 0.5  # [m]
+_TILE = 512  # cells
 _STEP = 1.0  # [m] between the points of a path
-_POINTS = 25
+_POINTS = 25  # of a path
 _FAN = 25  # paths from one place
-_LOOK = 0.2  # [s]
+_SAMPLE = 0.2  # [s] between readings of the memory
 _SEED = 20
-_LIMIT = "1GiB"
+_LIMIT = "1GiB"  # of a worker, below the size of the map
 
 
 @dataclass(frozen=True, slots=True)
 class FleetSize:
-    """How much: edge of the map in tiles, files, fans a file, files of the smaller runs."""
+    """Size: edge of the map in tiles, files, fans per file, files of the smaller runs."""
 
     tiles: int
     files: int
@@ -56,65 +58,57 @@ QUICK = FleetSize(tiles=8, files=4, fans=20, small=4)
 """67 MB, 2,000 paths."""
 
 
-def total(quick: bool) -> int:
-    """Steps of a run."""
-    return 6
+def run(request: BenchmarkRequest, progress: Progress) -> Result:
+    """Run everything in a temporary folder, of 6 GB for the large map."""
+    advance = progress("fleet", 6)
+    if request.out is not None:
+        request.out.mkdir(parents=True, exist_ok=True)
+    size = QUICK if request.quick else FULL
+    with TemporaryDirectory(prefix="slopewise-fleet-", dir=request.out) as folder:
+        return {"quick": request.quick} | _run_all(size, Path(folder), advance)
 
 
-def run(quick: bool, folder: Path, progress: Callable[[int], None]) -> Result:
-    """All runs, one after the other, in a folder that is made and removed.
-
-    Args:
-        quick: the small map. folder: on a disk with room, 6 GB for the large one.
-        progress: called with the number of steps done.
-    """
-    size = QUICK if quick else FULL
-    folder.mkdir(parents=True)
-    try:
-        map_file = _write_map(folder / "map.tif", size)
-        paths = _write_paths(folder, size)
-        some = paths[: size.small]
-        progress(1)
-        local = _run(map_file, some, folder / "local", "--workers", "0")
-        progress(1)
-        with cluster(1) as (address, _):
-            _warm(map_file, paths[0], folder / "warm1", address)
-            one = _run(map_file, some, folder / "one", "--scheduler", address)
-        progress(1)
-        with cluster(2) as (address, workers):
-            _warm(map_file, paths[0], folder / "warm2", address)
-            two = _run(map_file, some, folder / "two", "--scheduler", address)
-            progress(1)
-            with _watched(workers) as memory:
-                large = _run(map_file, paths, folder / "large", "--scheduler", address)
-        progress(1)
-        killed = _killed(map_file, some, folder)
-        progress(1)
-        again = _run(map_file, paths, folder / "large", "--workers", "0")
-        return {
-            "quick": quick,
-            "size": {**asdict(size), "map_bytes": map_file.stat().st_size},
-            "candidates": large["candidates"],
-            "statuses": large["statuses"],
-            "seconds": large["seconds"],
-            "speed_up": one["seconds"] / two["seconds"],
-            "one_worker": one["seconds"],
-            "two_workers": two["seconds"],
-            "local": local["seconds"],
-            "memory": _memory(memory),
-            "killed": killed | {"equal": _digest(folder / "killed") == _digest(folder / "local")},
-            "resumed": again["resumed"],
-            "resume_seconds": again["seconds"],
-            "equal": _digest(folder / "two")
-            == _digest(folder / "local")
-            == _digest(folder / "one"),
-        }
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+def _run_all(size: FleetSize, folder: Path, advance: Callable[[int], Any]) -> Result:
+    map_file = _write_map(folder / "map.tif", size)
+    paths = _write_paths(folder, size)
+    some = paths[: size.small]
+    advance(1)
+    local = _run(map_file, some, folder / "local", "--workers", "0")
+    advance(1)
+    with cluster(1) as (address, _):
+        _warm(map_file, paths[0], folder / "warm1", address)
+        single = _run(map_file, some, folder / "one", "--scheduler", address)
+    advance(1)
+    with cluster(2) as (address, workers):
+        _warm(map_file, paths[0], folder / "warm2", address)
+        two = _run(map_file, some, folder / "two", "--scheduler", address)
+        advance(1)
+        with _watched(workers) as memory:
+            large = _run(map_file, paths, folder / "large", "--scheduler", address)
+    advance(1)
+    killed = _killed(map_file, some, folder)
+    advance(1)
+    again = _run(map_file, paths, folder / "large", "--workers", "0")
+    digests = {name: _digest(folder / name) for name in ("local", "one", "two", "killed")}
+    return {
+        "size": {**asdict(size), "map_bytes": map_file.stat().st_size},
+        "candidates": large["candidates"],
+        "statuses": large["statuses"],
+        "seconds": large["seconds"],
+        "speed_up": single["seconds"] / two["seconds"],
+        "one_worker": single["seconds"],
+        "two_workers": two["seconds"],
+        "local": local["seconds"],
+        "memory": _memory(memory),
+        "killed": killed | {"equal": digests["killed"] == digests["local"]},
+        "resumed": again["resumed"],
+        "resume_seconds": again["seconds"],
+        "equal": digests["two"] == digests["local"] == digests["one"],
+    }
 
 
 def _write_map(path: Path, size: FleetSize) -> Path:
-    """Hills out of waves, a tile row at a time; unknown hollows here and there."""
+    """Hills made of waves, by rows of tiles; with unknown hollows."""
     import rasterio
     from rasterio.transform import from_origin
 
@@ -164,8 +158,8 @@ def _write_paths(folder: Path, size: FleetSize) -> list[Path]:
         start = np.repeat(rng.uniform(reach, far, (size.fans, 2)), _FAN, axis=0)
         middle = np.repeat(rng.uniform(-np.pi, np.pi, size.fans), _FAN)
         first = middle + np.tile(np.linspace(-0.8, 0.8, _FAN), size.fans)
-        bend = rng.uniform(-0.04, 0.04, len(first))
-        heading = first[:, None] + bend[:, None] * np.arange(_POINTS)
+        curvature = rng.uniform(-0.04, 0.04, len(first))
+        heading = first[:, None] + curvature[:, None] * np.arange(_POINTS)
         x = start[:, :1] + _STEP * np.cumsum(np.cos(heading), axis=1)
         y = start[:, 1:] + _STEP * np.cumsum(np.sin(heading), axis=1)
         names = [f"{number}.{i}" for i in range(len(first)) for _ in range(_POINTS)]
@@ -175,7 +169,7 @@ def _write_paths(folder: Path, size: FleetSize) -> list[Path]:
     return files
 
 
-def _command(map_file: Path, paths: list[Path], out: Path, *words: str) -> list[str]:
+def _command(map_file: Path, paths: list[Path], out: Path, *options: str) -> list[str]:
     return [
         sys.executable,
         "-m",
@@ -189,13 +183,13 @@ def _command(map_file: Path, paths: list[Path], out: Path, *words: str) -> list[
         "--out",
         str(out),
         "--json",
-        *words,
+        *options,
     ]
 
 
-def _run(map_file: Path, paths: list[Path], out: Path, *words: str) -> Result:
+def _run(map_file: Path, paths: list[Path], out: Path, *options: str) -> Result:
     done = subprocess.run(
-        _command(map_file, paths, out, *words), capture_output=True, text=True, check=False
+        _command(map_file, paths, out, *options), capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
         raise RuntimeError(f"fleet plan ended with {done.returncode}: {done.stderr.strip()}")
@@ -204,20 +198,20 @@ def _run(map_file: Path, paths: list[Path], out: Path, *words: str) -> Result:
 
 
 def _warm(map_file: Path, paths: Path, out: Path, address: str) -> None:
-    """Workers load their libraries: the runs that are timed begin alike."""
+    """Load the workers' libraries, so that timed runs begin in the same state."""
     _run(map_file, [paths], out, "--scheduler", address)
 
 
 @contextmanager
 def cluster(count: int) -> Iterator[tuple[str, list[int]]]:
-    """A scheduler and workers as processes of their own: its address, and the workers' nannies."""
+    """Start scheduler and workers as processes; yields its address and the workers' nannies."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
     port = _free_port()
     address = f"tcp://127.0.0.1:{port}"
     dask = [sys.executable, "-m", "dask"]
-    words = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
-    processes = [subprocess.Popen([*dask, "scheduler", *words], **quiet)]  # type: ignore[call-overload]
+    listen = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
+    processes = [subprocess.Popen([*dask, "scheduler", *listen], **quiet)]  # type: ignore[call-overload]
     try:
         options = ["--nthreads", "1", "--memory-limit", _LIMIT, "--no-dashboard"]
         for _ in range(count):
@@ -239,9 +233,9 @@ def cluster(count: int) -> Iterator[tuple[str, list[int]]]:
 def _free_port() -> int:
     import socket
 
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def _wait_for(address: str, count: int) -> None:
@@ -252,30 +246,30 @@ def _wait_for(address: str, count: int) -> None:
 
 
 def workers_of(nannies: list[int]) -> list[Any]:
-    """The processes that plan: of each nanny's children the largest."""
+    """The largest child process of each nanny, which plans."""
     import psutil
 
-    found = []
+    workers = []
     for pid in nannies:
         try:
             children = psutil.Process(pid).children(recursive=True)
-            found.append(max(children, key=lambda child: child.memory_info().rss))
+            workers.append(max(children, key=lambda child: child.memory_info().rss))
         except (psutil.NoSuchProcess, ValueError):
             continue
-    return found
+    return workers
 
 
 @contextmanager
 def _watched(nannies: list[int]) -> Iterator[list[tuple[float, int]]]:
-    """(time, largest resident set of a worker) while the block runs."""
+    """Collect (time, largest resident set of a worker) while the block runs."""
     import psutil
 
     seen: list[tuple[float, int]] = []
     stop = threading.Event()
 
-    def look() -> None:
-        begin = time.monotonic()
-        while not stop.wait(_LOOK):
+    def sample() -> None:
+        start = time.monotonic()
+        while not stop.wait(_SAMPLE):
             sizes = []
             for worker in workers_of(nannies):
                 try:
@@ -283,9 +277,9 @@ def _watched(nannies: list[int]) -> Iterator[list[tuple[float, int]]]:
                 except psutil.NoSuchProcess:
                     continue
             if sizes:
-                seen.append((time.monotonic() - begin, max(sizes)))
+                seen.append((time.monotonic() - start, max(sizes)))
 
-    thread = threading.Thread(target=look, daemon=True)
+    thread = threading.Thread(target=sample, daemon=True)
     thread.start()
     try:
         yield seen
@@ -295,7 +289,7 @@ def _watched(nannies: list[int]) -> Iterator[list[tuple[float, int]]]:
 
 
 def _memory(seen: list[tuple[float, int]]) -> Result:
-    """Most of a worker, and its medians in the second and the last quarter of the run [bytes]."""
+    """Maximum of a worker, and its medians in the second and last quarter of the run [bytes]."""
     sizes = np.array([size for _, size in seen], np.float64)
     if len(sizes) < 4:
         return {"most": None, "second_quarter": None, "last_quarter": None}
@@ -308,7 +302,7 @@ def _memory(seen: list[tuple[float, int]]) -> Result:
 
 
 def _killed(map_file: Path, paths: list[Path], folder: Path) -> Result:
-    """Two workers, one of which dies half-way without a word."""
+    """Run two workers, one of which is killed half-way."""
     out = folder / "killed"
     parts = len(list((folder / "local" / "candidates").glob("*.parquet")))
     with cluster(2) as (address, nannies):
@@ -337,7 +331,7 @@ def _killed(map_file: Path, paths: list[Path], folder: Path) -> Result:
 
 
 def _digest(folder: Path) -> str:
-    """Of the names and bytes of all parts."""
+    """Digest of the names and bytes of all parts."""
     digest = hashlib.sha256()
     for file in sorted(folder.glob("*/*.parquet")):
         digest.update(f"{file.parent.name}/{file.name}".encode())
@@ -346,7 +340,7 @@ def _digest(folder: Path) -> str:
 
 
 def show(result: Result, console: Console) -> None:
-    """The table."""
+    """Print the table."""
     table = Table(title="Fleet", box=box.SIMPLE_HEAD)
     table.add_column("what")
     table.add_column("measured", justify="right")
@@ -361,7 +355,7 @@ def show(result: Result, console: Console) -> None:
             (_megabytes(memory["second_quarter"]), _megabytes(memory["last_quarter"]))
         ),
         "worker killed after": f"{killed['after_parts']} of {killed['parts']} parts",
-        "planned all the same": f"{killed['planned']:,} of {killed['candidates']:,}",
+        "planned nevertheless": f"{killed['planned']:,} of {killed['candidates']:,}",
         "its bytes are the local run's": "yes" if killed["equal"] else "NO",
         "bytes of one and two workers": "equal" if result["equal"] else "DIFFERENT",
         "second run": f"{result['resumed']:,} resumed in {result['resume_seconds']:.1f} s",

@@ -1,4 +1,4 @@
-"""Obstacles driven in the physics engine: plans that are ok, and what would have been without."""
+"""Obstacles driven in the physics engine, by plans that pass them and without regard to blocks."""
 
 from __future__ import annotations
 
@@ -10,33 +10,34 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import Status
 
 from .cases import map_of, path_of
-from .drive import Driven, drive
-from .screening import Outcome, must_bar
+from .obstacle_drive import MAX_AIR, Driven, drive
+from .planned_outcomes import PlannedOutcome, must_block
 
 Result = dict[str, Any]
 
 
-class Driving(NamedTuple):
+class DrivenOutcome(NamedTuple):
     """One drive.
 
     Attributes:
-        outcome: what the plan made of the case.
-        passed: the plan is ok and was driven; else the way was barred, and the vehicle was driven
-            as fast as it would have been without the obstacle.
-        driven: what happened.
+        outcome: planned outcome of the case.
+        passed: whether its plan is ok and was driven; else the path was blocked, and the vehicle
+            was driven as fast as without the obstacle.
+        driven: outcome of the drive.
     """
 
-    outcome: Outcome
+    outcome: PlannedOutcome
     passed: bool
     driven: Driven
 
 
-def driven(outcome: Outcome, model: Model, built: Model) -> Driving | None:
-    """Drive a case; None if there is no plan for its ground even without the obstacle.
+def drive_case(outcome: PlannedOutcome, model: Model, built: Model) -> DrivenOutcome | None:
+    """Drive a case; None if its ground has no plan even without the obstacle.
 
     Args:
-        outcome: of the case. model: that plans are made with. built: that the engine's vehicle is
-            built from.
+        outcome: planned outcome of the case.
+        model: model for plans.
+        built: model that the engine's vehicle is built from.
     """
     case, planner = outcome.case, CandidatePlanner(model)
     path = path_of(case, model.vehicle)
@@ -46,50 +47,53 @@ def driven(outcome: Outcome, model: Model, built: Model) -> Driving | None:
         (plan,) = planner.plan(map_of(case, model.vehicle, empty=True), [path])
         if plan.status is not Status.OK:
             return None
-    return Driving(outcome, passed, drive(case.block, case.slope, built, plan))
+    return DrivenOutcome(outcome, passed, drive(case.block, case.slope, built, plan))
 
 
 def drives(
-    found: list[Outcome],
+    planned: list[PlannedOutcome],
     models: Mapping[str, Model],
     built: Mapping[str, Model],
-    wanted: int,
-    progress: Callable[[int], None] | None,
-) -> list[Driving]:
-    """Half of them of plans that are ok, half of ways that are barred, in turn as they come."""
-    passed = [o for o in found if o.bar is None]
-    barred = [o for o in found if o.bar is not None]
-    out: list[Driving] = []
-    for some in (passed, barred):
-        done = 0
-        for outcome in some:
-            if done == wanted // 2:
+    count: int,
+    advance: Callable[[int], Any] | None,
+) -> list[DrivenOutcome]:
+    """Drive half of the count over passed obstacles, half over blocked ones, in their order."""
+    results: list[DrivenOutcome] = []
+    for blocked in (False, True):
+        group = [o for o in planned if (o.blocked_by is not None) is blocked]
+        finished = 0
+        for outcome in group:
+            if finished == count // 2:
                 break
             name = outcome.case.vehicle
-            driving = driven(outcome, models[name], built[name])
-            if driving is None:
+            result = drive_case(outcome, models[name], built[name])
+            if result is None:
                 continue
-            done += 1
-            out.append(driving)
-            if progress is not None:
-                progress(1)
-    return out
+            finished += 1
+            results.append(result)
+            if advance is not None:
+                advance(1)
+    return results
 
 
-def summary(all_driven: list[Driving]) -> Result:
-    """What became of them; plain data, ready for JSON."""
-    passed = [d for d in all_driven if d.passed]
-    barred = [d for d in all_driven if not d.passed]
-    large = [d for d in barred if must_bar(d.outcome.case)]
-    return {"passed": _row(passed), "barred": _row(barred), "barred_too_large": _row(large)}
-
-
-def _row(some: list[Driving]) -> Result:
+def summary(results: list[DrivenOutcome]) -> Result:
+    """Counts of failures, as plain data."""
+    passed = [r.driven for r in results if r.passed]
+    blocked = [r for r in results if not r.passed]
+    large = [r.driven for r in blocked if must_block(r.outcome.case)]
     return {
-        "drives": len(some),
-        "struck": sum(d.driven.struck for d in some),
-        "tipped": sum(d.driven.tipped for d in some),
-        "wheel_in_the_air": sum(d.driven.air > 0.2 for d in some),
-        "stuck": sum(d.driven.stuck for d in some),
-        "failed": sum(d.driven.failed for d in some),
+        "passed": _row(passed),
+        "barred": _row([r.driven for r in blocked]),
+        "barred_too_large": _row(large),
+    }
+
+
+def _row(group: list[Driven]) -> Result:
+    return {
+        "drives": len(group),
+        "struck": sum(d.struck for d in group),
+        "tipped": sum(d.tipped for d in group),
+        "wheel_in_the_air": sum(d.air > MAX_AIR for d in group),
+        "stuck": sum(d.stuck for d in group),
+        "failed": sum(d.failed for d in group),
     }

@@ -1,9 +1,9 @@
-"""What a vehicle of the physics engine manages, measured there as one would with a real one.
+"""Limits of a vehicle in the physics engine, measured as those of a real one.
 
-The sizes that a model file takes from the wheel radius are careful guesses. Before obstacles are
-driven, each vehicle is led over steps up and down and over a long rock under its left wheels, on
-level ground, square on and at the speeds of a plan, higher from drive to drive. The last ones that
-nothing happened at are its limits.
+Sizes that a model file derives from the wheel radius are careful guesses. Before obstacles are
+driven, each vehicle drives over steps up and down and over a long rock under its left wheels, on
+level ground, square on and at the speeds of a plan, higher from drive to drive. The last heights
+without a failure are its limits.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 
 from .cases import LENGTH
-from .drive import drive
+from .obstacle_drive import drive
 from .shapes import FAR, Block, Slope
 
 _FIRST, _LAST, _FINER = 0.1, 1.0, 0.02
-"""Heights tried, in wheel radii."""
+"""Range and step of the tried heights over the wheel radius [1]."""
 
 _LEVEL = Slope(0.0, 0.0)
-_CELL = 0.1  # [m]
+_CELL = 0.1  # [m] of the map
 
 
 def measured_in_engine(model: Model) -> Model:
     """The model with the highest step and the travel of a wheel that the engine's vehicle has."""
-    plan = _plan_on_level_ground(model)
+    plan = plan_on_level_ground(model)
     vehicle = model.vehicle
 
     def passes(block: Block) -> bool:
@@ -48,7 +48,7 @@ def measured_in_engine(model: Model) -> Model:
     return replace(model, vehicle=limited)
 
 
-def _plan_on_level_ground(model: Model) -> SpeedPlan:
+def plan_on_level_ground(model: Model) -> SpeedPlan:
     half = 0.5 * LENGTH * model.vehicle.wheelbase
     cells = int((4.0 * half) / _CELL)
     level = ElevationMap(

@@ -1,4 +1,4 @@
-"""Are obstacles barred that the vehicle cannot pass, and only those? Planned, and driven."""
+"""Obstacles around the limits of two vehicles, planned over and driven in a physics engine."""
 
 from __future__ import annotations
 
@@ -11,67 +11,65 @@ from rich.console import Console
 from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import read_model, shipped_models
 
-from ..common.measure import machine, timed
-from ..common.tables import table_of
-from . import screening
+from ..common.campaign import BenchmarkRequest, Progress
+from ..common.text_tables import table_of
+from ..common.timing import machine, timed
+from . import planned_outcomes
 from .cases import cases
 
 CASES, QUICK_CASES = 2400, 240
 DRIVES, QUICK_DRIVES = 200, 20
 VEHICLES = ("atv", "husky")
 _SEED = 23
-_CASES_A_DRIVE = 4
-"""Enough of both that are passed and that are barred."""
+_CASES_PER_DRIVE = 4  # enough of passed and of blocked ones
 
 Result = dict[str, Any]
 
 
-def total(quick: bool) -> int:
-    """Cases and drives together."""
-    return QUICK_CASES + QUICK_DRIVES if quick else CASES + DRIVES
-
-
-def run(quick: bool = False, progress: Callable[[int], None] | None = None) -> Result:
-    """Plan over all cases, drive some of them; the result is plain data, ready for JSON."""
+def run(request: BenchmarkRequest, progress: Progress) -> Result:
+    """Plan over all cases, drive some of them."""
+    count = QUICK_CASES if request.quick else CASES
+    drives = QUICK_DRIVES if request.quick else DRIVES
+    advance = progress("obstacles", count + drives)
     models = {name: read_model(shipped_models()[name]) for name in VEHICLES}
-    drawn = list(cases(QUICK_CASES if quick else CASES, models, _SEED))
-    seconds, found = timed(lambda: screening.outcomes(drawn, models, progress))
+    drawn_cases = list(cases(count, models, _SEED))
+    seconds, outcomes = timed(lambda: planned_outcomes.outcomes(drawn_cases, models, advance))
     result: Result = {
-        "quick": quick,
+        "quick": request.quick,
         "machine": machine(),
         "vehicles": list(VEHICLES),
-        "planned": {"seconds": seconds, **screening.summary(found)},
+        "planned": {"seconds": seconds, **planned_outcomes.summary(outcomes)},
     }
     if find_spec("mujoco") is not None:
-        result["driven"] = _driven(models, QUICK_DRIVES if quick else DRIVES, progress)
+        result["driven"] = _driven(models, drives, advance)
     return result
 
 
-def _driven(built: dict[str, Model], wanted: int, progress: Callable[[int], None] | None) -> Result:
-    """Drives around the limits that the engine's vehicles have, over obstacles of their own."""
-    from . import driving
-    from .limits import measured_in_engine
+def _driven(built: dict[str, Model], count: int, advance: Callable[[int], Any]) -> Result:
+    """Drives around the limits of the engine's vehicles, over further obstacles."""
+    from . import driven_outcomes
+    from .engine_limits import measured_in_engine
 
     models = {name: measured_in_engine(model) for name, model in built.items()}
-    drawn = cases(_CASES_A_DRIVE * wanted, models, _SEED + 1)
-    found = screening.outcomes(drawn, models, None)
-    measured = {
+    drawn_cases = cases(_CASES_PER_DRIVE * count, models, _SEED + 1)
+    outcomes = planned_outcomes.outcomes(drawn_cases, models, None)
+    limits = {
         name: {"max_step": model.vehicle.max_step, "wheel_travel": model.vehicle.wheel_travel}
         for name, model in models.items()
     }
-    drives = driving.drives(found, models, built, wanted, progress)
-    return {"limits": measured, **driving.summary(drives)}
+    drives = driven_outcomes.drives(outcomes, models, built, count, advance)
+    return {"limits": limits, **driven_outcomes.summary(drives)}
 
 
 def show(result: Result, console: Console) -> None:
-    """Both tables."""
+    """Print the tables of planned and driven obstacles."""
     table = table_of(
         f"obstacles: {result['planned']['all']['cases']} planned",
         "cases",
         "too large",
         "of these passed",
         "small",
-        "of these barred",
+        "of these blocked",
         first="kind",
     )
     planned = result["planned"]
@@ -96,12 +94,12 @@ def show(result: Result, console: Console) -> None:
     table = table_of(
         "obstacles driven", "drives", "struck", "tipped", "in the air", "stuck", "failed"
     )
-    for name, words in (
+    for name, label in (
         ("passed", "plan is ok"),
-        ("barred", "barred, driven all the same"),
-        ("barred_too_large", "of these too large for sure"),
+        ("barred", "blocked, driven nevertheless"),
+        ("barred_too_large", "of these certainly too large"),
     ):
         row = result["driven"][name]
         keys = ("drives", "struck", "tipped", "wheel_in_the_air", "stuck", "failed")
-        table.add_row(words, *(str(row[key]) for key in keys))
+        table.add_row(label, *(str(row[key]) for key in keys))
     console.print(table)

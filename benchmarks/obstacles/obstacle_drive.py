@@ -11,24 +11,28 @@ import numpy as np
 from slopewise.models.parameters import Model
 from slopewise.planner.plan import SpeedPlan
 
-from .scene_xml import TIME_STEP, WHEELS, scene_xml
+from .obstacle_scene_xml import TIME_STEP, WHEELS, scene_xml
 from .shapes import Block, Slope
 
 _SETTLE = 1.0  # [s] at rest before the drive
-_PATIENCE, _SPARE = 2.0, 6.0  # times as long as planned, and so many seconds
-_LEAST = 0.15  # [m/s] told where a plan begins from rest
-_TIPPED = 0.5  # cosine of the lean
-_AIR = 0.2  # [s] a wheel may be in the air
+_MAX_TIME, _EXTRA_TIME = 2.0, 6.0  # over the planned time [1], added to it [s]
+_MIN_SPEED = 0.15  # [m/s] commanded where a plan begins from rest
+_TIPPED = 0.5  # cosine of the tilt
+MAX_AIR = 0.2
+"""Time that a wheel may be in the air without failure [s]."""
+
 _HOLD, _TURN = 1.5, 2.0  # [1/s], [1/(m s)] yaw rate against heading and offset
 
 
 @dataclass(frozen=True, slots=True)
 class Driven:
-    """What happened.
+    """Outcome of a drive.
 
     Attributes:
-        struck: the body touched the ground or the obstacle. tipped: it lay on its side.
-        air: longest time that a wheel was in the air [s]. stuck: it did not arrive.
+        struck: whether the body touched the ground or the obstacle.
+        tipped: whether the vehicle tipped over.
+        air: longest time that a wheel was in the air [s].
+        stuck: whether it did not arrive.
     """
 
     struck: bool
@@ -38,16 +42,17 @@ class Driven:
 
     @property
     def failed(self) -> bool:
-        """Nobody would want that."""
-        return self.struck or self.tipped or self.air > _AIR or self.stuck
+        """Whether the drive is a failure."""
+        return self.struck or self.tipped or self.air > MAX_AIR or self.stuck
 
 
 def drive(block: Block | None, slope: Slope, model: Model, plan: SpeedPlan) -> Driven:
-    """From the begin of the plan's path to its end, unless something happens before.
+    """Drive the plan's path to its end, or to the first failure.
 
     Args:
         block: the obstacle, in the frame of the path; its middle is at 0.
-        slope: that it stands on. model: the vehicle.
+        slope: plane under it.
+        model: the vehicle.
         plan: speeds along the path.
     """
     engine = mujoco.MjModel.from_xml_string(scene_xml(block, slope, model))
@@ -59,7 +64,7 @@ def drive(block: Block | None, slope: Slope, model: Model, plan: SpeedPlan) -> D
     body, chassis = engine.geom("body").id, engine.body("chassis").id
     half_track, radius = 0.5 * model.terrain.slip_track, model.vehicle.wheel_radius
     air, longest, struck = np.zeros(4), 0.0, False
-    limit = _PATIENCE * plan.travel_time + _SPARE
+    limit = _MAX_TIME * plan.travel_time + _EXTRA_TIME
     time = -_SETTLE
     while time < limit:
         x, y = data.qpos[0] + 0.5 * length, data.qpos[1]
@@ -70,7 +75,7 @@ def drive(block: Block | None, slope: Slope, model: Model, plan: SpeedPlan) -> D
             return Driven(struck, False, longest, False)
         speed = 0.0
         if time >= 0.0:
-            speed = max(float(np.interp(x, plan.station, plan.speed)), _LEAST)
+            speed = max(float(np.interp(x, plan.station, plan.speed)), _MIN_SPEED)
         yaw = math.atan2(frame[1, 0], frame[0, 0])
         turn = -_HOLD * yaw - _TURN * y if speed > 0.0 else 0.0
         sides = np.array([speed - turn * half_track, speed + turn * half_track] * 2)
@@ -82,7 +87,7 @@ def drive(block: Block | None, slope: Slope, model: Model, plan: SpeedPlan) -> D
         standing = np.array([geom in touching for geom in geoms])
         air = np.where(standing | (time < 0.0), 0.0, air + TIME_STEP)
         longest = max(longest, float(air.max()))
-        if struck and longest > _AIR:
+        if struck and longest > MAX_AIR:
             break
     stuck = not struck
     return Driven(struck, False, longest, stuck)

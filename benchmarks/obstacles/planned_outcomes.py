@@ -1,4 +1,4 @@
-"""What plans make of obstacles: passed though too high, or barred though low."""
+"""Outcomes of planning over obstacles: passed though too large, or blocked though small."""
 
 from __future__ import annotations
 
@@ -12,73 +12,77 @@ from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.settings import PlannerSettings
 
-from .cases import Case, map_of, path_of
+from .cases import ObstacleCase, map_of, path_of
 
 TOO_LARGE, SMALL = 1.1, 0.8
-"""Obstacles at least so large must be barred; at most so small they should be passed."""
+"""Sizes from which an obstacle must be blocked, and up to which it must be passed [1]."""
 
 Result = dict[str, Any]
 
 
-class Outcome(NamedTuple):
-    """What a plan made of a case: the bound that ends it, and why; none if it is passed."""
+class PlannedOutcome(NamedTuple):
+    """A case with the bound that blocks its plan and the reason; None and "" if it is passed."""
 
-    case: Case
-    bar: Limiting | None
-    why: str
+    case: ObstacleCase
+    blocked_by: Limiting | None
+    reason: str
 
 
-def planned(case: Case, model: Model) -> Outcome:
+def planned(case: ObstacleCase, model: Model) -> PlannedOutcome:
     """Plan over a case."""
     ground = map_of(case, model.vehicle)
     spacing = PlannerSettings().spacing_on(case.resolution)
     solved = time_optimal_batch(ground, batch([path_of(case, model.vehicle)], spacing), model)
     k = int(solved.bounds.barrier_station[0])
     if k >= int(solved.profile.count[0]):
-        return Outcome(case, None, "")
-    bar = Limiting(int(solved.bounds.barrier[0]))
-    met = solved.hazards.obstacle(0, k)
-    return Outcome(case, bar, bar.label if met is None else met.words)
+        return PlannedOutcome(case, None, "")
+    blocked_by = Limiting(int(solved.bounds.barrier[0]))
+    obstacle = solved.hazards.obstacle(0, k)
+    return PlannedOutcome(
+        case, blocked_by, blocked_by.label if obstacle is None else obstacle.words
+    )
 
 
 def outcomes(
-    drawn: Iterable[Case], models: Mapping[str, Model], progress: Callable[[int], None] | None
-) -> list[Outcome]:
-    """All of them planned."""
-    found = []
-    for case in drawn:
-        found.append(planned(case, models[case.vehicle]))
-        if progress is not None:
-            progress(1)
-    return found
+    cases: Iterable[ObstacleCase],
+    models: Mapping[str, Model],
+    advance: Callable[[int], Any] | None,
+) -> list[PlannedOutcome]:
+    """Plan over all cases."""
+    results = []
+    for case in cases:
+        results.append(planned(case, models[case.vehicle]))
+        if advance is not None:
+            advance(1)
+    return results
 
 
-def must_bar(case: Case) -> bool:
-    """It is there for sure and too large."""
-    return case.sure.worst >= TOO_LARGE
+def must_block(case: ObstacleCase) -> bool:
+    """Whether the obstacle is certainly too large."""
+    return case.certain.largest >= TOO_LARGE
 
 
-def should_pass(case: Case) -> bool:
-    """Whatever of it there may be is small."""
-    return case.possible.worst <= SMALL
+def must_pass(case: ObstacleCase) -> bool:
+    """Whether the obstacle is small in any case."""
+    return case.possible.largest <= SMALL
 
 
-def summary(found: list[Outcome]) -> Result:
-    """Counts of each kind and of all; plain data, ready for JSON."""
-    kinds = sorted({outcome.case.kind for outcome in found})
-    rows = {kind: _row([o for o in found if o.case.kind == kind]) for kind in kinds}
-    return {"kinds": rows, "all": _row(found)}
+def summary(results: list[PlannedOutcome]) -> Result:
+    """Counts of each kind and of all, as plain data."""
+    kinds = sorted({outcome.case.kind for outcome in results})
+    rows = {kind: _row([o for o in results if o.case.kind == kind]) for kind in kinds}
+    return {"kinds": rows, "all": _row(results)}
 
 
-def _row(found: list[Outcome]) -> Result:
-    large = [o for o in found if must_bar(o.case)]
-    small = [o for o in found if should_pass(o.case)]
-    bars = Counter(o.bar.label for o in found if o.bar is not None)
+def _row(results: list[PlannedOutcome]) -> Result:
+    large = [o for o in results if must_block(o.case)]
+    small = [o for o in results if must_pass(o.case)]
+    bounds = Counter(o.blocked_by.label for o in results if o.blocked_by is not None)
     return {
-        "cases": len(found),
+        "cases": len(results),
         "too_large": len(large),
-        "passed_though_too_large": sum(o.bar is None for o in large),
+        "passed_though_too_large": sum(o.blocked_by is None for o in large),
         "small": len(small),
-        "barred_though_small": sum(o.bar is not None for o in small),
-        "bars": dict(bars),
+        "barred_though_small": sum(o.blocked_by is not None for o in small),
+        "bars": dict(bounds),
     }

@@ -1,8 +1,8 @@
-"""How large an obstacle is against the vehicle's limit, by its own geometry.
+"""Size of an obstacle over the limit of the vehicle, from its own geometry.
 
-Nothing here knows the planner: it looks where a tyre or the body passes over continuous shapes. A
-map shows outlines to about a cell, so every case has two sizes: what an obstacle has for sure, if
-it is a cell smaller or larger on all sides, and what it may have.
+Nothing here uses the planner: tyres and body pass over continuous shapes. A map shows outlines to
+about a cell, so every case has two sizes: the certain one, if the obstacle were a cell smaller on
+all sides, and the possible one, if it were larger.
 """
 
 from __future__ import annotations
@@ -16,83 +16,84 @@ from slopewise.models.vehicle import Vehicle
 
 from .shapes import Block
 
-_GRAIN = 0.004  # [m] samples along a wheel's way
-_ACROSS = 9
-_GRAZE = 0.1  # of the width of a tyre
-_BEYOND = 3.0  # [m] of the way that is looked at, before and after
+_GRAIN = 0.004  # [m] between samples along the path of a wheel
+_ACROSS = 9  # samples over the width of a tyre
+_GRAZE = 0.1  # of the width of a tyre, which needs no climb [1]
+_EXTENT = 3.0  # [m] of the path before and after the obstacle
 
 
 class Size(NamedTuple):
-    """Sizes against the limits that apply; 1 is at the limit.
+    """Sizes over the limits that apply; 1 is at the limit.
 
     Attributes:
-        step: of what a wheel has to climb or falls. underside: of what stands between the wheels.
-        twist: of how far one wheel hangs below the other three.
-        beside: half the width of the vehicle against the distance of what stands there, or its
-            height against the underside's: the less of both, for both make it too large.
+        step: height that a wheel has to climb or drop.
+        underside: height between the wheels, over the ground clearance.
+        articulation: height of one wheel from the plane of the other three.
+        lateral: half the width of the vehicle over the distance of an obstacle at its side, or its
+            height over the ground clearance: the smaller one, as both make it too large.
     """
 
     step: float
     underside: float
-    twist: float
-    beside: float
+    articulation: float
+    lateral: float
 
     @property
-    def worst(self) -> float:
+    def largest(self) -> float:
+        """The governing size."""
         return max(self)
 
 
 def size_of(block: Block, vehicle: Vehicle) -> Size:
-    """Size of an obstacle for a vehicle that drives along x, its middle on y = 0."""
+    """Sizes of an obstacle for a vehicle that drives along x, its middle on y = 0."""
     shape = vehicle.shape
     if min(block.half_length, block.half_width) <= 0.0:
         return Size(0.0, 0.0, 0.0, 0.0)
-    span = block.span_between(-_BEYOND, _BEYOND)
+    span = block.span_between(-_EXTENT, _EXTENT)
     if span is None:
         return Size(0.0, 0.0, 0.0, 0.0)
     half_track, half_tyre = 0.5 * vehicle.track_width, 0.5 * shape.wheel_width
     step, graze = 0.0, _GRAZE * shape.wheel_width
     for side in (half_track, -half_track):
         inner, outer = side - half_tyre, side + half_tyre
-        # A corner that hardly touches the tyre's side is nothing to climb.
+        # A corner that only grazes the side of the tyre needs no climb.
         if span[1] <= inner + graze or span[0] >= outer - graze:
             continue
         climb = block.height if block.height > 0.0 else -_wheel_path(block, vehicle, side).min()
         step = max(step, float(climb) / shape.max_step)
-    twist = _twist(block, vehicle) / shape.wheel_travel
+    articulation = _articulation(block, vehicle) / shape.wheel_travel
     if block.height <= 0.0:
-        return Size(step, 0.0, twist, 0.0)
+        return Size(step, 0.0, articulation, 0.0)
     between = half_track - half_tyre
     under = span[0] < between and span[1] > -between
     underside = block.height / shape.clearance if under else 0.0
     near = 0.0 if span[0] <= 0.0 <= span[1] else min(abs(span[0]), abs(span[1]))
-    reaches = block.height > shape.clearance
-    beside = min(0.5 * shape.width / max(near, 0.05), block.height / shape.clearance)
-    beside = beside if reaches else 0.0
-    # What the wheels run into is judged by them.
-    return Size(step, underside, twist, beside)
+    lateral = 0.0
+    if block.height > shape.clearance:
+        lateral = min(0.5 * shape.width / max(near, 0.05), block.height / shape.clearance)
+    return Size(step, underside, articulation, lateral)
 
 
-def _twist(block: Block, vehicle: Vehicle) -> float:
-    """How far one wheel gets below the plane of the other three, or above it [m].
+def _articulation(block: Block, vehicle: Vehicle) -> float:
+    """Largest height of one wheel from the plane of the other three [m].
 
-    What no wheel climbs, no wheel stands on.
+    0 for obstacles that no wheel can climb, so that none stands on them.
     """
     if abs(block.height) > 2.0 * vehicle.shape.max_step:
         return 0.0
     left, right = (_wheel_path(block, vehicle, s * 0.5 * vehicle.track_width) for s in (1, -1))
-    apart = round(vehicle.wheelbase / _GRAIN)
-    off = (left - right)[apart:] - (left - right)[:-apart]
-    return float(np.abs(off).max())
+    axles = round(vehicle.wheelbase / _GRAIN)
+    height = (left - right)[axles:] - (left - right)[:-axles]
+    return float(np.abs(height).max())
 
 
 def _wheel_path(block: Block, vehicle: Vehicle, side: float) -> Floats:
-    """Height of the lowest point of a wheel above the plane along its way [m]."""
+    """Height of the lowest point of a wheel above the plane along its path [m]."""
     radius, half_tyre = vehicle.wheel_radius, 0.5 * vehicle.shape.wheel_width
-    x = np.arange(-_BEYOND, _BEYOND, _GRAIN)
+    x = np.arange(-_EXTENT, _EXTENT, _GRAIN)
     highest = np.full(len(x), -np.inf)
     for across in np.linspace(side - half_tyre, side + half_tyre, _ACROSS):
-        below: Floats = np.where(block.holds(x, np.full(len(x), across)), block.height, 0.0)
+        below: Floats = np.where(block.contains(x, np.full(len(x), across)), block.height, 0.0)
         highest = np.maximum(highest, below)
     lowest = highest.copy()
     for n in range(1, int(radius / _GRAIN)):

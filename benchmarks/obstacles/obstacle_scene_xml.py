@@ -1,4 +1,4 @@
-"""The physics engine's scene: a plane with one block more or less, and a sprung four-wheeler.
+"""The physics engine's scene: a plane with one block or hole, and a sprung four-wheeler.
 
 The slope is in gravity, not in the ground: the path runs along x.
 """
@@ -12,13 +12,13 @@ from slopewise.models.quantity import GRAVITY
 
 from .shapes import FAR, Block, Slope
 
-TIME_STEP = 0.002
+TIME_STEP = 0.002  # [s] of the engine
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
 _DEEP = 1.0  # [m] thickness of the ground
-_WHEEL_SHARE = 0.04  # of the mass, each
-_FRICTION = 0.6
-_GAIN = 0.3  # share of the weight per m/s that a wheel is slower than told
+_WHEEL_SHARE = 0.04  # of the mass, each wheel [1]
+_FRICTION = 0.6  # [1]
+_GAIN = 0.3  # of the weight per m/s that a wheel is too slow [s/m]
 
 
 def scene_xml(block: Block | None, slope: Slope, model: Model) -> str:
@@ -49,7 +49,7 @@ def _box(x: tuple[float, float], y: tuple[float, float], top: float) -> str:
 
 
 def _ground(block: Block | None) -> str:
-    """A plane with the block on it, or around what is lower."""
+    """A plane with the block on it, or around the hole."""
     plane = '<geom type="plane" size="1 1 1" pos="0 0 {}"/>'
     if block is None or block.height == 0.0:
         return plane.format(0.0)
