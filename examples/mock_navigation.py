@@ -20,8 +20,8 @@ import zenoh
 
 from slopewise import PlanClient
 from slopewise.services.client import ClientAnswer
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire.messages import MapUpdate, Path
 
 CELL, ROWS, COLUMNS = 0.25, 192, 256

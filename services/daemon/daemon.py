@@ -39,8 +39,8 @@ from slopewise.services.planning.map_endpoint import MapEndpoint
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.plan_endpoint import PlanEndpoint
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import words_of

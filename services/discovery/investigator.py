@@ -36,7 +36,7 @@ from slopewise.services.discovery.stop_cutter import StopCutter
 from slopewise.services.discovery.stop_store import StopStore, StoredStop
 from slopewise.services.io.access import reason
 from slopewise.services.io.model_file import write_model
-from slopewise.services.settings.investigation import Investigation
+from slopewise.services.settings.investigation_settings import Investigation
 
 _log = logging.getLogger("slopewise")
 

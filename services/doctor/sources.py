@@ -54,8 +54,8 @@ def seen_live(edge: EdgeSettings, seconds: float) -> Seen:
     from slopewise.services.ros.conversions import ODOMETRY
     from slopewise.services.ros.inbox import decoded
     from slopewise.services.ros.node import Node
-    from slopewise.services.settings.service import ZenohSettings
-    from slopewise.services.settings.session import zenoh_config
+    from slopewise.services.settings.service_settings import ZenohSettings
+    from slopewise.services.settings.zenoh_session import zenoh_config
 
     ours, topics, collector = edge.ros, edge.topics, Collector()
     place = ZenohSettings(mode="client", connect=ours.connect, config=ours.config)

@@ -12,17 +12,19 @@ import logging
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any, Protocol
 
 import msgspec
 import zenoh
 
-from slopewise.models.errors import InputError
 from slopewise.services.parameters import replies
 from slopewise.services.parameters.service import REFUSED, ParameterService
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
+from slopewise.services.wire.endpoint import Endpoint, Handler
 from slopewise.services.wire.observations import (
     DriveSamples,
     Receipt,
@@ -87,6 +89,8 @@ class ParameterEndpoint:
         self._session, self._config, self._service = session, config, service
         self._counters = counters
         self._audience = audience
+        most = int(config.learning.observation_bytes)
+        self._endpoint = Endpoint(counters, most, self._report_fault)
         self._waiting: deque[tuple[str, float, Any]] = deque()
         self._alive: dict[str, bool] = {}
         self._news = threading.Condition()
@@ -182,15 +186,9 @@ class ParameterEndpoint:
             self._observe(kind, arrived, item)
             return
         with item:
-            try:
-                (self._answer if kind == PARAMS else self._findings)(item)
-            except Exception:  # noqa: BLE001 - logged, counted, flagged, answered
-                asked = str(item.key_expr)
-                reply = self._error(self._note_fault(f"a request on {asked}"))
-                key = asked if "*" not in asked else self._config.key(kind)
-                self._reply(item, key, reply, _written(str(item.encoding or "")))
+            (self._answer if kind == PARAMS else self._findings)(item)
 
-    def _note_fault(self, what: str) -> str:
+    def _report_fault(self, what: str) -> str:
         """Count and flag a fault of the service with one message; the reason for its sender."""
         self._counters["faults"] += 1
         _log.exception("%s could not be treated", what)
@@ -199,97 +197,64 @@ class ParameterEndpoint:
 
     def _observe(self, kind: str, arrived: float, item: Any) -> None:
         key = self._config.key(f"obs/{kind}")
-        encoding = str(item.encoding or "")
-        most = int(self._config.learning.observation_bytes)
-        what = f"an observation on obs/{kind}"
-        try:
-            one = codec.decode(KINDS[kind], item.payload or b"", encoding, key, most)
-            what = f"{kind} {one.sequence} of {one.source}"
-            receipt = self._service.observe(kind, one, key, arrived)
-        except InputError as error:
-            self._counters[f"{kind}_malformed"] += 1
-            receipt = self._failed(str(error))
-        except Exception:  # noqa: BLE001 - logged, counted, flagged, answered
-            receipt = self._failed(self._note_fault(what))
+        observation = Handler(
+            KINDS[kind],
+            handle=lambda one: self._service.observe(kind, one, key, arrived),
+            failure=self._failed,
+            name=kind,
+            describe=lambda one: f"{kind} {one.sequence} of {one.source}",
+        )
+        with item if isinstance(item, zenoh.Query) else nullcontext():
+            receipt = self._endpoint.answer(item, key, observation)
         if receipt.status in (REFUSED, "error"):
             _log.info("%s: %s", key, receipt.reason)
-        if isinstance(item, zenoh.Query):
-            with item:
-                self._reply(item, key, receipt, codec.format_of(encoding))
 
     def _failed(self, reason: str) -> Receipt:
         log = self._service.log
         return Receipt(status="error", reason=reason, version=log.version, durable=log.durable)
 
     def _findings(self, query: zenoh.Query) -> None:
-        key, encoding = self._config.key(DISCREPANCY), str(query.encoding or "")
-        question = DiscrepancyQuestion()
-        try:
-            if query.payload is not None and len(query.payload):
-                most = int(self._config.learning.observation_bytes)
-                question = codec.decode(DiscrepancyQuestion, query.payload, encoding, key, most)
-        except InputError as error:
-            self._counters["params_malformed"] += 1
-            self._reply(query, key, self._error(str(error)), _written(encoding))
-            return
-        reply = replies.findings(self._service, question, self._config.id)
-        self._reply(query, key, reply, _written(encoding))
+        request = self._handler(DiscrepancyQuestion, replies.findings, DiscrepancyQuestion())
+        self._endpoint.answer(query, self._config.key(DISCREPANCY), request)
 
     def _answer(self, query: zenoh.Query) -> None:
         asked, base = str(query.key_expr), self._config.key(PARAMS)
-        encoding = str(query.encoding or "")
-        written = _written(encoding)
         name = asked[len(base) + 1 :] if asked.startswith(f"{base}/") else ""
         if name in CHANGES:
-            self._reply(query, asked, self._change(query, name, encoding, asked), written)
+            change = self._handler(CHANGES[name], replies.change)
+            self._endpoint.answer(query, asked, change)
         elif "*" not in asked:
-            self._reply(query, asked, self._read(query, name, encoding, asked), written)
+            self._read(query, name, asked)
         elif query.key_expr.intersects(base):
-            self._reply(query, base, self._read(query, "", encoding, base), written)
+            self._read(query, "", base)
         else:
             # A pattern of groups: each answers with its own key.
             for group in self._service.learner.names():
                 if query.key_expr.intersects(f"{base}/{group}"):
-                    reply = self._read(query, group, encoding, asked)
-                    self._reply(query, f"{base}/{group}", reply, written)
+                    self._read(query, group, f"{base}/{group}")
 
-    def _read(self, query: zenoh.Query, group: str, encoding: str, key: str) -> ParameterReply:
-        question = ParameterQuestion(group=group)
-        try:
-            if query.payload is not None and len(query.payload):
-                most = int(self._config.learning.observation_bytes)
-                question = codec.decode(ParameterQuestion, query.payload, encoding, key, most)
-                if group:
-                    question = msgspec.structs.replace(question, group=group)
-        except InputError as error:
-            self._counters["params_malformed"] += 1
-            return self._error(str(error))
-        return replies.read(self._service, question, self._config.id)
+    def _read(self, query: zenoh.Query, group: str, key: str) -> None:
+        def read(service: ParameterService, question: ParameterQuestion, name: str) -> Any:
+            chosen = msgspec.structs.replace(question, group=group or question.group)
+            return replies.read(service, chosen, name)
 
-    def _change(self, query: zenoh.Query, name: str, encoding: str, key: str) -> ParameterReply:
-        most = int(self._config.learning.observation_bytes)
-        try:
-            request = codec.decode(CHANGES[name], query.payload or b"", encoding, key, most)
-        except InputError as error:
-            self._counters["params_malformed"] += 1
-            return self._error(str(error))
-        return replies.change(self._service, request, self._config.id)
+        request = self._handler(ParameterQuestion, read, ParameterQuestion())
+        self._endpoint.answer(query, key, request)
 
-    def _error(self, reason: str) -> ParameterReply:
-        return replies.reply_of(self._service, self._config.id, "error", reason)
-
-    def _reply(
-        self, query: zenoh.Query, key: str, message: msgspec.Struct, written: Format
-    ) -> None:
-        try:
-            query.reply(
-                key,
-                codec.encode(message, written),
-                encoding=codec.encoding_of(type(message), written),
-            )
-        except zenoh.ZError as error:
-            self._counters["replies_lost"] += 1
-            _log.warning("a reply could not be sent: %s", error)
+    def _handler(
+        self, kind: type[Any], handle: Callable[..., ParameterReply], default: Any = None
+    ) -> Handler[Any, ParameterReply]:
+        """A request about parameters; who names no format is answered in JSON."""
+        return Handler(
+            kind,
+            handle=lambda request: handle(self._service, request, self._config.id),
+            failure=lambda reason: replies.reply_of(
+                self._service, self._config.id, "error", reason
+            ),
+            name=PARAMS,
+            default=default,
+            reply_format=Format.JSON,
+        )
 
     def _publish(self) -> None:
         """Tell each group that changed, then all; whoever is too slow misses it and may ask."""
@@ -310,9 +275,3 @@ class ParameterEndpoint:
             encoding=codec.encoding_of(type(message), Format.JSON),
             congestion_control=zenoh.CongestionControl.DROP,
         )
-
-
-def _written(encoding: str) -> Format:
-    """How to answer: as a machine only to one that said it is."""
-    machine = encoding.startswith(Format.MESSAGEPACK.value)
-    return Format.MESSAGEPACK if machine else Format.JSON

@@ -25,7 +25,7 @@ from slopewise.services.parameters.learnable import StopTaught, may_add, unable
 from slopewise.services.parameters.plausible_stops import MIN_DECELERATION, StopPace, contradiction
 from slopewise.services.parameters.registry import GROUPS
 from slopewise.services.parameters.stop_streams import StopStreams
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.notices import Notices
 from slopewise.services.wire.observations import (
     DriveSamples,

@@ -25,7 +25,7 @@ from slopewise.services.parameters.learner import NOT_LEARNED, Learner
 from slopewise.services.parameters.log import Last, ParameterLog
 from slopewise.services.parameters.past import ParameterPast
 from slopewise.services.parameters.store import StoreError
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.notices import Notices
 from slopewise.services.wire.observations import DriveSamples, Receipt, RobotObservation
 

@@ -13,7 +13,7 @@ import zenoh
 from slopewise.models.errors import InputError
 from slopewise.services.planning import glance
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.messages import MapUpdate
 

@@ -26,7 +26,7 @@ from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.meter import Meter
 from slopewise.services.planning.pace import TOO_MANY, TooLateError
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec, messages
 from slopewise.services.wire.messages import PlanReply, PlanRequest
 

@@ -19,7 +19,7 @@ from slopewise.planner.horizon.path_projection import locate
 from slopewise.planner.horizon.refusals import out_of_reach
 from slopewise.planner.path import EvenPath, batch, resample
 from slopewise.services.planning.pace import Pace, unhurried
-from slopewise.services.settings.service import Sizes
+from slopewise.services.settings.service_settings import SizeLimits
 from slopewise.services.wire.messages import Path, PlanRequest, RankedCandidate
 
 _FEWEST_POINTS = 3
@@ -38,7 +38,7 @@ class Usable:
     clear: float
 
 
-def check(request: PlanRequest, sizes: Sizes, source: str) -> None:
+def check(request: PlanRequest, sizes: SizeLimits, source: str) -> None:
     """Whether a question can be answered as a whole.
 
     Raises:
@@ -61,7 +61,7 @@ def check(request: PlanRequest, sizes: Sizes, source: str) -> None:
 
 
 def usable_of(
-    request: PlanRequest, sizes: Sizes, spacing: float, source: str
+    request: PlanRequest, sizes: SizeLimits, spacing: float, source: str
 ) -> tuple[list[Usable], list[RankedCandidate]]:
     """Candidates in the order given; and those that are refused at a glance, with reasons.
 
@@ -135,7 +135,7 @@ def at_the_vehicle(
     return [one for one, reason in zip(usable, reasons, strict=True) if not reason], refused
 
 
-def _lengths(paths: Sequence[Path], sizes: Sizes) -> list[float | ParameterError]:
+def _lengths(paths: Sequence[Path], sizes: SizeLimits) -> list[float | ParameterError]:
     """Length of each polyline [m], or what can be seen to be wrong with it at a glance.
 
     All in one go: one by one, small arrays cost more than what is done with them.

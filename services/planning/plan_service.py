@@ -33,7 +33,7 @@ from slopewise.services.planning.plan_questions import (
     usable_of,
 )
 from slopewise.services.planning.stale_map import MapAge
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import messages
 from slopewise.services.wire.messages import (
     Deviation,

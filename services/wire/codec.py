@@ -53,9 +53,9 @@ def encoding_of(kind: type[msgspec.Struct], written: Format) -> str:
     return f"{written.value};{schema_of(kind)}"
 
 
-def format_of(encoding: str) -> Format:
-    """How a sender writes, as far as its encoding tells; what cannot be told is for machines."""
-    return Format.JSON if encoding.startswith(Format.JSON.value) else Format.MESSAGEPACK
+def format_of(encoding: str, default: Format = Format.MESSAGEPACK) -> Format:
+    """Format that the encoding of a sender names, ``default`` where it names none."""
+    return next((f for f in Format if encoding.startswith(f.value)), default)
 
 
 def encode(message: msgspec.Struct, written: Format) -> bytes:

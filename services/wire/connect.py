@@ -8,8 +8,8 @@ import socket
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.settings.service import ServiceConfig, ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 
 _ENCRYPTED = ("tls/", "quic/", "wss/")
 _PLACE = re.compile(r"\s+at \S+\.rs:\d+\.?")

@@ -25,7 +25,7 @@ def run() -> WarmUpResult:
     from slopewise.services.parameters.in_use import ParametersInUse
     from slopewise.services.planning.cold_start import compile_first
     from slopewise.services.planning.plan_service import PlanService
-    from slopewise.services.settings.service import ServiceConfig
+    from slopewise.services.settings.service_settings import ServiceConfig
 
     compile_first("on all cores")
     plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))

@@ -23,8 +23,8 @@ from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.parameters.service import ParameterService
 from slopewise.services.planning.map_store import KnownGround, MapStore
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.learning import StoreSettings
-from slopewise.services.settings.service import Planning, ServiceConfig, Sizes
+from slopewise.services.settings.learning_settings import StoreSettings
+from slopewise.services.settings.service_settings import Planning, ServiceConfig, SizeLimits
 from slopewise.services.wire import codec
 from slopewise.services.wire.messages import Path as Candidate
 from slopewise.services.wire.messages import PlanRequest, ServiceStatus
@@ -102,7 +102,7 @@ class Desk:
         config = ServiceConfig(
             model="atv",
             planning=Planning(smooth=False),
-            sizes=Sizes(stations=1000, points=100),
+            sizes=SizeLimits(stations=1000, points=100),
             store=StoreSettings(path=str(folder / "parameters.db"), changes=100),
         )
         prior = read_model(find_model("atv"))

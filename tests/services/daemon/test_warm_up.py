@@ -6,7 +6,7 @@ from slopewise.services.daemon import warm_up
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 
 

@@ -14,8 +14,8 @@ from slopewise.services.dashboard.board import Board, FindingSeen
 from slopewise.services.dashboard.parameter_board import ParameterBoard
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.learning import StoreSettings
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.learning_settings import StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.offer import Offer, Shift
 
 FILE = read_model(find_model("atv"))

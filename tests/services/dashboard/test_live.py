@@ -20,7 +20,7 @@ from slopewise.services.dashboard.board import Board, GroundSeen, GroupSeen, Sto
 from slopewise.services.dashboard.server import PageServer, own_names
 from slopewise.services.dashboard.site import Site, Source
 from slopewise.services.planning.map_store import KnownGround
-from slopewise.services.settings.service import PageSettings
+from slopewise.services.settings.service_settings import PageSettings
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.messages import Parameters, ServiceStatus

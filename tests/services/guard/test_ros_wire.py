@@ -14,8 +14,8 @@ from slopewise.services.guard.core import Guard
 from slopewise.services.guard.ros_wire import RosWire
 from slopewise.services.guard.settings import GuardRos, GuardSettings, GuardTiming
 from slopewise.services.ros.node import Node
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.guard.test_decide import FLAT, MODEL
 from tests.services.ros.test_drive_samples import command
 from tests.services.ros.test_late_odometry import stamped

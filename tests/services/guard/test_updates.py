@@ -12,8 +12,8 @@ import zenoh
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.guard.updates import LOST, MAX_WAITING, KnownMap, Updates
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.messages import MapUpdate

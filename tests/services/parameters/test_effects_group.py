@@ -17,9 +17,9 @@ from slopewise.services.discovery.finding import InvestigationOutcome, is_valid
 from slopewise.services.discovery.stops_compared import cautious, compared
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.investigation import Investigation
-from slopewise.services.settings.learning import StoreSettings
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.investigation_settings import Investigation
+from slopewise.services.settings.learning_settings import StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.observations import StopObservation
 from slopewise.services.wire.offer import Offer, Shift
 

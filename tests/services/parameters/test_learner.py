@@ -19,7 +19,7 @@ from slopewise.models.surface_braking import UphillBraking
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.intake import Intake, columns_of
 from slopewise.services.parameters.learner import Learner
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.observations import DriveSamples, StopObservation, TerrainLabel
 from tests.models.terrain import plant
 from tests.services.robot_plant import G, Surface, Vehicle

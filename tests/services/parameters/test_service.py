@@ -20,8 +20,8 @@ from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.parameters.service import ParameterService
 from slopewise.services.parameters.store import Store, StoreError
-from slopewise.services.settings.learning import Learning, StoreSettings
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.learning_settings import Learning, StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.observations import Receipt, StopObservation
 from tests.services.robot_plant import G
 

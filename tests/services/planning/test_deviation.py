@@ -20,7 +20,7 @@ from slopewise.services.io.path_file import write_paths_csv
 from slopewise.services.io.plan_file import read_plan_csv
 from slopewise.services.parameters.limits_group import LimitsGroup
 from slopewise.services.planning.map_store import KnownGround, MapStore
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire import codec, messages
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.messages import PlanReply, PlanRequest

@@ -11,7 +11,7 @@ from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.planning import plan_questions
 from slopewise.services.planning.map_store import KnownGround, MapStore
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service import Planning, ServiceConfig
+from slopewise.services.settings.service_settings import Planning, ServiceConfig
 from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
 from tests.services.service_process import fan, flat
 

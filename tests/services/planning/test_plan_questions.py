@@ -7,10 +7,10 @@ import pytest
 
 from slopewise.models.errors import InputError
 from slopewise.services.planning.plan_questions import check, resampled, usable_of
-from slopewise.services.settings.service import Sizes
+from slopewise.services.settings.service_settings import SizeLimits
 from slopewise.services.wire.messages import Path, PlanRequest
 
-SIZES = Sizes(candidates=3, points=50, stations=200)
+SIZES = SizeLimits(candidates=3, points=50, stations=200)
 
 
 def line(name: str, length: float, **more: Any) -> Path:

@@ -15,7 +15,7 @@ from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.planning.map_store import KnownGround
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service import Planning, ServiceConfig
+from slopewise.services.settings.service_settings import Planning, ServiceConfig
 from slopewise.services.wire.messages import Path as Candidate
 from slopewise.services.wire.messages import PlanReply, PlanRequest
 from tests.services.daemon.test_parameter_faults import until

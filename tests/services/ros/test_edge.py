@@ -21,8 +21,8 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.service_process import free_port, running
 from tests.services.warm_process import WarmProcess
 

@@ -20,7 +20,7 @@ from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.settings import Timing
 from slopewise.services.ros.speed_limit import SpeedAdvice, place_on, stop, told_by
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 

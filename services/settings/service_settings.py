@@ -14,17 +14,17 @@ from slopewise.planner.horizon.answer import HorizonSettings
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.decode import decode_table
 from slopewise.services.io.toml_file import beside, read_toml
-from slopewise.services.settings.investigation import Investigation
-from slopewise.services.settings.learning import Learning, StoreSettings
+from slopewise.services.settings.investigation_settings import Investigation
+from slopewise.services.settings.learning_settings import Learning, StoreSettings
 
 _KEY = re.compile(r"[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*")
 _MEGABYTE = 1_000_000
-_MOST_QUEUE = 1024
+_MAX_QUEUE = 1024
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZenohSettings:
-    """How to meet others. The default listens on loopback only and looks for nobody."""
+    """How to meet others. The default listens on loopback only and scouts for no peers."""
 
     mode: Literal["peer", "client", "router"] = "peer"
     listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
@@ -35,28 +35,28 @@ class ZenohSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Planning(PlannerSettings):
-    """Who plans and how, and how long a question may wait."""
+    """Settings of the planner, and how long a request may wait."""
 
     workers: int = quantity("1", "Threads that plan.", default=1, at_least=1, at_most=16)
     queue: int = quantity(
         "1",
-        "Questions that may wait; further ones are told busy.",
+        "Requests that may wait; further ones are answered busy.",
         default=8,
         at_least=1,
-        at_most=_MOST_QUEUE,
+        at_most=_MAX_QUEUE,
     )
     deadline: float = quantity(
         "s",
-        "From arrival to answer, if the question says nothing else.",
+        "From arrival to reply, unless the request states another.",
         default=0.1,
         above=0.0,
         at_most=60.0,
     )
     longest_deadline: float = quantity(
-        "s", "No question may wait longer.", default=10.0, above=0.0, at_most=600.0
+        "s", "Longest time that a request may wait.", default=10.0, above=0.0, at_most=600.0
     )
     early: float = quantity(
-        "s", "How long before its deadline a question is told busy.", default=0.01, at_least=0.0
+        "s", "How long before its deadline a request is answered busy.", default=0.01, at_least=0.0
     )
     clients: int = quantity(
         "1", "Clients that are remembered.", default=8, at_least=1, at_most=1000
@@ -71,7 +71,7 @@ class Planning(PlannerSettings):
     )
     quantile: float = quantity(
         "1",
-        "Share of what the model leaves open that plans survive.",
+        "One-sided probability that margins cover the model's uncertainty.",
         default=QUANTILE,
         at_least=0.5,
         at_most=0.999999,
@@ -85,38 +85,38 @@ class Planning(PlannerSettings):
         if self.early >= self.deadline:
             raise ParameterError("early", f"less than deadline, {self.deadline:g} s")
         if self.deadline > self.longest_deadline:
-            words = f"at most longest_deadline, {self.longest_deadline:g} s"
-            raise ParameterError("deadline", words)
+            expected = f"at most longest_deadline, {self.longest_deadline:g} s"
+            raise ParameterError("deadline", expected)
 
     def horizon(self) -> HorizonSettings:
-        """What a client's moving horizon takes of it."""
+        """Settings of a client's moving horizon."""
         return HorizonSettings(budget=self.budget, period=self.period)
 
     def planner(self) -> PlannerSettings:
-        """What planning takes of it."""
-        own = {f.name: getattr(self, f.name) for f in fields(PlannerSettings)}
-        return PlannerSettings(**own)
+        """Settings of the candidate planner."""
+        values = {f.name: getattr(self, f.name) for f in fields(PlannerSettings)}
+        return PlannerSettings(**values)
 
     def uncertainty(self) -> Uncertainty:
-        """What plans have to survive."""
+        """Uncertainty that the margins of plans cover."""
         return Uncertainty(quantile=self.quantile, slope_std=self.slope_std)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sizes:
-    """What is larger is answered with an error, or counted and left alone."""
+class SizeLimits:
+    """Limits of messages: larger ones are answered with an error, or counted and ignored."""
 
     request_bytes: int = quantity(
-        "B", "Of a question.", default=4 * _MEGABYTE, at_least=1000, at_most=1000 * _MEGABYTE
+        "B", "Of a request.", default=4 * _MEGABYTE, at_least=1000, at_most=1000 * _MEGABYTE
     )
     map_bytes: int = quantity(
         "B", "Of a map update.", default=64 * _MEGABYTE, at_least=1000, at_most=1000 * _MEGABYTE
     )
-    candidates: int = quantity("1", "In one question.", default=1000, at_least=1, at_most=100_000)
+    candidates: int = quantity("1", "In one request.", default=1000, at_least=1, at_most=100_000)
     points: int = quantity("1", "Of one path.", default=5000, at_least=3, at_most=1_000_000)
     stations: int = quantity(
         "1",
-        "Of all candidates of a question together.",
+        "Of all candidates of a request together.",
         default=200_000,
         at_least=100,
         at_most=10_000_000,
@@ -128,7 +128,7 @@ class Sizes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatusSettings:
-    """What the service tells of itself."""
+    """When the status is published, and what it flags."""
 
     period: float = quantity("s", "From one status to the next.", default=1.0, at_least=0.05)
     map_age: float = quantity("s", "A map older than that is flagged.", default=5.0, above=0.0)
@@ -139,10 +139,10 @@ class StatusSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSettings:
-    """A live page, health and metrics over HTTP, to be read only; nobody is served by default.
+    """A live page, health and metrics over HTTP, read-only and off by default.
 
     Attributes:
-        token: file with a word that everybody who asks has to know; empty: none has to. It comes
+        token: file with a word that every request has to show; empty: none has to. It is sent
             as `Authorization: Bearer WORD`, or once as `?token=WORD`, which a cookie keeps.
     """
 
@@ -161,8 +161,8 @@ class ServiceConfig:
 
     Attributes:
         model: model file, or the name of a shipped vehicle; relative to the settings file.
-        namespace: of all keys. id: of this service among others.
-        map: elevation map to begin with; empty: none until one comes.
+        namespace: prefix of all keys. id: name of this service, unique in its namespace.
+        map: first elevation map; empty: none until an update arrives.
     """
 
     model: str
@@ -171,7 +171,7 @@ class ServiceConfig:
     map: str = ""
     zenoh: ZenohSettings = field(default_factory=ZenohSettings)
     planning: Planning = field(default_factory=Planning)
-    sizes: Sizes = field(default_factory=Sizes)
+    sizes: SizeLimits = field(default_factory=SizeLimits)
     status: StatusSettings = field(default_factory=StatusSettings)
     page: PageSettings = field(default_factory=PageSettings)
     learning: Learning = field(default_factory=Learning)

@@ -1,4 +1,4 @@
-"""Zenoh's own configuration, made of the service's settings."""
+"""Zenoh's configuration, from the service's settings."""
 
 from __future__ import annotations
 
@@ -7,24 +7,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slopewise.services.io.access import fault
-from slopewise.services.settings.service import Sizes, ZenohSettings
+from slopewise.services.settings.service_settings import SizeLimits, ZenohSettings
 from slopewise.services.settings.tls_files import settle
 
 if TYPE_CHECKING:
     import zenoh
 
 _SLACK = 4
-"""Larger than a limit by that much, a message is not even let in; up to there it is answered."""
+"""Messages beyond this multiple of a limit are dropped by zenoh; up to there they are answered [1]:
+an honest sender that is a little too large gets a reason, and memory stays bounded."""
 
 
-def zenoh_config(settings: ZenohSettings, sizes: Sizes | None = None) -> zenoh.Config:
-    """What zenoh needs of it.
+def zenoh_config(settings: ZenohSettings, sizes: SizeLimits | None = None) -> zenoh.Config:
+    """Configuration of a zenoh session.
 
     Args:
-        settings: of the session.
-        sizes: of a service: what is far too large does not even come in. It takes no shared memory
-            unless a file of zenoh's own settings says so: its questions and plans fit the loopback,
-            and the pools at both ends of a connection would count as its memory.
+        settings: endpoints and mode of the session.
+        sizes: limits of a service: far larger messages are dropped by zenoh. A service uses no
+            shared memory unless a file of zenoh's settings requires it: its requests and plans fit
+            the loopback, and the pools at both ends of a connection would count as its memory.
 
     Raises:
         InputError: zenoh refuses it.

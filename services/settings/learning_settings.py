@@ -14,7 +14,7 @@ class Learning:
 
     Attributes:
         enabled: False: the model file's parameters hold, observations are counted only.
-        terrains: terrain file or name of shipped classes that ground is told apart by; empty: none.
+        terrains: terrain file or name of shipped classes that ground is classified by; empty: none.
         estimators: ids whose liveliness tokens have to be there; without one plans are slower.
     """
 
@@ -27,7 +27,7 @@ class Learning:
     rise: float = quantity(
         "1", "Highest rise of F_b/W in plans with one stop.", default=0.01, above=0.0, at_most=0.2
     )
-    most_above_file: float = quantity(
+    most_above_file: float = quantity(  # words: ok, a key of the file
         "1",
         "Share of the model file's F_b/W by which plans may count on more.",
         default=0.25,
@@ -57,12 +57,10 @@ class Learning:
     oldest: float = quantity(
         "s", "Age from which on parameters lose no more.", default=14_400.0, at_least=1.0
     )
-    refresh: float = quantity(
-        "s", "From one look at the age to the next.", default=10.0, at_least=0.05
-    )
+    refresh: float = quantity("s", "Time between updates of the age.", default=10.0, at_least=0.05)
     label_for: float = quantity("s", "How long a label of the ground holds.", default=5.0, above=0)
-    sure: float = quantity(
-        "1", "Probability from which on a label is believed.", default=0.8, at_least=0.5, at_most=1
+    sure: float = quantity(  # words: ok, a key of the file
+        "1", "Probability from which on a label is accepted.", default=0.8, at_least=0.5, at_most=1
     )
     mount: float = quantity(
         "rad", "Offset of the pitch sensor.", default=0.0, at_least=-0.5, at_most=0.5
@@ -95,8 +93,8 @@ class Learning:
         validate_quantities(self)
         for index, name in enumerate(self.estimators):
             if not name or any(c in name for c in "/*$?# "):
-                words = f"one word as in a liveliness token, got {name!r}"
-                raise ParameterError(f"estimators[{index}]", words)
+                expected = f"one word as in a liveliness token, got {name!r}"
+                raise ParameterError(f"estimators[{index}]", expected)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
