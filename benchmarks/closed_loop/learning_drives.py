@@ -43,8 +43,9 @@ def stops_of_drive(seed: int, exact: bool, surface: int | None = None) -> list[S
     known_map = terrain.elevation_map(terrain.mapped_heights(None if exact else rng))
     x, y = (np.ascontiguousarray(c[::2, None]) for c in (route.x, route.y))
     profile = terrain_profile(known_map, x, y, np.array([len(x)]), QUAD.wheelbase, QUAD.track_width)
-    columns = (profile.station, profile.grade, profile.roll, profile.surfaces)
-    return samples_of(drive, MappedGround(*(column[:, 0] for column in columns)))
+    p = profile
+    ground = MappedGround(p.station[:, 0], p.grade[:, 0], p.roll[:, 0], p.surfaces[:, 0])
+    return samples_of(drive, ground)
 
 
 def _terrain(rng: np.random.Generator, surface: int | None) -> PhysicsGround:

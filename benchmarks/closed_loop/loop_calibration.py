@@ -163,7 +163,8 @@ def residuals(samples: list[StopSample], b: Braking, cross_slope: float, crest: 
     """Distance of each stop beyond the model without its offset, shape (n,) [m]."""
     model = _model("fit", b, cross_slope, crest)
     predicted = np.array([simulate_stop(model, s.track, s.speed).distance for s in samples])
-    return np.array([s.distance for s in samples]) - predicted
+    residual: Floats = np.array([s.distance for s in samples]) - predicted
+    return residual
 
 
 def _model(name: str, b: Braking, cross_slope: float, crest: float) -> Model:

@@ -43,6 +43,7 @@ _SOURCES = (
     "models/stop_logs",
     "models/stops",
 )
+_PACKAGES = {"mujoco": "mujoco", "commonroad-vehicle-models": "vehiclemodels"}
 _IGNORED_SOURCES = ("discrepancy_campaign.py", "discrepancy_metrics.py", "discrepancy_tables.py")
 
 
@@ -95,13 +96,11 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
 
 
 def show(result: Result, console: Console) -> None:
-    """Print all tables, and what could not be measured."""
-    console.print(f"{result['sets']} of {result['planned']} sets")
+    """Print all tables, and the worlds that could not be run."""
     for table in tables(result):
         console.print(table)
-    for package, module in (("mujoco", "mujoco"), ("commonroad-vehicle-models", "vehiclemodels")):
-        if find_spec(module) is None:
-            console.print(f"{package} is not installed: pip install '.\\[sim]' in a clone")
+    for package in result.get("missing", ()):
+        console.print(f"{package} is not installed: pip install '.\\[sim]' in a clone")
 
 
 def planned(size: SetCounts) -> list[SetTask]:
@@ -139,7 +138,8 @@ def run_sets(
             advance(1)
     order = {task: i for i, task in enumerate(todo)}
     finished.sort(key=lambda f: order[f.task])
-    return result_of(finished) | {"planned": len(todo)}
+    missing_packages = [name for name, module in _PACKAGES.items() if find_spec(module) is None]
+    return result_of(finished) | {"planned": len(todo), "missing": missing_packages}
 
 
 def _prepare() -> None:

@@ -162,9 +162,9 @@ def _nearest(
     # Doses are small and effects are not: the nearest ones are fitted.
     for _, name, start in alternatives[:_FITTED_ALTERNATIVES]:
         if start is not None:
-            left = fit.refit(fitted._replace(**start), FREE[name] | dict(free))[1]
-            if left @ left < chi2:
-                nearest, chi2 = name, float(left @ left)
+            unexplained = fit.refit(fitted._replace(**start), FREE[name] | dict(free))[1]
+            if unexplained @ unexplained < chi2:
+                nearest, chi2 = name, float(unexplained @ unexplained)
     return nearest, chi2
 
 

@@ -109,24 +109,27 @@ def _world_task(task: SetTask, announce: Announce) -> FinishedSet:
 
     vehicle: dict[str, Any] | None = None
     world: worlds.World[Any]
+    configured: Callable[[Any], dict[str, float]]
     if task.engine is not None:
         from . import engine_sets
 
-        spec, world, configured = task.engine, engine_sets.ENGINE, engine_sets.calibrated
+        spec, world = task.engine, engine_sets.ENGINE
+        configured = engine_sets.calibrated
     else:
         from . import multibody_sets
 
         assert task.multibody is not None
         spec, world = task.multibody, multibody_sets.MULTIBODY
         configured, vehicle = multibody_sets.calibrated, multibody_sets.car_table()
-    hidden = worlds.make(world, spec, configured)
+    hidden: worlds.WorldSet[Any] = worlds.make(world, spec, configured)
     commitment = _commit(hidden.truth(), announce)
     tables = tables_of(hidden.configured, vehicle)
     finding = _blind_run().investigate(SealedLog(hidden.columns, tables))
     answers = baselines.ask_all(hidden.columns, hidden.configured)
     outcome = worlds.score_world(world, hidden, finding)
-    kind = {"engine" if task.engine is not None else "multibody": outcome}
-    return FinishedSet(task, commitment, **kind, baselines=answers)
+    if task.engine is not None:
+        return FinishedSet(task, commitment, engine=outcome, baselines=answers)
+    return FinishedSet(task, commitment, multibody=outcome, baselines=answers)
 
 
 def _commit(truth: Any, announce: Announce) -> TruthCommitment:

@@ -77,18 +77,19 @@ def time_optimal(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: i
 def profile_stage(task: BaselineTask) -> Callable[[], Floats]:
     """The planner's profile stage on one candidate, exact in brakes and drive."""
     p = task.problem
-    columns = (
-        p.station,
-        p.speed_sq_max,
-        p.sin_grade,
-        p.lower_slope,
-        p.lower_intercept,
-        p.slowest,
-        p.accel_max,
-        p.demand,
-    )
+
+    def column(values: Floats) -> Floats:
+        return np.ascontiguousarray(values[:, None])
+
     problem = ProfileProblem(
-        *(np.ascontiguousarray(values[:, None]) for values in columns),
+        column(p.station),
+        column(p.speed_sq_max),
+        column(p.sin_grade),
+        column(p.lower_slope),
+        column(p.lower_intercept),
+        column(p.slowest),
+        column(p.accel_max),
+        column(p.demand),
         np.array([p.start_sq]),
         p.decel,
         p.specific_power,

@@ -90,11 +90,11 @@ def test_shipped_vehicles_and_benchmarks_are_inside(installed: Path, tmp_path: P
     script = (
         "import slopewise; from slopewise.services.io import model_file, terrain_file;"
         "from slopewise.services.io.bags.topics import read_topics;"
-        "from slopewise.services.cli.commands.bench import _benchmark;"
+        "from slopewise.benchmarks.__main__ import BENCHMARKS, benchmark;"
         "print(model_file.find_model('atv')); print(terrain_file.find_terrains('husky'));"
         "print(slopewise.read_model('ugv').name, read_topics(None)[1]);"
-        "[_benchmark(name) for name in ('planner.cycle', 'discovery.tables', 'fleet.fleet')];"
-        "print(_benchmark('planner.planner_speed').__file__)"
+        "[benchmark(name) for name in ('cycle', 'discrepancy', 'fleet')];"
+        "print(benchmark('planner').__file__)"
     )
     told = python(installed, tmp_path, "-c", script).splitlines()
     assert told[0] == str(installed / "slopewise/configs/vehicles/atv.toml")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.calibration.plant import PlantVehicle, drive_log
+from benchmarks.calibration.stop_plant import PlantVehicle, drive_log
 from slopewise.models.calibration.learn import Calibration, learn, with_learned
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.calibration.plant import PlantVehicle, drive_log
+from benchmarks.calibration.stop_plant import PlantVehicle, drive_log
 from slopewise.models.calibration.coverage import covered
 from slopewise.models.calibration.learn import learn
 from slopewise.models.errors import ParameterError
