@@ -102,7 +102,7 @@ def identifiability(
         max_stops: number of stops that are evaluated, spread evenly; they stand for the others.
     """
     names = tuple(hidden)
-    fit = _Scene(truth, _without_scatter(stops), noise, scatter, max_stops)
+    fit = WeightedStops(truth, _without_scatter(stops), noise, scatter, max_stops)
     fitted, residual = fit.refit(base)
     gap = float(residual @ residual)
     if gap < DETECTABLE_CHI2:
@@ -129,7 +129,7 @@ def change_beyond_base(
         rank: position of the reported stop among those that change most.
     """
     calm = _without_scatter(stops)
-    fitted, _ = _Scene(truth, calm, noise, scatter).refit(base)
+    fitted, _ = WeightedStops(truth, calm, noise, scatter).refit(base)
     distances = [drive(p, calm, np.zeros(1), _STEP).distance for p in (truth, fitted)]
     change = np.abs(distances[0] - distances[1])
     known = np.sort(change[np.isfinite(change)])
@@ -141,7 +141,7 @@ def _without_scatter(stops: Stops) -> Stops:
 
 
 def _nearest(
-    fit: _Scene,
+    fit: WeightedStops,
     fitted: Physics,
     residual: Floats,
     free: Mapping[str, float],
@@ -168,7 +168,7 @@ def _nearest(
     return nearest, chi2
 
 
-class _Scene:
+class WeightedStops:
     """Stops of the truth, and the weights of differences from them."""
 
     def __init__(
