@@ -36,6 +36,34 @@ def benchmark(name: str) -> Any:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a benchmark, print its tables, write its figures."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    for package in BENCHMARKS[options.what][1]:
+        if find_spec(package) is None:
+            parser.error(f"{options.what} needs the package {package}, which is not installed")
+    if options.out is not None and options.out.exists() and not options.out.is_dir():
+        parser.error(f"--out: expected a folder, got the file {options.out}")
+    console = Console()
+    console = Console(width=max(console.width, _WIDTH))
+    request = BenchmarkRequest(
+        options.quick, options.out, options.sets, options.minutes, options.tuning_share
+    )
+    module = benchmark(options.what)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as display:
+
+        def progress(title: str, total: int) -> Callable[[int], None]:
+            task = display.add_task(title, total=total)
+            return lambda count: display.advance(task, count)
+
+        result = module.run(request, progress)
+    module.show(result, console)
+    if options.json is not None:
+        options.json.write_text(json.dumps(result, indent=1) + "\n")
+        console.print(f"wrote {options.json}")
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="slopewise bench", description=__doc__)
     parser.add_argument("what", nargs="?", choices=BENCHMARKS, default="planner")
     parser.add_argument("--quick", action="store_true", help="fewer repetitions")
@@ -62,30 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         default=0.0,
         help="discrepancy: only this share of the multi-body car's tuning half",
     )
-    options = parser.parse_args(arguments)
-    for package in BENCHMARKS[options.what][1]:
-        if find_spec(package) is None:
-            parser.error(f"{options.what} needs the package {package}, which is not installed")
-    if options.out is not None and options.out.exists() and not options.out.is_dir():
-        parser.error(f"--out: expected a folder, got the file {options.out}")
-    console = Console()
-    console = Console(width=max(console.width, _WIDTH))
-    request = BenchmarkRequest(
-        options.quick, options.out, options.sets, options.minutes, options.tuning_share
-    )
-    module = benchmark(options.what)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as display:
-
-        def progress(title: str, total: int) -> Callable[[int], None]:
-            task = display.add_task(title, total=total)
-            return lambda count: display.advance(task, count)
-
-        result = module.run(request, progress)
-    module.show(result, console)
-    if options.json is not None:
-        options.json.write_text(json.dumps(result, indent=1) + "\n")
-        console.print(f"wrote {options.json}")
+    return parser
 
 
 if __name__ == "__main__":

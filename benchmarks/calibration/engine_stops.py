@@ -45,6 +45,7 @@ _NOISE = 0.02  # [m/s] of the logged speed
 _MAP = 0.005  # [rad] error of a map's grade
 _STEP, _MAX_STOP = 0.005, 30.0  # [s] of the integration
 _MAX_DRAWS = 50  # of stops that are slow enough
+# A rough model file, as before any calibration.
 _KNOWN = Braking(
     m_m=0.0,
     b_m=0.0,

@@ -40,9 +40,10 @@ VEHICLES = (
     PlantVehicle(name="heavy tails, t3", stops=300, scatter=0.03, late=0.01, freedom=3.0),
     PlantVehicle(name="6 sessions", stops=120, scatter=0.02, late=0.02, session=0.03, sessions=6),
 )
-QUANTILES = (0.99, 0.999)
+QUANTILES = (0.99, 0.999)  # one-sided, that plans are made with [1]
 FRESH, _REPEATS = 40_000, 4_000  # stops; of each of the conditions below
 _CONDITIONS = 300  # at which the true quantile is drawn
+# A rough model file, as before any calibration.
 _KNOWN = Braking(
     m_m=0.0,
     b_m=-0.1,

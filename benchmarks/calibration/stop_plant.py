@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from slopewise.models.arrays import Floats
 
-G = 9.80665
+G = 9.80665  # [m/s²]
 SPEEDS = (1.0, 4.0)  # [m/s]
 GRADES = (-0.2, 0.2)  # [rad]
 _LEAD, _TAIL, _HZ = 1.2, 0.8, 50.0  # [s], [s], [Hz] of the log

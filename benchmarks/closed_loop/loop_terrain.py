@@ -25,7 +25,7 @@ MAX_GRADE = np.deg2rad(21.0)
 """Steepest grade of a hill [rad]; routes keep to 20°."""
 
 _SIZE = 60.0  # [m] edge of a terrain
-_CELLS = int(_SIZE / RESOLUTION) + 1
+_CELLS = int(_SIZE / RESOLUTION) + 1  # grid points of an edge
 _PATCH = 8.0  # [m] size of a surface patch
 _MIN_RELIEF = np.deg2rad(16.0)  # flatter crops are no test
 _MAP_NOISE = 0.004  # [m] of each cell of the planner's map

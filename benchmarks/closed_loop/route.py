@@ -24,7 +24,7 @@ MAX_GRADE = np.deg2rad(20.0)
 
 _MAX_ROLL = np.deg2rad(15.0)  # tyres on grass slide sideways before the vehicle tips
 _SEARCH = 8  # points around the last place among which the vehicle is located
-_MAX_DRAWS = 80
+_MAX_DRAWS = 80  # of routes on one terrain
 _CHOICES = 5  # routes of which the steepest is driven
 
 

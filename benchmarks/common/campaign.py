@@ -40,7 +40,7 @@ def no_progress(_title: str, _total: int) -> Callable[[int], Any]:
     return lambda _: None
 
 
-_PROCESSES = 2
+_PROCESSES = 2  # of the machines that results are compared on
 
 Work = Callable[[int], Any]
 Job = TypeVar("Job")

@@ -16,7 +16,7 @@ from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time
 SPACING = 0.25
 """Between stations in the plan view [m]."""
 
-_SEED = 7
+_SEED = 7  # of grounds and candidates
 _SIZE = 80.0  # [m] edge of the map, enough for 100 stations from its middle
 _RESOLUTION = 0.2  # [m] finer than a wheel, so that the swept footprint is checked in full
 _MAX_GRADE = np.deg2rad(13.0)  # within the trained grades of the vehicle

@@ -35,7 +35,7 @@ _EFFECTS = (
     "brake_fade",
 )
 _LADDER = (6, 12, 18, 24, 36, 48, 72, 96, 144, 192)  # stops
-_MAX_DRAWS = 60
+_MAX_DRAWS = 60  # of sets for a case
 _MAX_STOPS = 100  # of a case, so that the ladder can change it
 
 

@@ -31,6 +31,7 @@ class Ranges:
     heading: float = np.pi
 
 
+# As operators collect stops: anything, fast, on slopes, at walking pace, along one field track.
 _RANGES = {
     "mixed": Ranges((1.0, 5.0), (0.0, 0.22)),
     "fast": Ranges((3.5, 6.0), (0.0, 0.14)),

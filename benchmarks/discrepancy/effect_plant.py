@@ -15,7 +15,7 @@ from numba import njit
 
 from .plant_physics import Floats, Physics, Stops
 
-GRAVITY = 9.80665
+GRAVITY = 9.80665  # [m/s²]
 STEP = 0.001
 """Step of the integration [s]."""
 

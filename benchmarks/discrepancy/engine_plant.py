@@ -23,13 +23,13 @@ TICK = 0.01
 BEFORE = 1.2
 """Logged time before each command [s]."""
 
-MASS, RADIUS, LENGTH, TRACK = 500.0, 0.28, 1.2, 1.0
+MASS, RADIUS = 500.0, 0.28  # [kg], [m] of a wheel
 
 _STEP = 0.0025  # [s] of the engine
 _SETTLE = 0.5  # [s] at speed before the log begins
 _MAX_STOP = 8.0  # [s]
 _AFTER_STANDSTILL = 1.2  # [s] simulated while the body rocks back
-_WHEELS = (("fl", 0.6, 0.5), ("fr", 0.6, -0.5), ("rl", -0.6, 0.5), ("rr", -0.6, -0.5))
+_WHEELS = (("fl", 0.6, 0.5), ("fr", 0.6, -0.5), ("rl", -0.6, 0.5), ("rr", -0.6, -0.5))  # x, y [m]
 _WHEEL_MASS = 12.0  # [kg]
 _SPRING, _DAMPER = 45000.0, 2200.0  # [N/m], [N s/m] of one wheel
 _FRONT_SHARE = 0.6  # of the brake torque [1]

@@ -36,9 +36,9 @@ class Candidate(NamedTuple):
 LAGS = (0.02, 0.04, 0.06, 0.09, 0.13, 0.19, 0.27)  # [s]
 COOLING = (60.0, 110.0, 200.0, 350.0)  # [s]
 WINDS = (3.0, 6.0, 9.0)  # [m/s]
-HEADINGS = np.deg2rad(np.arange(0.0, 360.0, 22.5))
+HEADINGS = np.deg2rad(np.arange(0.0, 360.0, 22.5))  # [rad] of winds
 _CAPPED = (0.3, 0.45, 0.6, 0.7, 0.8, 0.87, 0.92, 0.96)  # quantiles of the fitted force
-_TILES = 9
+_TILES = 9  # grid of circles in x and in y
 _RADII = (0.12, 0.16, 0.20, 0.25, 0.30)  # of the extent of the place
 _MIN_STOPS = 4  # on each side of an edge
 

@@ -21,7 +21,7 @@ from .sensing import Columns
 THRESHOLD = 25.0
 """Gain from which an effect is added; chosen on 30 logs of the car's tuning half."""
 
-_MAX_EFFECTS = 4
+_MAX_EFFECTS = 4  # twice as many as are ever hidden
 _ANYWHERE = "surface_patch"  # may lie in several places
 _REFITTED = 6  # best names, whose scatter is refitted in each step
 _EVIDENT_GAIN = 100.0  # of a first term of motion, whose whole change then matters

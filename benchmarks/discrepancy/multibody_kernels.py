@@ -15,7 +15,7 @@ from .vehicle_models import WHEELS, car_slopes
 _STEP, _STEP_BY_SPEED = 1e-3, 3e-4  # [s], [s per m/s]: wheels are the stiffer the slower they roll
 _MIN_SPEED = 0.12  # [m/s]; below about 0.1 the package has no tyre forces: extrapolated
 _GAIN = 15.0  # [1/s] of the speed controller
-_PACKAGE_GRAVITY = 9.81
+_PACKAGE_GRAVITY = 9.81  # [m/s²]
 
 
 class CarPush(NamedTuple):

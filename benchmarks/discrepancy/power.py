@@ -22,8 +22,8 @@ from .blind_run import SealedLog, investigate_log, tables_of
 from .catalogue import SetConditions, SetSpec, make
 from .identifiability import change_beyond_base
 
-COUNTS = (30, 60, 120, 240)
-FACTORS = (1, 3, 10)
+COUNTS = (30, 60, 120, 240)  # stops of a log
+FACTORS = (1, 3, 10)  # on noise and scatter [1]
 EFFECTS = ("aerodynamic_drag", "step_change", "surface_patch", "turning_resistance")
 SIZES = ("small", "medium")
 RATIOS = (0.5, 1.0, 2.0, np.inf)

@@ -11,7 +11,7 @@ from .effect_plant import GRAVITY
 from .plant_physics import Floats
 from .sensing import Columns
 
-BINS = 12
+BINS = 12  # of the time of a stop
 _EARLY = (-0.25, -0.10, -0.03)  # [s] edges of the bins before the onset
 _FIRST = 0.03  # [s] first edge after it
 _COMMAND_WINDOW = (-0.70, -0.25)  # [s] in which the speed before the onset is averaged

@@ -24,7 +24,7 @@ from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
 from .plant_physics import Floats
 
-_VEHICLE = 2
+_VEHICLE = 2  # number of the package, a BMW 320i
 _LOOSE = 1.1
 """Shape C of the tyre's curve on loose or wet ground: friction stays at its peak while sliding."""
 

@@ -49,7 +49,7 @@ CAR_NAMES: Names = {
 """Right names of each effect; wind on a body is also drag on it."""
 
 _ENGINE_EACH, _ENGINE_CLEAN = 4, 12  # sets of each effect, clean sets
-_CAR_EACH, _CAR_CLEAN = 15, 60
+_CAR_EACH, _CAR_CLEAN = 15, 60  # five seeds of three strengths
 _CAR_STRENGTHS = ("medium", "large", "small")  # in which a share of the sets is taken
 
 

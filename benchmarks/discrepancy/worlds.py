@@ -18,7 +18,7 @@ from .world_outcomes import CLEAN, Names, WorldOutcome, WorldSpec
 
 N = TypeVar("N")
 
-STOPS, FRESH = 70, 24
+STOPS, FRESH = 70, 24  # of a log, and fresh ones to score it
 _MIN_SPEED = 0.1  # [m/s] of compared samples
 
 

@@ -28,6 +28,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..common.campaign import BenchmarkRequest, Progress
+from .local_cluster import cluster, workers_of
 
 Result = dict[str, Any]
 
@@ -37,8 +38,7 @@ _STEP = 1.0  # [m] between the points of a path
 _POINTS = 25  # of a path
 _FAN = 25  # paths from one place
 _SAMPLE = 0.2  # [s] between readings of the memory
-_SEED = 20
-_LIMIT = "1GiB"  # of a worker, below the size of the map
+_SEED = 20  # of map and paths
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,63 +200,6 @@ def _run(map_file: Path, paths: list[Path], out: Path, *options: str) -> Result:
 def _warm(map_file: Path, paths: Path, out: Path, address: str) -> None:
     """Load the workers' libraries, so that timed runs begin in the same state."""
     _run(map_file, [paths], out, "--scheduler", address)
-
-
-@contextmanager
-def cluster(count: int) -> Iterator[tuple[str, list[int]]]:
-    """Start scheduler and workers as processes; yields its address and the workers' nannies."""
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
-    port = _free_port()
-    address = f"tcp://127.0.0.1:{port}"
-    dask = [sys.executable, "-m", "dask"]
-    listen = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
-    processes = [subprocess.Popen([*dask, "scheduler", *listen], **quiet)]  # type: ignore[call-overload]
-    try:
-        options = ["--nthreads", "1", "--memory-limit", _LIMIT, "--no-dashboard"]
-        for _ in range(count):
-            command = [*dask, "worker", address, "--host", "127.0.0.1", *options]
-            processes.append(subprocess.Popen(command, **quiet))  # type: ignore[call-overload]
-        _wait_for(address, count)
-        yield address, [process.pid for process in processes[1:]]
-    finally:
-        for process in reversed(processes):
-            process.terminate()
-        for process in processes:
-            try:
-                process.wait(timeout=20.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-
-
-def _free_port() -> int:
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def _wait_for(address: str, count: int) -> None:
-    from distributed import Client
-
-    with Client(address, timeout=60.0) as client:
-        client.wait_for_workers(count, timeout=60.0)
-
-
-def workers_of(nannies: list[int]) -> list[Any]:
-    """The largest child process of each nanny, which plans."""
-    import psutil
-
-    workers = []
-    for pid in nannies:
-        try:
-            children = psutil.Process(pid).children(recursive=True)
-            workers.append(max(children, key=lambda child: child.memory_info().rss))
-        except (psutil.NoSuchProcess, ValueError):
-            continue
-    return workers
 
 
 @contextmanager

@@ -28,11 +28,11 @@ KINDS = (
     "hole",
     "wall",
 )
-RESOLUTIONS = (0.05, 0.08, 0.12, 0.16, 0.20, 0.24)
+RESOLUTIONS = (0.05, 0.08, 0.12, 0.16, 0.20, 0.24)  # [m]
 _SMALLEST, _LARGEST = 0.3, 3.0  # sizes over the limits of the vehicle [1]
 _NOISE = 0.01  # of the cells over the wheel radius [1]
 _MIN_CELLS = 2.5  # of a shape that a map can show
-_MAX_GRADE = np.deg2rad(10.0)
+_MAX_GRADE = np.deg2rad(10.0)  # of the plane, along and across
 
 
 @dataclass(frozen=True, slots=True)

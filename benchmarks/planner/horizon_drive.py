@@ -14,7 +14,7 @@ from slopewise.planner.plan import SpeedPlan
 
 from ..common.scene import SPACING, atv, hills
 
-CANDIDATES, STATIONS, SMOOTHED = 64, 100, 4
+CANDIDATES, STATIONS, SMOOTHED = 64, 100, 4  # of a cycle, 25 m long
 _PERIOD = 0.1  # [s] of a cycle, as on a robot
 _CYCLES_PER_FAN = 25  # a local planner offers new candidates every few seconds
 _MAX_CURVATURE = 0.15  # [1/m]

@@ -35,8 +35,8 @@ INSTANCES, QUICK_INSTANCES = 500, 40
 TARGET_EXCESS, TARGET_RATIO = 0.01, 10.0
 """Largest excess of travel time, and smallest ratio of solution times, that are aimed at [1]."""
 
-_STATIONS = (60, 80, 100, 150)
-_SEED = 11
+_STATIONS = (60, 80, 100, 150)  # of a problem
+_SEED = 11  # of all problems
 
 Result = dict[str, Any]
 

@@ -20,7 +20,7 @@ from .batch import in_batch
 from .scaling import growth_with_candidates, growth_with_stations, memory
 from .solver_comparison import emitted, jerk_limited, select_free, tasks_of, time_optimal
 
-STATIONS, CANDIDATES = 100, 1000
+STATIONS, CANDIDATES = 100, 1000  # of the batch, 25 m long
 
 Result = dict[str, Any]
 

@@ -26,7 +26,7 @@ from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import read_model
 from slopewise.services.io.shipped import shipped_files
 
-G = 9.80665
+G = 9.80665  # [m/s²]
 _STEP = 0.02  # [m] of the integration, along the ground
 _MAX_STOP = 40.0  # [m] after which a stop counts as endless
 _FORCE_STD, _DEAD_TIME_STD, _SPEED_ERROR = 0.03, 0.03, 0.05  # [1], [s], [m/s] of good brakes
