@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import tempfile
 import time
 from collections import Counter, deque
 from dataclasses import replace
@@ -21,7 +20,7 @@ import numpy as np
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.surface_braking import SurfaceBraking
-from slopewise.services.guard.arc import PlanarPose
+from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.decide import (
     BaseCommand,
     GuardDecision,
@@ -29,9 +28,8 @@ from slopewise.services.guard.decide import (
     VehicleMotion,
     decide,
 )
-from slopewise.services.guard.ground import GuardGround
-from slopewise.services.guard.model_reader import read_guard_model, rows_of
-from slopewise.services.io.model_file import write_model
+from slopewise.services.guard.guard_map import GuardMap
+from slopewise.services.guard.guard_model import brake_table, guard_model
 
 from .drive_loop import run_drive
 from .moving_horizon import MovingHorizon
@@ -85,13 +83,10 @@ class Guarded:
         self.name = f"guarded {policy.name}"
         self._policy, self._delay = policy, round(latency / CYCLE)
         self._waiting: deque[DriveCommand] = deque()
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "model.toml"
-            write_model(model, file)
-            self._model = read_guard_model(file)
-        self._tables = (rows_of(self._model),)
+        self._model = guard_model(model)
+        self._tables = (brake_table(self._model),)
         self._map: ElevationMap | None = None
-        self._ground: GuardGround | None = None
+        self._ground: GuardMap | None = None
         self.actions: Counter[str] = Counter()
         self.seconds: list[float] = []
 
@@ -130,7 +125,7 @@ class Guarded:
     def _decide(self, view: View, speed: float) -> GuardDecision:
         if view.elevation_map is not self._map:
             known = self._map = view.elevation_map
-            self._ground = GuardGround(
+            self._ground = GuardMap(
                 known.elevation,
                 known.resolution,
                 known.origin,
@@ -147,11 +142,11 @@ class Guarded:
         # The clear distance is that of the middle of the wheelbase.
         clear = max(view.clear - RESERVE, 0.0)
         guard_scene = GuardScene(self._model, self._tables, self._ground, clear)
-        motion = VehicleMotion(PlanarPose(state.x, state.y, state.yaw), max(state.speed, 0.0))
+        motion = VehicleMotion(Pose2d(state.x, state.y, state.yaw), max(state.speed, 0.0))
         command = BaseCommand(speed, curvature * max(speed, state.speed))
         start = time.perf_counter()
         decision = decide(
-            guard_scene, motion, command, stands=CYCLE, late=_COMMAND_AGE, load=_LOAD_SHARE
+            guard_scene, motion, command, hold_time=CYCLE, late=_COMMAND_AGE, load=_LOAD_SHARE
         )
         self.seconds.append(time.perf_counter() - start)
         return decision

@@ -44,7 +44,7 @@ class Handler(Generic[Request, Reply]):
         name: malformed requests are counted as ``NAME_malformed``.
         default: request of a query without payload; None: a payload is required.
         reply_format: format of replies to senders whose encoding names none.
-        describe: the request in a few words, for the report of a fault.
+        describe: short text that identifies the request in the report of a fault.
     """
 
     kind: type[Request]
@@ -56,16 +56,25 @@ class Handler(Generic[Request, Reply]):
     describe: Callable[[Request], str] | None = None
 
 
+def log_fault(what: str) -> str:
+    """Log the exception that a request raised; returns the reason for its sender."""
+    _log.exception("%s could not be answered: internal error", what)
+    return "fault of the service"
+
+
 class Endpoint:
     """Common steps of all components that answer requests; call it from one thread."""
 
     def __init__(
-        self, counters: Counter[str], max_bytes: int, report_fault: Callable[[str], str]
+        self,
+        counters: Counter[str],
+        max_bytes: int,
+        report_fault: Callable[[str], str] = log_fault,
     ) -> None:
         """Answer with these limits.
 
         Args:
-            counters: of the service.
+            counters: where malformed requests and lost replies are counted.
             max_bytes: largest payload that is decoded [bytes].
             report_fault: called inside the ``except`` block with the description of a request
                 that raised an unexpected error; returns the reason for its sender.
@@ -84,7 +93,7 @@ class Endpoint:
         written = codec.format_of(str(item.encoding or ""), handler.reply_format)
         what = f"a request on {key}"
         try:
-            request = self.decode(item, key, handler)
+            request = self.decode(handler.kind, item, key, handler.default)
             what = handler.describe(request) if handler.describe is not None else what
             reply = handler.handle(request)
             payload = codec.encode(reply, written)
@@ -96,11 +105,15 @@ class Endpoint:
             reply = handler.failure(self._report_fault(what))
             payload = codec.encode(reply, written)
         if isinstance(item, zenoh.Query):
-            self._send(item, key, payload, codec.encoding_of(type(reply), written))
+            self.send_encoded(item, key, payload, codec.encoding_of(type(reply), written))
         return reply
 
     def decode(
-        self, item: zenoh.Query | zenoh.Sample, key: str, handler: Handler[Request, Reply]
+        self,
+        kind: type[Request],
+        item: zenoh.Query | zenoh.Sample,
+        key: str,
+        default: Request | None = None,
     ) -> Request:
         """The request that arrived.
 
@@ -108,19 +121,21 @@ class Endpoint:
             InputError: names key and field, and what was expected.
         """
         payload = item.payload
-        if handler.default is not None and (payload is None or not len(payload)):
-            return handler.default
-        encoding = str(item.encoding or "")
-        return codec.decode(handler.kind, payload or b"", encoding, key, self._max_bytes)
+        if default is not None and (payload is None or not len(payload)):
+            return default
+        return codec.decode(kind, payload or b"", str(item.encoding or ""), key, self._max_bytes)
 
-    def send(self, query: zenoh.Query, key: str, reply: msgspec.Struct, written: Format) -> None:
-        """Send a reply that no handler made; one that cannot be sent is counted."""
+    def send(self, query: zenoh.Query, key: str, reply: msgspec.Struct, written: Format) -> bool:
+        """Send a reply; False if that failed, which is counted."""
         encoding = codec.encoding_of(type(reply), written)
-        self._send(query, key, codec.encode(reply, written), encoding)
+        return self.send_encoded(query, key, codec.encode(reply, written), encoding)
 
-    def _send(self, query: zenoh.Query, key: str, payload: bytes, encoding: str) -> None:
+    def send_encoded(self, query: zenoh.Query, key: str, payload: bytes, encoding: str) -> bool:
+        """Send an encoded reply; False if that failed, which is counted."""
         try:
             query.reply(key, payload, encoding=encoding)
         except zenoh.ZError as error:
             self._counters["replies_lost"] += 1
             _log.warning("a reply on %s could not be sent: %s", key, error)
+            return False
+        return True

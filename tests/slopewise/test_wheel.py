@@ -89,8 +89,8 @@ def test_a_source_archive_holds_the_linked_rooms_as_folders(wheel: Path, tmp_pat
 def test_shipped_vehicles_and_benchmarks_are_inside(installed: Path, tmp_path: Path) -> None:
     script = (
         "import slopewise; from slopewise.services.io import model_file, terrain_file;"
-        "from slopewise.services.io.bags.topics import read_topics;"
-        "from slopewise.benchmarks.__main__ import BENCHMARKS, benchmark;"
+        "from slopewise.services.io.topics import read_topics;"
+        "from slopewise.benchmarks.__main__ import benchmark;"
         "print(model_file.find_model('atv')); print(terrain_file.find_terrains('husky'));"
         "print(slopewise.read_model('ugv').name, read_topics(None)[1]);"
         "[benchmark(name) for name in ('cycle', 'discrepancy', 'fleet')];"
