@@ -92,7 +92,9 @@ def test_a_single_weak_stop_is_allowed_for() -> None:
     speed, grade = conditions(2000, rng)
     force = 0.75 * vehicle.forces(speed, grade, rng)
     late = vehicle.delays(2000, rng)
-    short = allowed_distance(learned.braking, speed, grade, 0.999) < distances(speed, grade, force, late)
+    short = allowed_distance(learned.braking, speed, grade, 0.999) < distances(
+        speed, grade, force, late
+    )
     assert np.mean(short) < 0.05
 
 
