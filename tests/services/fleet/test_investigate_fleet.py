@@ -14,7 +14,7 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks.fleet.fleet import cluster, workers_of
+from benchmarks.fleet.local_cluster import cluster, workers_of
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.errors import InputError
 from slopewise.services.fleet import discrepancy_task, finding_row, investigate_fleet
