@@ -25,8 +25,8 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import plan_of_columns
+from slopewise.services.check.external_plan import plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
 from slopewise.services.io.plan_file import driven
 
@@ -224,7 +224,9 @@ def violations(
         jerk = smoothed and int(Limiting.JERK) in plan.limiting
     model = model_of(tables)
     out: dict[str, list[str]] = {}
-    for v in check(plan_of_columns(driven(plan)), model, ground, clear=clear).violations:
+    for v in check_plan_on_map(
+        plan_of_columns(driven(plan)), model, ground, clear=clear
+    ).violations:
         # Under drive the front axle is bounded, and each side; a wheel that is on both is not.
         wheel = v.sentence.startswith("the lightest wheel")
         if not wheel and v.size > slack * TOLERANCES[v.kind].value:

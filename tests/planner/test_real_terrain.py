@@ -14,10 +14,10 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import plan_of_columns
-from slopewise.services.check.report import Violation
-from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.check.check_report import Violation
+from slopewise.services.check.external_plan import plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
+from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import read_model, shipped_models
 from slopewise.services.io.plan_file import driven
 
@@ -120,7 +120,7 @@ def violations_of(plans: list[SpeedPlan], place: str, vehicle: str, data: Path) 
     return [
         violation
         for plan in plans
-        for violation in check(plan_of_columns(driven(plan)), model, ground).violations
+        for violation in check_plan_on_map(plan_of_columns(driven(plan)), model, ground).violations
     ]
 
 

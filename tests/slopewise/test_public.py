@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import slopewise
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 
 
 @pytest.fixture(scope="module")

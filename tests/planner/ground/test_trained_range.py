@@ -20,8 +20,8 @@ from slopewise.planner.ground.hull_speed import hold_below, hull_lines, lines
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import Status
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import plan_of_columns
+from slopewise.services.check.external_plan import plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.io.plan_file import driven
 from tests.models.driven_hull import highest_speed
 from tests.models.models_for_tests import BASE
@@ -166,7 +166,7 @@ def test_a_kink_beyond_the_trained_range_counts_between_stations() -> None:
     assert plan.grade[18:25].max() < tables["braking"]["grade_range"][1]
     assert plan.status is Status.BLOCKED
     assert "a wheel keeps" in plan.reason
-    assert not check(plan_of_columns(driven(plan)), model_of(tables), dip()).violations
+    assert not check_plan_on_map(plan_of_columns(driven(plan)), model_of(tables), dip()).violations
 
 
 # ------------------------------------------------------------------------------ hull lines

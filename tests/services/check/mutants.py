@@ -31,7 +31,7 @@ from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 from slopewise.planner.verify.judge import check as verify
 from slopewise.planner.verify.track import track_of
-from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.io.model_file import read_model, shipped_models
 from tests.planner.test_real_terrain import PLACES, candidates, ground_of
 
@@ -85,9 +85,9 @@ def questions(place: str, vehicle: str, data: Path, seed: int) -> Iterator[Quest
         yield Question(place, model_of(vehicle), ground, path, clear)
 
 
-def stripped(plan: SpeedPlan, name: str) -> GivenPlan:
+def stripped(plan: SpeedPlan, name: str) -> ExternalPlan:
     """The columns that the checker gets."""
-    return GivenPlan(name=name, x=plan.x, y=plan.y, speed=plan.speed)
+    return ExternalPlan(name=name, x=plan.x, y=plan.y, speed=plan.speed)
 
 
 def faster(question: Question) -> SpeedPlan:
@@ -117,7 +117,7 @@ def shifted(question: Question) -> SpeedPlan:
 
 
 def stronger(question: Question) -> SpeedPlan:
-    """Brakes taken to be a tenth stronger than they are."""
+    """PathForce taken to be a tenth stronger than they are."""
     braking = question.model.braking
     names = ("m_m", "b_m", "m_b", "b_b")
     more = {name: 1.1 * getattr(braking, name) for name in names}

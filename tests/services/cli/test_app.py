@@ -16,7 +16,7 @@ import typer
 
 from slopewise.services.cli import app
 from slopewise.services.cli.commands import demo
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.path_file import write_paths_csv
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import real_data
