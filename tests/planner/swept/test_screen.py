@@ -78,7 +78,8 @@ def test_it_clears_no_blocked_station(seed: int, small: bool, resolution: float)
     assert first_blocked(searched) <= first_blocked(screened) <= first_blocked(beyond), (
         beyond.reason
     )
-    assert screened.hazards.looked <= searched.hazards.looked
+    if first_blocked(screened) == first_blocked(searched):
+        assert screened.hazards.looked <= searched.hazards.looked
 
 
 def _only_what_is_not_cleared(sizes: SweptSizes) -> SweptSizes:
