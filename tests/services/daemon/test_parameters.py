@@ -154,7 +154,9 @@ def test_operators_are_answered_while_observations_are_lost(robot: Robot) -> Non
     assert robot.set("limits", speed=2.0)["status"] == "ok"
     replies = [list(handler) for handler in handlers]
     assert all(len(reply) == 1 and reply[0].ok is not None for reply in replies)
-    after = robot.status()["counters"]
+    status = robot.status()
+    assert any("observations were lost" in flag for flag in status["flags"])
+    after = status["counters"]
     assert after["observations_lost"] > before.get("observations_lost", 0)
     assert after.get("stop_out_of_order", 0) == before.get("stop_out_of_order", 0)
 
