@@ -11,7 +11,7 @@ from slopewise.models.errors import InputError
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, find_stops
 from slopewise.services.cli.arguments.files import CalibrateOptions
-from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.table import write_csv
 
 
@@ -50,11 +50,11 @@ def _write_page(
     job: CalibrateOptions,
     error: InputError,
 ) -> None:
-    from slopewise.services.report.refused_page import RefusedLog, write_refused
+    from slopewise.services.report.calibration_page import RejectedLog, write_rejected_log
 
     assert job.report is not None
     run, t = log.columns["run"], log.columns["t"]
-    refused = RefusedLog(
+    rejected = RejectedLog(
         str(error),
         windows,
         [f"{run[w.command]}, {t[w.command]:.2f} s" for w in windows],
@@ -66,4 +66,5 @@ def _write_page(
         "model so far": job.model,
         "written": f"{datetime.now():%Y-%m-%d %H:%M}",
     }
-    write_refused(job.report, refused, title="Brakes that were not learned", provenance=provenance)
+    title = "Brakes that were not learned"
+    write_rejected_log(job.report, rejected, title=title, provenance=provenance)

@@ -17,8 +17,8 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.services.cli.arguments.robot import QueryOptions
 from slopewise.services.client import ClientAnswer, PlanClient
-from slopewise.services.io.maps.map_file import read_map
-from slopewise.services.io.maps.no_data import NoData, nodata_of
+from slopewise.services.io.map_file import read_map
+from slopewise.services.io.no_data import NoData, nodata_of
 from slopewise.services.io.path_file import read_paths
 from slopewise.services.wire import plan_messages
 from slopewise.services.wire.connect import client_session

@@ -24,12 +24,12 @@ from slopewise.models.terrain.signature import Signature
 from slopewise.models.terrain.signature_fit import fit
 from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.models.terrain.surfaces import model_on, with_surface
-from slopewise.services.io.access import fault
-from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.drive_log import DriveLog
+from slopewise.services.io.files import fault
 from slopewise.services.io.model_file import write_model
 from slopewise.services.io.signature_file import write_signatures
 from slopewise.services.io.terrain_file import TerrainFile, write_terrains
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 
 _LASTS = 6  # stretches of unknown ground that are offered as a class
 

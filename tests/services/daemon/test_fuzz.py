@@ -19,8 +19,8 @@ from slopewise.models.errors import InputError
 from slopewise.services.client import PlanClient
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters import replies
-from slopewise.services.parameters.in_use import ParametersInUse
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.active_parameters import ActiveParameters
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.learning_settings import StoreSettings
@@ -106,7 +106,7 @@ class Desk:
             store=StoreSettings(path=str(folder / "parameters.db"), changes=100),
         )
         prior = read_model(find_model("atv"))
-        self.plans = PlanService(config, ParametersInUse(prior))
+        self.plans = PlanService(config, ActiveParameters(prior))
         self.parameters = ParameterService(config, prior, apply=self.plans.learn)
         heights = np.zeros((12, 16))
         self.ground = MapSnapshot(
@@ -159,15 +159,15 @@ def fuzz(key: str, seed: int, count: int, desk: Desk) -> Counter[str]:
     supply = Malformed(messages_of[key], seed)
     became: Counter[str] = Counter()
     known, ground = desk.known(), desk.maps.snapshot
-    version = desk.parameters.in_use.version
+    version = desk.parameters.active.version
     for n in range(count):
         payload, encoding = supply.draw()
         status = desk.handle(key, payload, encoding)
         became[status] += 1
         if status in _ACCEPTED:
             known, ground = desk.known(), desk.maps.snapshot
-            version = desk.parameters.in_use.version
-        assert desk.parameters.in_use.version == version, payload
+            version = desk.parameters.active.version
+        assert desk.parameters.active.version == version, payload
         assert desk.maps.snapshot is ground, payload
         if n % _COMPARED_EVERY == 0 or n == count - 1:
             assert desk.known() == known, payload
@@ -178,7 +178,7 @@ def limits_hold(desk: Desk) -> None:
     """Plans are made with a valid model, no faster than its limits."""
     request = PlanRequest(speed=0.0, paths=[Candidate(name="a", points=_POINTS)])
     reply = desk.plans.answer(request, desk.ground, "plan")
-    limit = desk.parameters.in_use.model.limits.speed
+    limit = desk.parameters.active.model.limits.speed
     assert reply.plans[0].column("speed").max() <= limit + 1e-9
 
 

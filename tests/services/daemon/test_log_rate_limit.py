@@ -8,7 +8,7 @@ import time
 from slopewise.services.daemon import warm_up_requests
 from slopewise.services.daemon.log_rate_limit import RateLimitFilter
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
@@ -43,7 +43,7 @@ def test_the_number_of_remembered_lines_is_bounded() -> None:
 
 
 def test_replies_of_the_warm_up_can_be_encoded() -> None:
-    plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))
+    plans = PlanService(ServiceConfig(model="atv"), ActiveParameters(read_model(find_model("atv"))))
     snapshots = {}
     for snapshot, request in warm_up_requests.requests():
         reply = plans.answer(request, snapshot, "warm-up")

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.parameter_client import Robot, send_ground, speeds_of

@@ -45,7 +45,7 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for
         planning=Planning(deadline=5.0),
         zenoh=ZenohSettings(listen=(f"tcp/127.0.0.1:{port}",)),
     )
-    learn, read = Learner.learn, replies.read
+    learn, read = Learner.observe, replies.read
 
     def breaks(self: Learner, message: Any, *rest: Any) -> Any:
         if message.source == "evil":
@@ -57,7 +57,7 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for
             raise ZeroDivisionError("another")
         return read(service, question, name)
 
-    monkeypatch.setattr(Learner, "learn", breaks)
+    monkeypatch.setattr(Learner, "observe", breaks)
     monkeypatch.setattr(replies, "read", breaks_too)
     settings = ZenohSettings(mode="client", connect=(f"tcp/127.0.0.1:{port}",))
     with Service(config) as service, zenoh.open(zenoh_config(settings)) as session:

@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from slopewise.services.io.toml_file import beside, read_toml
+from slopewise.services.io.files import read_toml, resolve_names
 from tests.services.faults import fault_in
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "words"),
+    ("text", "place", "message"),
     [
         ("a = 1\n[b\n", "line 2, column 3", "expected TOML, got: Expected ']'"),
         ("a = ", "end of document", "expected TOML"),
@@ -18,14 +18,16 @@ from tests.services.faults import fault_in
         ("a = " + "[" * 5000, "", "expected TOML"),
     ],
 )
-def test_the_line_that_is_wrong_is_named(tmp_path: Path, text: str, place: str, words: str) -> None:
+def test_the_line_that_is_wrong_is_named(
+    tmp_path: Path, text: str, place: str, message: str
+) -> None:
     file = tmp_path / "a.toml"
     file.write_text(text)
-    with fault_in(file, place, words):
+    with fault_in(file, place, message):
         read_toml(file)
 
 
-def test_files_are_beside_the_settings_and_other_names_stay(tmp_path: Path) -> None:
+def test_file_names_are_resolved_and_other_names_stay(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text("")
     (tmp_path / "folder").mkdir()
     data: dict[str, Any] = {
@@ -39,8 +41,8 @@ def test_files_are_beside_the_settings_and_other_names_stay(tmp_path: Path) -> N
     }
     keys = ("model", "map", "zenoh.config", "ros.config", "learning.terrains", "service.config")
     settings = tmp_path / "service.toml"
-    beside(settings, data, *keys, "none.config")
-    beside(settings, data, "store.path", "ros.path", exists=False)
+    resolve_names(settings, data, *keys, "none.config")
+    resolve_names(settings, data, "store.path", "ros.path", exists=False)
     assert data == {
         "model": str(tmp_path / "mine.toml"),
         "map": "",

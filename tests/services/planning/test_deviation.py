@@ -14,10 +14,10 @@ import pytest
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
 from slopewise.services.cli.commands import demo
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.path_file import write_paths_csv
-from slopewise.services.io.plan_file import read_plan_csv
+from slopewise.services.io.table import read_csv
 from slopewise.services.parameters.limits_group import LimitsGroup
 from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire import codec, plan_messages
@@ -147,8 +147,8 @@ def test_json_csv_page_and_screen_show_it(folder: Path) -> None:
     assert set(reported) == {"largest", "station", "x", "y", "limit"}
     assert 0.075 < reported["largest"] <= reported["limit"] == pytest.approx(LIMIT)
     assert max(plan["columns"]["path_deviation"]) <= reported["largest"]
-    columns = read_plan_csv(folder / "plan.csv")
-    np.testing.assert_array_equal(columns["path_deviation"], plan["columns"]["path_deviation"])
+    deviation = read_csv(folder / "plan.csv").numbers("path_deviation", "m")
+    np.testing.assert_array_equal(deviation, plan["columns"]["path_deviation"])
     assert any("plans lead at most 0.3 m from a given path" in note for note in data["notes"])
     page = (folder / "page.html").read_text()
     assert f">{reported['largest']:.2f}</td>" in page
