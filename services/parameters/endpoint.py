@@ -145,9 +145,11 @@ class ParameterEndpoint:
             is_observation = kind in KINDS
             name = str(item.key_expr).rpartition("/")[2]
             payload = item.payload or b""
+            is_readable = is_observation and len(payload) <= self._config.learning.observation_bytes
+            source = read_source(payload, str(item.encoding or "")) if is_readable else ""
             waiting = Waiting(
                 _Received(kind, item),
-                sender=read_source(payload, str(item.encoding or "")) if is_observation else kind,
+                sender=source if is_observation else kind,
                 # Access to these keys is given to operators only.
                 outranks=kind == PARAMS and name in CHANGES,
             )
@@ -184,13 +186,13 @@ class ParameterEndpoint:
             self.beat = time.monotonic()
             begun = time.thread_time()
             try:
-                for name, is_alive in alive.items():
-                    self._service.alive(name, is_alive=is_alive)
-                for entry in rejected:
-                    self._reject(entry.item, "too many requests wait, ask again later")
                 if waiting is not None and self._queue.claim(waiting):
                     self._take(waiting.item.kind, waiting.arrived, waiting.item.message)
                     self._queue.shares.note_answer(waiting.sender)
+                for entry in rejected:
+                    self._reject(entry.item, "too many requests wait, ask again later")
+                for name, is_alive in alive.items():
+                    self._service.alive(name, is_alive=is_alive)
                 self._service.tick()
                 self._publish()
                 self._audience.show()
