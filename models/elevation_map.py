@@ -14,6 +14,7 @@ from slopewise.models.arrays import Floats, Ints, read_only
 from slopewise.models.errors import ParameterError
 
 _FEWEST_CELLS = 2
+"""Cells along an edge that bilinear heights need [1]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

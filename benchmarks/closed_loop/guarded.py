@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import tempfile
 import time
 from collections import Counter, deque
 from dataclasses import replace
@@ -21,7 +20,7 @@ import numpy as np
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.surface_braking import SurfaceBraking
-from slopewise.services.guard.arc import PlanarPose
+from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.decide import (
     BaseCommand,
     GuardDecision,
@@ -29,9 +28,8 @@ from slopewise.services.guard.decide import (
     VehicleMotion,
     decide,
 )
-from slopewise.services.guard.ground import GuardGround
-from slopewise.services.guard.model_reader import read_guard_model, rows_of
-from slopewise.services.io.model_file import write_model
+from slopewise.services.guard.guard_map import GuardMap
+from slopewise.services.guard.guard_model import brake_table, guard_model
 
 from .drive import run_drive
 from .moving_horizon import MovingHorizon
@@ -84,13 +82,10 @@ class Guarded:
         self._policy, self._late = policy, round(latency / CYCLE)
         self._stands = stands
         self._waiting: deque[DriveCommand] = deque()
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "model.toml"
-            write_model(model, file)
-            self._model = read_guard_model(file)
-        self._tables = (rows_of(self._model),)
+        self._model = guard_model(model)
+        self._tables = (brake_table(self._model),)
         self._map: ElevationMap | None = None
-        self._ground: GuardGround | None = None
+        self._ground: GuardMap | None = None
         self.actions: Counter[str] = Counter()
         self.seconds: list[float] = []
         self.log: list[tuple[float, float, float, float, float, str]] = []
@@ -132,9 +127,7 @@ class Guarded:
         if view.elevation_map is not self._map:
             known = self._map = view.elevation_map
             classes, names = known.terrain_class, known.class_names
-            self._ground = GuardGround(
-                known.elevation, known.resolution, known.origin, classes, names
-            )
+            self._ground = GuardMap(known.elevation, known.resolution, known.origin, classes, names)
         assert self._ground is not None
         state, route = view.state, view.route
         ahead = view.station + np.array((0.0, 0.5, 1.0)) * (0.5 + _LOOK * max(state.speed, 0.0))
@@ -145,10 +138,10 @@ class Guarded:
         # What is clear is told for the middle of the wheelbase.
         clear = max(view.clear - _RESERVE, 0.0)
         it = GuardScene(self._model, self._tables, self._ground, clear)
-        motion = VehicleMotion(PlanarPose(state.x, state.y, state.yaw), max(state.speed, 0.0))
+        motion = VehicleMotion(Pose2d(state.x, state.y, state.yaw), max(state.speed, 0.0))
         command = BaseCommand(speed, turn * max(speed, state.speed))
         begun = time.perf_counter()
-        decision = decide(it, motion, command, stands=self._stands, late=0.02, load=0.5)
+        decision = decide(it, motion, command, hold_time=self._stands, late=0.02, load=0.5)
         self.seconds.append(time.perf_counter() - begun)
         return decision
 

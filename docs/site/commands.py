@@ -24,17 +24,17 @@ _STATUS = """
 
 
 def page() -> str:
-    """All commands with their words."""
+    """All commands with their arguments and options."""
     group: Any = typer.main.get_command(app)
     parts = [
         "# Commands\n",
-        "Every command has `--help`; most print JSON for machines with `--json`.\n",
+        "Every command has `--help`; most print machine-readable JSON with `--json`.\n",
     ]
     for name, command in _commands(group):
         parts.append(f"## slopewise {name}\n")
         parts.append(_plain(command.help or "") + "\n")
         rows = [_row(parameter) for parameter in command.params if parameter.name != "help"]
-        parts.append("| word | default | what |\n|---|---|---|\n" + "\n".join(rows) + "\n")
+        parts.append("| option | default | description |\n|---|---|---|\n" + "\n".join(rows) + "\n")
     return "\n".join([*parts, _STATUS])
 
 
@@ -49,15 +49,15 @@ def _commands(group: Any, before: str = "") -> Iterator[tuple[str, Any]]:
 
 def _row(parameter: Any) -> str:
     if parameter.param_type_name == "argument":
-        word = parameter.metavar or parameter.name.upper()
+        label = parameter.metavar or parameter.name.upper()
         text = getattr(parameter, "help", "") or ""
     else:
         metavar = "" if parameter.is_flag else f" {parameter.metavar or 'VALUE'}"
-        word = " / ".join([*parameter.opts, *parameter.secondary_opts]) + metavar
+        label = " / ".join([*parameter.opts, *parameter.secondary_opts]) + metavar
         text = parameter.help or ""
     default = parameter.default
     shown = "" if parameter.required or default is None or default == "" else f"`{default}`"
-    return f"| `{word}` | {shown} | {_plain(text).replace('|', '&#124;')} |"
+    return f"| `{label}` | {shown} | {_plain(text).replace('|', '&#124;')} |"
 
 
 def _plain(text: str) -> str:

@@ -1,4 +1,4 @@
-"""What the site adds to the pages: decisions in the navigation, equations as MathML.
+"""Additions of the site to the pages: decisions in the navigation, equations as MathML.
 
 Equations are written as TeX between dollars and become MathML here, so that a reader needs neither
 a script nor a network.

@@ -18,7 +18,7 @@ _ENTERS = {
 
 
 def bounds_page() -> str:
-    """What can limit the speed at a station."""
+    """Reference of all bounds on the speed at a station."""
     rows = [
         f"| {number.value} | `{number.label}` | {_upper(bound.meaning)} | `{bound.law}` |"
         for number, bound in BOUNDS.items()
@@ -36,7 +36,7 @@ def bounds_page() -> str:
 
 
 def effects_page() -> str:
-    """What may be added to the base braking model."""
+    """Reference of the effects that extend the base braking model."""
     rows = [
         f"| `{name}` | {_upper(law.missing)} | {_ENTERS[law.enters.name]} | "
         f"{'; '.join(_parameter(p, spec) for p, spec in law.parameters.items())} |"
@@ -46,10 +46,10 @@ def effects_page() -> str:
     return "\n".join(
         [
             "# Effects\n",
-            "What the base model (braking force linear in grade and onset speed, after a dead\n"
-            "time) leaves out. Each is an `[[effect]]` of the [model file](model.md#effect);\n"
-            "several act together. `slopewise discrepancy` looks for them in a drive log.\n",
-            "| effect | what the base model leaves out | acts on | parameters |\n|---|---|---|---|",
+            "Additions to the base model (braking force linear in grade and onset speed, after a\n"
+            "dead time). Each is an `[[effect]]` of the [model file](model.md#effect);\n"
+            "several act together. `slopewise discrepancy` searches a drive log for them.\n",
+            "| effect | missing in the base model | acts on | parameters |\n|---|---|---|---|",
             *rows,
             "\n## How to find them\n",
             "Along which axis stops differ from the model, and what to drive to see it best:\n",

@@ -1,6 +1,6 @@
 """The notebook in `examples/`, run from its first cell to its last, with what it printed.
 
-`python docs/site/notebook.py` runs it and stores the outputs beside its cells.
+`python docs/site/notebook.py` runs it and stores the outputs with its cells.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def executed(folder: Path) -> nbformat.NotebookNode:
     """The notebook with fresh outputs, run in a copy of the examples.
 
     Raises:
-        CellExecutionError: of the first cell that fails.
+        CellExecutionError: the first cell that fails.
     """
     place = folder / "examples"
     place.mkdir(parents=True)

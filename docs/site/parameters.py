@@ -15,10 +15,10 @@ from slopewise.models.quantity import describe_plausible, describe_range
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.discovery import finding
-from slopewise.services.io.bags.topics import Channel, MapSource, PathSource
+from slopewise.services.io.topics import Channel, MapSource, PathSource
 from slopewise.services.ros.settings import EdgeSettings
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire import messages, observations, parameter_messages
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire import observations, parameter_messages, plan_messages
 from slopewise.services.wire.codec import schema_of
 
 _HEAD = "| key | unit and range | default | what |\n|---|---|---|---|\n"
@@ -78,19 +78,19 @@ def messages_page() -> str:
     """Schemas of what travels over zenoh."""
     parts = [
         "# Messages\n",
-        "Keys below the namespace, JSON for people (`application/json`) and MessagePack for\n"
-        "machines (`application/msgpack`), the schema's name behind it in the encoding.\n",
+        "Keys below the namespace, JSON (`application/json`) or MessagePack\n"
+        "(`application/msgpack`), the schema's name behind it in the encoding.\n",
         "| key | what |\n|---|---|",
         "| `v1/plan` | queryable: `PlanRequest` to `PlanReply` |",
         "| `v1/map` | in: `MapUpdate` |",
         "| `v1/obs/stop`, `v1/obs/drive`, `v1/obs/terrain` | in: observations, put or queried |",
         "| `v1/params`, `v1/params/GROUP` | queryable and published: parameters |",
         "| `v1/params/set`, `v1/params/rollback`, `v1/params/adopt` | queryable: changes |",
-        "| `v1/discrepancy` | queryable: what stored stops say, a look at them |",
+        "| `v1/discrepancy` | queryable: findings in stored stops, an investigation |",
         "| `v1/status` | out: `ServiceStatus`, JSON |",
         "| `v1/alive/ID` | liveliness token |\n",
     ]
-    for module in (messages, observations, parameter_messages, finding):
+    for module in (plan_messages, observations, parameter_messages, finding):
         for _, kind in inspect.getmembers(module, _is_message):
             if kind.__module__ != module.__name__ or not kind.__struct_fields__:
                 continue
@@ -115,18 +115,18 @@ def _settings(kind: Any) -> Iterator[str]:
 
 
 def _table(kind: Any, leave_out: list[str] | None = None) -> str:
-    told, hints = _attributes(kind), get_type_hints(kind)
+    texts, hints = _attributes(kind), get_type_hints(kind)
     rows = []
     for field in dataclasses.fields(kind):
         if field.name in (leave_out or ()):
             continue
         metadata = field.metadata
-        wanted = describe_range(metadata) if "unit" in metadata else _kind(hints[field.name])
+        expected = describe_range(metadata) if "unit" in metadata else _kind(hints[field.name])
         if "unit" in metadata and (plausible := describe_plausible(metadata)):
-            wanted += f", plausible {plausible}"
-        wanted = wanted.removeprefix("a finite number ").replace(">=", "≥").replace("<=", "≤")
-        text = metadata.get("text") or told.get(field.name, "")
-        rows.append(f"| `{field.name}` | {_cell(wanted)} | {_default(field)} | {_cell(text)} |")
+            expected += f", plausible {plausible}"
+        expected = expected.removeprefix("a finite number ").replace(">=", "≥").replace("<=", "≤")
+        text = metadata.get("text") or texts.get(field.name, "")
+        rows.append(f"| `{field.name}` | {_cell(expected)} | {_default(field)} | {_cell(text)} |")
     return _HEAD + "\n".join(rows)
 
 
@@ -134,8 +134,8 @@ def _default(field: Any) -> str:
     if field.default is not dataclasses.MISSING:
         return "optional" if field.default is None else f"`{_toml(field.default)}`"
     if field.default_factory is not dataclasses.MISSING:
-        made = field.default_factory()
-        return "optional" if not made else f"`{_toml(made)}`"
+        default = field.default_factory()
+        return "optional" if not default else f"`{_toml(default)}`"
     return "required"
 
 
@@ -153,19 +153,19 @@ def _kind(hint: Any) -> str:
     text = str(hint)
     if "Literal" in text:
         return ", ".join(f'"{choice}"' for choice in get_args(hint))
-    for piece, words in (
+    for piece, name in (
         ("dict", "table"),
         ("tuple", "list"),
         ("bool", "true or false"),
         ("str", "text"),
     ):
         if piece in text:
-            return words
+            return name
     return "number" if "float" in text or "int" in text else "table"
 
 
 def _fields(kind: Any) -> str:
-    told = {
+    texts = {
         name: text for base in reversed(kind.__mro__) for name, text in _attributes(base).items()
     }
     rows = []
@@ -176,7 +176,7 @@ def _fields(kind: Any) -> str:
             default = "required" if field.required else "empty"
         rows.append(
             f"| `{field.encode_name}` | {_cell(_wire(field.type))} | {default} | "
-            f"{_cell(told.get(field.name, ''))} |"
+            f"{_cell(texts.get(field.name, ''))} |"
         )
     return "\n".join(rows)
 
@@ -194,22 +194,22 @@ def _lead(kind: Any) -> str:
 
 
 def _attributes(kind: Any) -> dict[str, str]:
-    """What a docstring says of each attribute; several may share a sentence."""
+    """Description of each attribute in a docstring; several may share a sentence."""
     text = inspect.getdoc(kind) or ""
     if "Attributes:" not in text:
         return {}
     body = " ".join(text.split("Attributes:", 1)[1].split())
     names = "|".join(sorted(get_type_hints(kind, include_extras=True), key=len, reverse=True))
-    begins = list(re.finditer(rf"(?:^|(?<=\s))((?:{names})(?:, (?:{names}))*): ", body))
-    ends = [match.start() for match in begins[1:]] + [len(body)]
-    found: dict[str, str] = {}
-    for match, end in zip(begins, ends, strict=True):
+    starts = list(re.finditer(rf"(?:^|(?<=\s))((?:{names})(?:, (?:{names}))*): ", body))
+    ends = [match.start() for match in starts[1:]] + [len(body)]
+    texts: dict[str, str] = {}
+    for match, end in zip(starts, ends, strict=True):
         for name in match[1].split(", "):
             sentence = body[match.end() : end].strip().rstrip(";")
-            # Names of types stay as they are.
+            # Names of types keep their case.
             plain = sentence.split(" ", 1)[0].isalpha()
-            found[name] = sentence[:1].upper() + sentence[1:] if plain else sentence
-    return found
+            texts[name] = sentence[:1].upper() + sentence[1:] if plain else sentence
+    return texts
 
 
 def _cell(text: str) -> str:

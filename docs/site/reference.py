@@ -1,6 +1,6 @@
 """The reference pages, written into docs/reference: a reader on a code host has no site.
 
-`python docs/site/reference.py` writes them anew; a test compares them with what the schemas, the
+`python docs/site/reference.py` rewrites them; a test compares them with what the schemas, the
 registries and the command line say.
 """
 
@@ -30,7 +30,7 @@ _NOTE = "<!-- written by docs/site/reference.py -->\n\n"
 
 
 def page(name: str) -> str:
-    """One page as it is to be stored."""
+    """Text of one page, as stored."""
     return _NOTE + PAGES[name]().rstrip() + "\n"
 
 

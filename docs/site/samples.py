@@ -47,11 +47,11 @@ def made_up(folder: Path) -> None:
 
 
 def output_of(command: str, folder: Path) -> str:
-    """What a command prints in a folder, 80 columns wide."""
-    words = [sys.executable, "-m", *shlex.split(command)]
+    """Output of a command in a folder, 80 columns wide."""
+    argv = [sys.executable, "-m", *shlex.split(command)]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "80"}
     done = subprocess.run(
-        words, cwd=folder, env=environment, capture_output=True, text=True, check=True
+        argv, cwd=folder, env=environment, capture_output=True, text=True, check=True
     )
     return done.stdout
 

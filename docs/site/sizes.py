@@ -27,8 +27,8 @@ _NAMED = 3
 @cache
 def project() -> dict[str, Any]:
     """The table of pyproject.toml."""
-    found: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    return found
+    table: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    return table
 
 
 def extras() -> list[str]:
@@ -38,23 +38,23 @@ def extras() -> list[str]:
 
 @cache
 def brought(*chosen: str) -> frozenset[str]:
-    """Distributions that an installation with these extras brings, itself left out."""
+    """Distributions that an installation with these extras brings, itself excluded."""
     lines = [*project()["dependencies"]]
     for extra in chosen:
         lines += project()["optional-dependencies"][extra]
-    found: set[tuple[str, str]] = set()
+    seen: set[tuple[str, str]] = set()
     left = [(Requirement(line), "") for line in lines]
     while left:
-        wanted, asked_for = left.pop()
-        if wanted.marker is not None and not wanted.marker.evaluate({"extra": asked_for}):
+        requirement, asked_for = left.pop()
+        if requirement.marker is not None and not requirement.marker.evaluate({"extra": asked_for}):
             continue
-        name = canonicalize_name(wanted.name)
-        for extra in ("", *sorted(wanted.extras)):
-            if (name, extra) in found:
+        name = canonicalize_name(requirement.name)
+        for extra in ("", *sorted(requirement.extras)):
+            if (name, extra) in seen:
                 continue
-            found.add((name, extra))
+            seen.add((name, extra))
             left += [(Requirement(line), extra) for line in _needs(name)]
-    return frozenset(name for name, _ in found)
+    return frozenset(name for name, _ in seen)
 
 
 def _needs(name: str) -> list[str]:
@@ -73,13 +73,13 @@ def size(name: str) -> float:
         return 0.0
 
 
-def _size(one: Distribution) -> float:
-    files = [Path(str(file.locate())) for file in one.files or ()]
+def _size(package: Distribution) -> float:
+    files = [Path(str(file.locate())) for file in package.files or ()]
     return sum(file.stat().st_size for file in files if file.is_file()) / 1e6
 
 
 def table() -> str:
-    """What a plain install takes, and what each extra adds to it."""
+    """Size of a plain install, and of each extra in addition."""
     core = brought()
     rows = [_row("none, a plain install", core)]
     rows += [_row(f"`{extra}`", brought(extra) - core, "+ ") for extra in extras()]
@@ -89,8 +89,8 @@ def table() -> str:
 
 def _row(name: str, names: frozenset[str], sign: str = "") -> str:
     largest = sorted(names, key=size, reverse=True)[:_NAMED]
-    told = ", ".join(f"{one} {size(one):.0f}" for one in largest if size(one) >= 1.0)
-    return f"| {name} | {sign}{sum(map(size, names)):.0f} | {told or 'nothing'} |"
+    parts = ", ".join(f"{part} {size(part):.0f}" for part in largest if size(part) >= 1.0)
+    return f"| {name} | {sign}{sum(map(size, names)):.0f} | {parts or 'nothing'} |"
 
 
 def main() -> None:

@@ -32,6 +32,8 @@ _RESISTANCE_STD = 0.03  # [1] how well the rolling resistance is known before
 _LINE_STD = 0.5  # [1] the same of dead band and saturation, which the stops tell
 _LEAST_SHARE = 0.03  # of the brakes, below which a stop says nothing of them
 _MOST_BAND, _LEAST_WIDTH = 0.6, 0.15
+"""Largest dead band and smallest width from band to full braking, shares of the brake command [1]:
+a band above or a width below leaves too few levels of a log to tell both apart."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ from slopewise.models.stop_logs.stop_record import StopRecord
 from slopewise.models.stops.simulation import GroundTrack, SimulatedStop, simulate_stop
 
 _PASSES = 4
+"""Fits with effects in force before the last one [1]; each costs some 30 ms per stop."""
 _AFTER = 0.2  # [s] that a simulated stop goes on standing
 _CLEAR = 0.02  # [1] by which the force is moved to see whether the stop shows it
 _HIDDEN = 0.3  # share of a change of force that a stop shows, from which it tells nothing
@@ -39,6 +40,7 @@ _LARGEST_STEP = 0.2  # [1]
 _LEAST = 0.01  # [1] of a force
 _LEAST_STEP = 1e-3  # [1] of a force, from which two tries tell the steepness
 _STEEPNESS = 0.25, 1.25
+"""Range of the secant's slope [1]: a step is at most four times the change that the fit shows."""
 _LEAST_VAR = 1e-8  # [s²] of an onset
 
 

@@ -29,9 +29,12 @@ USUAL_SPREAD = (0.02, 0.1, 0.01, 0.04)
 1]."""
 
 _FEWEST = 2
+"""Vehicles from which differences between vehicles can be estimated [1]."""
 _REJECT = 4.0  # standard deviations: one good observation in 16,000 is lost
 _MOST_PASSES = 6
+"""Alternations of outlier weights and variances at most [1]."""
 _MOST_STEPS = 2000
+"""Steps of the variance estimate at most [1]; it ends by its tolerance."""
 _STILL = 1e-5  # relative change of the differences in a step of the search that is none
 _WIDE = 1e3  # prior standard deviations, in usual ones, of the fit that looks for gross errors
 

@@ -18,6 +18,7 @@ _SMOTHERS = 2.0  # times its stops that a plan allows for, and
 _COSTLY = 0.5  # [m] more than they took
 _ENDLESS = 0.2  # share of the stops that a plan would not let happen at all
 _CHANCE = 0.01
+"""Probability below which the count of stops beyond is not chance [1]."""
 
 
 def objections(

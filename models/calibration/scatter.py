@@ -40,10 +40,16 @@ _FREEDOM = {3.0: 0.10, 4.0: 0.08, 6.0: 0.10, 10.0: 0.12, 30.0: 0.20, 1000.0: 0.4
 """Degrees of freedom and what they are worth before a stop was seen."""
 
 _HARMLESS = 2.5
+"""Typical residuals at which the harmless side is cut [1]: a much stronger stop shows little about
+how weak another may be."""
 _MAD = 1.4826
+"""Standard deviation of a normal law over its median absolute deviation [1]."""
 _SCALES = 121
+"""Widths on the grid of the likelihood [1]: steps of 5 %, below the error of any estimate of
+width."""
 _SPAN = (0.02, 8.0)  # of the typical residual: scales that are tried
 _LEAST = 1e-6
+"""Smallest spread [unit of the residuals]: keeps a log without scatter from a division by zero."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,8 +28,11 @@ _LEAST_SPEED = 0.3  # [m/s]
 _SAME = (0.01, 0.02)  # [m/s], and share of the command, by which one command may vary
 _BLOCK = 0.5  # [s]
 _FEWEST_STRETCHES = 5
+"""Stretches at constant command that a speed error needs [1]; fewer are one manoeuvre."""
 _FEWEST_SECONDS = 20.0
+"""Driving at constant command that a speed error needs, all stretches together [s]."""
 _ONE_STD = 0.8413
+"""Quantile of a normal law one standard deviation above its mean [1]."""
 _NORMAL = 1.4826  # standard deviations in a median absolute deviation
 _MOST = 0.3  # of the command: whatever is farther off is not that command
 

@@ -47,8 +47,10 @@ from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.stop_record import StopRecord
 
 FEWEST_STOPS = 8
+"""Stops of a surface from which its own force is fitted [1]: twice its four coefficients."""
 _LEAST_FORCE = 0.02  # [1] below which a share of the force says nothing
 _PASSES = 3
+"""Alternations of fit and scatter [1]: a fixed count keeps results reproducible."""
 _PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
 
 

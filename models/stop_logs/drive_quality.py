@@ -23,6 +23,8 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs import unit_suspects
 
 _SENTINELS = (99.99, 999.0, 999.9, 1000.0, 9999.0, 32767.0, 32768.0, 65535.0, 1e6)
+"""Values by which loggers mark missing samples, in any unit: full scale of 16 bits and rows of
+nines."""
 _LARGEST = {  # beyond these a value is no measurement
     "v": 40.0,
     "v_cmd": 40.0,

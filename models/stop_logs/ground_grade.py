@@ -30,6 +30,7 @@ _SETTLING = (0.0, 0.03, 0.06, 0.1, 0.15, 0.22, 0.3)  # [s] time constants tried
 _DIVE_PRIOR = 0.02  # [rad s²/m] twice the dive of a soft suspension
 _FEWEST = 8  # samples of pitch that a stop must have
 _FEWEST_GRADES = 5
+"""Grades in a stop from which a slope along it is fitted [1]; fewer give their mean."""
 _LEAST_SHARE = 1e-3  # of the dive's shape that ground cannot explain
 
 

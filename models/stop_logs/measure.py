@@ -22,6 +22,8 @@ from slopewise.models.stop_logs.stop_record import StopRecord, StopSamples
 
 _POOLED = 20.0  # samples of its own that weigh as much as the noise of all stops
 _MOST_CORRELATED = 0.9
+"""Highest correlation of neighbouring residuals [1]: with 0.9, 19 samples count as one; more would
+be a trend that the fit missed."""
 _FEWEST_AFTER = 0.4  # [s] of standstill without which a stop shows no dive
 
 Slope = Callable[[float], float]

@@ -26,6 +26,7 @@ _EARLIEST = -0.05  # [s] commands are logged up to a sample late
 _LOW = 0.05  # share of the held speed below which sensors and brakes do other things
 _EARLY = 0.05  # [s] noise makes the speed cross zero that much too early
 _FEWEST = 3
+"""Samples after the onset that a slope of the speed needs [1]."""
 _STILL_FAST = 0.7  # share of the held speed that the vehicle has at the onset, at least
 
 

@@ -17,8 +17,12 @@ from slopewise.models.arrays import Bools, Floats
 
 _REJECT = 4.0  # standard deviations: one good observation in 16,000 is lost
 _PASSES = 20
+"""Iterations of mean and spread at most [1]; it ends by its tolerance."""
 _MAD = 1.4826
+"""Standard deviation of a normal law over its median absolute deviation [1]."""
 _MOST_REJECTED = 0.4
+"""Share of values that may be rejected as outliers [1]: below the half at which a median breaks
+down."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,8 @@ _FALL = 3.0  # standard deviations by which the halves of a flat block may diffe
 _RESOLUTION = 0.005  # [m/s] the same of sensors without noise
 _NEAR = 3.0, 0.03  # times the lowest block, and [m/s]: flat and higher, a vehicle creeps
 _TIMES_FLOOR, _TIMES_NOISE = 3.0, 5.0
+"""Slowest usable stop, in speeds read at rest and in noises of a sample [1]: three standstill
+readings, and five sigma, so that one reading in a million looks like motion."""
 _QUARTER = 0.3186 * np.sqrt(6.0)  # lower quartile of |second difference| of noise of 1
 _SLOWEST = 0.05  # [m/s] no log tells a stop from less
 _ALWAYS = 0.3  # [m/s] any log tells a stop from more

@@ -24,6 +24,7 @@ _HOLDING = 0.1  # [s] time constant of the mean of the held speed
 _SETTLE = 0.05  # [s] after the dead time, before the line begins
 _LITTLE = 0.15  # share of the held speed below which the line has ended
 _FEWEST = 4
+"""Samples that the fit of a stop in progress needs [1]."""
 _LONGEST_STEP = 0.5  # [s] a stop with a gap in it is none
 _STANDING = 0.02  # [m/s]
 

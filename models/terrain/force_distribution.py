@@ -17,6 +17,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 
 _SINGULAR = 1e-9
+"""Relative singular value below which the contact geometry is degenerate [1]."""
 
 
 def grasp_matrix(contacts: Floats) -> Floats:

@@ -12,6 +12,8 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats
 
 _BINS = 10
+"""Bins of probability of the calibration curve [1]; the usual ten of expected calibration
+errors."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,9 @@ LEAST_SECONDS = 3
 """Driven seconds that make a signature."""
 
 _STRAIGHT, _TURN, _SPOT = 0, 1, 2
+"""Kinds of driving in the order in which a tie is decided: the plainer one first."""
 _LEAST_SAMPLES = 10
+"""Samples that the features of a second need [1]."""
 _NO_THRUST, _NO_SIDE = 0.01, 0.015  # shares of the weight added before a logarithm
 _NO_SHAKING = 1e-4  # [rad/s], [m/s²] likewise
 

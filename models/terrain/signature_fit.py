@@ -31,6 +31,7 @@ from slopewise.models.terrain.signature_model import (
 _MEASURED = 8  # values that make a feature worth using
 _LEAST_EIGENVALUE = 0.02  # of the correlation, so that copies among features do no harm
 _FOLDS = 8
+"""Parts of the cross-validation [1]."""
 _FEW_RUNS = 4  # of each class: what differs from run to run shows in no fewer
 
 

@@ -23,6 +23,7 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.terrain.signature import Signature
 
 _SURE_OF_NOTHING = 1e-9
+"""Keeps the logarithm of a probability of zero finite [1]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

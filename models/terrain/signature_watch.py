@@ -27,6 +27,8 @@ from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.models.vehicle import Vehicle
 
 _SECONDS = 5
+"""Seconds in a piece of driving that is classified as one [s]: shorter pieces are noisier, longer
+ones hold a change of ground."""
 _RATES = 2  # roll and pitch rate
 _BEFORE_RATES = 6  # columns of a window in front of them
 

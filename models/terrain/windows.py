@@ -31,12 +31,15 @@ _SPEED_STEPS = 1.5  # conditions an octave of rim speed
 # Usual spread from second to second on one ground: what is assumed before a log tells.
 _SPREAD_CURRENT, _SPREAD_FLUCTUATION, _SPREAD_TURNING = 0.15, 0.40, 0.15
 _SPREAD_BANDS = (0.40, 0.35, 0.35)
+"""The same, of the three vibration bands [1]."""
 
 # What a difference in driving may do to a channel, as a standard deviation: per unit of the speed's
 # logarithm, of the share of turning (0 straight, 1 on the spot), of the slope.
 _BY_DRIVING_CURRENT = (0.5, 2.0, 5.0)
 _BY_DRIVING_TURNING = (0.3, 1.0, 2.0)
+"""The same, of the yaw-rate gain."""
 _BY_DRIVING_SHAKING = (0.5, 1.0, 3.0)
+"""The same, of vibration."""
 
 
 @dataclass(frozen=True, slots=True)

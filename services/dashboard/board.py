@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 
-from slopewise.services.wire.messages import PlanReply, PlanRequest
-from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.model_proposal import ModelProposal
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 
 _REMEMBERED = 400
 """Stops, and changes of each group of parameters."""
@@ -89,7 +89,7 @@ class FindingSeen:
             for; "" where nothing can be done.
     """
 
-    offer: Offer
+    offer: ModelProposal
     state: str
     words: str
     purpose: str = ""

@@ -15,7 +15,7 @@ from slopewise.services.dashboard.board import FindingSeen
 from slopewise.services.parameters.effects_group import EFFECTS
 from slopewise.services.parameters.service import ParameterService
 from slopewise.services.parameters.store import StoreError
-from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.model_proposal import ModelProposal
 
 _MOST_STEPS = 50
 """Changes of the past that are looked through."""
@@ -27,7 +27,7 @@ class _Step:
 
     version: int
     who: str
-    offer: Offer | None
+    offer: ModelProposal | None
     adopted: str
 
 
@@ -77,7 +77,7 @@ def _steps(service: ParameterService) -> list[_Step]:
     return steps[::-1]
 
 
-def _version_to_go_to(steps: Sequence[_Step], offer: Offer) -> int:
+def _version_to_go_to(steps: Sequence[_Step], offer: ModelProposal) -> int:
     """Before it was adopted, if it is; else where it was adopted last, or offered; 0: nowhere."""
     past = steps[:-1]
     adopted = [step.version for step in past if step.adopted == offer.id]
@@ -88,7 +88,9 @@ def _version_to_go_to(steps: Sequence[_Step], offer: Offer) -> int:
     return max(versions, default=0)
 
 
-def _waiting(steps: Sequence[_Step], offer: Offer, refused: tuple[str, str]) -> tuple[str, str]:
+def _waiting(
+    steps: Sequence[_Step], offer: ModelProposal, refused: tuple[str, str]
+) -> tuple[str, str]:
     """State and words of a finding that is not in use."""
     if refused[0] == offer.id:
         return "refused", refused[1]

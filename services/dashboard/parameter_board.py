@@ -10,7 +10,7 @@ from slopewise.services.dashboard.board import Board, GroundSeen, GroupSeen, Sto
 from slopewise.services.parameters import replies
 from slopewise.services.parameters.effects_group import EFFECTS
 from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.connect import options
 from slopewise.services.wire.parameter_messages import (
     HistoryEntry,

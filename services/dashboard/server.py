@@ -7,7 +7,7 @@ import threading
 from typing import Any
 
 from slopewise.models.errors import InputError
-from slopewise.services.settings.service import PageSettings
+from slopewise.services.settings.service_settings import PageSettings
 
 _THREADS = 2
 _MOST_CONNECTIONS = 200

@@ -18,11 +18,11 @@ from prometheus_client import make_wsgi_app
 from slopewise.services.dashboard import metrics, view
 from slopewise.services.dashboard.board import Board
 from slopewise.services.dashboard.token import cookie, knows
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.report.page import render
 from slopewise.services.report.plan_labels import limit_colours
 from slopewise.services.report.relief import relief
-from slopewise.services.wire.messages import ServiceStatus
+from slopewise.services.wire.plan_messages import ServiceStatus
 
 _SCRIPTS = (
     "uPlot.iife.min.js",
@@ -53,7 +53,7 @@ class Source:
     """Where the site takes things from; all may be asked from any thread."""
 
     status: Callable[[], ServiceStatus]
-    ground: Callable[[], KnownGround | None]
+    ground: Callable[[], MapSnapshot | None]
     board: Board
 
 

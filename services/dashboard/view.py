@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slopewise.services.dashboard.board import Board, FindingSeen, GroupSeen, PlanSeen
-from slopewise.services.wire.messages import Met, Plan, ServiceStatus
+from slopewise.services.wire.plan_messages import ObstacleMessage, Plan, ServiceStatus
 
 _MOST_STATIONS = 240
 _MOST_OTHERS = 60
@@ -76,7 +76,7 @@ def _driven(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _met(obstacle: Met | None) -> dict[str, Any] | None:
+def _met(obstacle: ObstacleMessage | None) -> dict[str, Any] | None:
     if obstacle is None:
         return None
     return {"x": _number(obstacle.x), "y": _number(obstacle.y), "bound": obstacle.bound}
@@ -120,7 +120,7 @@ def learned(board: Board) -> dict[str, Any]:
 
 
 def _found(seen: FindingSeen) -> dict[str, Any]:
-    offer, told = seen.offer, seen.offer.told()
+    offer, told = seen.offer, seen.offer.numbers()
     gap = told.stop_distance
     return {
         "state": seen.state,

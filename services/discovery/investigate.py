@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from slopewise.services.discovery.finding import InvestigationOutcome, is_valid
 from slopewise.services.discovery.stop_store import StoredStop, read_stops
-from slopewise.services.wire.messages import Message
-from slopewise.services.wire.offer import Offer, Shift
+from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
+from slopewise.services.wire.plan_messages import Message
 
 JOB, OUTCOME = "job.json", "outcome.json"
 FILE, BASE, IN_USE = "file.toml", "base.toml", "in_use.toml"
@@ -54,7 +54,7 @@ def main(folder: Path) -> None:
     """Do the job in a folder."""
     job = msgspec.json.decode((folder / JOB).read_bytes(), type=InvestigationJob)
     _be_humble(job.limit)
-    from slopewise.services.io.access import write_atomic
+    from slopewise.services.io.files import write_atomic
 
     write_atomic(folder / OUTCOME, msgspec.json.encode(_look(job, folder)))
 
@@ -95,7 +95,7 @@ def _look(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
     told = findings_as_json(findings)
     adopted = cautious(findings.model, file)
     shifts = [compared(adopted, other) for other in (file, in_use)]
-    offer = Offer(
+    offer = ModelProposal(
         id=hashlib.sha256(f"{data}{base}".encode()).hexdigest()[:12],
         at=time.time(),
         cause=job.cause,
@@ -104,8 +104,12 @@ def _look(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
         findings=told,
         data=data,
         stops=findings.stops,
-        beside_file=Shift(least=shifts[0].least, most=shifts[0].most, where=shifts[0].where),
-        beside_use=Shift(least=shifts[1].least, most=shifts[1].most, where=shifts[1].where),
+        beside_file=StopDistanceChange(
+            least=shifts[0].least, most=shifts[0].most, where=shifts[0].where
+        ),
+        beside_use=StopDistanceChange(
+            least=shifts[1].least, most=shifts[1].most, where=shifts[1].where
+        ),
         valid=is_valid(told),
         changes=findings.model != base,
         notes=list(findings.notes),

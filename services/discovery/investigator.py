@@ -34,9 +34,9 @@ from slopewise.services.discovery.investigate import (
 )
 from slopewise.services.discovery.stop_cutter import StopCutter
 from slopewise.services.discovery.stop_store import StopStore, StoredStop
-from slopewise.services.io.access import reason
+from slopewise.services.io.files import reason
 from slopewise.services.io.model_file import write_model
-from slopewise.services.settings.investigation import Investigation
+from slopewise.services.settings.investigation_settings import Investigation
 
 _log = logging.getLogger("slopewise")
 
@@ -190,7 +190,7 @@ class Investigator:
             self.last = f"nothing found, {self._cause}: {outcome.reason}"
             _log.warning("%s", self.last)
         else:
-            self.last = f"done, {self._cause}: {outcome.offer.words()}"
+            self.last = f"done, {self._cause}: {outcome.offer.text()}"
         return outcome
 
     def _ended(self, process: subprocess.Popen[bytes], folder: Path) -> InvestigationOutcome:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity, Seen
-from slopewise.services.guard.obedience import Obedience
+from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
 from slopewise.services.ros.settings import Topics
 
 _OBEYS = 0.25  # [m/s] faster than the limit that does not count
@@ -31,16 +31,16 @@ def check_obedience(facts: Facts) -> Iterator[Misfit]:
     model = facts.model
     dead = 0.5 if model is None else model.braking.dead_time + 0.3
     decel = 0.5 if model is None else 0.5 * model.limits.decel
-    watched = Obedience(dead, decel, _OBEYS)
+    watched = OverspeedMonitor(dead, decel, _OBEYS)
     said = sorted([(t, 1, limit) for t, limit, percentage in seen.limits if not percentage])
     drove = [(t, 0, abs(v)) for t, _, _, v in seen.odometry]
     worst, at, too_fast = 0.0, 0.0, 0
     for t, is_limit, value in sorted(said + drove):
         if is_limit:
             # In nav2_msgs/SpeedLimit 0.0 is no limit.
-            watched.told(value if value > 0.0 else np.inf, t)
+            watched.set_limit(value if value > 0.0 else np.inf, t)
             continue
-        over = watched.disobeys(value, t)
+        over = watched.overspeed(value, t)
         too_fast += over > 0.0
         if over > worst:
             worst, at = over, t - seen.odometry[0][0]

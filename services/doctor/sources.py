@@ -15,9 +15,8 @@ from slopewise.services.doctor.collect import (
     Collector,
 )
 from slopewise.services.doctor.facts import Seen
-from slopewise.services.io.access import fault
-from slopewise.services.io.bags.recording import opened
-from slopewise.services.io.bags.ros_types import read_cdr
+from slopewise.services.io.bags import opened, read_cdr
+from slopewise.services.io.files import fault
 from slopewise.services.ros.settings import EdgeSettings
 
 _NANO = 1e-9
@@ -54,8 +53,8 @@ def seen_live(edge: EdgeSettings, seconds: float) -> Seen:
     from slopewise.services.ros.conversions import ODOMETRY
     from slopewise.services.ros.inbox import decoded
     from slopewise.services.ros.node import Node
-    from slopewise.services.settings.service import ZenohSettings
-    from slopewise.services.settings.session import zenoh_config
+    from slopewise.services.settings.service_settings import ZenohSettings
+    from slopewise.services.settings.zenoh_session import zenoh_config
 
     ours, topics, collector = edge.ros, edge.topics, Collector()
     place = ZenohSettings(mode="client", connect=ours.connect, config=ours.config)

@@ -18,7 +18,7 @@ from slopewise.planner.plan import SpeedPlan
 from slopewise.services.fleet.map_windows import MAX_CELLS, ground_in, map_windows, opened
 from slopewise.services.fleet.parquet_results import RejectedCandidate, write_part
 from slopewise.services.fleet.parts import FleetPlanSpec, Part
-from slopewise.services.io.maps.grid import footprint_margin
+from slopewise.services.io.map_grid import footprint_margin
 from slopewise.services.io.model_file import model_from_dict
 
 

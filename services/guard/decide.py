@@ -1,9 +1,10 @@
-"""What to do with one command: pass it, slow it, or stop.
+"""Decision on one command: pass it, limit it, or stop.
 
-A command passes if the vehicle, at the higher of its speed and the one that is wanted, can still
-stop after the command has stood for its time: on known ground, before the clear distance, with
-enough load on every axle and side. Else it is slowed to the highest speed from which it can; and
-where the vehicle as it moves now could hardly stop, the brakes are called at once.
+A command passes if the vehicle, at the higher of its speed and the commanded one, can still stop
+after the command was in force for its hold time: on known ground, before the clear distance, with
+enough load on every axle and side. Otherwise it is limited to the highest speed from which this
+holds; where the vehicle could not stop from the speed at which it moves now, the brakes are applied
+immediately.
 """
 
 from __future__ import annotations
@@ -13,67 +14,85 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.services.guard.arc import ArcAhead, PlanarPose, arc_ahead
-from slopewise.services.guard.ground import GuardGround
-from slopewise.services.guard.model_reader import GuardModel
-from slopewise.services.guard.plain import plainly_fine
-from slopewise.services.guard.stops import StopOutcomes, Tables, stops_along
+from slopewise.services.guard.command_arc import CommandArc, Pose2d, arc_ahead
+from slopewise.services.guard.guard_map import GuardMap
+from slopewise.services.guard.guard_model import GuardModel
+from slopewise.services.guard.stop_distances import StopOutcomes, Tables, stops_along
 
 _SPEEDS = 10
-_CREEP = 0.05  # [m/s] below which a vehicle counts as standing
-_TIGHTEST = 20.0  # [1/m]
-_FARTHEST = 80.0  # [m]
+"""Speeds that are tried up to the highest: a limited command is within a tenth of the best [1]."""
+
+_STANDSTILL = 0.05
+"""Speed below which a vehicle stands [m/s], and yaw rate below which it does not turn [rad/s]."""
+
+_MAX_CURVATURE = 20.0
+"""Curvature of the tightest arc: within 5 cm a vehicle turns on the spot [1/m]."""
+
+_MAX_LENGTH = 80.0
+"""Length of the longest arc: longer than the stop of any vehicle at 15 m/s [m]."""
+
+_SLOW_SHARE, _MIN_SLOW = 0.5, 0.05
+"""Share of the weakest level force that slopes leave, and the lowest, for the length [1]."""
+
+_SPARE_LENGTH, _PAST_CLEAR = 2.0, 1.0
+"""Length of an arc beyond the stop, and beyond the clear distance [m]."""
+
+_TOLERANCE = 1e-9
+"""Speed by which a command may exceed the allowed one: rounding [m/s]."""
 
 
 class VehicleMotion(NamedTuple):
-    """Where the vehicle is and how fast [m/s], forward positive."""
+    """Pose, and speed along it, forward positive [m/s]."""
 
-    pose: PlanarPose
+    pose: Pose2d
     speed: float
 
 
 class BaseCommand(NamedTuple):
-    """What is wanted of the base: speed [m/s], yaw rate [rad/s]."""
+    """Speed [m/s] and yaw rate [rad/s] for the base."""
 
     speed: float
     yaw_rate: float
 
 
 class GuardDecision(NamedTuple):
-    """What the base is told.
+    """Decision on a command.
 
     Attributes:
-        action: `pass`, `slow` or `stop`. command: for the base. brake: as hard as it can, and hold.
-        reason: in words, "" where it passes. allowed: highest speed from which it stops [m/s].
+        action: `pass`, `slow` or `stop`.
+        command: speed and yaw rate that the base receives.
+        brake: brake as hard as possible, and hold.
+        reason: as text, empty where the command passes.
     """
 
     action: str
     command: BaseCommand
     brake: bool
     reason: str
-    allowed: float
 
 
 STILL = BaseCommand(0.0, 0.0)
 
 
 class GuardScene(NamedTuple):
-    """What a decision is made from.
+    """Vehicle and ground.
 
     Attributes:
-        model, tables: vehicle, and its surfaces as rows, the first table that of the model file.
-        ground: map. clear: how far the way ahead is known free for the middle of the wheelbase [m].
+        model: worst case of the vehicle.
+        tables: its surfaces, the first table by the model file.
+        ground: map.
+        clear: distance to which the path of the middle of the wheelbase is known to be free [m].
     """
 
     model: GuardModel
     tables: Tables
-    ground: GuardGround
+    ground: GuardMap
     clear: float
 
 
-def stop(reason: str, allowed: float = 0.0) -> GuardDecision:
+def stop(reason: str) -> GuardDecision:
     """Brake, and hold."""
-    return GuardDecision("stop", STILL, True, reason, allowed)
+    return GuardDecision("stop", STILL, True, reason)
 
 
 def decide(
@@ -81,119 +100,122 @@ def decide(
     motion: VehicleMotion,
     command: BaseCommand,
     *,
-    stands: float,
+    hold_time: float,
     late: float,
     load: float,
     reached: float = 0.0,
 ) -> GuardDecision:
-    """Judge one command.
+    """Decide on one command.
 
     Args:
-        scene: vehicle and ground. motion: now. command: of whoever plans.
-        stands: how long the command may hold until the next, or until somebody stops [s].
-        late: age of the motion, and transport time of a word to the base [s].
-        load: share of ``min_load`` that is kept in every stop.
-        reached: speed to which the vehicle may have accelerated meanwhile [m/s].
+        hold_time: time for which the command may stay in force [s].
+        late: age of the motion, and transport time of a decision to the base [s].
+        load: share of ``min_load`` that is kept in every stop [1].
+        reached: speed to which the vehicle may have accelerated since the motion [m/s].
     """
-    model = scene.model
     if not all(map(math.isfinite, (*motion.pose, motion.speed, *command))):
-        return stop("a number in command or motion is none")
+        return stop("command or odometry contains a value that is not finite")
     fastest = max(motion.speed, reached, key=abs)
-    now, wanted, moving = abs(motion.speed), abs(command.speed), abs(fastest)
-    if moving < _CREEP and wanted < _CREEP:
-        if abs(command.yaw_rate) < _CREEP:
-            return GuardDecision("pass", STILL, True, "", 0.0)  # it stands, and is held
-        return _turning_on_the_spot(scene, motion, command)
-    forward = command.speed >= 0.0 if moving < _CREEP else fastest >= 0.0
-    reverses = moving >= _CREEP and wanted >= _CREEP and (command.speed >= 0.0) != forward
-    # The way back is judged once the vehicle stands.
-    target = 0.0 if reverses else wanted
-    turn = command.yaw_rate / max(now, wanted, _CREEP) * (1.0 if forward else -1.0)
-    curvature = min(max(turn, -_TIGHTEST), _TIGHTEST)
+    requested, moving = abs(command.speed), abs(fastest)
+    if moving < _STANDSTILL and requested < _STANDSTILL:
+        if abs(command.yaw_rate) < _STANDSTILL:
+            return GuardDecision("pass", STILL, True, "")
+        return _turn_on_the_spot(scene, motion, command)
+    forward = command.speed >= 0.0 if moving < _STANDSTILL else fastest >= 0.0
+    reverses = min(moving, requested) >= _STANDSTILL and (command.speed >= 0.0) != forward
+    # Driving the other way is decided once the vehicle stands.
+    target = 0.0 if reverses else requested
+    turn = command.yaw_rate / max(abs(motion.speed), requested, _STANDSTILL)
+    curvature = min(max(turn if forward else -turn, -_MAX_CURVATURE), _MAX_CURVATURE)
     top = max(moving, target)
-    way = arc_ahead(
-        model,
+    arc = arc_ahead(
+        scene.model,
         scene.tables[0],
         scene.ground,
         motion.pose,
         curvature,
         forward=forward,
-        length=_look(model, top, stands + late, scene.clear),
+        length=_arc_length(scene, top, hold_time + late),
     )
-    end = min(scene.clear, max(way.ends - 1, 0) * way.step if way.why else np.inf)
-    least, span = load * model.min_load, min(end, way.step * (len(way.grade) - 1))
-    if plainly_fine(model, scene.tables, way, top, stands + late, least, span):
-        allowed, reason = min(top, _capped(scene, way)), ""
-    else:
-        speeds = np.append(top * np.arange(1, _SPEEDS + 1) / _SPEEDS, moving)
-        held = np.append(np.full(_SPEEDS, stands + late), late)
-        stops = stops_along(model, scene.tables, way, speeds, held, least)
-        inside = stops.distance <= end
-        fine = (inside & stops.loaded & stops.cornering)[:-1]
-        bad = _SPEEDS if fine.all() else int(np.argmin(fine))
-        allowed = min(0.0 if bad == 0 else float(speeds[bad - 1]), _capped(scene, way))
-        if moving >= _CREEP and not inside[-1]:
-            return stop(_why(way, scene.clear, end), allowed)
-        reason = "" if fine.all() else _cause(stops, bad, way, scene.clear, end)
-    given = min(target, allowed)
-    rim = given + 0.5 * abs(command.yaw_rate) * model.track
-    if rim > model.wheel_speed:
-        given *= model.wheel_speed / rim
-        reason = reason or "a wheel would be faster than it can"
+    end = min(scene.clear, max(arc.end - 1, 0) * arc.step if arc.reason else math.inf)
+    speeds = np.append(top * np.arange(1, _SPEEDS) / _SPEEDS, (top, moving))
+    held = np.append(np.full(_SPEEDS, hold_time + late), late)
+    min_load = load * scene.model.min_load
+    stops = stops_along(scene.model, scene.tables, arc, speeds, held, min_load)
+    inside = stops.distance <= end
+    fine = (inside & stops.loaded & stops.cornering)[:-1]
+    failed = _SPEEDS if fine.all() else int(np.argmin(fine))
+    allowed = min(float(speeds[failed - 1]) if failed else 0.0, _speed_cap(scene, arc))
+    if moving >= _STANDSTILL and not inside[-1]:
+        return stop(_end_reason(arc, scene.clear, end))
+    reason = "" if fine.all() else _stop_reason(stops, failed, arc, scene.clear, end)
     if reverses:
-        return GuardDecision("slow", STILL, False, "it has to stand before it drives back", allowed)
-    if given >= wanted - 1e-9:
-        return GuardDecision("pass", command, False, "", allowed)
+        return GuardDecision("slow", STILL, False, "it has to stand before it drives back")
+    return _limited(scene.model, motion, command, allowed, reason)
+
+
+def _limited(
+    model: GuardModel, motion: VehicleMotion, command: BaseCommand, allowed: float, reason: str
+) -> GuardDecision:
+    """Command on the same arc, at the allowed speed at most."""
+    requested = abs(command.speed)
+    given = min(requested, allowed)
+    rim = given + 0.5 * abs(command.yaw_rate) * model.vehicle.track_width
+    if rim > model.vehicle.max_wheel_speed:
+        given *= model.vehicle.max_wheel_speed / rim
+        reason = reason or "a wheel would be faster than it can"
+    if given >= requested - _TOLERANCE:
+        return GuardDecision("pass", command, False, "")
     reason = reason or "faster than the limits of the model"
-    if given < _CREEP and now < _CREEP:
-        return stop(reason, allowed)
-    share = given / wanted
-    return GuardDecision(
-        "slow", BaseCommand(share * command.speed, share * command.yaw_rate), False, reason, allowed
-    )
+    if given < _STANDSTILL and abs(motion.speed) < _STANDSTILL:
+        return stop(reason)
+    share = given / requested
+    limited = BaseCommand(share * command.speed, share * command.yaw_rate)
+    return GuardDecision("slow", limited, False, reason)
 
 
-def _look(model: GuardModel, speed: float, held: float, clear: float) -> float:
-    """How far ahead a stop from a speed may end [m]."""
-    weakest = min(s.level * (s.b_b + min(s.m_b, 0.0) * speed) for s in model.surfaces.values())
-    slow = 9.8 * max(0.5 * weakest, 0.05)
-    dead = max(s.dead_time for s in model.surfaces.values())
-    reach = speed * (held + dead) + speed * speed / (2.0 * slow) + 2.0
-    return float(min(reach, clear + 1.0, _FARTHEST))
+def _arc_length(scene: GuardScene, speed: float, held: float) -> float:
+    """Distance within which a stop from a speed ends, where it ends at all [m]."""
+    surfaces = scene.model.surfaces.values()
+    weakest = min(s.level * (s.b_b + min(s.m_b, 0.0) * speed) for s in surfaces)
+    decel = 9.8 * max(_SLOW_SHARE * weakest, _MIN_SLOW)
+    dead = max(s.dead_time for s in surfaces)
+    reach = speed * (held + dead) + speed * speed / (2.0 * decel) + _SPARE_LENGTH
+    return float(min(reach, scene.clear + _PAST_CLEAR, _MAX_LENGTH))
 
 
-def _capped(scene: GuardScene, way: ArcAhead) -> float:
-    """Highest trained speed on the surfaces ahead, and that of the model."""
-    return float(min(scene.model.speed, *(scene.tables[0][k, 14] for k in way.kinds)))
+def _speed_cap(scene: GuardScene, arc: CommandArc) -> float:
+    """Highest trained speed on the surfaces ahead, and that of the model [m/s]."""
+    return float(min(scene.model.speed, scene.tables[0].fastest[arc.possible].min()))
 
 
-def _why(way: ArcAhead, clear: float, end: float) -> str:
-    if not np.isfinite(end):
+def _end_reason(arc: CommandArc, clear: float, end: float) -> str:
+    if not math.isfinite(end):
         return "brakes do not stop the vehicle on this slope"
-    what = "the clear distance ends" if clear <= end else way.why
-    return f"{what} {end:.2f} m ahead"
+    return f"{'the clear distance ends' if clear <= end else arc.reason} {end:.2f} m ahead"
 
 
-def _cause(stops: StopOutcomes, bad: int, way: ArcAhead, clear: float, end: float) -> str:
-    if not stops.distance[bad] <= end:
-        return _why(way, clear, end)
-    if not stops.loaded[bad]:
+def _stop_reason(
+    stops: StopOutcomes, failed: int, arc: CommandArc, clear: float, end: float
+) -> str:
+    if not stops.distance[failed] <= end:
+        return _end_reason(arc, clear, end)
+    if not stops.loaded[failed]:
         return "an axle or a side would lose its load"
     return "too fast for this turn"
 
 
-def _turning_on_the_spot(
+def _turn_on_the_spot(
     scene: GuardScene, motion: VehicleMotion, command: BaseCommand
 ) -> GuardDecision:
-    """Skid steering: the ground under the vehicle has to be known, as far as corners reach."""
-    model = scene.model
-    reach = np.hypot(max(model.front, model.rear), 0.5 * model.width)
+    """Skid steering: ground has to be known as far as the corners reach."""
+    vehicle, shape = scene.model.vehicle, scene.model.shape
+    reach = np.hypot(max(shape.front, shape.rear), 0.5 * shape.width)
     around = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     x, y = motion.pose.x + reach * np.cos(around), motion.pose.y + reach * np.sin(around)
     if not np.isfinite(scene.ground.heights(x, y)).all():
         return stop("ground beside the vehicle is unknown")
-    most = 2.0 * model.wheel_speed / model.track
-    rate = float(np.clip(command.yaw_rate, -most, most))
-    return GuardDecision(
-        "pass" if rate == command.yaw_rate else "slow", BaseCommand(0.0, rate), False, "", 0
-    )
+    max_rate = 2.0 * vehicle.max_wheel_speed / vehicle.track_width
+    rate = min(max(command.yaw_rate, -max_rate), max_rate)
+    action = "pass" if rate == command.yaw_rate else "slow"
+    return GuardDecision(action, BaseCommand(0.0, rate), False, "")

@@ -9,17 +9,18 @@ from typing import Literal
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, validate_quantities
 from slopewise.services.io.decode import decode_table
-from slopewise.services.io.shipped import shipped_files
-from slopewise.services.io.toml_file import beside, read_toml
+from slopewise.services.io.files import read_toml, resolve_names, shipped_files
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardZenoh:
-    """Where it meets others.
+    """Zenoh session.
 
     Attributes:
-        mode: client of a router, or a peer that listens. connect, listen: endpoints. config:
-            zenoh's own settings. namespace: of the keys of the service.
+        mode: client of a router, or a peer that listens.
+        connect, listen: endpoints.
+        config: file with zenoh's own settings; empty: none.
+        namespace: prefix of the keys of the service.
     """
 
     mode: Literal["client", "peer"] = "client"
@@ -31,11 +32,13 @@ class GuardZenoh:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardRos:
-    """Topics of ROS 2; none of them without ``enabled``, then zenoh's own keys count.
+    """Topics of ROS 2; used if ``enabled``, else zenoh's own keys are.
 
     Attributes:
-        command, output: in and out, of type ``kind``. odometry: in the frame of the map. stop: out,
-            std_msgs/Bool, true: brake and hold. frame: that odometry has to be in; empty: any.
+        command, output: commands in and out, of type ``kind``.
+        odometry: in the frame of the map.
+        stop: std_msgs/Bool, true: brake and hold.
+        frame: required frame of odometry; empty: any.
     """
 
     enabled: bool = False
@@ -58,7 +61,7 @@ class GuardRos:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardTiming:
-    """How long what is heard may be believed, and how quick a fault is answered.
+    """Ages up to which inputs are used, and times within which a fault is answered.
 
     Attributes:
         clock: clock of stamps; shared: the wall clock of this machine; ignored: stamps
@@ -66,39 +69,23 @@ class GuardTiming:
     """
 
     period: float = quantity(
-        "s",
-        "From one word to the base to the next, at least.",
-        default=0.05,
-        at_least=0.01,
-        at_most=0.2,
+        "s", "Longest time between outputs.", default=0.05, at_least=0.01, at_most=0.2
     )
     command: float = quantity(
-        "s", "A command older than that is none.", default=0.2, at_least=0.02, at_most=1.0
+        "s", "Oldest command that is used.", default=0.2, at_least=0.02, at_most=1.0
     )
     motion: float = quantity(
-        "s", "Odometry older than that tells nothing.", default=0.2, at_least=0.02, at_most=1.0
+        "s", "Oldest odometry that is used.", default=0.2, at_least=0.02, at_most=1.0
     )
     clear: float = quantity(
-        "s",
-        "Likewise the clear distance, where one is awaited.",
-        default=0.5,
-        at_least=0.02,
-        at_most=5.0,
+        "s", "Oldest clear distance that is used.", default=0.5, at_least=0.02, at_most=5.0
     )
-    map: float = quantity("s", "Likewise the map; a large one: it holds.", default=1e9, above=0.0)
+    map: float = quantity("s", "Oldest map that is used; large: any.", default=1e9, above=0.0)
     stall: float = quantity(
-        "s",
-        "A process that is silent for so long has failed.",
-        default=0.2,
-        at_least=0.05,
-        at_most=2.0,
+        "s", "Silence from which a process has failed.", default=0.2, at_least=0.05, at_most=2.0
     )
-    stands: float = quantity(
-        "s",
-        "A command is taken to hold for so long before anything is done about it.",
-        default=0.1,
-        at_least=0.0,
-        at_most=2.0,
+    stands: float = quantity(  # words: ok, key
+        "s", "Time for which a command may stay in force.", default=0.1, at_least=0.0, at_most=2.0
     )
     clock: Literal["unknown", "shared", "ignored"] = "unknown"
     max_latency: float = quantity(
@@ -121,17 +108,18 @@ class GuardTiming:
 
     @property
     def reaction(self) -> float:
-        """Within which any single fault ends in a stop being sent to the base [s]."""
+        """Time within which any single fault ends in a stop that is sent to the base [s]."""
         return max(self.command, self.motion, self.stall) + self.period
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GuardJudgement:
-    """How strict it is.
+class GuardJudgement:  # words: ok, key
+    """Strictness.
 
     Attributes:
-        awaits_clear: without a clear distance it stops. trust_learned: parameters of the service
-            may make stops shorter than by the model file; else only longer.
+        awaits_clear: stop without a clear distance.
+        trust_learned: parameters of the service may make stops shorter than by the model file;
+            else only longer.
     """
 
     load: float = quantity(
@@ -146,8 +134,8 @@ class GuardJudgement:
     )
     awaits_clear: bool = False
     trust_learned: bool = False
-    disobedience: float = quantity(
-        "m/s", "Faster than it was told by so much, the base does not obey.", default=0.4, above=0.0
+    disobedience: float = quantity(  # words: ok, key
+        "m/s", "Excess over the commanded speed that is a fault.", default=0.4, above=0.0
     )
 
     def __post_init__(self) -> None:
@@ -159,7 +147,8 @@ class GuardSettings:
     """One guard.
 
     Attributes:
-        model: model file. map: elevation map (.npz) to begin with; empty: none until one comes.
+        model: model file or shipped vehicle.
+        map: elevation map (.npz) to begin with; empty: none until one comes.
     """
 
     model: str
@@ -167,21 +156,21 @@ class GuardSettings:
     zenoh: GuardZenoh = field(default_factory=GuardZenoh)
     ros: GuardRos = field(default_factory=GuardRos)
     timing: GuardTiming = field(default_factory=GuardTiming)
-    judgement: GuardJudgement = field(default_factory=GuardJudgement)
+    judgement: GuardJudgement = field(default_factory=GuardJudgement)  # words: ok, key
 
 
 def read_guard_settings(path: Path) -> GuardSettings:
-    """The settings in a TOML file; files named in it are taken relative to it.
+    """Settings in a TOML file; files named in it are relative to it.
 
     Raises:
         InputError: names the file and the key.
     """
     data = read_toml(path)
-    beside(path, data, "model", "map", "zenoh.config")
+    resolve_names(path, data, "model", "map", "zenoh.config")
     return decode_table(GuardSettings, data, str(path))
 
 
 def model_path(settings: GuardSettings) -> Path:
-    """The model file: one that exists, or that of a shipped vehicle."""
+    """Model file: one that exists, or that of a shipped vehicle."""
     path = Path(settings.model)
     return path if path.is_file() else shipped_files("vehicles").get(settings.model, path)

@@ -30,7 +30,7 @@ from slopewise.services.parameters.above_file import limited
 from slopewise.services.parameters.group import Description, ParameterGroups, State
 from slopewise.services.parameters.learnable import StopTaught
 from slopewise.services.parameters.new_surfaces import makes_room, unheard_of
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"

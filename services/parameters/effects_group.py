@@ -17,7 +17,7 @@ from slopewise.models.parameters import Model
 from slopewise.services.discovery.finding import model_of
 from slopewise.services.discovery.stops_compared import cautious
 from slopewise.services.parameters.group import Description, ParameterGroups, State
-from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.model_proposal import ModelProposal
 
 EFFECTS = "effects"
 
@@ -43,14 +43,14 @@ class EffectsGroup(ParameterGroups):
         """
         self._file, self._take_up = file, take_up
         self._digest = hashlib.sha256(repr(file).encode()).hexdigest()[:16]
-        self.offer: Offer | None = None
+        self.offer: ModelProposal | None = None
         self.adopted = ""
         self._tables: State | None = None
         self._faster = False
         self._before: State | None = None
         self._since = time.monotonic()
 
-    def offered(self, offer: Offer) -> None:
+    def offered(self, offer: ModelProposal) -> None:
         """The last finding takes the place of the one before."""
         self.offer = offer
 
@@ -93,7 +93,7 @@ class EffectsGroup(ParameterGroups):
             raise ParameterError("offer", f"{words} without a closed gap")
         self._use(offer.model, faster=faster, before=None)
         self.adopted = offer.id
-        return offer.words()
+        return offer.text()
 
     def _use(self, tables: State | None, *, faster: bool, before: State | None) -> None:
         model = None
@@ -162,14 +162,14 @@ class EffectsGroup(ParameterGroups):
             "offer": None if self.offer is None else msgspec.to_builtins(self.offer),
         }
 
-    def read(self, state: State | None) -> tuple[Offer | None, str]:
+    def read(self, state: State | None) -> tuple[ModelProposal | None, str]:
         """The offer of a kept state, and the id of the finding in use; as :meth:`restore` fails."""
         if state is None:
             return None, ""
         if state["file"] != self._digest:
             raise ParameterError(EFFECTS, "a finding beside this model file, got another's")
         offer, in_use = state["offer"], state["model"] is not None
-        known = None if offer is None else msgspec.convert(offer, Offer)
+        known = None if offer is None else msgspec.convert(offer, ModelProposal)
         return known, str(state["adopted"]) if in_use else ""
 
     def restore(self, group: str, state: State | None, age: float) -> None:

@@ -6,15 +6,19 @@ Duplicates and what comes late change nothing, and everything that is left out i
 from __future__ import annotations
 
 import zlib
-from collections import OrderedDict
 
 import msgspec
 import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.errors import InputError
-from slopewise.services.wire.counting import Count, MessageOrder
-from slopewise.services.wire.notices import Notices
+from slopewise.services.wire.arrival import (
+    SenderTable,
+    SequenceTracker,
+    StampCheck,
+    StampVerdict,
+    warn_of_order,
+)
 from slopewise.services.wire.observations import (
     DRIVE_COLUMNS,
     MORE_COLUMNS,
@@ -22,7 +26,7 @@ from slopewise.services.wire.observations import (
     RobotObservation,
     TerrainLabel,
 )
-from slopewise.services.wire.sender_clock import SenderClock
+from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _MOST_SOURCES = 1000
 _MOST_JUMPED = 4
@@ -62,11 +66,12 @@ class Intake:
             seen: up to which sequence sources were heard before.
         """
         self._early = early
-        self._counts = OrderedDict((name, Count(last)) for name, last in (seen or {}).items())
-        self._clocks: OrderedDict[str, SenderClock] = OrderedDict()
+        self._counts = SenderTable[str, SequenceTracker](SequenceTracker, _MOST_SOURCES)
+        self._stamps = SenderTable[str, StampCheck](StampCheck, _MOST_SOURCES)
         self.jumped: dict[str, float] = {}
-        self.notices = Notices()
+        self.notices = RecentWarnings()
         self._told: tuple[RobotObservation, int] | None = None
+        self.heard_before(seen or {})
 
     def judge(self, kind: str, one: RobotObservation, now: float) -> str:
         """Why an observation is left out: `duplicate`, `out_of_order`, `future`, `late`; or "".
@@ -74,39 +79,32 @@ class Intake:
         Args:
             kind: of observation. now: monotonic clock at its arrival [s].
         """
-        count = self._count(_name(kind, one))
-        order = count.judge(one.sequence, self._digest(one), one.time - now)
-        backwards = f"{kind} observations of {one.source} count backwards: not learned from"
-        if not order.taken:
-            if order is MessageOrder.OLDER:
-                self.notices.say(backwards)
+        what = f"{kind} observations of {one.source}"
+        count = self._counts.of(_name(kind, one))
+        order = count.classify(one.sequence, self._digest(one), one.time - now)
+        if not order.is_accepted:
+            warn_of_order(self.notices, what, order, is_used=False)
             return order.value.replace(" ", "_")
-        clock = self._clocks.pop(one.source, None) or SenderClock()
-        self._clocks[one.source] = clock
-        while len(self._clocks) > _MOST_SOURCES:
-            self._clocks.popitem(last=False)
-        judged = clock.judge(one.time - now, self._early)
-        if judged == "jumped":
+        verdict = self._stamps.of(one.source).check(one.time - now, self._early)
+        if verdict is StampVerdict.CLOCK_SET:
             self.jumped[one.source] = now
             while len(self.jumped) > _MOST_JUMPED:
                 self.jumped.pop(next(iter(self.jumped)))
-            judged = ""
-        if not judged and order is not MessageOrder.NEW:
-            self.notices.take_back(backwards)
-            self.notices.say(f"{kind} observations of {one.source}: the source {order.value}")
-        return judged
+        is_used = verdict in (StampVerdict.PLAUSIBLE, StampVerdict.CLOCK_SET)
+        warn_of_order(self.notices, what, order, is_used=is_used)
+        return "" if is_used else verdict.value
 
     def heard_before(self, seen: dict[str, int]) -> None:
         """Take up what was heard in another life."""
         for name, sequence in seen.items():
-            count = self._count(name)
+            count = self._counts.of(name)
             if sequence > count.last:
-                count.take(sequence, 0)
+                count.accept(sequence, 0)
 
     def heard(self, kind: str, one: RobotObservation) -> dict[str, int]:
         """Remember that it was taken; what the store has to remember with it."""
         name = _name(kind, one)
-        self._count(name).take(one.sequence, self._digest(one))
+        self._counts.of(name).accept(one.sequence, self._digest(one))
         return {name: one.sequence}
 
     def _digest(self, one: RobotObservation) -> int:
@@ -114,13 +112,6 @@ class Intake:
         if self._told is None or self._told[0] is not one:
             self._told = (one, _content(one))
         return self._told[1]
-
-    def _count(self, name: str) -> Count:
-        count = self._counts.pop(name, None) or Count()
-        self._counts[name] = count
-        while len(self._counts) > _MOST_SOURCES:
-            self._counts.popitem(last=False)
-        return count
 
 
 def _name(kind: str, one: RobotObservation) -> str:

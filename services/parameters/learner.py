@@ -25,14 +25,14 @@ from slopewise.services.parameters.learnable import StopTaught, may_add, unable
 from slopewise.services.parameters.plausible_stops import MIN_DECELERATION, StopPace, contradiction
 from slopewise.services.parameters.registry import GROUPS
 from slopewise.services.parameters.stop_streams import StopStreams
-from slopewise.services.settings.learning import Learning
-from slopewise.services.wire.notices import Notices
+from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.observations import (
     DriveSamples,
     RobotObservation,
     StopObservation,
     TerrainLabel,
 )
+from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _STRONGEST = PublishSettings().most
 _MOST_STOPS = 200
@@ -78,7 +78,7 @@ class Learner:
         self.stops: deque[StopTaught] = deque(maxlen=_MOST_STOPS)
         self.stop_count = self.implausible = self.contradictory = self.too_many = 0
         self._pace = StopPace(prior.vehicle, settings.stops_at_once)
-        self._notices = Notices()
+        self._notices = RecentWarnings()
         self._streams = StopStreams(settings)
         self._last_surface = ""
         self._arrived = time.monotonic()
@@ -109,7 +109,7 @@ class Learner:
         assert isinstance(one, StopObservation)
         if words := contradiction(one):
             self.contradictory += 1
-            self._notices.say(f"stops of {one.source} contradict themselves")
+            self._notices.add(f"stops of {one.source} contradict themselves")
             return set(), NOT_LEARNED + words
         force = float(braking.force_ratio_of_deceleration(one.deceleration, one.grade))
         dead_time = math.nan if one.dead_time is None else one.dead_time
@@ -159,7 +159,7 @@ class Learner:
         expected = 0.0 if room else self._braking.expected(surface, stop.onset_speed, stop.grade)
         if not room and stop.force_ratio >= expected:
             self.too_many += 1
-            self._notices.say("more stops came than the vehicle can make")
+            self._notices.add("more stops came than the vehicle can make")
             return changed, f"{NOT_LEARNED}more stops than the vehicle can make"
         done = self._braking.take(stop, surface, one.source, distance)
         self.stops.append(done)
@@ -268,7 +268,7 @@ class Learner:
 
     def flags(self) -> list[str]:
         """What people should know of what was learned, and of those who taught it."""
-        return [*self._braking.flags(), *self._notices.told()]
+        return [*self._braking.flags(), *self._notices.active()]
 
     def age(self) -> None:
         """Let what was learned grow older by the time since the last call."""

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Limits, Model
 from slopewise.services.parameters.group import Description, ParameterGroups, State
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 
 LIMITS = "limits"
 _UNITS = {

@@ -19,7 +19,7 @@ from slopewise.services.parameters.change import Moment, StoredChange
 from slopewise.services.parameters.group import State
 from slopewise.services.parameters.store import Store, StoreError
 from slopewise.services.parameters.store_copy import StoreCopy, copy_path, read_copy, write_copy
-from slopewise.services.settings.learning import StoreSettings
+from slopewise.services.settings.learning_settings import StoreSettings
 
 _log = logging.getLogger("slopewise")
 

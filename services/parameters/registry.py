@@ -13,7 +13,7 @@ from slopewise.models.parameters import Model
 from slopewise.services.parameters.group import ParameterGroups
 from slopewise.services.parameters.limits_group import LimitsGroup
 from slopewise.services.parameters.terrain_group import TerrainGroup
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 
 GROUPS: tuple[Callable[[Model, Learning], ParameterGroups], ...] = (TerrainGroup, LimitsGroup)
 """Made of the model file and the settings of learning; published in this order."""

@@ -25,9 +25,9 @@ from slopewise.services.parameters.learner import NOT_LEARNED, Learner
 from slopewise.services.parameters.log import Last, ParameterLog
 from slopewise.services.parameters.past import ParameterPast
 from slopewise.services.parameters.store import StoreError
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire.notices import Notices
-from slopewise.services.wire.observations import DriveSamples, Receipt, RobotObservation
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.observations import DriveSamples, ObservationAck, RobotObservation
+from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _log = logging.getLogger("slopewise")
 
@@ -72,7 +72,7 @@ class ParameterService:
         self.investigator = Investigator(config.discrepancy, fingerprint(prior))
         self._missing: dict[str, str] = dict.fromkeys(settings.estimators, "is not alive")
         self._faults: list[str] = []
-        self.notices = Notices()
+        self.notices = RecentWarnings()
         self._looked = -math.inf
         self.counters: Counter[str] = Counter()
         self.changed: set[str] = set()
@@ -85,7 +85,7 @@ class ParameterService:
 
     # ------------------------------------------------------------------ observations
 
-    def observe(self, kind: str, one: RobotObservation, key: str, arrived: float) -> Receipt:
+    def observe(self, kind: str, one: RobotObservation, key: str, arrived: float) -> ObservationAck:
         """Learn from an observation, and keep what it led to.
 
         Args:
@@ -121,8 +121,8 @@ class ParameterService:
         model = hashlib.sha256(repr((base.braking, base.effect)).encode()).hexdigest()[:12]
         self.investigator.hear(one.source, columns_of(one, key), surface, model)
 
-    def _receipt(self, status: str, reason: str) -> Receipt:
-        return Receipt(
+    def _receipt(self, status: str, reason: str) -> ObservationAck:
+        return ObservationAck(
             status=status, reason=reason, version=self._log.version, durable=self._log.durable
         )
 
@@ -197,7 +197,7 @@ class ParameterService:
         offer = outcome.offer
         self.learner.effects.offered(offer)
         self.refused = ("", "")
-        self._commit({EFFECTS}, f"offered {offer.id}, {offer.words()}", offer.cause)
+        self._commit({EFFECTS}, f"offered {offer.id}, {offer.text()}", offer.cause)
         allowed = self._config.discrepancy.adopt_slower
         if allowed and offer.changes and offer.valid and offer.slower_than_now:
             try:
@@ -221,7 +221,7 @@ class ParameterService:
 
     def note_fault(self, what: str) -> None:
         """Flag for a while a fault with one message; plans are not touched."""
-        self.notices.say(f"{what} could not be treated: fault of the service, see its log")
+        self.notices.add(f"{what} could not be treated: fault of the service, see its log")
         self._flag()
 
     def fault(self, what: str) -> None:
@@ -272,7 +272,7 @@ class ParameterService:
         late = time.monotonic() - _FLAGGED_FOR
         set_ = [name for name, noticed in self._intake.jumped.items() if noticed > late]
         flags += [f"the clock of {name} was set" for name in set_]
-        flags += [*self._intake.notices.told(), *self.notices.told()]
+        flags += [*self._intake.notices.active(), *self.notices.active()]
         flags += [words for words in (self.learner.unable, self.learner.ground.unable) if words]
         flags += [*self.learner.flags(), *self.learner.effects.flags()]
         return [*flags, *self.investigator.flags(), *self._log.flags(), *self._past.flags()]

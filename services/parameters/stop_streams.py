@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from slopewise.models.arrays import Floats
 from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 
 _MOST_STREAMS = 8
 

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.parameters.group import Description, DriveNews, ParameterGroups, State
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 
 TERRAIN = "terrain"
 NAMES = ("motion_resistance", "lateral_resistance", "slip_track")

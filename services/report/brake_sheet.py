@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from slopewise.services.io.access import fault, write_atomic
+from slopewise.services.io.files import fault, write_atomic
 from slopewise.services.report.brake_numbers import BrakeNumbers, SteepestSlope
 from slopewise.services.report.figures import (
     COLOURS,

@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -14,11 +14,11 @@ from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.ground.surface_table import surface_table
-from slopewise.services.check.brakes import brakes_along
-from slopewise.services.check.given_plan import GivenPlan
-from slopewise.services.check.ground import ground_under
-from slopewise.services.check.line import line_of
-from slopewise.services.guard.arc import PlanarPose, arc_ahead
+from slopewise.services.check.external_plan import ExternalPlan
+from slopewise.services.check.path_force import path_force_along
+from slopewise.services.check.path_ground import ground_under
+from slopewise.services.check.plan_line import line_of
+from slopewise.services.guard.command_arc import Pose2d, arc_ahead
 from slopewise.services.guard.decide import (
     BaseCommand,
     GuardDecision,
@@ -26,12 +26,12 @@ from slopewise.services.guard.decide import (
     VehicleMotion,
     decide,
 )
-from slopewise.services.guard.ground import GuardGround, ground_of, read_ground
-from slopewise.services.guard.model_reader import read_guard_model, rows_of
-from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.guard.guard_map import GuardMap, apply_update, read_guard_map
+from slopewise.services.guard.guard_model import brake_table, read_guard_model
+from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 from tests.services.command_line import here, one_line_of
 
 ATV = read_model(find_model("atv"))
@@ -66,22 +66,22 @@ def planned(model: Model, names: tuple[str, ...]) -> list[set[str]]:
 def checked(model: Model, name: str) -> set[str]:
     """Surfaces that ground of one class may be to the checker."""
     x = np.linspace(4.0, 12.0, 30)
-    plan = GivenPlan(name="p", x=x, y=0.0 * x, speed=np.ones_like(x))
+    plan = ExternalPlan(name="p", x=x, y=0.0 * x, speed=np.ones_like(x))
     classes = np.ones(SHAPE, np.int64)
     ground = ElevationMap(**FLAT, terrain_class=classes, class_names=("", name))  # type: ignore[arg-type]
     line = line_of(plan, 0.0)
     under = ground_under(ground, line, model.vehicle)
-    return set(brakes_along(model, under, line, ground.class_names).names)
+    return set(path_force_along(model, under, line, ground.class_names).names)
 
 
 def guarded(model_file: Path, name: str) -> set[str]:
     """Surfaces that ground of one class may be to the guard."""
     model = read_guard_model(model_file)
-    ground = GuardGround(np.zeros(SHAPE), CELL, (0.0, -6.0), np.ones(SHAPE, np.int64), ("", name))
+    ground = GuardMap(np.zeros(SHAPE), CELL, (0.0, -6.0), np.ones(SHAPE, np.int64), ("", name))
     way = arc_ahead(
-        model, rows_of(model), ground, PlanarPose(5.0, 0.0, 0.0), 0.0, forward=True, length=6.0
+        model, brake_table(model), ground, Pose2d(5.0, 0.0, 0.0), 0.0, forward=True, length=6.0
     )
-    return {list(model.surfaces)[kind] for kind in way.kinds}
+    return {list(model.surfaces)[kind] for kind in way.possible}
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -110,7 +110,7 @@ def test_each_cell_of_a_map_is_of_the_same_class_to_all(
     np.savez(file, **FLAT, **layers)  # type: ignore[arg-type]
     ours = read_map(file)
     theirs = class_names_of(ours)
-    np.testing.assert_array_equal(class_names_of(read_ground(file)), theirs)
+    np.testing.assert_array_equal(class_names_of(read_guard_map(file)), theirs)
     if ours.terrain_class is not None:
         update = MapUpdate(
             source="m",
@@ -120,15 +120,15 @@ def test_each_cell_of_a_map_is_of_the_same_class_to_all(
             class_names=list(ours.class_names),
         )
         store = MapStore()
-        assert store.take(update, "map")
-        assert store.ground is not None
-        np.testing.assert_array_equal(class_names_of(store.ground.elevation_map), theirs)
-        np.testing.assert_array_equal(class_names_of(ground_of(update, None)), theirs)
+        assert store.apply(update, "map")
+        assert store.snapshot is not None
+        np.testing.assert_array_equal(class_names_of(store.snapshot.elevation_map), theirs)
+        np.testing.assert_array_equal(class_names_of(apply_update(update, None)), theirs)
 
 
-def class_names_of(ground: ElevationMap | GuardGround) -> np.ndarray:
+def class_names_of(ground: ElevationMap | GuardMap) -> np.ndarray:
     """Name of the class of each cell."""
-    if isinstance(ground, GuardGround):
+    if isinstance(ground, GuardMap):
         classes, names = ground.classes, ground.names
     else:
         classes, names = ground.terrain_class, ground.class_names
@@ -141,13 +141,13 @@ def class_names_of(ground: ElevationMap | GuardGround) -> np.ndarray:
 def drive(model_file: Path, map_file: Path, speed: float) -> GuardDecision:
     """The guard, with a map to begin with, on a command that keeps the speed."""
     model = read_guard_model(model_file)
-    scene = GuardScene(model, (rows_of(model),), read_ground(map_file), 3.0)
-    motion = VehicleMotion(PlanarPose(2.0, 0.0, 0.0), speed)
-    return decide(scene, motion, BaseCommand(speed, 0.0), stands=0.1, late=0.02, load=0.5)
+    scene = GuardScene(model, (brake_table(model),), read_guard_map(map_file), 3.0)
+    motion = VehicleMotion(Pose2d(2.0, 0.0, 0.0), speed)
+    return decide(scene, motion, BaseCommand(speed, 0.0), hold_time=0.1, late=0.02, load=0.5)
 
 
 @pytest.mark.parametrize("classes", ["number", "name", "number 0"])
-def test_guard_brakes_for_weak_ground_of_its_first_map(classes: str, tmp_path: Path) -> None:
+def test_guard_brakes_for_weak_apply_update_its_first_map(classes: str, tmp_path: Path) -> None:
     """Ice from x = 4 m on: its stop does not end within the clear distance, that of grass does."""
     numbered = SurfaceBraking(b_b=0.12, class_id=0 if classes == "number 0" else 3)
     braking = dataclasses.replace(ATV.braking, terrain={"ice": numbered})
@@ -180,7 +180,7 @@ def test_guard_refuses_a_first_map_that_plans_refuse(
 ) -> None:
     file = tmp_path / "map.npz"
     np.savez(file, **FLAT, **{layer: value})  # type: ignore[arg-type]
-    for reader in (read_ground, read_map):
+    for reader in (read_guard_map, read_map):
         with pytest.raises(InputError, match=field):
             reader(file)
     settings = tmp_path / "guard.toml"

@@ -39,10 +39,10 @@ from slopewise.services.fleet.parts import map_digest
 from slopewise.services.fleet.result_folder import open_folder, remove_partial_files
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
 from slopewise.services.fleet.vehicle_logs import vehicles_of
-from slopewise.services.io.access import check_file, fault, read_text, write_atomic
+from slopewise.services.io.files import check_file, fault, read_text, write_atomic
 from slopewise.services.io.findings_file import FINDINGS, source_of
-from slopewise.services.io.maps.no_data import NoData
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.io.no_data import NoData
 from slopewise.services.report.plan_labels import plural
 
 LINES, PAGE = "findings.jsonl", "report.html"

@@ -18,6 +18,6 @@ def run(config_file: Path, seconds: float | None = None, as_json: bool = False) 
     """
     if find_spec("zenoh") is None:
         raise InputError("guard", "", "needs zenoh: pip install eclipse-zenoh")
-    from slopewise.services.guard.watch import serve
+    from slopewise.services.guard.watchdog import serve
 
     serve(config_file, seconds, partial(say_ready, as_json))

@@ -15,8 +15,8 @@ import zenoh
 from slopewise.services.daemon.daemon import Service
 from slopewise.services.parameters import replies
 from slopewise.services.parameters.learner import Learner
-from slopewise.services.settings.service import Planning, ServiceConfig, ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import Planning, ServiceConfig, ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import Running, free_port, running
 

@@ -14,15 +14,15 @@ from slopewise.services.dashboard.board import Board, FindingSeen
 from slopewise.services.dashboard.parameter_board import ParameterBoard
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.learning import StoreSettings
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire.offer import Offer, Shift
+from slopewise.services.settings.learning_settings import StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
 
 FILE = read_model(find_model("atv"))
 LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
 
 
-def made(number: int = 1, **changes: Any) -> Offer:
+def made(number: int = 1, **changes: Any) -> ModelProposal:
     """An offer with numbers as the workflow writes them."""
     effect = {
         "name": "brake_lag",
@@ -41,17 +41,17 @@ def made(number: int = 1, **changes: Any) -> Offer:
         "findings": {"effects": [effect], "stop_distance": gap, "seconds": 3.0},
         "data": "0",
         "stops": 26,
-        "beside_file": Shift(least=0.11, most=0.93, where="2 m/s"),
-        "beside_use": Shift(least=0.11, most=0.93, where="2 m/s"),
+        "beside_file": StopDistanceChange(least=0.11, most=0.93, where="2 m/s"),
+        "beside_use": StopDistanceChange(least=0.11, most=0.93, where="2 m/s"),
         "valid": True,
         "changes": True,
         "notes": [],
         "model": model_to_dict(dataclasses.replace(FILE, effect=(LAG,))),
     }
-    return Offer(**(fields | changes))
+    return ModelProposal(**(fields | changes))
 
 
-FASTER = {"beside_file": Shift(least=-0.4, most=0.1, where="3 m/s")}
+FASTER = {"beside_file": StopDistanceChange(least=-0.4, most=0.1, where="3 m/s")}
 
 
 class Seen:
@@ -63,7 +63,7 @@ class Seen:
         self.service, self.board = ParameterService(config, model), Board()
         self.shown = ParameterBoard(self.service, self.board, config)
 
-    def offer(self, offer: Offer) -> None:
+    def offer(self, offer: ModelProposal) -> None:
         self.service.learner.effects.offered(offer)
         self.service._commit({"effects"}, f"offered {offer.id}", offer.cause)
 
@@ -147,7 +147,7 @@ def test_a_refusal_is_told_with_its_reason_until_something_else_happens(tmp_path
     one.service.roll_back(2, "effects", "ann")
     assert one.told()[0] == "reverted"
     one.offer(made(2, valid=False, verdict="ambiguous", **FASTER))
-    unsure = "neither sure enough to make plans faster, nor slower everywhere"
+    unsure = "neither conclusive enough for faster plans, nor slower everywhere"
     assert one.told() == ("refused", unsure, "", "")
     one.offer(made(3, changes=False, verdict="none"))
     assert one.told() == ("nothing", "nothing to adopt", "", "")

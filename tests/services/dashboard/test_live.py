@@ -19,13 +19,13 @@ from slopewise.services.client import PlanClient
 from slopewise.services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
 from slopewise.services.dashboard.server import PageServer, own_names
 from slopewise.services.dashboard.site import Site, Source
-from slopewise.services.planning.map_store import KnownGround
-from slopewise.services.settings.service import PageSettings
+from slopewise.services.planning.map_store import MapSnapshot
+from slopewise.services.settings.service_settings import PageSettings
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Parameters, ServiceStatus
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.observations import Receipt, StopObservation
+from slopewise.services.wire.observations import ObservationAck, StopObservation
+from slopewise.services.wire.plan_messages import Parameters, ServiceStatus
+from slopewise.services.wire.plan_messages import Path as Candidate
 from tests.services import browser
 from tests.services.service_process import Running, fan, flat, free_port, running
 
@@ -196,7 +196,7 @@ def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> N
             )
         assert reply.ok is not None
         told = str(reply.ok.encoding)
-        version = codec.decode(Receipt, reply.ok.payload, told, "receipt", 10**6).version
+        version = codec.decode(ObservationAck, reply.ok.payload, told, "receipt", 10**6).version
         before = braking(url, version)
         stops = learned(url)["stops"]
         shown = browser.text_of(url)
@@ -261,7 +261,7 @@ def test_what_was_learned_is_shown(board: Board) -> None:
     site = Site(
         Source(
             status=lambda: status,
-            ground=lambda: KnownGround(ground, 1, time.monotonic()),
+            ground=lambda: MapSnapshot(ground, 1, time.monotonic()),
             board=board,
         ),
         own_names("127.0.0.1"),

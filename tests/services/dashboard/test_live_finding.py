@@ -18,8 +18,8 @@ import pytest
 from slopewise.services.dashboard.board import Board, FindingSeen
 from slopewise.services.dashboard.server import PageServer, own_names
 from slopewise.services.dashboard.site import Site, Source
-from slopewise.services.settings.service import PageSettings
-from slopewise.services.wire.messages import Parameters, ServiceStatus
+from slopewise.services.settings.service_settings import PageSettings
+from slopewise.services.wire.plan_messages import Parameters, ServiceStatus
 from tests.services import browser
 from tests.services.command_line import slopewise
 from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, look

@@ -7,30 +7,22 @@ brakes after a dead time as the shipped vehicle's numbers promise, or harder.
 from __future__ import annotations
 
 import heapq
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from slopewise.services.guard.arc import PlanarPose
 from slopewise.services.guard.core import Guard
-from slopewise.services.guard.decide import BaseCommand, VehicleMotion
-from slopewise.services.guard.ground import GuardGround
-from slopewise.services.guard.model_reader import read_guard_model
-from slopewise.services.guard.settings import GuardJudgement, GuardSettings, GuardTiming
-from slopewise.services.io.model_file import find_model
+from slopewise.services.guard.decide import BaseCommand
+from tests.services.guard.guard_fixtures import CELL, WALL_TIME, ground_with, guard, motion
 
-MODEL = read_guard_model(find_model("atv"))
 BOUND = 0.2  # [s] declared longest delay, the default
 CONTACT = 0.05  # [m/s] faster than that, contact is a collision
 DELAYS = ("constant", "growing", "jitter", "repeated", "step", "step and growth", "loss")
 CLOCKS = ("shared", "unknown", "none")
 _STEP = 0.005  # [s] of the plant
 _FRONT = 0.88  # [m] of the vehicle, ahead of the middle of its wheelbase
-_CELL = 0.25  # [m]
-_HAS_STAMPS = "time" in inspect.signature(Guard.clear).parameters
 
 
 @dataclass
@@ -142,13 +134,13 @@ class Scene:
         return self.leap if "step" in self.kind and now >= self.at else 0.0
 
     def wall_clock(self, now: float) -> float:
-        return 1.7e9 + now + (self.steps(now) if self.local else 0.0)
+        return WALL_TIME + now + (self.steps(now) if self.local else 0.0)
 
     def stamp(self, now: float) -> float | None:
         if self.clock == "none":
             return None
-        stamp = 1.7e9 + now + (0.0 if self.local else self.steps(now))
-        return stamp if self.clock == "shared" else stamp - 1.69e9
+        stamp = WALL_TIME + now + (0.0 if self.local else self.steps(now))
+        return stamp if self.clock == "shared" else stamp - (WALL_TIME - 1e7)
 
 
 @dataclass
@@ -164,34 +156,22 @@ class Outcome:
     flags: set[str]
 
 
-def _guard(scene: Scene, now: Callable[[], float]) -> Guard:
-    timing: dict[str, Any] = {"command": 1.0, "motion": scene.deadline}
-    timing["clear"] = max(scene.deadline, 0.5)
-    strictness = GuardJudgement(awaits_clear=scene.by == "clear")
-    heights = np.zeros((40, 160))
+def _guard(scene: Scene, clock: list[float]) -> Guard:
+    known = ground_with(0.0)
     if scene.by == "map":
-        face = round(scene.wall / _CELL)
-        scene.wall = face * _CELL
-        heights[:, face + 20 :] = 1.5  # cell 20 is at x = 0
-    ground = GuardGround(heights, _CELL, (-20 * _CELL, -20 * _CELL))
-    if not _HAS_STAMPS:
-        settings = GuardSettings(model="atv", timing=GuardTiming(**timing), judgement=strictness)
-        return Guard(settings, MODEL, ground)
-    from slopewise.services.wire.lateness import WallClock
-
-    timing |= {
-        "clock": "shared" if scene.clock == "shared" else "unknown",
-        "max_latency": scene.max_latency,
-    }
-    settings = GuardSettings(model="atv", timing=GuardTiming(**timing), judgement=strictness)
-    return Guard(settings, MODEL, ground, WallClock(lambda: scene.wall_clock(now()), now))
-
-
-def _take(feed: Callable[..., Any], content: Any, at: float, sequence: int, time: Any) -> None:
-    if _HAS_STAMPS:
-        feed(content, at, "r", sequence, time)
-    else:
-        feed(content, at, "r", sequence)
+        scene.wall = CELL * round(scene.wall / CELL)
+        known = ground_with(1.5, first=80 + round(scene.wall / CELL))
+    return guard(
+        clock,
+        known,
+        wall_time=scene.wall_clock,
+        command=1.0,
+        motion=scene.deadline,
+        clear=max(scene.deadline, 0.5),
+        clock="shared" if scene.clock == "shared" else "unknown",
+        max_latency=scene.max_latency,
+        awaits_clear=scene.by == "clear",
+    )
 
 
 def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
@@ -204,7 +184,7 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
         strength=float(rng.uniform(1.0, 1.2)),
     )
     clock = [0.0]
-    guard = _guard(scene, lambda: clock[0])
+    it = _guard(scene, clock)
     lines = {name: Line(name, scene.delay, scene.stamp) for name in ("motion", "clear", "command")}
     if scene.kind == "repeated":
         lines["motion"].frozen_at = scene.at
@@ -212,7 +192,7 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
         lines["motion"].lost = scene.at, scene.at + float(rng.uniform(0.3, 3.0))
     transport = float(rng.uniform(0.0, 0.02))
     sent: list[tuple[float, float, bool]] = []
-    limit = scene.wall if scene.by == "clear" else scene.wall - 0.5 * _CELL - _FRONT
+    limit = scene.wall if scene.by == "clear" else scene.wall - 0.5 * CELL - _FRONT
     out = Outcome(-1.0, 0.0, 0.0, 0.0, [], set(), set())
     requested, still = float(rng.uniform(2.0, 4.0)), 0.0
     for k in range(round(seconds / _STEP)):
@@ -220,11 +200,11 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
         goal = max(limit - 1.5 - plant.x, 0.0) if scene.slows else np.inf
         _send(lines, k, plant, scene.wall, min(requested, float(np.sqrt(2.0 * goal))))
         if k % 10 == 5:
-            _bring(guard, lines, scene, now)
-            decision = guard.word(now).decision
+            _bring(it, lines, scene, now)
+            decision = it.decision(now).decision
             out.actions.append(decision.action)
             out.reasons.add(decision.reason)
-            out.flags.update(guard.flags(now))
+            out.flags.update(it.warnings(now))
             sent.append((now + transport, decision.command.speed, decision.brake))
         while sent and sent[0][0] <= now:
             _, speed, brake = sent.pop(0)
@@ -243,25 +223,20 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
 def _send(lines: dict[str, Line], k: int, plant: Plant, wall: float, requested: float) -> None:
     now = k * _STEP
     if k % 4 == 0:
-        pose = VehicleMotion(PlanarPose(plant.x, 0.0, 0.0), plant.speed)
-        lines["motion"].send(pose, now)
+        lines["motion"].send(motion(plant.speed, plant.x), now)
     if k % 10 == 0:
         lines["clear"].send(max(wall - plant.x, 0.0), now)
         lines["command"].send((BaseCommand(requested, 0.0), 1), now)
 
 
-def _bring(guard: Guard, lines: dict[str, Line], scene: Scene, now: float) -> None:
-    for name in ("motion", "clear", "command"):
-        message = lines[name].arrived(now)
-        if message is None or (name == "clear" and scene.by == "map"):
-            continue
-        at, sequence, content, time = message
-        feeds: dict[str, Callable[..., Any]] = {
-            "motion": guard.motions.take,
-            "clear": guard.clear,
-            "command": guard.commands.take,
-        }
-        _take(feeds[name], content, at, sequence, time)
+def _bring(it: Guard, lines: dict[str, Line], scene: Scene, now: float) -> None:
+    feeds: dict[str, Callable[..., Any]] = {"motion": it.motions.take, "command": it.commands.take}
+    if scene.by == "clear":
+        feeds["clear"] = it.clear
+    for name, take in feeds.items():
+        if (message := lines[name].arrived(now)) is not None:
+            at, sequence, content, time = message
+            take(content, at, "r", sequence, time)
 
 
 def scenes(count: int) -> list[Scene]:

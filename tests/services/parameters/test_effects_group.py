@@ -17,11 +17,11 @@ from slopewise.services.discovery.finding import InvestigationOutcome, is_valid
 from slopewise.services.discovery.stops_compared import cautious, compared
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.investigation import Investigation
-from slopewise.services.settings.learning import StoreSettings
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.investigation_settings import Investigation
+from slopewise.services.settings.learning_settings import StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
 from slopewise.services.wire.observations import StopObservation
-from slopewise.services.wire.offer import Offer, Shift
 
 G = 9.80665
 FILE = read_model(find_model("atv"))
@@ -36,10 +36,10 @@ def with_effects(*effects: Effect, **braking: float) -> Model:
     )
 
 
-def offer_of(model: Model, *, valid: bool = True, in_use: Model = FILE) -> Offer:
+def offer_of(model: Model, *, valid: bool = True, in_use: Model = FILE) -> ModelProposal:
     shifts = [compared(cautious(model, FILE), other) for other in (FILE, in_use)]
-    by = [Shift(least=s.least, most=s.most, where=s.where) for s in shifts]
-    return Offer(
+    by = [StopDistanceChange(least=s.least, most=s.most, where=s.where) for s in shifts]
+    return ModelProposal(
         id=f"{len(model.effect)}-{model.braking.b_b:g}-{valid}",
         at=time.time(),
         cause="test",

@@ -20,7 +20,7 @@ from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.endpoint import KINDS
 from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 

@@ -19,7 +19,7 @@ from slopewise.models.surface_braking import UphillBraking
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.intake import Intake, columns_of
 from slopewise.services.parameters.learner import Learner
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.observations import DriveSamples, StopObservation, TerrainLabel
 from tests.models.terrain import plant
 from tests.services.robot_plant import G, Surface, Vehicle
@@ -123,7 +123,7 @@ def test_sources_do_not_pile_up() -> None:
     intake = Intake(2.0)
     for n in range(3000):
         judged(intake, 1, 0.0, 0.0, f"source {n}")
-    assert len(intake._counts) == len(intake._clocks) == 1000
+    assert len(intake._counts) == len(intake._stamps) == 1000
 
 
 def test_columns_are_checked_before_anything_is_learned() -> None:
@@ -463,7 +463,7 @@ def test_a_source_that_counts_from_one_again_is_heard_after_a_few_messages_and_f
         "",
         "",
     ]
-    assert intake.notices.told() == ["terrain observations of a: the source counts anew"]
+    assert intake.notices.active() == ["terrain observations of a: the source restarted its count"]
 
 
 def test_a_sender_whose_machine_was_started_anew_is_heard_with_its_new_clock() -> None:

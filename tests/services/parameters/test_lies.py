@@ -13,7 +13,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.learner import Learner
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.observations import StopObservation
 
 G = 9.80665

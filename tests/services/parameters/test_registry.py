@@ -18,8 +18,8 @@ from slopewise.services.parameters.group import Description, DriveNews, Paramete
 from slopewise.services.parameters.learner import Learner
 from slopewise.services.parameters.registry import GROUPS
 from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.learning import Learning, StoreSettings
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.learning_settings import Learning, StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.observations import DriveSamples
 from slopewise.services.wire.parameter_messages import ParameterQuestion
 

@@ -20,9 +20,9 @@ from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.parameters.service import ParameterService
 from slopewise.services.parameters.store import Store, StoreError
-from slopewise.services.settings.learning import Learning, StoreSettings
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire.observations import Receipt, StopObservation
+from slopewise.services.settings.learning_settings import Learning, StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.observations import ObservationAck, StopObservation
 from tests.services.robot_plant import G
 
 
@@ -44,7 +44,7 @@ def started(store: Path | str, model: Model | None = None, **learning: Any) -> P
     return ParameterService(config, model or atv())
 
 
-def stopped(service: ParameterService, sequence: int, force: float, **more: Any) -> Receipt:
+def stopped(service: ParameterService, sequence: int, force: float, **more: Any) -> ObservationAck:
     stop = StopObservation(
         source="robot",
         sequence=sequence,

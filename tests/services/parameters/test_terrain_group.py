@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from slopewise.services.parameters.terrain_group import TerrainGroup
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 from tests.models.terrain.test_monitor import MODEL
 
 

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.ros.settings import EdgeSettings, Timing
 from slopewise.services.ros.speed_limit import told_by
@@ -72,7 +72,7 @@ def test_without_stamps_the_declared_latency_is_added() -> None:
     assert state.stamps() == "none"
 
 
-def test_late_odometry_never_raises_a_limit(planner: PlanService, ground: KnownGround) -> None:
+def test_late_odometry_never_raises_a_limit(planner: PlanService, ground: MapSnapshot) -> None:
     for x, speed in ((0.0, 0.0), (5.0, 3.0), (12.0, 3.5), (15.0, 2.0), (17.5, 0.5)):
         reply = ask(planner, ground, x, speed, f"late {x}")
         limits = [told_by(reply, x, 0.0, TIMING, late).limit for late in (0.0, 0.1, 0.2, 0.5, 2.0)]
@@ -81,7 +81,7 @@ def test_late_odometry_never_raises_a_limit(planner: PlanService, ground: KnownG
 
 @pytest.mark.parametrize("late", [0.2, 0.5, 1.0])
 def test_who_drives_at_the_limit_can_stop_though_odometry_is_late(
-    planner: PlanService, ground: KnownGround, late: float
+    planner: PlanService, ground: MapSnapshot, late: float
 ) -> None:
     """At 3.5 m/s toward unknown ground; it follows what is planned for where it was."""
     behind = round(late / TIMING.period)

@@ -12,16 +12,16 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.services.io.bags.ros_types import SPEED_LIMIT, typestore
+from slopewise.services.io.bags import SPEED_LIMIT, typestore
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.in_use import ParametersInUse
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.settings import Timing
 from slopewise.services.ros.speed_limit import SpeedAdvice, place_on, stop, told_by
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.plan_messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 
 TIMING = Timing()
@@ -36,14 +36,14 @@ def planner() -> PlanService:
 
 
 @pytest.fixture(scope="module")
-def ground() -> KnownGround:
+def ground() -> MapSnapshot:
     heights = np.zeros((49, 200))
     heights[:, round((KNOWN + 5.0) / CELL) :] = np.nan
     level = ElevationMap(elevation=heights, resolution=CELL, origin=(-5.0, -6.0))
-    return KnownGround(level, 1, time.monotonic())
+    return MapSnapshot(level, 1, time.monotonic())
 
 
-def ask(planner: PlanService, ground: KnownGround, x: float, speed: float, name: str) -> PlanReply:
+def ask(planner: PlanService, ground: MapSnapshot, x: float, speed: float, name: str) -> PlanReply:
     points = np.stack([np.linspace(0.0, 40.0, 120), np.zeros(120)], axis=1)
     request = PlanRequest(
         speed=speed, paths=[Path(name="p", points=points)], client=name, pose=(x, 0.0, 0.0)
@@ -59,7 +59,7 @@ def stopping_distance(speed: float) -> float:
     return speed * b.dead_time + speed**2 / (2.0 * deceleration) + b.distance_offset
 
 
-def test_who_drives_at_the_limit_can_always_stop(planner: PlanService, ground: KnownGround) -> None:
+def test_who_drives_at_the_limit_can_always_stop(planner: PlanService, ground: MapSnapshot) -> None:
     x, speed, top, stops = 0.0, 0.0, 0.0, 0
     for _ in range(400):
         told = told_by(ask(planner, ground, x, speed, "worst"), x, 0.0, TIMING)
@@ -79,7 +79,7 @@ def test_who_drives_at_the_limit_can_always_stop(planner: PlanService, ground: K
 
 
 def test_from_rest_the_limit_is_one_that_motors_can_do(
-    planner: PlanService, ground: KnownGround
+    planner: PlanService, ground: MapSnapshot
 ) -> None:
     told = told_by(ask(planner, ground, 0.0, 0.0, "rest"), 0.0, 0.0, TIMING)
     assert told.limit >= TIMING.launch
@@ -88,7 +88,7 @@ def test_from_rest_the_limit_is_one_that_motors_can_do(
     assert told_by(ask(planner, ground, 0.0, 0.0, "r2"), 0.0, 0.0, slow).limit < TIMING.launch
 
 
-def test_limits_look_ahead_as_far_as_told(planner: PlanService, ground: KnownGround) -> None:
+def test_limits_look_ahead_as_far_as_told(planner: PlanService, ground: MapSnapshot) -> None:
     """Close to the end of what is known, a longer look gives a lower limit."""
     reply = ask(planner, ground, 16.0, 2.5, "ahead")
     limits = [
@@ -97,7 +97,7 @@ def test_limits_look_ahead_as_far_as_told(planner: PlanService, ground: KnownGro
     assert limits[0] > limits[1] > limits[2]
 
 
-def test_no_plan_is_a_stop(planner: PlanService, ground: KnownGround) -> None:
+def test_no_plan_is_a_stop(planner: PlanService, ground: MapSnapshot) -> None:
     for reply in (
         PlanReply(status="busy", reason="too many", service="s"),
         planner.answer(PlanRequest(speed=1.0, paths=[]), None, "test"),
@@ -116,7 +116,7 @@ def test_what_would_lift_all_limits_cannot_be_said(limit: float) -> None:
         ros.speed_limit(SpeedAdvice(limit, False, ""), 0)
 
 
-def test_messages_survive_their_bytes(planner: PlanService, ground: KnownGround) -> None:
+def test_messages_survive_their_bytes(planner: PlanService, ground: MapSnapshot) -> None:
     store = typestore()
     reply = ask(planner, ground, 3.2, 1.0, "bytes")
     plan = reply.plans[0]

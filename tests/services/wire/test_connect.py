@@ -9,7 +9,7 @@ import pytest
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.settings.service import ServiceConfig, ZenohSettings
+from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings
 from slopewise.services.wire.connect import client_session, options, words_of
 from tests.services.service_process import free_port, running
 

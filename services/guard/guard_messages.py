@@ -1,0 +1,89 @@
+"""Messages to and from the guard where ROS 2 is not used; SI, as all messages of the service.
+
+Every message counts up for its sender, so that repeated and late ones are recognised. ``time`` is
+the moment of measurement or sending on a clock of the sender [s]; without it a delay that grows
+cannot be seen.
+"""
+
+from __future__ import annotations
+
+from msgspec import field
+
+from slopewise.services.wire.plan_messages import Message, Name, NotNegative, Number
+
+
+class GuardCommand(Message, frozen=True):
+    """Command of the planner: speed [m/s], forward positive; yaw rate [rad/s]."""
+
+    source: Name
+    sequence: Number
+    speed: float
+    yaw_rate: float
+    time: float | None = None
+
+
+class GuardMotion(Message, frozen=True):
+    """Middle of the wheelbase on the map [m], heading [rad] and speed [m/s]."""
+
+    source: Name
+    sequence: Number
+    x: float
+    y: float
+    heading: float
+    speed: float
+    time: float | None = None
+
+
+class GuardClear(Message, frozen=True):
+    """Distance to which the path of the middle of the wheelbase is known to be free [m]."""
+
+    source: Name
+    sequence: Number
+    distance: NotNegative
+    time: float | None = None
+
+
+class GuardOutput(Message, frozen=True):
+    """Command to the base.
+
+    Attributes:
+        source, sequence: process of the guard, and its count.
+        of: number of the command that is answered, 0 if none is.
+        speed, yaw_rate: as in a command [m/s], [rad/s].
+        brake: brake as hard as possible, and hold.
+        action: `pass`, `slow` or `stop`.
+        reason: as text, empty where the command passes.
+    """
+
+    source: Name
+    sequence: Number
+    of: Number
+    speed: float
+    yaw_rate: float
+    brake: bool
+    action: str
+    reason: str
+
+
+class GuardStatus(Message, frozen=True):
+    """State of the guard.
+
+    Attributes:
+        uptime: since the start of the process [s].
+        reaction: time within which any single fault ends in a stop [s].
+        counters: events since the start.
+        ages: age of each input [s], −1 of one that never came.
+        seconds: median and 99th percentile of the duration of a decision [s].
+        flags: active faults, human-readable.
+        last: last reason to limit or stop.
+        stamps: use of the stamps of each input that came, `shared clock`, `growth only` or `none`.
+    """
+
+    uptime: float
+    reaction: float
+    counters: dict[str, int]
+    ages: dict[str, float]
+    seconds: dict[str, float]
+    flags: list[str]
+    last: str
+    stamps: dict[str, str] = field(default_factory=dict)

@@ -1,0 +1,193 @@
+"""Worst case of a vehicle model: the numbers that stops behind the guard are computed from.
+
+A field of a model that is not used here cannot change a stop of the guard; the fields that it
+knows are listed in ``tests/services/guard/test_guard_model.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Generic, NamedTuple, TypeAlias, TypeVar
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Braking, Effect, Model
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.vehicle import Shape, Vehicle
+from slopewise.services.io.model_file import read_model
+
+SPREAD = 2.0
+"""Standard deviations by which force and dead time may be worse than their mean: one stop in 40."""
+
+_NO_CAP = 1e6
+"""Friction of surfaces whose wheels do not lock: above any force over weight [1]."""
+
+_MIN_FORCE_SHARE = 0.1
+"""Share of the force that scatter leaves at least, so that the strongest force is finite [1]."""
+
+T = TypeVar("T", float, Floats)
+
+
+class GuardSurface(NamedTuple, Generic[T]):
+    """Brakes on one surface, F_b/W = (m_m v + b_m) θ + (m_b v + b_b), with the spread taken off.
+
+    Numbers of one surface; or columns (R + 1,) of a table of all R, see :func:`brake_table`.
+
+    Attributes:
+        m_m, b_m, m_b, b_b: coefficients downhill and on level ground [s/m], [1], [s/m], [1].
+        up_m, up_b: m_m and b_m uphill [s/m], [1].
+        dead_time: longest dead time, brake lag included [s].
+        offset: safety distance that is added to every stop [m].
+        speed_error: speed by which the vehicle may be faster than commanded [m/s].
+        slowest, fastest: trained speed range [m/s].
+        grade_min, grade_max, roll_min, roll_max: trained slopes, uphill and left side up [rad].
+        friction, level: cap of the force, share of the brakes that is applied [1].
+        rolling: motion resistance in place of the share that is not applied [1].
+        stronger, extra: factor and addition by which the force may exceed this one, for loads [1].
+    """
+
+    m_m: T
+    b_m: T
+    m_b: T
+    b_b: T
+    up_m: T
+    up_b: T
+    dead_time: T
+    offset: T
+    speed_error: T
+    slowest: T
+    fastest: T
+    grade_min: T
+    grade_max: T
+    roll_min: T
+    roll_max: T
+    friction: T
+    level: T
+    rolling: T
+    stronger: T
+    extra: T
+
+
+SurfaceTable: TypeAlias = GuardSurface[Floats]
+
+
+class GuardModel(NamedTuple):
+    """Worst case of one vehicle; SI.
+
+    Attributes:
+        surfaces: brakes by surface name, "" is the base.
+        named: tables of the named surfaces, for names and states of terrain classes.
+        vehicle, shape: sizes.
+        effects, motion: named effects of the model file, and their motion terms.
+        scale: factor of the force by lasting effects [1].
+        resistance: motion resistance that holds a rolling vehicle [1].
+        speed, lateral: limits of speed and lateral acceleration [m/s], [m/s²].
+        decel: service deceleration [m/s²].
+        min_load: share of its static load that every axle and side must keep [1].
+    """
+
+    surfaces: dict[str, GuardSurface[float]]
+    named: Mapping[str, SurfaceBraking]
+    vehicle: Vehicle
+    shape: Shape
+    effects: tuple[Effect, ...]
+    motion: registry.MotionTerms
+    scale: float
+    resistance: float
+    speed: float
+    lateral: float
+    decel: float
+    min_load: float
+
+
+def read_guard_model(path: Path) -> GuardModel:
+    """Worst case of the model in a file.
+
+    Raises:
+        InputError: names the file and the key.
+    """
+    return guard_model(read_model(path))
+
+
+def guard_model(model: Model) -> GuardModel:
+    """Worst case of a model."""
+    braking, terrain, limits, effects = model.braking, model.terrain, model.limits, model.effect
+    motion, rolling = registry.motion(effects), terrain.rolling_while_braking
+    names = ("", *braking.terrain)
+    return GuardModel(
+        surfaces={name: _worst_case(braking.on(name), rolling, motion) for name in names},
+        named=braking.terrain,
+        vehicle=model.vehicle,
+        shape=model.vehicle.shape,
+        effects=effects,
+        motion=motion,
+        scale=registry.force_scale(effects),
+        resistance=terrain.motion_resistance,
+        speed=limits.speed,
+        lateral=limits.lateral_accel,
+        decel=limits.decel,
+        min_load=limits.min_load,
+    )
+
+
+def _worst_case(b: Braking, rolling: float, motion: registry.MotionTerms) -> GuardSurface[float]:
+    uphill, grades, rolls, margin = b.uphill or b, b.grade_range, b.trained_roll, 0.0
+    if b.extrapolate:
+        # Steeper ground than trained is driven with less force, everywhere: on the safe side.
+        margin = b.extrapolation_margin
+        grades = rolls = (-0.5 * math.pi, 0.5 * math.pi)
+    worse, scatter = SPREAD * b.force_std, SPREAD * b.force_scatter
+    share = max(1.0 - margin, 1e-9) * max(1.0 - scatter, _MIN_FORCE_SHARE)
+    applied = (b.level - b.dead_band) / (b.saturation - b.dead_band)
+    friction = _NO_CAP if b.sliding_friction is None else b.sliding_friction
+    return GuardSurface(
+        m_m=share * b.m_m,
+        b_m=share * b.b_m,
+        m_b=share * b.m_b,
+        b_b=share * b.b_b - worse,
+        up_m=share * uphill.m_m,
+        up_b=share * uphill.b_m,
+        # A lag makes stops longer by no more than the same time at held speed.
+        dead_time=b.dead_time + motion.lag + SPREAD * b.dead_time_std,
+        offset=b.distance_offset,
+        speed_error=b.speed_error,
+        slowest=b.speed_range[0],
+        fastest=b.speed_range[1],
+        grade_min=grades[0],
+        grade_max=grades[1],
+        roll_min=rolls[0],
+        roll_max=rolls[1],
+        friction=min(friction, motion.friction),
+        level=min(max(applied, 0.0), 1.0),
+        rolling=rolling,
+        stronger=(1.0 + margin) * (1.0 + scatter) / share,
+        extra=2.0 * worse,
+    )
+
+
+def brake_table(model: GuardModel) -> SurfaceTable:
+    """Columns (R + 1,) of the R surfaces, in the order of the model's names.
+
+    The last row, index -1, is ground that may be any of them: the narrowest trained ranges and
+    the longest dead time. Its force is not used.
+    """
+    rows = np.array(list(model.surfaces.values()))
+    table = GuardSurface(*np.vstack((rows, rows[0])).T)
+    for column in (table.grade_min, table.roll_min, table.dead_time):
+        column[-1] = column.max()
+    for column in (table.grade_max, table.roll_max, table.fastest):
+        column[-1] = column.min()
+    return table
+
+
+def governing_surfaces(model: GuardModel) -> list[int]:
+    """Index of the surface whose ground each surface is on: its own, or that it is a state of."""
+    names = list(model.surfaces)
+    states = {name: table.state_of for name, table in model.named.items()}
+    return [
+        k if (of := states.get(name)) is None else names.index(of) for k, name in enumerate(names)
+    ]

@@ -1,0 +1,144 @@
+"""One input of the guard: its newest value, how old that is, and whether it is new at all."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from slopewise.models.errors import ParameterError
+from slopewise.services.wire.lateness import ARRIVAL, Lateness, WallClock
+from slopewise.services.wire.sender_clock import RECOVERY
+
+T = TypeVar("T")
+
+_MAX_SENDERS = 16
+"""Senders of one input whose clocks are followed; beyond, the one silent for longest goes [1]."""
+
+_LATE = 0.5
+"""Share of the deadline from which a message that arrives late is reported [1]."""
+
+
+@dataclass(slots=True)
+class InputFeed(Generic[T]):
+    """Newest value of one input, while it is fresh.
+
+    Attributes:
+        name: in messages.
+        deadline: age beyond which the newest value is void [s].
+        counters: events, shared with the guard.
+        max_latency, wall, uses_stamps: see :class:`Lateness`.
+        newest: age of the newest message.
+        has_messages: one was accepted since the start.
+        rejection: reason why the newest message was discarded, empty if it was not.
+    """
+
+    name: str
+    deadline: float
+    counters: Counter[str]
+    max_latency: float = 0.0
+    wall: WallClock | None = None
+    uses_stamps: bool = True
+    newest: Lateness = field(init=False)
+    has_messages: bool = False
+    rejection: str = ""
+    _value: T | None = None
+    _at: float = -math.inf
+    _senders: dict[str, Lateness] = field(default_factory=dict)
+    _events: dict[str, tuple[float, str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.newest = self._new_sender()
+
+    def _new_sender(self, late: float = 0.0) -> Lateness:
+        return Lateness(self.max_latency, self.wall, uses_stamps=self.uses_stamps, late=late)
+
+    def take(
+        self,
+        value: T,
+        now: float,
+        sender: str = "",
+        sequence: int | None = None,
+        time: float | None = None,
+    ) -> bool:
+        """Record a message; False where its number or its stamp shows that it is not new.
+
+        A sender whose number goes back has to be silent for the deadline before it is accepted
+        again: it may have been restarted, or a message of the past is repeated.
+
+        Args:
+            now: arrival, monotonic [s].
+            time: stamp on the sender's clock [s].
+        """
+        lateness = self._senders.pop(sender, None) or self._new_sender(self.newest.late)
+        self._senders[sender] = lateness
+        if len(self._senders) > _MAX_SENDERS:
+            self._senders.pop(next(iter(self._senders)))
+        last = lateness.number
+        is_old = sequence is not None and last is not None and sequence <= last
+        is_recent = now - self._at <= self.deadline
+        try:
+            if (is_old and is_recent) or not lateness.take(time, now, sequence):
+                self.counters[f"{self.name} repeated or late"] += 1
+                return False
+        except ParameterError as error:
+            self.drop(f"{self.name} rejected: stamp: expected {error.expected}", now)
+            self._record("refused stamp", now, self.rejection)
+            return False
+        if sequence is not None and last is not None and sequence > last + 1:
+            self.counters[f"{self.name} lost"] += sequence - last - 1
+        self.newest, self._value, self._at = lateness, value, now
+        self.has_messages, self.rejection = True, ""
+        self.counters[self.name] += 1
+        self._check_clocks(lateness, now)
+        return True
+
+    def _check_clocks(self, lateness: Lateness, now: float) -> None:
+        if lateness.repeated:
+            self._record("repeated stamp", now, f"stamps of {self.name} are repeated")
+        if lateness.stepped == now:
+            self._record("clock step", now, f"the clock that stamps {self.name} was set")
+        if self.wall is not None and self.wall.is_recovering(now):
+            self._record("wall clock step", now, "the clock of this machine was set")
+        if lateness.late > _LATE * self.deadline:
+            self._record("late", now, f"{self.name} arrives {lateness.late:.2f} s late")
+
+    def _record(self, kind: str, now: float, text: str) -> None:
+        self._events[kind] = now, text
+        self.counters[f"{self.name}: {kind}"] += 1
+
+    def warnings(self, now: float) -> list[str]:
+        """Faults of stamps and delay, now or within :data:`RECOVERY`."""
+        texts = [text for at, text in self._events.values() if now - at <= RECOVERY]
+        if self.has_messages and self.newest.stamps == ARRIVAL:
+            basis = "has no stamps" if self.uses_stamps else "is used without its stamps"
+            texts.append(f"{self.name} {basis}: its delay is taken as {self.max_latency:g} s")
+        return texts
+
+    def drop(self, reason: str = "", at: float = -math.inf) -> None:
+        """Discard the newest value, because of an unusable message that came ``at`` [s]."""
+        self._value, self.rejection, self._at = None, reason, max(self._at, at)
+
+    def age(self, now: float) -> float:
+        """Age of the newest value as far as stamps and arrival show it; inf without one [s]."""
+        return self.newest.age(now)
+
+    def bound(self, now: float) -> float:
+        """Age of the newest value that is not exceeded if clocks or delay are as declared [s]."""
+        return self.newest.bound(now)
+
+    def is_arriving(self, now: float) -> bool:
+        """Return True if a message came within the deadline, however late or unusable."""
+        return now - self._at <= self.deadline
+
+    def fresh(self, now: float) -> T | None:
+        """Newest value, unless it is void."""
+        return self._value if self.age(now) <= self.deadline else None
+
+    def missing(self, now: float) -> str:
+        """Reason why there is no fresh value, "" where there is one."""
+        if self._value is None:
+            return self.rejection or f"no {self.name}"
+        age = self.newest.objection(now, self.deadline)
+        return age and f"{self.name} is {age}"

@@ -1,0 +1,185 @@
+"""Maps and parameters for the guard, read by a separate thread so that none delays a command.
+
+Nothing is dropped unnoticed. Of parameters the newest of each group waits. Maps wait in order, and
+after a lost one the ground is unknown until the next whole map; none can be requested.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter, OrderedDict, deque
+
+import zenoh
+
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.guard_map import GuardMap, apply_update
+from slopewise.services.guard.zenoh_transport import format_of
+from slopewise.services.wire import codec
+from slopewise.services.wire.parameter_messages import ParameterGroup
+from slopewise.services.wire.plan_messages import MapUpdate
+
+_log = logging.getLogger("slopewise")
+
+LOST = "a map patch was lost; waiting for a whole map"
+"""Reason why there is no ground after a lost patch."""
+
+MAX_WAITING = 32
+"""Map updates that may wait to be read: some seconds of patches [1]."""
+
+_MAX_GROUPS, _MAX_SOURCES = 64, 64
+"""Parameter groups that may wait, and senders of maps whose numbers are known [1]."""
+
+_MAX_BYTES = 256_000_000
+"""Size of an update: a whole map of 32 million cells [bytes]."""
+
+
+class KnownMap:
+    """Map that its updates result in.
+
+    Attributes:
+        map: None before the first whole map, and after a lost update until the next one.
+        reason: reason why it is missing, as text.
+        counters: of updates.
+    """
+
+    def __init__(self, known: GuardMap | None) -> None:
+        """Begin with a map, or without one."""
+        self.map, self.reason = known, ""
+        self.counters: Counter[str] = Counter()
+        self._last: OrderedDict[tuple[str, str], int] = OrderedDict()
+
+    def lose(self, count: int = 1, reason: str = LOST) -> None:
+        """Discard the map: some updates of it are lost."""
+        self.counters["map updates lost"] += count
+        self.map, self.reason = None, reason
+
+    def take(self, update: MapUpdate) -> None:
+        """Apply an update; a patch before which others may be missing discards the map.
+
+        Raises:
+            ParameterError: the update is not a map, or does not fit the known one.
+        """
+        sender = update.source, update.instance
+        last = self._last.pop(sender, None)
+        is_restarted = last is None and any(source == sender[0] for source, _ in self._last)
+        self._last[sender] = update.sequence
+        if len(self._last) > _MAX_SOURCES:
+            self._last.popitem(last=False)
+        if not update.patch:
+            self.map, self.reason = apply_update(update, None), ""
+        elif update.sequence == last:
+            self.counters["map patches repeated"] += 1
+        elif last is not None and update.sequence != last + 1:
+            self.lose(max(update.sequence - last - 1, 1))
+        elif self.reason:
+            self.counters["map patches unused"] += 1
+        elif last is None and (update.sequence > 1 or is_restarted):
+            self.lose()  # at least the one before it
+        else:
+            self.map = apply_update(update, self.map)
+
+
+class MapUpdates:
+    """Subscriptions to maps and parameters, and their hand-over to the guard."""
+
+    def __init__(self, session: zenoh.Session, namespace: str, known: GuardMap | None) -> None:
+        """Subscribe; :meth:`open` begins to read."""
+        self._known, self._key = KnownMap(known), f"{namespace}/v1/map"
+        self._maps: deque[zenoh.Sample] = deque()
+        self._groups: OrderedDict[str, zenoh.Sample] = OrderedDict()
+        self._lost, self._closed = 0, False
+        self._news = threading.Condition()
+        self._new_groups: list[ParameterGroup] = []
+        self._new_map: tuple[GuardMap | None, str, dict[str, int]] | None = None
+        self._declared = [
+            session.declare_subscriber(self._key, self._on_map),
+            session.declare_subscriber(f"{namespace}/v1/params/*", self._on_group),
+        ]
+        self._reader = threading.Thread(target=self._read, name="updates", daemon=True)
+
+    def open(self) -> None:
+        """Begin to read."""
+        self._reader.start()
+
+    def close(self) -> None:
+        """Discard waiting updates."""
+        for declared in self._declared:
+            declared.undeclare()
+        with self._news:
+            self._closed = True
+            self._news.notify_all()
+
+    def take(self, guard: Guard) -> None:
+        """Hand over what is new; called by the deciding thread, never waits for the reader."""
+        with self._news:
+            groups, self._new_groups = self._new_groups, []
+            new_map, self._new_map = self._new_map, None
+        if new_map is not None:
+            ground, reason, counters = new_map
+            guard.counters.update({k: n - guard.counters[k] for k, n in counters.items()})
+            if ground is None:
+                guard.maps.drop(reason)
+            else:
+                guard.maps.take(ground, time.monotonic())
+        for group in groups:
+            guard.learned.take(group)
+        if groups:
+            guard.learn()
+
+    def _on_map(self, sample: zenoh.Sample) -> None:
+        with self._news:
+            if len(self._maps) >= MAX_WAITING:
+                # The newest may be a whole map, which makes those before it obsolete.
+                self._lost += len(self._maps)
+                self._maps.clear()
+            self._maps.append(sample)
+            self._news.notify_all()
+
+    def _on_group(self, sample: zenoh.Sample) -> None:
+        with self._news:
+            self._groups[str(sample.key_expr)] = sample
+            if len(self._groups) > _MAX_GROUPS:
+                self._groups.popitem(last=False)
+            self._news.notify_all()
+
+    def _read(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._maps or self._groups or self._closed)
+                if self._closed:
+                    return
+                groups, self._groups = self._groups, OrderedDict()
+                sample = self._maps.popleft() if self._maps else None
+                lost, self._lost = self._lost, 0
+            for key, group in groups.items():
+                self._read_group(key, group)
+            if sample is not None:
+                self._read_map(sample, lost)
+
+    def _read_group(self, key: str, sample: zenoh.Sample) -> None:
+        raw = sample.payload.to_bytes()
+        encoding = codec.encoding_of(ParameterGroup, format_of(raw))
+        try:
+            group = codec.decode(ParameterGroup, raw, encoding, key, _MAX_BYTES)
+        except Exception as error:  # noqa: BLE001 - logged; maps need this thread
+            _log.warning("%s: %s", key, error)
+            return
+        with self._news:
+            self._new_groups.append(group)
+
+    def _read_map(self, sample: zenoh.Sample, lost: int) -> None:
+        if lost:
+            _log.warning("%s: %d updates were lost: %s", self._key, lost, LOST)
+            self._known.lose(lost)
+        try:
+            raw, encoding = sample.payload.to_bytes(), str(sample.encoding)
+            self._known.take(codec.decode(MapUpdate, raw, encoding, self._key, _MAX_BYTES))
+        except Exception as error:  # noqa: BLE001 - logged, and the ground is unknown
+            # Ground that could not be read may differ from the known map.
+            _log.warning("%s: %s", self._key, error)
+            self._known.lose(reason=self._known.reason)
+        known = self._known
+        with self._news:
+            self._new_map = known.map, known.reason, dict(known.counters)

@@ -1,0 +1,85 @@
+"""Parameters of the running service that concern a stop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from slopewise.services.guard.guard_model import (
+    SPREAD,
+    GuardModel,
+    SurfaceTable,
+    brake_table,
+)
+from slopewise.services.guard.stop_distances import Tables
+from slopewise.services.wire.parameter_messages import ParameterGroup
+
+_FORCE = ("m_m", "b_m", "m_b", "b_b")
+_BRAKING, _LIMITS, _EFFECTS = "braking", "limits", "effects"
+
+_MAX_GROUPS = 64
+"""Groups that are stored: one for each surface that a map can distinguish, limits and effects."""
+
+
+@dataclass(slots=True)
+class ServiceParameters:
+    """Newest parameter groups by name.
+
+    Attributes:
+        model: worst case by the model file.
+        trusted: learned brakes replace those of the file; else each command has to pass with both.
+        groups: by name.
+    """
+
+    model: GuardModel
+    trusted: bool
+    groups: dict[str, ParameterGroup] = field(default_factory=dict)
+
+    def take(self, group: ParameterGroup) -> None:
+        """Store a published group, unless a number of it is not finite."""
+        numbers = [*group.values.values(), *group.stds.values()]
+        if np.isfinite(numbers).all() and len(self.groups) < _MAX_GROUPS:
+            self.groups[group.group] = group
+
+    def tables(self) -> Tables:
+        """Surfaces by the model file, and as learned."""
+        file, learned = brake_table(self.model), brake_table(self.model)
+        changed = False
+        for k, name in enumerate(self.model.surfaces):
+            group = self.groups.get(f"{_BRAKING}.{name}" if name else _BRAKING)
+            if group is not None and all(key in group.values for key in _FORCE):
+                _learn(learned, k, group)
+                changed = True
+        if not changed:
+            return (file,)
+        learned.dead_time[-1] = learned.dead_time.max()
+        return (learned,) if self.trusted else (file, learned)
+
+    def limited(self) -> GuardModel:
+        """Model with the limits that an operator lowered."""
+        group = self.groups.get(_LIMITS)
+        if group is None:
+            return self.model
+        speed = min(self.model.speed, group.values.get("speed", self.model.speed))
+        lateral = min(self.model.lateral, group.values.get("lateral_accel", self.model.lateral))
+        return self.model._replace(speed=max(speed, 0.0), lateral=max(lateral, 0.0))
+
+    def warnings(self) -> list[str]:
+        """Parameters that the guard cannot use."""
+        group = self.groups.get(_EFFECTS)
+        if group is not None and group.values:
+            return ["effects that were adopted are not known to the guard: restart it with them"]
+        return []
+
+
+def _learn(table: SurfaceTable, k: int, group: ParameterGroup) -> None:
+    """Write the learned brakes of a surface into its row."""
+    # Uphill the coefficients of the file hold where they differ from those downhill.
+    as_downhill = (table.up_m[k], table.up_b[k]) == (table.m_m[k], table.b_m[k])
+    for key in _FORCE:
+        getattr(table, key)[k] = group.values[key]
+    table.b_b[k] -= SPREAD * group.stds.get("b_b", 0.0)
+    if as_downhill:
+        table.up_m[k], table.up_b[k] = table.m_m[k], table.b_m[k]
+    table.dead_time[k] = max(group.values.get("dead_time", 0.0), table.dead_time[k])

@@ -1,0 +1,129 @@
+"""The watching process: it sends stops in place of the deciding one when that fails.
+
+It imports little and decides nothing. Where both are killed together, or the machine fails,
+nothing is sent any more: then the base's own timeout on commands has to act.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from slopewise.services.guard.core import BaseDecision
+from slopewise.services.guard.decide import stop
+from slopewise.services.guard.guard_map import read_guard_map
+from slopewise.services.guard.guard_model import read_guard_model
+from slopewise.services.guard.guard_session import open_session, request_realtime_priority
+from slopewise.services.guard.heartbeat import Heartbeat
+from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
+from slopewise.services.guard.zenoh_transport import ZenohOutput
+
+_log = logging.getLogger("slopewise")
+
+_RESTART_AFTER = 1.0
+"""Time between starts of the worker: one that cannot start must not use the processor [s]."""
+
+_PATIENCE = 3.0
+"""Time for the worker to end; then it is killed [s]."""
+
+
+class Watchdog:
+    """Starts the worker, watches it, and takes its place when it fails."""
+
+    def __init__(self, settings: GuardSettings, config: Path, session: zenoh.Session) -> None:
+        """Start a worker with the settings of a file."""
+        self._settings, self._config = settings, config
+        self._stopped = threading.Event()
+        self._output = _output(settings, session)
+        self._start()
+
+    def _start(self) -> None:
+        self._begun = time.monotonic()
+        self._link, theirs = socket.socketpair()
+        command = [sys.executable, "-m", "slopewise.services.guard.worker", str(self._config)]
+        handle = theirs.fileno()
+        self.worker = subprocess.Popen([*command, str(handle)], pass_fds=(handle,))
+        theirs.close()
+        self._heartbeat = Heartbeat(self._link, self._settings.timing.stall)
+
+    def run(self, seconds: float | None = None) -> None:
+        """Watch until :meth:`end`, or for a time."""
+        period = self._settings.timing.period
+        until = math.inf if seconds is None else time.monotonic() + seconds
+        was_silent = False
+        while not self._stopped.wait(0.5 * period) and time.monotonic() < until:
+            self._heartbeat.beat()
+            is_silent = self._heartbeat.is_silent()
+            if is_silent:
+                self._output.send(BaseDecision(stop("the guard does not answer"), 0))
+                if not was_silent:
+                    _log.warning("the guard does not answer: the base is commanded to stop")
+                self._restart_if_ended()
+            was_silent = is_silent
+
+    def _restart_if_ended(self) -> None:
+        """Restart a worker that has ended; one that hangs gets time to recover."""
+        status = self.worker.poll()
+        if status is not None and time.monotonic() - self._begun > _RESTART_AFTER:
+            _log.warning("the guard ended with status %s, and is restarted", status)
+            self._link.close()
+            self._start()
+
+    def end(self) -> None:
+        """Let :meth:`run` return."""
+        self._stopped.set()
+
+    def close(self) -> None:
+        """End the worker, and send a final stop."""
+        self.worker.terminate()
+        try:
+            self.worker.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.worker.kill()
+            self.worker.wait()
+        self._output.send(BaseDecision(stop("the guard is leaving"), 0))
+
+
+def _output(settings: GuardSettings, session: zenoh.Session) -> Any:
+    if not settings.ros.enabled:
+        return ZenohOutput(session, settings.zenoh.namespace, "watch")
+    from slopewise.services.guard.ros_transport import RosOutput
+
+    return RosOutput(session, settings.ros, f"{settings.ros.node}_watch")
+
+
+def serve(
+    config: Path, seconds: float | None, ready: Callable[[str, dict[str, object]], None]
+) -> None:
+    """Guard until a signal asks to end, or for a time; ``ready`` is called once it runs.
+
+    Raises:
+        InputError: settings or a file named in them cannot be used, or no router answers.
+    """
+    settings = read_guard_settings(config)
+    # Files that cannot be read are reported before anything moves.
+    read_guard_model(model_path(settings))
+    if settings.map:
+        read_guard_map(Path(settings.map))
+    if not request_realtime_priority():
+        _log.warning("no priority: others on this machine may delay the guard")
+    with open_session(settings) as session:
+        watchdog = Watchdog(settings, config, session)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: watchdog.end())
+        reaction, guarded = settings.timing.reaction, settings.zenoh.namespace
+        text = f"guards {guarded}; any single fault is a stop within {reaction:.2f} s"
+        ready(text, {"guards": guarded, "reaction": reaction})
+        watchdog.run(seconds)
+        watchdog.close()

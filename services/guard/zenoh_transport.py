@@ -1,0 +1,139 @@
+"""Inputs and output of the guard on zenoh's own keys, ``<namespace>/v1/guard/…``."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, Protocol
+
+import zenoh
+
+from slopewise.models.errors import InputError
+from slopewise.services.guard.command_arc import Pose2d
+from slopewise.services.guard.core import BaseDecision, Guard
+from slopewise.services.guard.decide import BaseCommand, VehicleMotion
+from slopewise.services.guard.guard_messages import (
+    GuardClear,
+    GuardCommand,
+    GuardMotion,
+    GuardOutput,
+)
+from slopewise.services.guard.input_feed import InputFeed
+from slopewise.services.ros.inbox import Inbox, Received
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.plan_messages import Message
+
+_MAX_BYTES = 4000
+"""Size of a command, motion or clear distance: ten times that of the longest [bytes]."""
+
+_KINDS: dict[str, type[Message]] = {
+    "motion": GuardMotion,
+    "clear": GuardClear,
+    "command": GuardCommand,
+}
+"""Inputs in the order in which they are used: a command with the newest motion."""
+
+
+class GuardTransport(Protocol):
+    """Inputs of the guard, and its output."""
+
+    inbox: Inbox
+    topics: tuple[str, ...]
+
+    def take(self, guard: Guard, received: dict[str, list[Received]]) -> bool:
+        """Hand messages over to the guard; return True if a new command is among them."""
+
+    def send(self, answer: BaseDecision) -> None:
+        """Send a decision to the base."""
+
+    def close(self) -> None:
+        """Unsubscribe."""
+
+
+def format_of(raw: bytes) -> Format:
+    """Format of a message: JSON is an object; MessagePack begins with no brace."""
+    return Format.JSON if raw[:1] == b"{" else Format.MESSAGEPACK
+
+
+class ZenohOutput:
+    """Decisions on ``<namespace>/v1/guard/output``."""
+
+    def __init__(self, session: zenoh.Session, namespace: str, source: str) -> None:
+        """Publish as ``source``."""
+        self._source, self._sequence = source, 0
+        self._publisher = session.declare_publisher(
+            f"{namespace}/v1/guard/output",
+            congestion_control=zenoh.CongestionControl.DROP,
+            express=True,
+            priority=zenoh.Priority.REAL_TIME,
+        )
+
+    def send(self, answer: BaseDecision) -> None:
+        """Send a decision to the base."""
+        self._sequence += 1
+        decision = answer.decision
+        message = GuardOutput(
+            source=self._source,
+            sequence=self._sequence,
+            of=answer.of,
+            speed=decision.command.speed,
+            yaw_rate=decision.command.yaw_rate,
+            brake=decision.brake,
+            action=decision.action,
+            reason=decision.reason,
+        )
+        encoding = codec.encoding_of(GuardOutput, Format.JSON)
+        self._publisher.put(codec.encode(message, Format.JSON), encoding=encoding)
+
+
+class ZenohTransport(ZenohOutput):
+    """Commands, motion and clear distance in."""
+
+    def __init__(self, session: zenoh.Session, namespace: str, inbox: Inbox) -> None:
+        """Subscribe."""
+        super().__init__(session, namespace, "guard")
+        self.inbox = inbox
+        self.topics: tuple[str, ...] = tuple(_KINDS)
+        self._subscribers = [
+            session.declare_subscriber(f"{namespace}/v1/guard/{name}", partial(self._keep, name))
+            for name in self.topics
+        ]
+
+    def _keep(self, name: str, sample: zenoh.Sample) -> None:
+        if len(sample.payload) > _MAX_BYTES:
+            self.inbox.refuse(name, f"expected at most {_MAX_BYTES} bytes")
+        else:
+            self.inbox.put(name, sample.payload.to_bytes())
+
+    def take(self, guard: Guard, received: dict[str, list[Received]]) -> bool:
+        """Hand messages over to the guard; return True if a new command is among them."""
+        commanded = False
+        feeds: dict[str, InputFeed[Any]] = {"motion": guard.motions, "clear": guard.clears}
+        for name in _KINDS:
+            for item in received.get(name, ()):
+                try:
+                    commanded |= self._take(guard, name, item)
+                except InputError as error:
+                    # An unreadable message makes the one before it void.
+                    feeds.get(name, guard.commands).drop(at=item.at)
+                    self.inbox.refuse(name, str(error))
+        return commanded
+
+    def _take(self, guard: Guard, name: str, item: Received) -> bool:
+        encoding = codec.encoding_of(_KINDS[name], format_of(item.raw))
+        message: Any = codec.decode(_KINDS[name], item.raw, encoding, name, _MAX_BYTES)
+        stamp = item.at, message.source, message.sequence, message.time
+        if name == "command":
+            command = BaseCommand(message.speed, message.yaw_rate)
+            return guard.commands.take((command, message.sequence), *stamp)
+        if name == "clear":
+            guard.clear(message.distance, *stamp)
+        else:
+            pose = Pose2d(message.x, message.y, message.heading)
+            guard.motions.take(VehicleMotion(pose, message.speed), *stamp)
+        return False
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        for subscriber in self._subscribers:
+            subscriber.undeclare()

@@ -1,0 +1,50 @@
+"""Stamps of ROS messages that the guard receives."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import pytest
+import zenoh
+
+pytest.importorskip("rosbags", reason="the ros extra is not installed")
+
+
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.ros_transport import RosTransport
+from slopewise.services.guard.settings import GuardRos, GuardSettings, GuardTiming
+from slopewise.services.ros.node import Node
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
+from tests.services.guard.guard_fixtures import FLAT, MODEL
+from tests.services.ros.test_drive_samples import command
+from tests.services.ros.test_late_odometry import stamped
+
+
+@pytest.mark.parametrize("late", [0.0, 2.0])
+def test_header_stamps_are_read(late: float) -> None:
+    """Odometry that was sent 2 s ago is 2 s old; an unfilled stamp does not exist."""
+    settings = GuardSettings(
+        model="atv", ros=GuardRos(enabled=True), timing=GuardTiming(clock="shared")
+    )
+    guard = Guard(settings, MODEL, FLAT)
+    with zenoh.open(zenoh_config(ZenohSettings(mode="peer", listen=()))) as session:
+        transport = RosTransport(session, settings.ros)
+        with Node(session, 0, "/", "robot") as node:
+            odom = node.publisher("odom", "nav_msgs/msg/Odometry")
+            twist = node.publisher("cmd_vel_nav", "geometry_msgs/msg/TwistStamped")
+            time.sleep(0.2)
+            unfilled: Any = command(1.0)
+            unfilled.header.stamp.sec = 0
+            odom.send(stamped(1.0, time.time() - late))
+            twist.send(unfilled)
+            time.sleep(0.2)
+            inbox = transport.inbox
+            transport.take(guard, inbox.take(transport.topics, time.monotonic() + 5.0))
+        transport.close()
+    now = time.monotonic()
+    assert guard.stamps() == {"command": "none", "odometry": "shared clock"}
+    assert late < guard.motions.age(now) < late + 1.0
+    if late:
+        assert "s old (stamp), limit 0.2 s" in guard.motions.missing(now)
