@@ -44,7 +44,7 @@ def run(model_file: str, casadi: Path | None, c_folder: Path | None) -> ExportRe
     if c_folder is not None:
         files += write_c(model, made, c_folder)
     told = [
-        {"name": f.name, "inputs": dict(f.inputs), "output": dict([f.output]), "is": f.words}
+        {"name": f.name, "inputs": dict(f.inputs), "output": dict([f.output]), "is": f.meaning}
         for f in made
     ]
     return ExportResult(model.name, files, told)

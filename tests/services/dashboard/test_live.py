@@ -59,7 +59,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Running, s
 
 @pytest.fixture(scope="module")
 def asked(pages: tuple[Running, str]) -> str:
-    """The page after somebody brought ground and asked for plans."""
+    """The page after a client sent a map and asked for plans."""
     service, url = pages
     assert get(f"{url}/health")[0] == 503
     assert "robots are commanded to brake" in browser.text_of(url)
@@ -98,12 +98,12 @@ def test_state_is_what_was_answered(asked: str) -> None:
     assert all(v <= b + 1e-3 for v, b in zip(chosen["speed"], chosen["speed_bound"], strict=True))
 
 
-def test_the_map_comes_with_its_picture(asked: str) -> None:
-    told = json.loads(get(f"{asked}/map")[1])
-    assert told["version"] >= 1
-    assert told["cell"] == 0.25
-    assert told["picture"].startswith("data:image/png;base64,")
-    left, right, bottom, top = told["bounds"]
+def test_map_has_its_picture(asked: str) -> None:
+    answer = json.loads(get(f"{asked}/map")[1])
+    assert answer["version"] >= 1
+    assert answer["cell"] == 0.25
+    assert answer["picture"].startswith("data:image/png;base64,")
+    left, right, bottom, top = answer["bounds"]
     assert (right - left, top - bottom) == (193 * 0.25, 49 * 0.25)
 
 
@@ -172,7 +172,7 @@ def braking(url: str, version: int) -> dict[str, Any]:
     raise AssertionError(learned(url))
 
 
-def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> None:
+def test_stops_are_shown_and_their_parameters_survive_a_restart(tmp_path: Path) -> None:
     port = free_port()
     url, page = f"http://127.0.0.1:{port}", f"enabled = true\nport = {port}"
     store = '[store]\npath = "parameters.db"\n'
@@ -216,9 +216,9 @@ def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> N
 
 @pytest.fixture
 def board() -> Board:
-    made = Board()
+    live = Board()
     for k in range(30):
-        made.learned(
+        live.learned(
             GroupSeen(
                 group="braking sand",
                 names=["m_m", EVIL],
@@ -230,7 +230,7 @@ def board() -> Board:
                 at=1e9 + k,
             )
         )
-        made.stopped(
+        live.stopped(
             StopSeen(
                 speed=2.0,
                 grade=0.05,
@@ -242,8 +242,8 @@ def board() -> Board:
                 at=1e9 + k,
             )
         )
-    made.classified(GroundSeen(name="sand", probability=0.93, at=1e9))
-    return made
+    live.classified(GroundSeen(name="sand", probability=0.93, at=1e9))
+    return live
 
 
 def test_what_was_learned_is_shown(board: Board) -> None:

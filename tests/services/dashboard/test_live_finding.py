@@ -1,4 +1,4 @@
-"""The finding on the live page: what it is, what became of it, and a command line that works."""
+"""The finding on the live page: its content, its state, and a command line that works."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ def page_of(board: Board) -> Iterator[str]:
 
 def panel(shown: str) -> str:
     """The finding's panel as HTML."""
-    (found,) = re.findall(r'<div id="finding".*?</section>', shown, re.DOTALL)
-    return str(found)
+    (section,) = re.findall(r'<div id="finding".*?</section>', shown, re.DOTALL)
+    return str(section)
 
 
 def text(shown: str) -> str:
-    """And as people read it."""
-    whole = re.sub(r"</span> <span>", " ", panel(shown))
-    read = html.unescape(re.sub(r"<[^>]+>", "|", whole)).replace("\u202f", " ")
+    """Its text, with | between elements."""
+    joined = re.sub(r"</span> <span>", " ", panel(shown))
+    read = html.unescape(re.sub(r"<[^>]+>", "|", joined)).replace("\u202f", " ")
     return re.sub(r"\|+", "|", read)
 
 
@@ -70,7 +70,7 @@ def test_before_there_is_one_a_quiet_line_says_so() -> None:
     assert text(shown).strip("|\n ") == "Nothing has been found on stored stops."
 
 
-def test_numbers_are_shown_and_words_of_others_stay_words() -> None:
+def test_numbers_are_shown_and_names_stay_text() -> None:
     board = Board()
     parameters = {EVIL: {"value": -0.25, "std": 0.0331, "unit": EVIL}}
     findings = made().findings
@@ -82,14 +82,14 @@ def test_numbers_are_shown_and_words_of_others_stay_words() -> None:
     with page_of(board) as url:
         shown = browser.text_of(url, width=390)
     assert EVIL not in shown
-    told = text(shown)
-    assert told.count(EVIL) == 12
-    assert "|brake lag, tau|0.298 ± 0.012 s|" in told
-    assert f"−0.250 ± 0.033 {EVIL}|" in told
-    assert "|as configured|0.412 m|floor|0.049 m|" in told
-    assert "stops change by +0.11 … +0.93 m" in told
-    assert "|on|26 stops|" in told
-    assert "2001" in told
+    content = text(shown)
+    assert content.count(EVIL) == 12
+    assert "|brake lag, tau|0.298 ± 0.012 s|" in content
+    assert f"−0.250 ± 0.033 {EVIL}|" in content
+    assert "|as configured|0.412 m|floor|0.049 m|" in content
+    assert "stops change by +0.11 … +0.93 m" in content
+    assert "|on|26 stops|" in content
+    assert "2001" in content
     # Nothing here changes anything: the panel has neither buttons nor links.
     assert not re.search(r"<(button|a|form|input|select)\b", panel(shown))
 
@@ -115,7 +115,7 @@ def wait(url: str, state: str) -> dict[str, Any]:
     raise AssertionError(finding)
 
 
-def test_the_command_that_a_running_service_shows_adopts_and_takes_back(tmp_path: Path) -> None:
+def test_shown_command_adopts_and_reverts(tmp_path: Path) -> None:
     port = free_port()
     url, page = f"http://127.0.0.1:{port}", f"enabled = true\nport = {port}"
     typed: Callable[[str], Any] = lambda line: slopewise(*shlex.split(line)[1:])  # noqa: E731
@@ -133,18 +133,18 @@ def test_the_command_that_a_running_service_shows_adopts_and_takes_back(tmp_path
         assert offered["before"] > 3.0 * offered["after"] > 0.0
         shown = browser.text_of(url)
         assert "effects<span" not in shown
-        told = text(shown)
-        assert "|offered|waits for an operator|missing effect|" in told
-        assert f"step change, scale|{scale['value']:.3f}"[:-1] in told
-        assert f"|{offered['command']}|" in told
+        content = text(shown)
+        assert "|offered|waits for an operator|missing effect|" in content
+        assert f"step change, scale|{scale['value']:.3f}"[:-1] in content
+        assert f"|{offered['command']}|" in content
         done = typed(offered["command"])
         assert done.returncode == 0, done.stderr
         adopted = wait(url, "adopted")
         shown = browser.text_of(url)
         assert 'effects<span class="">valid' in shown
-        told = text(shown)
-        assert "|adopted|by " in told
-        assert f"To take it back, an operator types |{adopted['command']}|" in told
+        content = text(shown)
+        assert "|adopted|by " in content
+        assert f"To take it back, an operator types |{adopted['command']}|" in content
         assert robot.group("effects")["values"]["step_change.scale"] == scale["value"]
         assert typed(adopted["command"]).returncode == 0
         reverted = wait(url, "reverted")
