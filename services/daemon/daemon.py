@@ -26,14 +26,14 @@ import zenoh
 from slopewise.models.errors import InputError
 from slopewise.services.daemon import allocator, systemd, warm_up_requests
 from slopewise.services.daemon.log_rate_limit import RateLimitFilter
-from slopewise.services.dashboard.board import Board
-from slopewise.services.dashboard.parameter_board import ParameterBoard
+from slopewise.services.dashboard.live_state import LiveState
+from slopewise.services.dashboard.parameter_state import ParameterFeed
 from slopewise.services.io.files import read_text
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.active_parameters import ActiveParameters, with_max_speed
 from slopewise.services.parameters.endpoint import ParameterEndpoint
-from slopewise.services.parameters.in_use import ParametersInUse, slowed
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.planning.cold_start import compile_first
 from slopewise.services.planning.map_endpoint import MapEndpoint
 from slopewise.services.planning.map_store import MapStore
@@ -80,15 +80,15 @@ class Service:
         initial = read_map(Path(config.map)) if config.map else None
         self.maps = MapStore(initial, Path(config.map).name)
         prior = read_model(find_model(config.model))
-        self.plans = PlanService(config, ParametersInUse(prior))
+        self.plans = PlanService(config, ActiveParameters(prior))
         self.parameters = ParameterService(
             config, prior, self._map_has_surfaces, self.plans.learn, self._surfaces_of_map
         )
         self.counters: Counter[str] = Counter()
-        self.board = Board()
+        self.board = LiveState()
         self._peers = PeerStatus()
         self._plan_endpoint = PlanEndpoint(
-            config, self.plans, self.maps, self.counters, self.board.planned
+            config, self.plans, self.maps, self.counters, self.board.set_plan
         )
         self._map_endpoint = MapEndpoint(config, self.maps, self.counters)
         self._stopped = threading.Event()
@@ -124,7 +124,7 @@ class Service:
         self._check_duplicate_id()
         self._warn(router_warnings(self._session, config.zenoh.mode))
         # The status reports it, so it exists before the first request.
-        board = ParameterBoard(self.parameters, self.board, config)
+        board = ParameterFeed(self.parameters, self.board, config)
         self._learning = ParameterEndpoint(
             self._session, config, self.parameters, self.counters, board
         )
@@ -186,7 +186,7 @@ class Service:
             ],
             degraded=[*self.parameters.degraded(), *self.plans.degraded(snapshot)],
             instance=self._instance,
-            counters=dict(self.counters + self.parameters.told()),
+            counters=dict(self.counters + self.parameters.all_counters()),
             seconds=self._plan_endpoint.seconds(),
         )
 
@@ -222,7 +222,7 @@ class Service:
         reason = "learning hangs"
         if f"degraded: {reason}" not in self.plans.parameters.flags:
             speed = self.config.learning.degraded_speed
-            self.plans.learn(slowed(self.plans.parameters, speed, reason))
+            self.plans.learn(with_max_speed(self.plans.parameters, speed, reason))
 
     # ------------------------------------------------------------------ start
 

@@ -18,7 +18,7 @@ from slopewise.models.effects.registry import LAWS, MOTION_LAWS
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Effect
 from slopewise.models.surface_braking import SurfaceBraking
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.wire import codec
@@ -30,15 +30,15 @@ CLIENT = "warm-up"
 """Name of the client, which is dropped afterwards."""
 
 
-def as_learned(parameters: ParametersInUse) -> ParametersInUse:
+def as_learned(parameters: ActiveParameters) -> ActiveParameters:
     """The same with a separate surface, as learned from a stop."""
     braking = parameters.model.braking
     tables = {**braking.terrain, "warm-up": SurfaceBraking(force_std=0.02, class_id=999_999)}
     model = replace(parameters.model, braking=replace(braking, terrain=tables))
-    return replace(parameters, model=model, serial=-1 - parameters.serial)
+    return replace(parameters, model=model, revision=-1 - parameters.revision)
 
 
-def as_calibrated(parameters: ParametersInUse) -> ParametersInUse:
+def as_calibrated(parameters: ActiveParameters) -> ActiveParameters:
     """The same with the highest speed driven on each grade and an effect, as from logs."""
     braking, effect = parameters.model.braking, parameters.model.effect
     hull = tuple((grade, braking.speed_range[1]) for grade in braking.grade_range)
@@ -46,7 +46,7 @@ def as_calibrated(parameters: ParametersInUse) -> ParametersInUse:
     law = MOTION_LAWS[0]
     example = Effect(name=law, parameters=dict.fromkeys(LAWS[law].parameters, 0.01))
     model = replace(parameters.model, braking=braking, effect=effect or (example,))
-    return replace(parameters, model=model, serial=-1_000_000 - parameters.serial)
+    return replace(parameters, model=model, revision=-1_000_000 - parameters.revision)
 
 
 def requests() -> Iterator[tuple[MapSnapshot, PlanRequest]]:

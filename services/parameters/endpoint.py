@@ -20,7 +20,7 @@ import msgspec
 import zenoh
 
 from slopewise.services.parameters import replies
-from slopewise.services.parameters.service import REFUSED, ParameterService
+from slopewise.services.parameters.parameter_service import REFUSED, ParameterService
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
@@ -251,7 +251,7 @@ class ParameterEndpoint:
             _log.info("%s: %s", key, receipt.reason)
 
     def _failed(self, reason: str) -> ObservationAck:
-        log = self._service.log
+        log = self._service.history
         return ObservationAck(
             status="error", reason=reason, version=log.version, durable=log.durable
         )
@@ -272,7 +272,7 @@ class ParameterEndpoint:
             self._read(query, "", base)
         else:
             # A pattern of groups: each answers with its own key.
-            for group in self._service.learner.names():
+            for group in self._service.learner.state.names():
                 if query.key_expr.intersects(f"{base}/{group}"):
                     self._read(query, group, f"{base}/{group}")
 

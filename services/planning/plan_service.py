@@ -22,7 +22,7 @@ from slopewise.planner.horizon.horizon import Horizon
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.deadline_check import (
     CostEstimator,
     DeadlineCheck,
@@ -57,7 +57,7 @@ class _Job:
     """A request, with the parameters and the map that were in use when its turn came."""
 
     request: PlanRequest
-    parameters: ParametersInUse
+    parameters: ActiveParameters
     snapshot: MapSnapshot
 
     @property
@@ -69,7 +69,7 @@ class _Job:
 class _Client:
     """A client's horizon; one request at a time."""
 
-    def __init__(self, horizon: Horizon, parameters: ParametersInUse) -> None:
+    def __init__(self, horizon: Horizon, parameters: ActiveParameters) -> None:
         self.lock = threading.Lock()
         self.request_count, self.last_request = 0, time.monotonic()
         self.horizon = horizon
@@ -79,7 +79,7 @@ class _Client:
 class PlanService:
     """Plans for many clients with one model; may be called from several threads."""
 
-    def __init__(self, config: ServiceConfig, parameters: ParametersInUse) -> None:
+    def __init__(self, config: ServiceConfig, parameters: ActiveParameters) -> None:
         """Plan with these parameters until :meth:`learn` replaces them."""
         self.config = config
         self.parameters = parameters
@@ -89,7 +89,7 @@ class PlanService:
         self._costs = CostEstimator()
         self._newest: tuple[tuple[int, int], CandidatePlanner] | None = None
 
-    def learn(self, parameters: ParametersInUse) -> None:
+    def learn(self, parameters: ActiveParameters) -> None:
         """Plan with other parameters from the next request on."""
         self.parameters = parameters
 
@@ -182,7 +182,7 @@ class PlanService:
             )
         return cycle_reply(answer)
 
-    def _client(self, name: str, parameters: ParametersInUse) -> _Client:
+    def _client(self, name: str, parameters: ActiveParameters) -> _Client:
         with self._lock:
             client = self._clients.pop(name, None)
             if client is None:
@@ -237,7 +237,7 @@ class PlanService:
         settings = planning.planner()
         return ranked_reply(rank(plans, settings), settings, planning.period, rejected)
 
-    def _planner(self, parameters: ParametersInUse) -> CandidatePlanner:
+    def _planner(self, parameters: ActiveParameters) -> CandidatePlanner:
         """Planner with these parameters; replaced as a whole, so that threads need no lock."""
         newest = self._newest
         if newest is None or newest[0] != parameters.identity:
@@ -246,7 +246,7 @@ class PlanService:
             newest = self._newest = (parameters.identity, planner)
         return newest[1]
 
-    def _margins(self, parameters: ParametersInUse) -> Uncertainty:
+    def _margins(self, parameters: ActiveParameters) -> Uncertainty:
         return parameters.uncertainty or self._uncertainty
 
     # ------------------------------------------------------------------ replies
@@ -254,7 +254,7 @@ class PlanService:
     def _reply(
         self,
         request: PlanRequest,
-        parameters: ParametersInUse,
+        parameters: ActiveParameters,
         snapshot: MapSnapshot | None,
         result: PlanReply,
         rejected: list[RankedCandidate] | None = None,

@@ -14,7 +14,10 @@ from slopewise.models.discrepancy.report.evidence import AxisResidual, Evidence
 from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
 from slopewise.models.effects.registry import LAWS
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
-from slopewise.services.report.page import render, write_page
+from slopewise.services.report.page import (
+    render,
+    write_page,
+)
 from slopewise.services.report.plan_labels import plural
 
 VERDICT_LABELS = {

@@ -22,13 +22,13 @@ def run() -> WarmUpResult:
     begun = time.perf_counter()
     from slopewise.services.daemon import warm_up_requests
     from slopewise.services.io.model_file import find_model, read_model
-    from slopewise.services.parameters.in_use import ParametersInUse
+    from slopewise.services.parameters.active_parameters import ActiveParameters
     from slopewise.services.planning.cold_start import compile_first
     from slopewise.services.planning.plan_service import PlanService
     from slopewise.services.settings.service_settings import ServiceConfig
 
     compile_first("on all cores")
-    plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))
+    plans = PlanService(ServiceConfig(model="atv"), ActiveParameters(read_model(find_model("atv"))))
     warm_up_requests.run(plans)
     compiled = time.perf_counter()
     ground, request = next(warm_up_requests.requests())

@@ -102,7 +102,7 @@ def test_derivatives_are_differences(model: Model) -> None:
                 low[i], high[i] = point[i] - h, point[i] + h
                 ends = [float(function.function(*p)) for p in (low, high)]
                 slope = (ends[1] - ends[0]) / (2.0 * h)
-                # At a kink of the law (speed at the end of the trained range) the derivative does not exist.
+                # At a kink of the law (end of the trained speeds) the derivative does not exist.
                 if not np.isclose(exact[i], slope, rtol=1e-4, atol=1e-5):
                     third = (ends[0] + ends[1] - 2.0 * float(function.function(*point))) / h
                     assert abs(third) > 1e-4, (function.name, point, i, exact[i], slope)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.service_settings import Planning, ServiceConfig
@@ -19,7 +19,7 @@ ATV = read_model(find_model("atv"))
 
 def plan_service(**planning: Any) -> PlanService:
     config = ServiceConfig(model="atv", planning=Planning(**planning))
-    return PlanService(config, ParametersInUse(ATV))
+    return PlanService(config, ActiveParameters(ATV))
 
 
 def snapshot_of(store: MapStore) -> MapSnapshot:

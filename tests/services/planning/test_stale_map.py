@@ -12,7 +12,7 @@ import pytest
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.service_settings import Planning, ServiceConfig
@@ -30,7 +30,7 @@ MAX_AGE = 30.0
 
 def service(**planning: float) -> PlanService:
     config = ServiceConfig(model="atv", planning=Planning(budget=1.0, **planning))
-    return PlanService(config, ParametersInUse(ATV))
+    return PlanService(config, ActiveParameters(ATV))
 
 
 def of_age(seconds: float, *, fixed: bool = False) -> MapSnapshot:

@@ -14,7 +14,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.services.io.bags import SPEED_LIMIT, typestore
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.ros import conversions as ros
@@ -32,7 +32,7 @@ CELL = 0.25
 @pytest.fixture(scope="module")
 def planner() -> PlanService:
     config = ServiceConfig(model="atv")
-    return PlanService(config, ParametersInUse(read_model(find_model("atv"))))
+    return PlanService(config, ActiveParameters(read_model(find_model("atv"))))
 
 
 @pytest.fixture(scope="module")
