@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from slopewise.models.errors import InputError
 from slopewise.services.doctor.examine import CHECKS, examine
-from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity
+from slopewise.services.doctor.message_collector import live_traffic, recorded_traffic
 from slopewise.services.doctor.nav2_file import read_nav2
-from slopewise.services.doctor.sources import seen_in, seen_live
+from slopewise.services.doctor.robot_facts import ConfigIssue, IssueSeverity, RobotFacts
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.ros.settings import read_settings
 
@@ -18,7 +18,7 @@ class DoctorResult(NamedTuple):
     """What was looked at, and what does not fit."""
 
     looked_at: list[str]
-    findings: list[Misfit]
+    findings: list[ConfigIssue]
 
 
 def run(
@@ -38,10 +38,10 @@ def run(
     edge = None if config is None else read_settings(config)
     if seconds > 0.0 and edge is None:
         raise InputError("--live", "", "expected --config ros.toml: where the robot is")
-    seen = None if bag is None else seen_in(bag)
+    seen = None if bag is None else recorded_traffic(bag)
     if seconds > 0.0 and edge is not None:
-        seen = seen_live(edge, seconds)
-    facts = Facts(
+        seen = live_traffic(edge, seconds)
+    facts = RobotFacts(
         None if not model else read_model(find_model(model)),
         edge,
         read_nav2(nav2) if nav2 else None,
@@ -53,7 +53,7 @@ def run(
 
 def has_errors(result: DoctorResult) -> bool:
     """Whether something does not fit that plans depend on."""
-    return any(f.severity is MisfitSeverity.ERROR for f in result.findings)
+    return any(f.severity is IssueSeverity.ERROR for f in result.findings)
 
 
 def as_json(result: DoctorResult) -> dict[str, Any]:
@@ -62,7 +62,7 @@ def as_json(result: DoctorResult) -> dict[str, Any]:
         "looked_at": result.looked_at,
         "checks": len(CHECKS),
         "findings": [
-            {"check": f.check, "severity": f.severity.value, "words": f.words, "remedy": f.remedy}
+            {"check": f.check, "severity": f.severity.value, "words": f.message, "remedy": f.fix}
             for f in result.findings
         ],
     }
@@ -72,9 +72,9 @@ def show(result: DoctorResult, console: Any) -> None:
     """For people."""
     console.print(f"looked at {', '.join(result.looked_at)} with {len(CHECKS)} checks")
     for finding in result.findings:
-        colour = "red" if finding.severity is MisfitSeverity.ERROR else "yellow"
+        colour = "red" if finding.severity is IssueSeverity.ERROR else "yellow"
         console.print(f"[{colour}]{finding.severity.value}[/] [bold]{finding.check}[/]: ", end="")
-        console.print(finding.words, markup=False)
-        console.print(f"  → {finding.remedy}", markup=False)
+        console.print(finding.message, markup=False)
+        console.print(f"  → {finding.fix}", markup=False)
     if not result.findings:
         console.print("[green]everything that could be looked at fits[/]")

@@ -22,7 +22,7 @@ def run(config_file: Path, seconds: float | None = None, as_json: bool = False) 
             raise InputError("ros", "", f"expected {module}, got none: pip install {extra}")
     import zenoh
 
-    from slopewise.services.ros.edge import Edge
+    from slopewise.services.ros.edge import RosEdge
     from slopewise.services.ros.settings import read_settings
     from slopewise.services.settings.service import ZenohSettings
     from slopewise.services.settings.session import zenoh_config
@@ -42,7 +42,7 @@ def run(config_file: Path, seconds: float | None = None, as_json: bool = False) 
             except zenoh.ZError:
                 words = f"expected a router or service at {', '.join(place.connect)}, got none"
                 raise InputError(str(config_file), key, words) from None
-        edge = stack.enter_context(Edge(settings, sessions[0], sessions[-1]))
+        edge = stack.enter_context(RosEdge(settings, sessions[0], sessions[-1]))
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: edge.stop())
         paths, at = settings.topics.paths, settings.ros.connect

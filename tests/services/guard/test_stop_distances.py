@@ -89,14 +89,14 @@ def test_longer_held_steeper_or_faster_is_never_shorter() -> None:
         assert np.all(np.diff(distances) > 0.0)
 
 
-def test_loads_are_kept_downhill_less_than_on_the_level() -> None:
+def test_load_of_the_trailing_axle_is_that_of_the_closed_form() -> None:
     """Trailing axle: 1 − h/L_f times force over weight, at the strongest on level ground."""
     v = MODEL.vehicle
     level = arc_on(MODEL, slope(0.0))
-    kept = 1.0 - v.cg_z / (v.wheelbase - v.cg_x) * (0.40 + 0.015 * 3.0)
-    assert stops(MODEL, level, 3.0, load=kept - 1e-3).loaded.all()
-    assert not stops(MODEL, level, 3.0, load=kept + 1e-3).loaded.any()
-    assert not stops(MODEL, arc_on(MODEL, slope(-0.2)), 3.0, load=kept - 1e-3).loaded.any()
+    share = 1.0 - v.cg_z / (v.wheelbase - v.cg_x) * (0.40 + 0.015 * 3.0)
+    assert stops(MODEL, level, 3.0, load=share - 1e-3).loaded.all()
+    assert not stops(MODEL, level, 3.0, load=share + 1e-3).loaded.any()
+    assert not stops(MODEL, arc_on(MODEL, slope(-0.2)), 3.0, load=share - 1e-3).loaded.any()
 
 
 def test_slope_that_brakes_do_not_hold_has_no_stop() -> None:
